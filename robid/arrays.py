@@ -12,6 +12,9 @@ ComplexArray: TypeAlias = NDArray[np.complexfloating[Any, Any]]
 IntArray: TypeAlias = NDArray[np.integer[Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]
 
+LARGEST = 1e18
+"""Above any number that a robot has: what is made of larger ones overflows."""
+
 
 def check_shape(name: str, array: NDArray[Any], axes: str, **sizes: int) -> None:
     """Checks an argument's shape against named axes.

@@ -2,19 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robid.arrays import IntArray
+from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError, SettingsError
 from robid.logs.mapping import LogMapping
+from robid.logs.streams import Stream
 from robid.signals.log_channels import LogChannel, input_problems
 from robid.signals.quantities import INJECTED, units_of
 
 _STILL = "Constant in"
+
+_FEWEST = 16
+"""Samples by which a range is told after which numbers begin again."""
+
+_BITS = (8, 10, 12, 13, 14, 15, 16, 17, 18, 19, 20, 22, 23, 24, 32)
+"""Bits of counters."""
+
+_ROUNDING = 1e-3
+"""Part of a range by which rounding may move a jump."""
+
+_SLOW = 0.1
+"""Part of a range that a sample moves at most, from which jumps by nearly all of it are told."""
+
+_USUAL = 4.0
+"""Usual steps by which a jump may be beside the range."""
 
 
 def check_mapping(mapping: LogMapping, samples_per_period: int, lines: IntArray, kind: str = "") -> None:
@@ -73,6 +89,60 @@ def _channels(mapping: LogMapping) -> list[str]:
         names = [channel.name for channel in group]
         problems += [f"{name}: the name occurs twice" for name in dict.fromkeys(names) if names.count(name) > 1]
     return problems
+
+
+def check_wraps(mapping: LogMapping, streams: Sequence[Stream], part: slice) -> list[DataError]:
+    """Finds measured angles and counters that begin again where that was not said.
+
+    Their numbers stay within one range, and all that moves them further in a sample is a jump by nearly all of it.
+
+    Args:
+        mapping: The log mapping.
+        streams: The variables.
+        part: The samples that are used, where all have the same.
+    """
+    measured = {one.column: one for one in mapping.outputs if not one.unwraps and not one.problems()}
+    problems = []
+    for one in streams:
+        channel = measured.get(one.column)
+        if channel is None or channel.si_unit not in ("rad", "m"):
+            continue
+        turn = 2 * np.pi / abs(channel.factor) if channel.si_unit == "rad" else None
+        found = _wrap_of(one.values[part].astype(float), turn)
+        if found is None:
+            continue
+        size, count = found
+        stated = "true" if size == turn else f"{size:.0f}"
+        told = "a turn" if size == turn else f"{size:.0f}, a counter's range,"
+        what = f"It jumps by {told} {count} times, and stays within: its numbers begin again."
+        where = f"{mapping.variables[one.column][0]}: variable `{one.name}`"
+        problems.append(DataError(what, where=where, remedy=f"State `unwrap: {stated}` for it."))
+    return problems
+
+
+def _wrap_of(values: FloatArray, turn: float | None) -> tuple[float, int] | None:
+    """The range after which numbers begin again, and how often they do; None where they do not.
+
+    Args:
+        values (n_sample,): The numbers.
+        turn: A turn in them; None where they are no angle.
+    """
+    values = values[np.isfinite(values)]
+    if len(values) < _FEWEST:
+        return None
+    steps, span = np.abs(np.diff(values)), float(np.ptp(values))
+    ranges = [] if turn is None else [turn]
+    if np.array_equal(values, np.round(values)):
+        ranges += [2.0**bits for bits in _BITS]
+    for size in ranges:
+        jumps = steps > size / 2
+        count = np.count_nonzero(jumps)
+        if not 0 < count < len(steps) / 2 or span > size * (1 + _ROUNDING):
+            continue
+        usual = float(np.quantile(steps[~jumps], 0.99))
+        if 0 < usual < _SLOW * size and np.all(np.abs(steps[jumps] - size) <= _USUAL * usual + _ROUNDING * size):
+            return size, count
+    return None
 
 
 def still_note(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> tuple[str, ...]:

@@ -28,6 +28,7 @@ from robid.logs.streams import (
 )
 from robid.logs.terms import NoSumError, UnknownNameError, may_be_sum, parse_sum
 from robid.signals.log_channels import LogChannel, OutputChannel
+from robid.signals.log_options import TIME_UNITS
 from robid.signals.record import Record
 
 _SHOWN = 8
@@ -68,6 +69,8 @@ def read_columns(mapping: LogMapping) -> Read:
         if column in channels:
             named[path] += own_times(mapping, channels[column], path, variable)
     times = apart_without_time(mapping)
+    if mapping.time is not None:
+        named.setdefault(mapping.file, []).append(f"{mapping.time.variable}.time")
     named[mapping.file] = [*named.get(mapping.file, []), *(one for one in times if one)]
     logs = {path: load_variables(path, mapping.format, names, mapping.dialect) for path, names in named.items()}
     for column, (path, variable) in mapping.variables.items():
@@ -152,7 +155,9 @@ def _own_stamps(
         except (KeyError, DataError):
             continue
         if stamps.dtype.kind in "fiu" and stamps.ndim == 1 and len(stamps) > 1:
-            return stamps, time, []
+            if _is_sampled_with_time(mapping, path, variables, stamps):
+                return None, "", []
+            return _in_unit_of_time(mapping, stamps, variables.units.get(time, "")), time, []
     if is_of_other_topic(mapping, path, name):
         what = (
             f"Its messages have no `{topic_time(mapping)}`, by which they could be brought to the clock of the others."
@@ -160,6 +165,19 @@ def _own_stamps(
         remedy = f'Set time to {{variable: "{topic_of(name)}.log_time"}}.'
         return None, "", [DataError(what, where=f"{path}: variable `{name}`", remedy=remedy)]
     return None, "", []
+
+
+def _is_sampled_with_time(mapping: LogMapping, path: Path, variables: Variables, stamps: NDArray[Any]) -> bool:
+    """Whether the log's own time is a channel that has the same time stamps: sample by sample they belong together."""
+    name = "" if mapping.time is None else f"{mapping.time.variable}.time"
+    return path == mapping.file and name in variables and np.array_equal(variables[name], stamps)
+
+
+def _in_unit_of_time(mapping: LogMapping, stamps: NDArray[Any], unit: str) -> NDArray[Any]:
+    """Time stamps in the unit of the log's own time, where the log states theirs."""
+    if mapping.time is None or unit not in TIME_UNITS or TIME_UNITS[unit] == mapping.time.to_seconds:
+        return stamps
+    return np.asarray(stamps * (TIME_UNITS[unit] / mapping.time.to_seconds))
 
 
 def _untold_clocks(mapping: LogMapping, variables: Variables, times: tuple[str, str]) -> list[DataError]:

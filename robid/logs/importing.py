@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray, check_shape
 from robid.errors import DataError
-from robid.logs.checks import check_mapping, check_shot, still_note
+from robid.logs.checks import check_mapping, check_shot, check_wraps, still_note
 from robid.logs.clocks import on_one_clock
 from robid.logs.columns import check_lengths, check_motion, check_values, read_columns
 from robid.logs.lines import check_found, find_lines, found_note
@@ -23,7 +23,7 @@ from robid.logs.placing import Log, check_band, match_periods, place_periods, st
 from robid.logs.resample import resample_to_period, resample_to_time
 from robid.logs.samples import channel_values, sample_channels
 from robid.logs.stated import Stated
-from robid.logs.timing import check_segment, check_steps, clock_problems, even_stamps, read_clock
+from robid.logs.timing import Clock, check_segment, check_steps, clock_problems, even_stamps, read_clock
 from robid.signals.quantities import INJECTED, Channel, motor_channels
 from robid.signals.record import Record
 
@@ -63,8 +63,8 @@ def import_log(
     check_shape("configurations", configurations, "n_conf n_joint", n_conf=1)
     check_mapping(mapping, samples_per_period, excited_lines, "" if played is None else played.kind)
     step_s, dropped = mapping.sampling_period_s, mapping.drop_periods
-    stated = Stated(step_s, samples_per_period, periods, dropped, excited_lines, find, listed)
-    log, problems, notes = _read(mapping, stated.period_s)
+    stated = Stated(step_s, samples_per_period, periods, dropped, excited_lines, find, listed, mapping.differs)
+    log, problems, notes = _read(mapping, stated)
     problems += check_band(mapping, log, excited_lines / stated.period_s)
     problems += check_motion(mapping, log.columns) if mapping.takes_turns else []
     if mapping.resample == "period" and not problems:
@@ -76,7 +76,7 @@ def import_log(
         start, found, told = place_periods(mapping, log, stated)
     used, columns = slice(start, start + periods * samples_per_period), log.columns
     notes += told
-    found += [] if log.clock is None else check_steps(log.clock, used, samples_per_period)
+    found += [] if log.clock is None else _checked_steps(mapping, log.clock, used, stated)
     _raise(mapping.file, problems + found)
     if find:
         excited_lines, line_note = _found_lines(mapping, columns, used, periods, excited_lines)
@@ -165,15 +165,16 @@ def import_arbitrary(
     )
 
 
-def _read(mapping: LogMapping, period_s: float | None = None) -> tuple[Log, list[DataError], list[str]]:
+def _read(mapping: LogMapping, stated: Stated | None = None) -> tuple[Log, list[DataError], list[str]]:
     """Reads the used part of a log, checks its columns and its time, and resamples it to that if asked to."""
     read = read_columns(mapping)
-    joined, problems = on_one_clock(mapping, read.streams, read.stamps, period_s)
+    joined, problems = on_one_clock(mapping, read.streams, read.stamps, None if stated is None else stated.period_s)
     problems = [*read.problems, *problems, *check_lengths(mapping, joined.columns)]
     columns, even = even_stamps(mapping, joined.columns)
     notes = [*read.notes, *joined.notes, *even]
     part = chosen_part(mapping, columns)
-    whole = whole_piece(mapping, columns, part)
+    problems += check_wraps(mapping, read.streams, part)
+    whole = whole_piece(mapping, columns, part, stated)
     columns = {name: column[part] for name, column in columns.items()}
     faults = {name: check_values(mapping, {name: one}, part.start or 0, whole) for name, one in columns.items()}
     problems += [fault for found in faults.values() for fault in found]
@@ -188,9 +189,15 @@ def _read(mapping: LogMapping, period_s: float | None = None) -> tuple[Log, list
             problems += found
     notes += [] if part == slice(None) else [_cut_note(mapping, part)]
     if mapping.resample == "time" and clock is not None and not problems:
-        columns, clock, told = resample_to_time(mapping, columns, clock)
+        period_s = None if stated is None else stated.period_s
+        columns, clock, told = resample_to_time(mapping, columns, clock, period_s)
         notes += told
     return Log(columns, clock, joined.slow, joined.slow_s), problems, notes
+
+
+def _checked_steps(mapping: LogMapping, clock: Clock, used: slice, stated: Stated) -> list[DataError]:
+    """Gaps and jitter of periods that are used, counted from the first sample unless from the end or by references."""
+    return check_steps(clock, used, stated, counted=mapping.take == "first" and not mapping.references)
 
 
 def _cut_note(mapping: LogMapping, part: slice) -> str:
@@ -204,7 +211,7 @@ def _to_period(mapping: LogMapping, log: Log, stated: Stated) -> tuple[Log, list
     found = strongest_channel(mapping, log, measured, stated.dropped * stated.samples)
     if found is None:
         return log, []
-    columns, notes = resample_to_period(mapping, log.columns, found[1], stated, found[0])
+    columns, notes = resample_to_period(mapping, log.columns, found[1], stated)
     return replace(log, columns=columns, clock=None), notes
 
 

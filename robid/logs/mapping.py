@@ -17,10 +17,12 @@ class LogMapping(LogOptions):
     Attributes:
         file: The log.
         files: Further logs, by what their channels call them.
+        differs: Whether other logs that are read by the same settings have other clocks.
     """
 
     file: Path
     files: Mapping[str, Path] = field(default_factory=dict)
+    differs: bool = False
 
     @property
     def channels(self) -> list[LogChannel]:

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import BoolArray, FloatArray, IntArray
 
 GAP = 1.5
 """Time step, in usual ones, from which samples are missing."""
@@ -26,7 +26,7 @@ _WHOLE = 0.02
 """Distance of a step from whole roundings that the number format leaves, in roundings."""
 
 _FEW = 3
-"""Odd steps from which, evenly spread, they are those of a clock beside the rounding; fewer are gaps or repeats."""
+"""Odd steps from which, evenly spread, they may be those of a clock beside the rounding; fewer are gaps or repeats."""
 
 _EQUAL = 1e-4
 """Difference of two steps, in usual ones, up to which they are equal: floating point leaves it."""
@@ -97,18 +97,21 @@ def measure_pace(stamps: FloatArray, stated: float | None = None) -> Pace | None
     rounding = _rounding(steps)
     usual = float(np.median(steps))
     odd = np.abs(steps - usual) > _EVEN * usual
-    if usual > 0 and np.mean(odd) <= 1 - _USUAL and not _is_beside(steps, odd, rounding):
+    if usual > 0 and np.mean(odd) <= 1 - _USUAL and not _is_beside(steps, odd, rounding, stated):
         return None if np.any(steps == 0) else _fine(stamps, steps, usual, rounding, stated)
     return _coarse(stamps, steps, rounding, stated)
 
 
-def _is_beside(steps: FloatArray, odd: np.ndarray, rounding: float) -> bool:
-    """Whether the few odd steps are those of a rounded clock that is slightly beside its rounding."""
-    if np.count_nonzero(odd) < _FEW or not rounding:
+def _is_beside(steps: FloatArray, odd: BoolArray, rounding: float, stated: float | None) -> bool:
+    """Whether the few odd steps are those of a rounded clock that is slightly beside its rounding, as was stated.
+
+    Samples that are lost as evenly would look the same.
+    """
+    if stated is None or np.count_nonzero(odd) < _FEW or not rounding:
         return False
     at = np.arange(float(len(steps) + 1))
-    stamps = np.concatenate([[0.0], np.cumsum(steps)])
-    return _narrowest(at, stamps).width <= _width(float(stamps[-1] / at[-1]), rounding)
+    line = _narrowest(at, np.concatenate([[0.0], np.cumsum(steps)]))
+    return bool(line.far(stated) <= _width(stated, rounding))
 
 
 def _rounding(steps: FloatArray) -> float:

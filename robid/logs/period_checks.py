@@ -9,11 +9,13 @@ from robid.errors import DataError
 from robid.logs.lines import band_of, check_lines
 from robid.logs.loss_checks import Part, lost_samples, part_losses
 from robid.logs.period import Repetition, measure_repetition, measure_share
-from robid.logs.stated import Stated
-from robid.logs.timing import RESAMPLED_RATE, Clock, clock_problems
+from robid.logs.stated import Stated, set_all
+from robid.logs.timing import ALONE, EVERY_LOG, RESAMPLED_RATE, Clock, clock_problems
 
 _WHOLE = 5e-7
 """Largest relative distance of a period from whole samples that settings accept, a margin kept."""
+
+_OTHER_PERIODS = "other logs of the campaign repeat otherwise, and a period of each is made"
 
 _LISTED = 40
 """Lines up to which all are listed in a remedy."""
@@ -41,6 +43,8 @@ def check_period(
         Problems and notes.
     """
     part = Part() if part is None else part
+    if clock is not None and _breaks(clock, part.used(len(steady), stated), stated):
+        return [], []  # the time names the gap, across which nothing repeats
     losses, whole = ([], steady) if clock is not None and clock.is_off else part_losses(steady, stated, part)
     if losses:
         return lost_samples(where, losses, len(steady), stated, part, clock), []
@@ -48,6 +52,12 @@ def check_period(
     if len(whole) < len(steady) and not problems:
         notes.append("Samples are lost beside the periods that are used.")
     return problems, notes
+
+
+def _breaks(clock: Clock, used: tuple[int, int], stated: Stated) -> bool:
+    """Whether the log's own time has a gap within a period that is used."""
+    gaps = clock.gaps[(clock.gaps >= used[0]) & (clock.gaps < used[1] - 1)]
+    return bool(np.any((gaps + 1 - used[0]) % stated.samples))
 
 
 def _check_whole(
@@ -97,15 +107,10 @@ def _other_clock(where: str, steady: FloatArray, stated: Stated, clock: Clock, f
     step = clock.told_step_s
     real = found.proposed(stated.samples, stated.lines)
     lasts = real * step
-    resampled = f"Set resample to time, which keeps the period of {stated.period_s:.9g} s"
-    bridged = abs(step / stated.sampling_period_s - 1) < RESAMPLED_RATE
+    if clock.differs and not clock.is_bridged:
+        return DataError(f"{clock.told}.", where=clock.where, remedy=ALONE)
     if abs(lasts / stated.period_s - 1) < max(_WHOLE, 0.5 * step / stated.period_s):
-        counted = stated.period_s / step
-        if abs(counted / max(round(counted), 1) - 1) < _WHOLE:
-            remedy = f"{_set({'sampling_period_s': _number(step)})[:-1]}; the period stays as it is."
-        else:
-            remedy = f"{resampled}."
-        return DataError(f"{clock.told}.", where=clock.where, remedy=remedy)
+        return DataError(f"{clock.told}.", where=clock.where, remedy=_same_period(stated, clock))
     what = (
         f"{clock.told}; and {where.partition('variable ')[2] or 'it'} repeats every {real} samples ({lasts:.9g} s), not"
         f" every {stated.samples} ({stated.period_s:.9g} s)."
@@ -113,10 +118,26 @@ def _other_clock(where: str, steady: FloatArray, stated: Stated, clock: Clock, f
     changed = {"sampling_period_s": _number(step), **_period_settings(steady, stated, real, step)}
     # Once the clock is right, a fraction of a sample would be the next message's reason.
     split = found.std_samples <= _SURE and found.drifts(stated.periods, real, stated.lines)
-    remedy = _set({**changed, **({"resample": "period"} if split else {})})
-    if bridged and not split:
+    remedy = set_all({**changed, **({"resample": "period"} if split else {})})
+    if clock.is_bridged and not split and clock.differs:
+        settings = set_all({"resample": "time", "excitation.period_s": f"{lasts:.9g}"})
+        remedy = f"{settings[:-1]}: {EVERY_LOG} of {stated.sampling_period_s:g} s."
+    elif clock.is_bridged and not split:
         remedy += f" Or, where logs have different clocks: set resample to time and excitation.period_s to {lasts:.9g}."
     return DataError(what, where=clock.where, remedy=remedy)
+
+
+def _same_period(stated: Stated, clock: Clock) -> str:
+    """What to set where the log's own time contradicts the sampling period alone; a period stays whole samples."""
+    counted = max(round(stated.period_s / clock.told_step_s), 1)
+    if clock.differs:
+        return f"Set resample to time: {EVERY_LOG} of {clock.stated_s:g} s."
+    if abs(stated.period_s / clock.told_step_s / counted - 1) < _WHOLE:
+        return f"{set_all({'sampling_period_s': _number(clock.told_step_s)})[:-1]}; the period stays as it is."
+    if clock.is_bridged:
+        return f"Set resample to time, which keeps the period of {stated.period_s:.9g} s."
+    settings = {"sampling_period_s": f"{stated.period_s / counted:.12g}", "resample": "time"}
+    return f"{set_all(settings)[:-1]}: a period of {stated.period_s:.9g} s is then {counted} samples."
 
 
 def _other_period(where: str, steady: FloatArray, stated: Stated, found: Repetition) -> DataError:
@@ -131,7 +152,10 @@ def _other_period(where: str, steady: FloatArray, stated: Stated, found: Repetit
             f"It repeats every {real} samples ({real * step:.9g} s), and not all of the excited lines of"
             f" {stated.samples} samples ({stated.period_s:.9g} s) are lines of that."
         )
-    settings = _set(_period_settings(steady, stated, real, step))
+    if stated.differs and abs(real / stated.samples - 1) < RESAMPLED_RATE:
+        remedy = f"Set resample to period: {_OTHER_PERIODS} {stated.samples} samples of {stated.period_s:.9g} s."
+        return DataError(what, where=where, remedy=remedy)
+    settings = set_all(_period_settings(steady, stated, real, step))
     return DataError(what, where=where, remedy=f"{settings[:-1]}, or correct sampling_period_s.")
 
 
@@ -188,9 +212,3 @@ def _fit_of(blocks: FloatArray, lines: IntArray) -> float:
 
 def _number(value: float) -> str:
     return f"{value:.9g}"
-
-
-def _set(settings: dict[str, str]) -> str:
-    """Writes settings as a sentence: `Set a to 1, b to 2 and c to 3.`."""
-    texts = [f"{name} to {value}" for name, value in settings.items()]
-    return f"Set {', '.join(texts[:-1])} and {texts[-1]}." if len(texts) > 1 else f"Set {texts[0]}."

@@ -13,6 +13,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.logs.mapping import LogMapping
 from robid.logs.pace import GAP
+from robid.logs.stated import Stated, set_all
 from robid.logs.timing import since_first
 
 _ROUNDING = 1e-3
@@ -48,16 +49,19 @@ def chosen_part(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> sli
     raise DataError(what, where=str(mapping.file), remedy=f"State from_s and to_s within 0 and {time[-1]:.6g}.")
 
 
-def whole_piece(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], part: slice) -> str:
+def whole_piece(
+    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], part: slice, stated: Stated | None = None
+) -> str:
     """Says what to set for the longest part of a log, within one, that has no gap and no missing value.
 
     Args:
         mapping: The log mapping.
         columns: Columns of the log, as they were read.
         part: The samples among which it is looked for.
+        stated: What was said of the period; None where nothing repeats.
 
     Returns:
-        The remedy; empty where no part is long enough, or nothing is missing.
+        The remedy, with the periods that it then holds; empty where no part is long enough, or nothing is missing.
     """
     time = _seconds(mapping, columns)
     first, stop, _ = part.indices(len(time))
@@ -77,7 +81,17 @@ def whole_piece(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], part: 
     if end - begin < _FEWEST or (begin <= first and end >= stop - 1):
         return ""
     low, high = limits_of(time, begin, end)
-    return f"Set from_s to {low:.12g} and to_s to {high:.12g}: the longest part in which nothing is missing."
+    settings = {"from_s": f"{low:.12g}", "to_s": f"{high:.12g}"}
+    if stated is not None:
+        held = (end + 1 - begin) // stated.samples - bool(mapping.references)
+        dropped = stated.dropped if begin <= first and held > stated.dropped else 0
+        if held - dropped < 1:
+            return "Record again: no whole period lies where nothing is missing."
+        if dropped != stated.dropped:
+            settings["drop_periods"] = f"{dropped}"
+        if held - dropped < stated.periods:
+            settings["periods"] = f"{held - dropped}"
+    return f"{set_all(settings)[:-1]}: the longest part in which nothing is missing."
 
 
 def limits_of(time: FloatArray, first: int, last: int) -> tuple[float, float]:

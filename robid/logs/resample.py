@@ -18,7 +18,7 @@ from robid.logs.loss_checks import Part, part_losses
 from robid.logs.mapping import LogMapping
 from robid.logs.period import measure_repetition
 from robid.logs.stated import Stated
-from robid.logs.timing import RESAMPLED_RATE, Clock
+from robid.logs.timing import ALONE, RESAMPLED_RATE, Clock
 
 _DEGREE = 7
 """Degree of the interpolating spline."""
@@ -43,7 +43,7 @@ _COARSE = 2.0
 
 
 def resample_to_time(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], clock: Clock
+    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], clock: Clock, period_s: float | None = None
 ) -> tuple[dict[str, NDArray[Any]], Clock, list[str]]:
     """Resamples all columns to the stated sampling period of the log's own time.
 
@@ -51,6 +51,7 @@ def resample_to_time(
         mapping: The log mapping.
         columns: Columns of the log.
         clock: Its time.
+        period_s: The stated period, which stays whole samples; None where nothing repeats [s].
 
     Returns:
         The columns, their new time, and what to say about it.
@@ -59,7 +60,8 @@ def resample_to_time(
         DataError: If the log has gaps or hardly any samples, or its rate is too far from the stated one.
     """
     stated = mapping.sampling_period_s
-    _refuse_far(clock.step_s / stated, clock.where)
+    if not clock.is_bridged:
+        raise _too_far(clock, period_s)
     if len(clock.time_s) <= _DEGREE:
         what = f"It has {len(clock.time_s)} samples, and resampling needs {_DEGREE + 1} at least."
         raise DataError(what, where=clock.where, remedy="Check that it was copied completely, or record longer.")
@@ -113,7 +115,7 @@ def longest_bridged(time_s: FloatArray, channels: Sequence[FloatArray], step_s: 
 
 
 def resample_to_period(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], steady: FloatArray, stated: Stated, where: str
+    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], steady: FloatArray, stated: Stated
 ) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """Resamples all columns so that the measured period of an excited channel has its stated number of samples.
 
@@ -122,25 +124,21 @@ def resample_to_period(
         columns: Columns of the log.
         steady (n_sample,): The excited channel without its dropped periods.
         stated: What was said of the period.
-        where: File and variable of that channel.
 
     Returns:
-        The columns, and what to say about it; unchanged where the period cannot be measured.
-
-    Raises:
-        DataError: If the period is too far from the stated one, or samples are lost within what is used.
+        The columns, and what to say about it; unchanged where the period cannot be measured, is too far from the
+        stated one, or samples are lost within what is used: the checks of the period then say so.
     """
     part = Part(stated.dropped * stated.samples, mapping.take == "last")
     losses, steady = ([], steady) if mapping.references else part_losses(steady, stated, part)
     if losses:
-        what = f"Samples are missing or too many after about sample {losses[0].after}, which is no other clock."
-        remedy = "Leave out `resample`: what to set instead is then told."
-        raise DataError(what, where=where, remedy=remedy)
+        return dict(columns), []
     found = measure_repetition(steady, stated.samples, stated.lines)
     if found.samples is None:
         return dict(columns), []
     ratio = found.multiple(stated.samples) * found.samples / stated.samples
-    _refuse_far(1 / ratio, where)
+    if abs(1 / ratio - 1) > RESAMPLED_RATE:
+        return dict(columns), []
     count = min(len(column) for column in columns.values())
     have = np.arange(count, dtype=float)
     wanted = ratio * np.arange(int((count - 1) / ratio) + 1)
@@ -205,12 +203,18 @@ def _unrounded(time_s: FloatArray) -> FloatArray:
     return np.asarray(line) if np.abs(time_s - line).max() <= _COARSE * rounding else time_s
 
 
-def _refuse_far(ratio: float, where: str) -> None:
-    if abs(ratio - 1) > RESAMPLED_RATE:
-        what = f"It runs {ratio:.4g} times as fast as was stated: resampling bridges {RESAMPLED_RATE:.0%} at most."
-        raise DataError(
-            what, where=where, remedy="Correct sampling_period_s or excitation.period_s, and leave out `resample`."
-        )
+def _too_far(clock: Clock, period_s: float | None) -> DataError:
+    """Says that the steps of a log's own time are too far from the stated ones, and which are near."""
+    what = (
+        f"Its time steps are {clock.told_step_s:.9g} s, {clock.step_s / clock.stated_s:.4g} times the stated"
+        f" {clock.stated_s:g} s: resampling bridges {RESAMPLED_RATE:.0%} at most."
+    )
+    if clock.differs:
+        return DataError(what, where=clock.where, remedy=ALONE)
+    step_s = f"{clock.told_step_s:.9g}"
+    if period_s is not None:
+        step_s = f"{period_s / max(round(period_s / clock.step_s), 1):.12g}"
+    return DataError(what, where=clock.where, remedy=f"Set sampling_period_s to {step_s}.")
 
 
 def _error_note(mapping: LogMapping, told: str, error: float) -> str:

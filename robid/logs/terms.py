@@ -104,11 +104,15 @@ class _Reader:
     def product(self, depth: int) -> Sum:
         """A variable or a sum in brackets with its weights."""
         factors = [self.factor(depth)]
-        divisors: list[Sum | float] = []
+        divisors: list[float] = []
         while mark := self.take("*/"):
-            (factors if mark == "*" else divisors).append(self.factor(depth))
-        if any(not isinstance(one, float) for one in divisors):
-            raise NoSumError("it divides by a variable")
+            factor = self.factor(depth)
+            if mark == "*":
+                factors.append(factor)
+            elif isinstance(factor, float):
+                divisors.append(factor)
+            else:
+                raise NoSumError("it divides by a variable")
         sums = [one for one in factors if not isinstance(one, float)]
         numbers = [one for one in factors if isinstance(one, float)]
         if len(sums) > 1:
@@ -119,7 +123,7 @@ class _Reader:
         for divisor in divisors:
             if divisor == 0:
                 raise NoSumError("it divides by zero")
-            found = found.times(1 / float(divisor))  # type: ignore[arg-type]
+            found = found.times(1 / divisor)
         return found
 
     def _column(self, numbers: list[float]) -> Sum:
@@ -153,11 +157,10 @@ class _Reader:
             if not self.take(")"):
                 raise NoSumError("a bracket is open at its end")
             return found
-        if rest[:1] in ("-", "+") and rest[:1]:
+        if rest.startswith(("-", "+")):
             self.at += 1
-            found = self.factor(depth)
-            sign = -1.0 if rest[0] == "-" else 1.0
-            return found * sign if isinstance(found, float) else found.times(sign)
+            sign, factor = -1.0 if rest[0] == "-" else 1.0, self.factor(depth)
+            return factor * sign if isinstance(factor, float) else factor.times(sign)
         word = _WORD.match(rest)
         raise UnknownNameError(word[0]) if word else NoSumError("a variable is missing in it")
 

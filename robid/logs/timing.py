@@ -13,9 +13,17 @@ from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
 from robid.logs.mapping import LogMapping
 from robid.logs.pace import measure_pace
+from robid.logs.stated import Stated
 
 RESAMPLED_RATE = 0.05
 """Largest relative difference of two clocks that resampling bridges: it has no filter against aliases."""
+
+EVERY_LOG = "other logs of the campaign have other clocks, and all are brought to steps"
+ALONE = (
+    f"Import it by a campaign of its own: other logs of this one have other clocks, and resampling bridges"
+    f" {RESAMPLED_RATE:.0%} at most."
+)
+"""What to say where the clocks of several logs differ."""
 
 _JITTER = 0.05
 """Largest deviation of a time step from the usual one, relative, that still counts as regular."""
@@ -42,6 +50,8 @@ class Clock:
         gaps (n_gap,): Samples after which others are missing.
         first: Sample of the log that is the first of these.
         whole: What to set for the longest part in which nothing is missing; empty where there is none.
+        unsure: Relative error that the mean time step may have.
+        differs: Whether other logs that are read by the same settings have other clocks.
     """
 
     where: str
@@ -51,11 +61,18 @@ class Clock:
     gaps: IntArray
     first: int = 0
     whole: str = ""
+    unsure: float = 0.0
+    differs: bool = False
 
     @property
     def is_off(self) -> bool:
-        """Whether the log was sampled with another period than the stated one."""
-        return abs(self.step_s / self.stated_s - 1) > _SAME_CLOCK
+        """Whether the log was sampled with another period than the stated one, by more than its stamps wander."""
+        return abs(self.step_s / self.stated_s - 1) > max(_SAME_CLOCK, self.unsure)
+
+    @property
+    def is_bridged(self) -> bool:
+        """Whether resampling brings it to the stated one."""
+        return abs(self.step_s / self.stated_s - 1) <= RESAMPLED_RATE
 
     @property
     def told(self) -> str:
@@ -90,7 +107,7 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
     if np.ptp(time) == 0:
         remedy = "Correct time.variable, or leave out `time`."
         return None, [DataError(f"Time does not advance: it is constant ({stamps[0]:g}).", where=where, remedy=remedy)]
-    pace = measure_pace(time)
+    pace = measure_pace(time, stated)
     if pace is None:
         backward = np.flatnonzero(np.diff(time) <= 0)
         what = f"Time does not advance after sample {backward[0]} ({len(backward)} such steps)."
@@ -101,7 +118,9 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
     if exponent and exponent % 3 == 0 and abs(usual / stated / 10.0**exponent - 1) < _FACTOR_OF_1000:
         what = f"The time unit is off by a factor of {10.0**exponent:g}: the steps are {usual:g} s, not {stated:g} s."
         return None, [DataError(what, where=where, remedy=_unit_remedy(mapping, exponent))]
-    return Clock(where, time, stated, pace.step, pace.gaps), []
+    return Clock(
+        where, time, stated, pace.step, pace.gaps, unsure=min(pace.unsure, UNSURE), differs=mapping.differs
+    ), []
 
 
 def even_stamps(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> tuple[dict[str, NDArray[Any]], list[str]]:
@@ -116,8 +135,10 @@ def even_stamps(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> tup
     Returns:
         The columns, and what to say about it.
     """
-    name = None if mapping.time is None else mapping.time.variable
-    if mapping.time is None or name not in columns or not np.all(np.isfinite(columns[name])):
+    if mapping.time is None or mapping.time.variable not in columns:
+        return dict(columns), []
+    name = mapping.time.variable
+    if not np.all(np.isfinite(columns[name])):
         return dict(columns), []
     unit_s, stated = mapping.time.to_seconds, mapping.sampling_period_s
     time = since_first(columns[name])
@@ -155,10 +176,13 @@ def clock_problems(clock: Clock) -> list[DataError]:
     """Says what to set where a log without periods was sampled with another period than the stated one."""
     if not clock.is_off:
         return []
-    return [DataError(f"{clock.told}.", where=clock.where, remedy=f"Set sampling_period_s to {clock.told_step_s:.9g}.")]
+    remedy = f"Set sampling_period_s to {clock.told_step_s:.9g}."
+    if clock.differs:
+        remedy = f"Set resample to time: {EVERY_LOG} of {clock.stated_s:g} s." if clock.is_bridged else ALONE
+    return [DataError(f"{clock.told}.", where=clock.where, remedy=remedy)]
 
 
-def check_steps(clock: Clock, used: slice, period: int | None = None) -> list[DataError]:
+def check_steps(clock: Clock, used: slice, stated: Stated | None = None, *, counted: bool = True) -> list[DataError]:
     """Checks the part of a log that is used for gaps and jitter.
 
     A gap between two periods loses whole periods only: what follows is checked to repeat what was before.
@@ -166,16 +190,19 @@ def check_steps(clock: Clock, used: slice, period: int | None = None) -> list[Da
     Args:
         clock: The log's time.
         used: The samples that are used.
-        period: Samples of one period; None where nothing repeats.
+        stated: What was said of the period; None where nothing repeats.
+        counted: Whether the periods are counted from the log's first sample.
     """
     first, stop, _ = used.indices(len(clock.time_s))
     gaps = clock.gaps[(clock.gaps >= first) & (clock.gaps < stop - 1)]
-    if period is not None:
-        gaps = gaps[(gaps + 1 - first) % period != 0]
+    if stated is not None:
+        gaps = gaps[(gaps + 1 - first) % stated.samples != 0]
     steps = np.diff(clock.time_s)
-    problems = [_gaps(clock, gaps, steps, period)] if len(gaps) else []
     inside = np.setdiff1d(np.arange(first, stop - 1), clock.gaps)
     deviation = float(np.abs(steps[inside] / clock.step_s - 1).max(initial=0.0))
+    # What jitters or has another clock is resampled, which no gap may be in.
+    by_periods = stated if counted and deviation <= _JITTER and not clock.is_off else None
+    problems = [_gaps(clock, gaps, steps, by_periods)] if len(gaps) else []
     if deviation > _JITTER:
         what = f"The time steps deviate from {clock.usual_s:g} s by up to {100 * deviation:.0f} %."
         remedy = "Set resample to time, or leave out `time` if only the stamps are coarse."
@@ -183,7 +210,7 @@ def check_steps(clock: Clock, used: slice, period: int | None = None) -> list[Da
     return problems
 
 
-def _gaps(clock: Clock, gaps: IntArray, steps: FloatArray, period: int | None) -> DataError:
+def _gaps(clock: Clock, gaps: IntArray, steps: FloatArray, stated: Stated | None) -> DataError:
     missing = round(float(np.sum(steps[gaps] / clock.step_s - 1)))
     what = (
         f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''}, about {missing} missing samples; the first after sample"
@@ -192,9 +219,9 @@ def _gaps(clock: Clock, gaps: IntArray, steps: FloatArray, period: int | None) -
     edges = np.concatenate([[0], clock.gaps + 1, [len(clock.time_s)]])
     longest = int(np.argmax(np.diff(edges)))
     remedy = clock.whole or "Record again, or cut the log to a part without a gap."
-    if period is not None:
-        dropped = -(-int(edges[longest]) // period)
-        whole = int(edges[longest + 1]) // period - dropped
+    if stated is not None:
+        dropped = max(-(-int(edges[longest]) // stated.samples), stated.dropped)
+        whole = int(edges[longest + 1]) // stated.samples - dropped
         if whole > 0:
             remedy = f"Set drop_periods to {dropped} and periods to {whole}: the longest part without a gap."
     return DataError(what, where=f"{clock.where}, sample {clock.first + gaps[0]}", remedy=remedy)

@@ -128,8 +128,13 @@ def carrier_of(model: ForeignModel, joint: str, movers: Collection[str]) -> str 
 def _axis_frame(compiled: mujoco.MjModel, data: mujoco.MjData, joint: str) -> tuple[FloatArray, FloatArray]:
     """Returns origin (3,) [m] and orientation (3, 3) in the world of a joint's frame, its axis along z."""
     own = compiled.joint(joint)
-    frame = data.xmat[int(own.bodyid[0])].reshape(3, 3)
-    return data.xanchor[own.id].copy(), frame @ _turn_z_to(frame.T @ data.xaxis[own.id])
+    body = int(own.bodyid[0])
+    return data.xanchor[own.id].copy(), data.xmat[body].reshape(3, 3) @ _turned(data, own.id, body)
+
+
+def _turned(data: mujoco.MjData, joint: int, body: int) -> FloatArray:
+    """Returns the orientation (3, 3) of a joint's frame in the frame of its body."""
+    return _turn_z_to(data.xmat[body].reshape(3, 3).T @ data.xaxis[joint])
 
 
 def extract_chain(
@@ -154,7 +159,8 @@ def extract_chain(
     rotation: FloatArray = np.eye(3)
     for name, body in zip(joints, bodies, strict=True):
         joint = compiled.joint(name)
-        origin, oriented = _axis_frame(compiled, data, name)
+        origin, turned = data.xanchor[joint.id].copy(), _turned(data, joint.id, body)
+        oriented = data.xmat[body].reshape(3, 3) @ turned
         carried = [compiled.body(each).id for each in moved[name]]
         limits = (float(joint.range[0]), float(joint.range[1])) if compiled.jnt_limited[joint.id] else None
         chain.append(
@@ -166,7 +172,7 @@ def extract_chain(
                 range=limits,
                 slides=compiled.jnt_type[joint.id] == mujoco.mjtJoint.mjJNT_SLIDE,
                 body_position_m=oriented.T @ (data.xpos[body] - origin),
-                body_rotation=oriented.T @ data.xmat[body].reshape(3, 3),
+                body_rotation=turned.T,
             )
         )
         position, rotation = origin, oriented
@@ -231,6 +237,8 @@ def _merged(
     merged = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
     for body in bodies:
         mass, tensor = float(model.weights.mass_kg[body]), model.weights.inertia_kgm2[body]
+        if mass == 0 and not tensor.any():
+            continue
         axes = oriented.T @ data.ximat[body].reshape(3, 3)
         part = Inertial(mass, oriented.T @ (data.xipos[body] - origin), axes @ tensor @ axes.T)
         merged = part if merged.mass_kg == 0 and not merged.inertia_kgm2.any() else combine(merged, part)

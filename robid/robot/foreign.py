@@ -10,11 +10,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from robid.arrays import LARGEST
 from robid.errors import DataError
 from robid.robot.masses import Weights, changed_by_compiler, replace_unsound, weights
 from robid.robot.quiet import quiet_warnings
-from robid.robot.ties import Bond, Tie, constraints_of, split
-from robid.robot.urdf import Urdf, read_urdf, unusable, wrong_limits
+from robid.robot.ties import Bond, Constraint, Tie, constraints_of, split
+from robid.robot.urdf import NOT_EXPANDED, Urdf, read_urdf, unusable, wrong_limits
 
 _REMOVED = (
     ("keys", "keyframe"),
@@ -49,6 +50,7 @@ class ForeignModel:
         faults: What is wrong with a body, by its name; it matters where the body moves.
         limit_faults: What is wrong with the limits of a joint, by its name.
         rest: Where hinges and slides rest: at the file's reference, else in the middle of their limits [rad, or m].
+        in_degrees: Whether its angles are stated in degrees.
         gravity: Gravity in the world frame, zeros where it is switched off [m/s^2].
         ties: Joints that follow others.
         bonds: What else is tied.
@@ -67,6 +69,7 @@ class ForeignModel:
     faults: Mapping[str, str]
     limit_faults: Mapping[str, str]
     rest: Mapping[str, float]
+    in_degrees: bool
     gravity: tuple[float, float, float]
     ties: tuple[Tie, ...]
     bonds: tuple[Bond, ...]
@@ -93,15 +96,24 @@ def read_model(path: Path) -> ForeignModel:
         DataError: If it cannot be read as either.
     """
     try:
-        root = ET.fromstring(path.read_bytes())
+        root = _parsed(path.read_bytes())
         with quiet_warnings():
             return _read(path, root)
     except OSError as error:
         what = f"cannot be read: {error.strerror or error}"
         raise DataError(what, where=str(path), remedy="check the path") from error
-    except (ET.ParseError, ValueError) as error:
+    except (ET.ParseError, ValueError, LookupError, mujoco.FatalError) as error:
         what = f"is not a robot that MuJoCo can read: {' '.join(str(error).split())}"
         raise DataError(what, where=str(path), remedy="correct the file") from error
+
+
+def _parsed(text: bytes) -> ET.Element:
+    try:
+        return ET.fromstring(text)
+    except ET.ParseError as error:
+        if b"<xacro:" in text:  # without its namespace, a xacro file is not even XML
+            raise ValueError(NOT_EXPANDED) from error
+        raise
 
 
 def _read(path: Path, root: ET.Element) -> ForeignModel:
@@ -128,14 +140,26 @@ def _read(path: Path, root: ET.Element) -> ForeignModel:
     for index in range(compiled.njnt):
         names[int(compiled.jnt_type[index])].append(compiled.joint(index).name)
     hinges, slides = (tuple(names.pop(int(kind))) for kind in _DRIVEN)
+    masses = weights(compiled, replaced)
+    _require_finite(compiled, masses, constraints)
     ties, bonds = split(constraints, compiled)
     return ForeignModel(
         name=path.name, compiled=compiled, hinges=hinges, slides=slides, fixed=urdf.fixed, others=_joined(names),
-        weights=weights(compiled, replaced), faults={**replaced.faults, **urdf.links}, limit_faults=limit_faults,
-        rest=_rest(compiled, (*hinges, *slides)), gravity=urdf.gravity or _gravity(spec), ties=tuple(ties),
-        bonds=tuple(bonds), speed=urdf.speed, torque=torques,
+        weights=masses, faults={**replaced.faults, **urdf.links}, limit_faults=limit_faults,
+        rest=_rest(compiled, (*hinges, *slides)), in_degrees=root.tag == "mujoco" and bool(spec.compiler.degree),
+        gravity=urdf.gravity or _gravity(spec), ties=tuple(ties), bonds=tuple(bonds), speed=urdf.speed, torque=torques,
         notes=tuple(f"{path.name}: {note}" for note in (*notes, *changed_by_compiler(spec, replaced))),
     )  # fmt: skip
+
+
+def _require_finite(compiled: mujoco.MjModel, masses: Weights, constraints: list[Constraint]) -> None:
+    """Raises a ValueError if a number is not finite, or beyond anything that a robot has."""
+    places = (compiled.body_pos, compiled.body_ipos, masses.mass_kg, masses.inertia_kgm2, compiled.jnt_pos)
+    limits = (compiled.jnt_range, compiled.qpos0, [each.data for each in constraints])
+    numbers = np.concatenate([np.ravel(part).astype(float) for part in (*places, *limits)])
+    if not (np.abs(numbers) < LARGEST).all():
+        message = "it holds a number that is not finite, or beyond anything that a robot has"
+        raise ValueError(message)
 
 
 def name_everything(spec: mujoco.MjSpec) -> None:

@@ -70,7 +70,8 @@ def weights(compiled: mujoco.MjModel, replaced: Replaced) -> Weights:
     for name, (stated_mass, tensor) in replaced.stated.items():
         index = compiled.body(name).id
         mass[index], inertia[index] = stated_mass, tensor
-    scale = 1.0 if replaced.total_kg is None else replaced.total_kg / mass[1:].sum()
+    total = mass[1:].sum()
+    scale = 1.0 if replaced.total_kg is None or total == 0 else replaced.total_kg / total
     return Weights(scale * mass, scale * inertia)
 
 

@@ -67,8 +67,14 @@ class Constraint:
 
 
 def constraints_of(spec: mujoco.MjSpec) -> list[Constraint]:
-    """Lists the constraints of a file that are switched on; weldings to a target that a user drags hold nothing."""
+    """Lists the constraints of a file that are switched on; weldings to a target that a user drags hold nothing.
+
+    Raises:
+        ValueError: If one names what is not there.
+    """
     found = []
+    known = {kind: {body.name for body in spec.bodies} for kind in _TO_BODIES}
+    known[mujoco.mjtEq.mjEQ_JOINT] = {joint.name for joint in spec.joints}
     dragged = {body.name for body in spec.bodies if body.mocap}
     owners = {site.name: site.parent.name for site in spec.sites}
     moved = {tendon.name: tuple(wrap.target.name for wrap in tendon.path if wrap.target) for tendon in spec.tendons}
@@ -80,6 +86,10 @@ def constraints_of(spec: mujoco.MjSpec) -> list[Constraint]:
             if dragged & {first, second}:
                 continue
         joints = (*moved.get(first, ()), *moved.get(second, ())) if each.type == mujoco.mjtEq.mjEQ_TENDON else ()
+        for name in filter(None, (first, second) if each.type in known else ()):
+            if name not in known[each.type]:
+                message = f"a constraint names `{name}`, which is not there"
+                raise ValueError(message)
         if each.active:
             data = tuple(float(value) for value in each.data[:5])
             found.append(Constraint(each.type, each.name, first, second or "", data, joints))

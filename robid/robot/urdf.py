@@ -9,11 +9,14 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from robid.arrays import LARGEST
+
 _MOVES = {"revolute", "continuous", "prismatic"}
 _TYPES = {*_MOVES, "fixed", "floating", "planar"}
 _KEPT = {"link": ("inertial",), "joint": ("origin", "parent", "child", "axis", "limit", "mimic", "dynamics")}
 _INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _SPEED_OF_LIGHT = 3e8
+NOT_EXPANDED = "is a xacro file that was not expanded: `xacro robot.urdf.xacro > robot.urdf` writes the URDF"
 _ALTERS_MASSES = ("balanceinertia", "boundmass", "boundinertia", "settotalmass", "inertiafromgeom")
 
 
@@ -45,7 +48,7 @@ class Urdf:
 def unusable(root: ET.Element) -> list[str]:
     """Says why a file cannot be read as a URDF at all, a sentence each; empty if it can."""
     if _is_xacro(root):
-        return ["is a xacro file that was not expanded: `xacro robot.urdf.xacro > robot.urdf` writes the URDF"]
+        return [NOT_EXPANDED]
     links = [link.get("name", "") for link in root.findall("link")]
     joints = root.findall("joint")
     found = [f"has more than one link `{name}`" for name, count in Counter(links).items() if count > 1]
@@ -212,7 +215,7 @@ def _wrong_numbers(element: ET.Element, counts: dict[str, int], *, required: boo
                 wrong.append(f"its `{element.tag}` has no `{key}`")
             continue
         numbers = [_number(part) for part in text.split()]
-        if len(numbers) != count or not all(number is not None and math.isfinite(number) for number in numbers):
+        if len(numbers) != count or not all(number is not None and abs(number) < LARGEST for number in numbers):
             wanted = "a number" if count == 1 else f"{count} numbers"
             wrong.append(f"`{key}` of its `{element.tag}` is {wanted}, not `{text}`")
     return wrong

@@ -24,6 +24,7 @@ from robid.settings.robot_values import body_section
 from robid.settings.yaml import Document, FieldPath
 
 _Found = Iterator[tuple[FieldPath, str]]
+_MOST_RADIANS, _MOST_TURNS = 6.3, 10
 _LEAST_GRAVITY, _MOST_GRAVITY = 9.7, 9.9
 
 
@@ -59,7 +60,7 @@ def complete(document: Document, robot: RobotFile) -> Completed:
     immobile |= dict.fromkeys(robot.locked_deg, "is locked by `locked_deg`")
     immobile |= dict.fromkeys(robot.locked_m, "is locked by `locked_m`")
     found = [*_joints(robot, model, immobile), *motion_faults(robot, model, motion), *_links(robot, model, motion)]
-    found += [*_limits(robot, model), *_gravity(robot, model)]
+    found += [*_limits(robot, model), *_units(robot, model), *_gravity(robot, model)]
     names = [joint.name for joint in robot.joints]
     if set(names) <= set(model.driven):
         found += [(("joints",), message) for message in order_of(model, names)]
@@ -121,6 +122,24 @@ def _limits(robot: RobotFile, model: ForeignModel) -> _Found:
             yield ("joints", index, key), told
         elif stated is None and not model.compiled.jnt_limited[model.compiled.joint(joint.name).id]:
             yield ("joints", index, key), "is missing: the model does not say it either"
+
+
+def _units(robot: RobotFile, model: ForeignModel) -> _Found:
+    """Asks where all limits of a model look as if radians were read as degrees, or degrees as radians."""
+    stated = {joint.name for joint in robot.joints if joint.stated_limits is None and joint.name in model.hinges}
+    found = {name: model.compiled.joint(name) for name in stated}
+    ranges = {name: joint.range for name, joint in found.items() if model.compiled.jnt_limited[joint.id]}
+    widest = max((float(np.abs(limits).max()) for limits in ranges.values()), default=0.0)
+    if model.in_degrees and len(ranges) > 1 and np.rad2deg(widest) <= _MOST_RADIANS:
+        told = (
+            f"no limit of a hinge in `{model.name}` is beyond {np.rad2deg(widest):.4g} deg, as where radians are read"
+        )
+        yield ("model",), f'{told} as degrees: write `<compiler angle="radian"/>` in it, or limits in `limits_deg` here'
+    for name, limits in ranges.items():
+        if np.abs(limits).max() > _MOST_TURNS * 2 * np.pi:
+            shown = " to ".join(f"{limit:.4g}" for limit in limits)
+            told = f"the limits of `{name}` in `{model.name}` are {shown} rad, as where degrees are read as radians"
+            yield ("model",), f"{told}: correct the model, or write limits in `limits_deg` here"
 
 
 def _links(robot: RobotFile, model: ForeignModel, motion: Motion) -> _Found:

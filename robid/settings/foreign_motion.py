@@ -56,18 +56,17 @@ def motion_of(robot: RobotFile, model: ForeignModel) -> Motion:
     others = [name for name in model.others if name not in {joint.name for joint in robot.joints}]
     resting = tuple(rest) if robot.locked == "rest" else ()
     positions = follow(ties, held | {name: model.rest[name] for name in resting})
+    laws = [_led(tie, model, listed) for tie in ties]
+    led = {law.follower: law for law in laws if law is not None}
     # What follows nothing that moves or stays, in a circle or by a law that is not linear, is held like any other.
-    led = tuple(
-        found for found in (_led(tie, model, listed) for tie in model.ties) if found and found.follower in followers
-    )
-    stray = [name for name in followers - positions.keys() if name not in {tie.follower for tie in led}]
+    stray = [tie.follower for tie in ties if tie.follower not in positions and tie.follower not in led]
     if robot.locked == "rest":
         positions |= {name: model.rest[name] for name in stray}
         resting += tuple(stray)
     pending = {tie.follower for tie in ties if tie.leader in rest}
     unnamed = () if robot.locked == "rest" else (*rest, *others, *(name for name in stray if name not in pending))
     following = tuple(name for name in positions if name not in held and name not in resting)
-    return Motion(listed, positions, resting, following, led, apart, unnamed)
+    return Motion(listed, positions, resting, following, tuple(led.values()), apart, unnamed)
 
 
 def _loop_links(robot: RobotFile, model: ForeignModel) -> dict[str, int]:
@@ -230,9 +229,7 @@ def _number(value: float) -> str:
 def _apart_faults(robot: RobotFile, model: ForeignModel, motion: Motion) -> _Found:
     """Finds loop links that turn otherwise than the joint of the model in whose place they stand."""
     for name, index in motion.apart.items():
-        found = next(
-            (law for law in (_led(t, model, motion.listed) for t in model.ties) if law and law.follower == name), None
-        )
+        found = next((_led(tie, model, motion.listed) for tie in model.ties if tie.follower == name), None)
         turns = robot.loop_links[index].turns
         if found is not None and found.is_linear and found.leader is not None:
             others = {joint: turn for joint, turn in turns.items() if joint != found.leader and turn}

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from robid.arrays import LARGEST
 from robid.robot.inertia import stretched_inertia
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import JointSection, MotorSection
 from robid.settings.yaml import FieldPath
 
 _Found = Iterator[tuple[FieldPath, str]]
-_LARGEST = 1e18
 _LARGEST_RATIO = 2000.0
 _SMALLEST_RATIO_RAD_M, _LARGEST_RATIO_RAD_M = 5.0, 2e4
 _LONGEST_RUN_UP_S = 10.0
@@ -55,7 +55,7 @@ def absurd(data: object, field: FieldPath = ()) -> _Found:
     elif isinstance(data, list):
         for index, value in enumerate(data):
             yield from absurd(value, (*field, index))
-    elif isinstance(data, int | float) and abs(data) > _LARGEST:
+    elif isinstance(data, int | float) and abs(data) > LARGEST:
         yield field, f"{data:g} is beyond anything that a robot has"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from robid.signals.log_channels import InputChannel, LogChannel, OutputChannel, 
 from robid.signals.log_dialect import Dialect
 from robid.signals.pose import ANGLES, POSE
 from robid.signals.quantities import DRIVES
+
+TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of time [s]."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,7 @@ class TimeChannel:
     @property
     def to_seconds(self) -> float:
         """Factor to seconds."""
-        return {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[self.unit]
+        return TIME_UNITS[self.unit]
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
 from robid.arrays import IntArray
 from robid.design.excitation.excitation import CampaignExcitation
+from robid.errors import DataError
 from robid.logs.columns import check_turns
 from robid.logs.importing import import_arbitrary, import_log, import_shot
 from robid.logs.joining import join_experiments, join_shots
@@ -20,6 +24,16 @@ from robid.settings.experiment import Campaign
 from robid.signals.log_options import LogOptions
 from robid.signals.record import Record
 from robid.stages.chain.simulate_or_acquire import experiment_count
+
+_Log: TypeAlias = tuple[tuple[int, ...], LogMapping]
+
+_OTHERS = 8
+"""Configurations whose first log is looked at to see whether another's remedy fits it."""
+
+_SAME_CLOCK = 1e-4
+"""Relative difference of what two logs ask for up to which it is the same."""
+
+_NUMBER = re.compile(r"\d+\.?\d*(?:e-?\d+)?")
 
 
 def acquire_shots(campaign: Campaign, acquire: Acquire, folder: Path) -> Record:
@@ -34,8 +48,9 @@ def acquire_shots(campaign: Campaign, acquire: Acquire, folder: Path) -> Record:
         DataError: If a log is not what was said.
     """
     n_exp = experiment_count(campaign, acquire)
-    shots = [_mapping(acquire, folder, 0, *place) for place in np.ndindex(campaign.realizations, n_exp)]
-    record = join_shots([import_shot(shot) for shot in shots], n_exp)
+    places = np.ndindex(campaign.realizations, n_exp)
+    shots = [(place, _mapping(acquire, folder, 0, *place)) for place in places]
+    record = join_shots(_each(lambda _, mapping: import_shot(mapping), shots), n_exp)
     return replace(record, notes=(f"Imported from {Path(acquire.file).name}, as one shot.", *record.notes))
 
 
@@ -61,10 +76,11 @@ def acquire_configuration(
         DataError: If a log is not what was said.
     """
     n_exp = experiment_count(campaign, acquire)
-    places = np.ndindex(campaign.realizations, n_exp)
-    read = _arbitrary if campaign.is_arbitrary else _periodic
-    records = [read(campaign, acquire, content, (index, *place), folder) for place in places]
-    record = join_experiments(_alike(records), n_exp)
+    places = np.ndindex(len(content.configurations), campaign.realizations, n_exp)
+    logs = [(place, _mapping(acquire, folder, *place)) for place in places]
+    others = [log for log in logs if log[0][0] != index and not any(log[0][1:])]
+    read = partial(_arbitrary if campaign.is_arbitrary else _periodic, campaign, acquire, content)
+    record = join_experiments(_alike(_each(read, [log for log in logs if log[0][0] == index], others[:_OTHERS])), n_exp)
     if acquire.takes_turns:
         check_turns(record, acquire.file)
     name = Path(acquire.file).name
@@ -86,13 +102,60 @@ def with_lines(record: Record, segments: int, lines: IntArray) -> Record:
     return record.shortened(segments) if segments else replace(record, excited_lines=lines)
 
 
+def _each(
+    read: Callable[[tuple[int, ...], LogMapping], Record], logs: Sequence[_Log], others: Sequence[_Log] = ()
+) -> list[Record]:
+    """Reads logs one by one; what one of them is refused for has to be set so that it does not spoil the others.
+
+    Args:
+        read: Reads a log.
+        logs: The logs, with their places.
+        others: Logs of other configurations that the same settings are for.
+    """
+    records: list[Record] = []
+    refused: list[tuple[_Log, DataError]] = []
+    for log in logs:
+        try:
+            records.append(read(*log))
+        except DataError as error:
+            refused.append((log, error))
+    if not refused:
+        return records
+    (place, mapping), first = refused[0]
+    asked = [error for _, error in refused[1:]] + [_refusal(read, log) for log in others]
+    if len(refused) < len(logs) or not all(_ask_alike(first, one) for one in asked):
+        read(place, replace(mapping, differs=True))
+    raise first
+
+
+def _refusal(read: Callable[[tuple[int, ...], LogMapping], Record], log: _Log) -> DataError | None:
+    """Why a log is refused, if it is."""
+    try:
+        read(*log)
+    except DataError as error:
+        return error
+    return None
+
+
+def _ask_alike(first: DataError, other: DataError | None) -> bool:
+    """Whether what one log asks for, to a ten thousandth, is what another one asks for."""
+    if other is None:
+        return False
+    numbers = [[float(text) for text in _NUMBER.findall(one.remedy or one.what)] for one in (first, other)]
+    return len(numbers[0]) == len(numbers[1]) and np.allclose(*numbers, rtol=_SAME_CLOCK, atol=0)
+
+
 def _periodic(
-    campaign: Campaign, acquire: Acquire, content: CampaignExcitation, indices: tuple[int, ...], folder: Path
+    campaign: Campaign,
+    acquire: Acquire,
+    content: CampaignExcitation,
+    indices: tuple[int, ...],
+    mapping: LogMapping,
 ) -> Record:
     """One log of a signal that repeats: indices of its configuration, realization and place in the block."""
     excitation = content.excitation
     return import_log(
-        _mapping(acquire, folder, *indices),
+        mapping,
         samples_per_period=excitation.reference.shape[2],
         periods=campaign.periods,
         excited_lines=excitation.excited_lines,
@@ -107,12 +170,16 @@ def _periodic(
 
 
 def _arbitrary(
-    campaign: Campaign, acquire: Acquire, content: CampaignExcitation, indices: tuple[int, ...], folder: Path
+    campaign: Campaign,
+    acquire: Acquire,
+    content: CampaignExcitation,
+    indices: tuple[int, ...],
+    mapping: LogMapping,
 ) -> Record:
     """One log of an arbitrary signal: indices as in `_periodic`."""
-    del campaign
+    del campaign, acquire
     return import_arbitrary(
-        _mapping(acquire, folder, *indices),
+        mapping,
         segment_samples=content.excitation.reference.shape[2],
         lines=np.asarray(content.excitation.excited_lines),
         configurations=content.configurations[indices[0] : indices[0] + 1],

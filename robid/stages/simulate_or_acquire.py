@@ -24,6 +24,7 @@ from robid.settings.experiment import Campaign
 from robid.settings.fits import part
 from robid.settings.load import LoadedExperiment
 from robid.settings.pose import require_pose_interface, tool_arm
+from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import delay_s, require_controller
 from robid.settings.truth import true_robot_of
 from robid.signals.quantities import channel_names
@@ -34,6 +35,7 @@ from robid.simulate.steps import Steps
 from robid.simulate.truth import TrueRobot, bare, with_imperfections
 from robid.stages.acquire import acquire_configuration, acquire_shots, with_lines
 from robid.stages.chain.simulate_or_acquire import STAGE
+from robid.stages.read_as_radians import is_radians_note, radians_note
 from robid.stages.stage import Job, counted
 
 
@@ -64,7 +66,8 @@ def phrase(output: Path) -> str:
         text = f"{counted(shape[0] * shape[1] * shape[2], 'arbitrary signal')} of {period_s:.3g} s"
         pieces = f"{counted(segments, 'segment')} of {period_s / segments:.3g} s"
         return f"{counted(shape[0], 'configuration')}, {text}, {pieces}"
-    return "; ".join((record_phrase(shape, period_s), *(note for note in notes if is_found_note(note))))
+    told = (note for note in notes if is_found_note(note) or is_radians_note(note))
+    return "; ".join((record_phrase(shape, period_s), *told))
 
 
 def record_phrase(shape: Sequence[int], period_s: float) -> str:
@@ -109,11 +112,13 @@ class _LogTask:
     content: CampaignExcitation
     index: int
     folder: Path
-    joint_units: tuple[str, ...] | None
+    robot: RobotFile
 
 
 def _acquire_part(task: _LogTask) -> None:
-    record = acquire_configuration(task.campaign, task.acquire, task.content, task.index, task.folder, task.joint_units)
+    units = task.robot.joint_units
+    record = acquire_configuration(task.campaign, task.acquire, task.content, task.index, task.folder, units)
+    record = replace(record, notes=(*record.notes, *radians_note(record, task.robot)))
     task.parts.write(task.index, record_to_artifact(record, Provenance(stage=STAGE.name)))
 
 
@@ -123,8 +128,7 @@ def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
     todo = [index for index in range(n_conf) if not parts.has(index)]
     job.progress.expect(n_conf, "configurations", n_conf - len(todo))
     folder = job.loaded.path.parent
-    units = job.loaded.robot.joint_units
-    tasks = [_LogTask(parts, campaign, acquire, content, index, folder, units) for index in todo]
+    tasks = [_LogTask(parts, campaign, acquire, content, index, folder, job.loaded.robot) for index in todo]
     job.map(_acquire_part, tasks, lambda _index, _result: job.progress.advance())
     if n_conf > 1 and (campaign.is_arbitrary or campaign.finds_lines):
         _make_alike(parts, n_conf)

@@ -22,6 +22,7 @@ CAUSES = {
     "payload": "a payload that is off",
     "masses": "masses or centres of mass that are off",
     "counterbalance": "a counterbalance that the robot file lacks",
+    "torque_sensor": "torques of sensors behind the gears, of joints that need `torque_measured_at: joint`",
     "rotor_inertia": "rotor inertias that are off",
     "held_spring": "springs or dampers that are off and not estimated",
     "missing_spring": "a spring that the robot file lacks",

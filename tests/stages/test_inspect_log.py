@@ -25,10 +25,19 @@ def real(shop, monkeypatch, data_folder):
         monkeypatch.setenv("ROBID_DATA", str(folder))
         answer = shop.robid("inspect", *(str(folder / one) for one in files), "--json", *options)
         assert answer.code == 0, answer.err
-        (shop.folder / "proposed.yaml").write_text(answer.json["proposal"])
+        (shop.folder / "proposed.yaml").write_text(filled_in(answer.json["proposal"]))
         return answer.json, load_experiment(shop.folder / "proposed.yaml").experiment.campaigns["log"]
 
     return inspect
+
+
+def filled_in(text):
+    """A proposal with what a person has to fill in: the counts of a turn, and what a volt stands for."""
+    text = text.replace("unit: counts", "unit: counts, counts_per_turn: 4096")
+    inputs, outputs = text.partition("outputs:")[::2]
+    return (
+        f"{inputs.replace('unit: V', 'unit: N m, scale: 2')}outputs:{outputs.replace('unit: V', 'unit: rad, scale: 3')}"
+    )
 
 
 def test_the_proposal_for_the_motor_bench_is_its_example(real):
@@ -115,6 +124,9 @@ def test_the_proposal_imports_a_log_of_every_format(shop, kind):
     path, names = write(shop.folder / name, columns)
     answer = shop.robid("inspect", str(path), "--propose", "proposed.yaml", "--json")
     assert answer.code == 0, answer.err
+    if "unit: V" in answer.json["proposal"]:  # as recorders state whatever they measure
+        assert shop.robid("simulate-or-acquire", "proposed.yaml").code == 2
+        (shop.folder / "proposed.yaml").write_text(filled_in(answer.json["proposal"]))
     found = load_experiment(shop.folder / "proposed.yaml").experiment.campaigns["log"]
     acquire = found.source.acquire
     assert acquire.sampling_period_s == pytest.approx(STEP, rel=1e-9)
@@ -222,10 +234,16 @@ def test_volts_are_mapped_with_a_scale_to_fill_in(shop):
         shop.folder / "log.csv", np.stack([*table.values()], 1), delimiter=",", header=",".join(table), comments=""
     )
     assert shop.robid("inspect", "log.csv", "--sampling-period", "1e-3", "--propose", "volts.yaml").code == 0
+    text = (shop.folder / "volts.yaml").read_text()
+    answer = shop.robid("run", "volts.yaml")
+    assert answer.code == 2
+    assert answer.err.count("what one `V` stands for") == text.count("unit: V") == 2
+    assert "scale" in answer.err
+    assert "inputs[0].unit" in answer.err
+    (shop.folder / "volts.yaml").write_text(filled_in(text))
     acquire = load_experiment(shop.folder / "volts.yaml").experiment.campaigns["log"].source.acquire
     assert [one.variable for one in acquire.inputs] == ["cmd [V]"]
     assert "pos [V]" in [one.variable for one in acquire.outputs]
-    assert (shop.folder / "volts.yaml").read_text().count("scale: 1") == len(acquire.inputs) + len(acquire.outputs)
     assert shop.robid("run", "volts.yaml").code == 0
 
 

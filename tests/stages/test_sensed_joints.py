@@ -134,3 +134,16 @@ def test_a_robot_file_that_contradicts_its_sensors_is_refused(sensed, old, new, 
     answer = shop.robid("status", "e.yaml")
     assert answer.code == 2, answer.err
     assert f"{field}: " in answer.flat
+
+
+def test_a_sensor_behind_a_gear_that_is_not_stated_is_named_first(sensed):
+    shop = sensed(noise=0.01)
+    motor = "rigid: true\n    motor: {inertia_kgm2: 2.0e-4, gear_ratio_rad_m: 200}"
+    head, _, last = ROBOT.replace("TURN", SENSOR).rpartition(SENSOR)
+    (shop.folder / "robot.yaml").write_text(head + motor + last)
+    answer = shop.robid("run", "e.yaml")
+    assert answer.code == 5, answer.err
+    first = answer.flat.partition("Look first for ")[2]
+    assert SENSOR in first.partition(".")[0], answer.flat
+    (shop.folder / "robot.yaml").write_text(ROBOT.replace("TURN", SENSOR))
+    assert shop.robid("run", "e.yaml").code == 0

@@ -20,7 +20,8 @@ _NO_NUMBER = re.compile(r"[-+]?(nan(\([a-z0-9]*\))?|[qs]nan|1[.,]#(ind|nan|qnan|
 _INFINITE = re.compile(r"([-+]?)1[.,]#inf0*|([-+]?)1[.,]#i")
 _FORTRAN = re.compile(r"([-+]?\d+\.?\d*|[-+]?\.\d+)d([-+]?\d+)")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?")
-_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+")
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:(?:,\d{3})+(?:\.\d*)?|(?:\.\d{3})+(?:,\d*)?)")
+_SURELY = re.compile(r"[-+]?[1-9]\d{0,2}(?:(?:,\d{3})+\.\d*|(?:\.\d{3})+,\d*|(?:,\d{3}){2,}|(?:\.\d{3}){2,})")
 
 
 def is_row(line: str, comments: Sequence[str]) -> bool:
@@ -38,7 +39,16 @@ def split(line: str, separator: str) -> list[str]:
 
 
 def split_all(lines: Sequence[str], separator: str) -> list[list[str]]:
-    """Splits lines into their cells."""
+    """Splits lines into their cells, which may still have spaces around them."""
+    if separator != " ":
+        if not any('"' in line for line in lines):
+            return [line.rstrip("\r\n").split(separator) for line in lines]
+        try:
+            rows = list(csv.reader(lines, delimiter=separator, skipinitialspace=True))
+        except csv.Error:
+            rows = []
+        if len(rows) == len(lines):
+            return rows
     return [split(line, separator) for line in lines]
 
 
@@ -68,7 +78,10 @@ def _odd_number(text: str, *, decimal_comma: bool) -> float:
         return math.nan
     if infinite := _INFINITE.fullmatch(text):
         return -math.inf if "-" in infinite[0] else math.inf
-    text = text.replace("\u2212", "-").replace(",", "." if decimal_comma else ",")
+    text = text.replace("\u2212", "-")
+    if _SURELY.fullmatch(text):
+        return float(without_groups(text))
+    text = text.replace(",", "." if decimal_comma else ",")
     if fortran := _FORTRAN.fullmatch(text):
         text = f"{fortran[1]}e{fortran[2]}"
     return float(text)
@@ -82,9 +95,43 @@ def is_number(cell: str, *, decimal_comma: bool) -> bool:
         return False
 
 
+def without_groups(cell: str) -> str:
+    """Returns the text of a number without marks of thousands, a point before its decimals; others as they are."""
+    if not _THOUSANDS.fullmatch(cell):
+        return cell
+    first = next(mark for mark in cell if mark in ",.")
+    return cell.replace(first, "").replace(",", ".")
+
+
+def is_grouped(cell: str) -> bool:
+    """Whether a number may have marks of thousands."""
+    return _THOUSANDS.fullmatch(cell) is not None
+
+
 def has_decimal_commas(cells: Sequence[str]) -> bool:
     """Whether commas in cells are decimal marks: no group of thousands begins with 0 or has other than three digits."""
     with_comma = [cell.lower() for cell in cells if "," in cell]
     found = [cell for cell in with_comma if _DECIMAL_COMMA.fullmatch(cell)]
     pointed = any("." in cell for cell in with_comma)
-    return not pointed and any(not _THOUSANDS.fullmatch(cell) for cell in found)
+    return not pointed and any(not is_grouped(cell) for cell in found)
+
+
+def tell_groups(columns: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Tells for each column which mark can only be that of thousands, as another marks its decimals.
+
+    What the numbers of a column leave open, those of the others tell; `?` where a comma may be either.
+    """
+    own = [_decimal_marks(cells) for cells in columns]
+    every = "".join(sorted(set("".join(own))))
+    return tuple({"": "?", ",": ".", ".": ",", ",.": ""}[marks or every] for marks in own)
+
+
+def _decimal_marks(cells: Sequence[str]) -> str:
+    """The marks that stand before decimals in some cells, and can be nothing else."""
+    texts = [cell for cell in cells if ("," in cell or "." in cell) and is_number(cell, decimal_comma=True)]
+    last = {text[max(text.rfind(","), text.rfind("."))] for text in texts if not is_grouped(text) or _has_both(text)}
+    return "".join(sorted(last))
+
+
+def _has_both(text: str) -> bool:
+    return "," in text and "." in text

@@ -5,11 +5,21 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from robid.arrays import FloatArray
-from robid.logs.formats.cells import has_decimal_commas, is_missing, is_number, is_row, number, split
+from robid.logs.formats.cells import (
+    has_decimal_commas,
+    is_grouped,
+    is_missing,
+    is_number,
+    is_row,
+    number,
+    split,
+    tell_groups,
+    without_groups,
+)
 from robid.logs.formats.moments import is_moment
 from robid.logs.formats.variables import UnreadableLogError
 from robid.signals.log_dialect import Dialect
@@ -31,10 +41,12 @@ class Body:
     Attributes:
         clocks: The column of the time of each column that has one of its own; both are read together.
         made: Times that stand in no column, by the names that they get: the column whose time each is.
+        shared: Names of the time of each further channel that has the same column of it as another, by that column.
     """
 
     clocks: Mapping[int, int] = MappingProxyType({})
     made: Mapping[str, int] = MappingProxyType({})
+    shared: Mapping[str, int] = MappingProxyType({})
 
     def keep(self, rows: list[tuple[int, str]]) -> list[tuple[int, str]]:
         """Returns the rows of numbers among numbered lines, which come in order, a part of the table at a time."""
@@ -60,6 +72,25 @@ class Body:
 
 
 @dataclass(frozen=True)
+class Join:
+    """Joins what the separator cuts out of a moment."""
+
+    cut: re.Pattern[str]
+    mark: str
+
+    def __call__(self, line: str) -> str:
+        """Returns a line with one cell for each moment."""
+        return self.cut.sub(self.mark, line)
+
+
+_JOINS = {
+    " ": Join(re.compile(r"(?<=\d[-/.]\d\d)\s+(?=\d{1,2}:\d\d)|(?<=[-/.]\d{4})\s+(?=\d{1,2}:\d\d)"), "T"),
+    ",": Join(re.compile(r"(?<=\d:\d\d:\d\d),(?=\d{3,6}(,|\s*$))"), "."),
+}
+"""By the separator: between a date and a time, and before the fraction of a second."""
+
+
+@dataclass(frozen=True)
 class Layout:
     """How a table is written.
 
@@ -73,6 +104,8 @@ class Layout:
         width: Number of cells of a row; one more than there are columns where rows end with a separator.
         fewest: Cells of the shortest row, whose last ones are missing.
         headers: Lines above the numbers, which are passed over where they stand among them again.
+        groups: For each column the mark of thousands, nothing where it has none, `?` where a comma may be one.
+        join: What joins date and time in a line, where the separator stands between them.
         body: What else is to be known of its rows.
     """
 
@@ -85,19 +118,31 @@ class Layout:
     width: int
     fewest: int = 0
     headers: frozenset[str] = frozenset()
+    groups: tuple[str, ...] = ()
+    join: Join | None = None
     body: Body = field(default_factory=Body)
 
     def cells(self, line: str) -> list[str]:
         """Returns the cells of a line."""
         return split(line, self.separator)
 
-    def number(self, cell: str) -> float:
+    def number(self, cell: str, column: int) -> float:
         """Returns the number of a cell, NaN where it is missing.
 
         Raises:
             ValueError: If it holds something else.
         """
+        if self.marks_groups(column) and self.groups[column] in cell:
+            cell = without_groups(cell)
         return number(cell, decimal_comma=self.decimal_comma)
+
+    def marks_groups(self, column: int) -> bool:
+        """Whether a column may have marks of thousands that are known."""
+        return bool(self.groups) and self.groups[column] in (",", ".")
+
+    def is_open(self, cell: str, column: int) -> bool:
+        """Whether a number may be two, as nothing tells what its comma marks."""
+        return bool(self.groups) and self.groups[column] == "?" and "," in cell and is_grouped(cell)
 
 
 def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
@@ -111,7 +156,7 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
     rows = [(i, line) for i, line in enumerate(lines) if is_row(line, dialect.comments)]
     if dialect.header_line:
         rows = [(i, line) for i, line in rows if i + 1 >= dialect.header_line]
-    separator, comma = _tell_marks([line for _, line in rows[-_TAIL:]], dialect)
+    separator, comma = tell_marks([line for _, line in rows[-_TAIL:]], dialect)
     cells = [(i, split(line, separator)) for i, line in rows]
     numeric = [c for _, c in cells[-_TAIL:] if any(is_number(cell, decimal_comma=comma) for cell in c)]
     if not numeric:
@@ -129,10 +174,23 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
     names, units, header = _names(before, (fewest, width), lines, dialect, separator, start)
     if kinds[-1] == "" and len(names) == width - 1:
         kinds = kinds[:-1]
+    join = _JOINS.get(separator)
+    if len(names) == len(kinds) - 1 and join is not None and "moment" in kinds:
+        joined = [join(line) for line in lines]
+        if joined != list(lines):
+            return replace(tell_layout(joined, dialect), join=join)
     if len(names) != len(kinds):
         raise _no_fit(start, width, len(names), header)
     headers = frozenset(line for line in lines[:start] if not fits(split(line, separator), kinds, comma=comma))
-    return Layout(separator, comma, tuple(names), tuple(units), start, kinds, width, headers=headers)
+    groups = _groups([c for _, c in cells[first:] if len(c) == width], len(kinds), comma=comma, dialect=dialect)
+    return Layout(separator, comma, tuple(names), tuple(units), start, kinds, width, headers=headers, groups=groups)
+
+
+def _groups(rows: Sequence[Sequence[str]], count: int, *, comma: bool, dialect: Dialect) -> tuple[str, ...]:
+    """The mark of thousands of each column: what is stated not to be that of decimals, else what the numbers tell."""
+    if dialect.decimal is not None:
+        return ("." if dialect.decimal == "," else ",",) * count
+    return tell_groups([[row[column] for row in rows] for column in range(count)]) if comma else ("",) * count
 
 
 def _no_fit(line: int, width: int, count: int, header: int) -> UnreadableLogError:
@@ -141,7 +199,7 @@ def _no_fit(line: int, width: int, count: int, header: int) -> UnreadableLogErro
     return UnreadableLogError(what, remedy)
 
 
-def _tell_marks(lines: Sequence[str], dialect: Dialect) -> tuple[str, bool]:
+def tell_marks(lines: Sequence[str], dialect: Dialect) -> tuple[str, bool]:
     """What separates cells, and whether decimal marks are commas.
 
     Those that make the most numbers in rows of one length; white space for a single column.
@@ -228,7 +286,7 @@ def _names(
     if not before:
         commented = None if dialect.header_line == 0 else _commented(lines[:first], widths, dialect, separator)
         names = commented or [str(i) for i in range(1, width + 1)]
-        return names, _units(names), first
+        return names, units_of(names), first
     if dialect.header_line:
         at = 0
     else:
@@ -240,7 +298,7 @@ def _names(
     if separator == " " and len(names) != width:
         names = split(lines[line], "\t") if "\t" in lines[line] else names
     below = before[at + 1][1] if at + 1 < len(before) else []
-    units = _units(names)
+    units = units_of(names)
     if len(below) == len(names) and _are_units(below):
         units = [stated.strip("[]() ") or unit for stated, unit in zip(below, units, strict=True)]
     if names and not names[-1] and len(names) == width:
@@ -259,7 +317,7 @@ def _commented(lines: Sequence[str], widths: tuple[int, int], dialect: Dialect, 
     return names if widths[0] <= len(names) <= widths[1] and all(names) else None
 
 
-def _units(names: Sequence[str]) -> list[str]:
+def units_of(names: Sequence[str]) -> list[str]:
     """Units in brackets at the end of names."""
     return [found[1].strip() if (found := _BRACKETS.search(name)) else "" for name in names]
 

@@ -13,7 +13,7 @@ from scipy.io import loadmat, whosmat
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 from scipy.sparse import issparse
 
-from robid.logs.formats.mat_layouts import note_units
+from robid.logs.formats.mat_layouts import add_clocks, note_units, with_clocks
 from robid.logs.formats.variables import Found, Reason, UnreadableLogError, Wanted
 
 _HEADER = 128
@@ -40,6 +40,7 @@ def read(file: Path, wanted: Wanted) -> Found:
     Raises:
         UnreadableLogError: If it is none.
     """
+    asked, wanted = wanted, with_clocks(wanted)
     with file.open("rb") as stream:
         header = stream.read(_HEADER)
         if header.startswith(b"MATLAB 7.3"):
@@ -52,6 +53,10 @@ def read(file: Path, wanted: Wanted) -> Found:
             found = Found()
             _read_elements(stream, header, wanted, found)
     note_units(found)
+    add_clocks(found, asked)
+    if wanted is not asked:
+        added = set(wanted.names or ()) - set(asked.names or ())
+        found.arrays = {name: x for name, x in found.arrays.items() if name in asked or name not in added}
     return found
 
 

@@ -8,9 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from robid.logs.formats.variables import Found
+from robid.logs.formats.variables import Found, Wanted
 
 _AXIS = re.compile(r"(.*?)\.X([({]\d+[)}])?\.Data")
+_CHANNEL = re.compile(r"(.*?)\.Y([({]\d+[)}])?\.Data")
+_CLOCK = re.compile(r"(.*?)\.Y([({]\d+[)}])?\.Data\.time")
+_INDICES = ("", *(f"({i})" for i in range(1, 17)), *(f"{{{i}}}" for i in range(1, 17)))
 _SIGNALS = re.compile(r"(.*?)\.signals([({]\d+[)}])?\.values")
 _UNIT = re.compile(r"[\[(]\s*([^\[\]()]*?)\s*[\])]\s*$")
 _SERIES = re.compile(r"(.*?)\.(Time|Data)")
@@ -44,6 +47,33 @@ def _units(found: Found) -> Iterator[tuple[str, str]]:
                 yield name, found.texts[info]
         elif name in found.arrays and _is_timed(found.arrays[name]):
             yield f"{name}(1,:)", "s"
+
+
+def with_clocks(wanted: Wanted) -> Wanted:
+    """Returns what was asked for, with what tells the times of channels of ControlDesk, as `Y(2).Data.time`."""
+    asked = [found for name in wanted.names or () if (found := _CLOCK.fullmatch(name))]
+    if not asked or wanted.names is None:
+        return wanted
+    axes = [f"{one[1]}.X{index}.Data" for one in asked for index in _INDICES]
+    return Wanted([*wanted.names, *axes, *(f"{one[1]}.Y{one[2] or ''}.XIndex" for one in asked)])
+
+
+def add_clocks(found: Found, wanted: Wanted) -> None:
+    """Adds the times of channels that ControlDesk recorded in several rasters, each over one of several `X(1).Data`."""
+    axes: dict[str, list[str]] = {}
+    for name in found.sizes:
+        if axis := _AXIS.fullmatch(name):
+            axes.setdefault(axis[1], []).append(name)
+    channels = {name: axes.get(one[1], []) for name in found.sizes if (one := _CHANNEL.fullmatch(name))}
+    for name, times in channels.items():
+        if len(times) < 2:
+            continue
+        index = found.arrays.get(f"{name.removesuffix('.Data')}.XIndex")
+        place = int(index.ravel()[0]) - 1 if index is not None and index.size == 1 else -1
+        if f"{name}.time" in wanted and 0 <= place < len(times) and times[place] in found.arrays:
+            found.add(f"{name}.time", found.arrays[times[place]].ravel(), "s")
+        else:
+            found.mention(f"{name}.time", found.sizes[name], "s")
 
 
 def _has_channels(found: Found, recording: str) -> bool:

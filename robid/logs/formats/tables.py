@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.logs.formats.cells import is_missing, is_number, is_row
+from robid.logs.formats.across import read_across
+from robid.logs.formats.cells import is_missing, is_number, is_row, split_all, without_groups
 from robid.logs.formats.known import UNPACKING_ERRORS, open_bytes
 from robid.logs.formats.layout import REMEDY, Layout, tell_layout
 from robid.logs.formats.moments import Moments
@@ -37,6 +38,10 @@ def read_table(file: Path, wanted: Wanted, dialect: Dialect) -> Found:
     try:
         with _open_text(file, dialect) as text:
             sample = text.readlines(_SAMPLE)
+        with _open_text(file, dialect) as text:
+            across = read_across(text, sample, wanted, dialect)
+        if across is not None:
+            return across
         layout = (dialect.header_line is None and tell_recorder(sample)) or tell_layout(sample, dialect)
         with _open_text(file, dialect) as text:
             return _Table(layout, wanted, dialect).read(text)
@@ -85,7 +90,8 @@ class _Table:
         asked = (i for i, name in enumerate(names) if name in wanted or layout.names[i] in wanted)
         self._asked = dict.fromkeys(asked)
         self._made = {name: column for name, column in layout.body.made.items() if name in wanted}
-        needed = {*self._asked, *self._made.values()}
+        self._shared = {name: column for name, column in layout.body.shared.items() if name in wanted}
+        needed = {*self._asked, *self._made.values(), *self._shared.values()}
         needed |= {layout.body.clocks[column] for column in needed if column in layout.body.clocks}
         for column, kind in enumerate(layout.kinds):
             if kind not in ("number", "moment"):
@@ -102,6 +108,7 @@ class _Table:
         for _ in islice(text, layout.lines):
             pass
         while lines := text.readlines(CHUNK):
+            lines = lines if layout.join is None else list(map(layout.join, lines))
             rows = [(i, line) for i, line in enumerate(lines, start=number) if self._is_row(line)]
             rows = self._check_width(layout.body.keep(rows))
             self._read_rows(rows)
@@ -118,11 +125,14 @@ class _Table:
 
     def _check_width(self, rows: list[tuple[int, str]]) -> list[tuple[int, str]]:
         """Returns the rows without those at the end of the table that hold no number, as `EOF`."""
-        layout, quoted = self._layout, any('"' in line for _, line in rows)
+        layout = self._layout
         allowed = range(layout.fewest or layout.width, layout.width + 1)
+        if layout.separator == " " or any('"' in line for _, line in rows):
+            widths = [len(row) for row in split_all([line for _, line in rows], layout.separator)]
+        else:
+            widths = [1 + line.count(layout.separator) for _, line in rows]
         kept = []
-        for number, line in rows:
-            width = len(layout.cells(line)) if quoted or layout.separator == " " else 1 + line.count(layout.separator)
+        for (number, line), width in zip(rows, widths, strict=True):
             if width in allowed and self._foot is None:
                 kept.append((number, line))
             elif self._foot is None and not self._has_number(line):
@@ -167,7 +177,12 @@ class _Table:
     def _parse(self, rows: Sequence[tuple[int, str]], columns: Sequence[int]) -> NDArray[np.float64] | None:
         """Parses a chunk; None where a cell is empty or no number."""
         layout = self._layout
+        quoted = any('"' in line for _, line in rows)
         if layout.decimal_comma and layout.separator == ",":
+            return None
+        marks = {layout.groups[column].replace("?", ",") for column in columns} - {""} if layout.groups else set()
+        marks -= set() if quoted else {layout.separator}
+        if any(mark in line for mark in marks for _, line in rows):
             return None
         lines = (line.replace(",", ".") if layout.decimal_comma else line for _, line in rows)
         delimiter: Any = None if layout.separator == " " else layout.separator
@@ -178,23 +193,42 @@ class _Table:
 
     def _cells(self, rows: Sequence[tuple[int, str]], columns: Sequence[int]) -> dict[int, list[str]]:
         """The cells of some columns, empty where a row is too short."""
-        separator, last = self._layout.separator, max(columns, default=0)
-        if separator != " " and not any('"' in line for _, line in rows):
-            split_ = [line.rstrip("\r\n").split(separator, last + 1) for _, line in rows]
-        else:
-            split_ = [self._layout.cells(line) for _, line in rows]
-        return {column: [row[column].strip() if column < len(row) else "" for row in split_] for column in columns}
+        if not columns:
+            return {}
+        table = split_all([line for _, line in rows], self._layout.separator)
+        return {column: [row[column].strip() if column < len(row) else "" for row in table] for column in columns}
 
     def _add_numbers(self, column: int, cells: Sequence[str], rows: Sequence[tuple[int, str]]) -> None:
         """Adds numbers cell by cell; gives the column up where one is none."""
         values = np.empty(len(cells))
         for index, cell in enumerate(cells):
             try:
-                values[index] = self._layout.number(cell)
+                values[index] = self._value(cell, column)
             except ValueError:
                 self._refuse(column, rows[index][0], cell)
                 return
+            if "," in cell and self._layout.is_open(cell, column):
+                self._refuse_mark(column, rows[index][0], cell)
+                return
         self._parts[column].append(values)
+
+    def _value(self, cell: str, column: int) -> float:
+        """The number of a cell; what is plain, as most are, is not looked at closely."""
+        layout = self._layout
+        groups = layout.groups[column] if layout.groups else ""
+        if "_" not in cell and not (groups and groups in cell):  # Python takes `1_000` for a number
+            try:
+                return float(cell.replace(",", ".") if layout.decimal_comma else cell)
+            except ValueError:
+                pass
+        return layout.number(cell, column)
+
+    def _refuse_mark(self, column: int, number: int, cell: str) -> None:
+        """Gives a column up whose numbers have marks of which nothing tells what they are."""
+        what = f"In line {number} `{cell}` may be {without_groups(cell)} or {cell.replace(',', '.')}."
+        remedy = 'Say so by `dialect: {decimal: "."}` or `{decimal: ","}`.'
+        self._found.unreadable[self._names[column]] = Reason(what, remedy)
+        self._parts.pop(column)
 
     def _finish(self, count: int) -> None:
         """Hands over the columns that were asked for."""
@@ -207,16 +241,21 @@ class _Table:
                 self._found.unreadable[self._names[column]] = Reason(what, "Correct or delete this row.")
             else:
                 values[column] = moments.seconds()
-        for column in {**self._asked, **dict.fromkeys(self._made.values())}:
+        for column in dict.fromkeys([*self._asked, *self._made.values(), *self._shared.values()]):
             if column in values:
                 done = body.finish(column, values[column], values.get(body.clocks.get(column, -1)))
                 if column in self._asked:
                     self._found.arrays[self._names[column]] = done
                     self._found.sizes[self._names[column]] = len(done)
+                for name in [name for name, of in self._shared.items() if of == column]:
+                    self._found.add(name, done, self._layout.units[column])
                 for name in [name for name, of in self._made.items() if of == column]:
                     self._found.add(name, body.make_time(name, done), "s")
-        for name in body.made:
+        times = {name: self._layout.units[column] for name, column in body.shared.items()} | dict.fromkeys(
+            body.made, "s"
+        )
+        for name, unit in times.items():
             if name not in self._found.arrays:
-                self._found.mention(name, count, "s")
+                self._found.mention(name, count, unit)
         if lost := body.damage(count):
             self._found.damage = Reason(lost, "Check that it was copied completely.")

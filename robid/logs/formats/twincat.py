@@ -100,6 +100,9 @@ class _Body(Body):
             elif times:
                 clocks[column] = clock
         self.names, self.clocks = tuple(names), clocks
+        if groups > 1:
+            # Whoever looks for the time of a channel looks for it by the channel's name.
+            self.shared = {f"{names[c]}.time": t for c, t in clocks.items() if names[t] != f"{names[c]}.time"}
         if not times:
             self.made = self._make_times()
 

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from robid.logs.inspection.names import DRIVING, MOVING
-from robid.logs.inspection.relations import response_at
+from robid.logs.inspection.relations import response_at, sense_of_inertia
 from robid.logs.inspection.roles import Comparison, Signal, derivatives
 from robid.logs.inspection.sides import SIDES, Place, find_sides
 from robid.logs.inspection.units import CONVERTED
@@ -248,10 +248,11 @@ def _of_axis(
         entry = _plain_entry(one, _channel_name(name, place))
         entry = replace(entry, is_open=place.is_open, checks=(*entry.checks, *place.told))
         if one is motor:
-            sense, _ = response_at(torque, torque, motion, derivatives(one.role), (middle, high))
-            if place.side == "arm":  # behind the resonance a load moves against the torque
-                sense, _ = response_at(torque, torque, motion, derivatives(one.role), (low, middle))
-            entries.append(_signed(entry, sense, f"its acceleration at high frequencies against `{drive.name}`"))
+            # Behind the resonance a load goes against the torque: only lines below it tell its sign.
+            parts = [(low, middle)] if place.side == "arm" else [(low, middle), (middle, high), (low, high)]
+            senses = [sense_of_inertia(torque, motion, derivatives(one.role), part) for part in parts]
+            sense = max(senses, key=abs)
+            entries.append(_signed(entry, sense, f"how its acceleration goes with `{drive.name}`"))
             turned = -1 if entries[0].settings.get("sign") == -1 else 1
             continue
         order = derivatives(one.role) - derivatives(motor.role)
@@ -272,7 +273,7 @@ def _signed(entry: Entry, sense: float, by: str) -> Entry:
     """A channel with its sign, where the data tell it."""
     if abs(sense) < _SENSED:
         return replace(entry, checks=(*entry.checks, "the data do not tell its sign"))
-    told = replace(entry, checks=(*entry.checks, f"sign by {by} (mean cosine {sense:+.2f})"))
+    told = replace(entry, checks=(*entry.checks, f"sign by {by} ({sense:+.2f} of 1)"))
     return _with(told, sign=-1) if sense < 0 else told
 
 

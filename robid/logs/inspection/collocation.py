@@ -53,13 +53,16 @@ class Order:
 
     Attributes:
         first: Whether it is the first of them.
-        antiresonance: Angular frequency at which the motor stands still [rad/s].
+        antiresonance: Angular frequency at which the motor stands still, poorly known where that is beyond the lines
+            [rad/s].
+        is_seen: Whether it is among the lines.
         misfit: Relative misfit of what a spring between them gives.
         other: The same for the motor on the other side.
     """
 
     first: bool
     antiresonance: float
+    is_seen: bool
     misfit: float
     other: float
 
@@ -101,7 +104,8 @@ def _judge(x: ComplexArray, y: ComplexArray, omega: FloatArray) -> Order | None:
     best, other, bend = (one, two, bend_one) if first else (two, one, bend_two)
     if best > _GOOD or best > _BETTER * other or bend * float(omega.max()) ** 2 < _BENT:
         return None
-    return Order(first, float(1 / np.sqrt(bend)), best, other)
+    still = float(1 / np.sqrt(bend))
+    return Order(first, still, bool(omega.min() <= still <= omega.max()), best, other)
 
 
 def _misfit(motor: ComplexArray, load: ComplexArray, weight: FloatArray, omega: FloatArray) -> tuple[float, float]:

@@ -20,10 +20,10 @@ from robid.logs.inspection.repetition import (
     carrying_lines,
     cut_periods,
     energy_band,
-    is_unsettled,
     measure_period,
     share_period,
     shorten,
+    unsettled,
 )
 from robid.logs.inspection.roles import Comparison, Signal, find_roles
 from robid.logs.inspection.sampling import Sampling, find_sampling
@@ -198,11 +198,12 @@ def _with_periods(found: Findings, chosen: Chosen) -> Findings:
         one.name: cut_periods(_filled(one.column.values[part]), shared.whole, last=from_end(shared))
         for one in (*chosen.inputs, *chosen.outputs)
     }
-    transient = tuple(name for name, block in blocks.items() if is_unsettled(block))
+    settling = {name: unsettled(block) for name, block in blocks.items()}
+    transient = tuple(name for name, count in settling.items() if count)
     lines = carrying_lines([blocks[one.name] for one in chosen.inputs])
     if len(lines) == 0:
         return replace(found, periods=periods)
-    shared, lines = shorten(replace(shared, transient=transient), lines)
+    shared, lines = shorten(replace(shared, transient=transient, settling=max(settling.values())), lines)
     return replace(found, periods=periods, shared=shared, lines=lines)
 
 
@@ -262,7 +263,7 @@ def _place(found: Findings, shared: Shared, *, cut: bool) -> tuple[int, int, boo
         inside = part.stop // whole - drop
         last = part.stop == found.n_sample and count > inside
         drop, count = (0, count) if last else (drop, max(inside, 1))
-    settles = bool(shared.transient) and not (last or part.start) and count > 2
+    settles = 0 if last or part.start else min(shared.settling, max(count - 2, 0))
     return drop + settles, count - settles, last
 
 

@@ -84,9 +84,9 @@ def read_names(columns: Sequence[Column]) -> list[Hint]:
         stem, letter = _last_letter(column.name)
         letters.setdefault((stem, column.file), set()).add(letter)
     for place, (column, one) in enumerate(zip(columns, stated, strict=True)):
-        stem, letter = _last_letter(column.name)
+        stem, _ = _last_letter(column.name)
         if one.by_letter and not column.unit and len(letters[stem, column.file] - {""}) > 1:
-            stated[place] = Stated("", "", f"{stem}[{letter}]")
+            stated[place] = Stated("", "", column.name)
     hints = [_hint(column, one) for column, one in zip(columns, stated, strict=True)]
     for file in dict.fromkeys(one.file for one in columns):
         own = [place for place, one in enumerate(columns) if one.file == file]

@@ -36,6 +36,9 @@ _SLOW = 0.2
 _LINES = 5
 """Lines from which a factor is told."""
 
+_LEFT = 1e-3
+"""Share of an acceleration that speed and position do not explain, from which a torque can be compared with it."""
+
 _SURE = 1e-6
 """Smallest relative distance between the bounds of a factor at a line that counts."""
 
@@ -254,6 +257,45 @@ def response_at(
         return 0.0, 0.0
     ratio = y[told] / x[told]
     return float(np.mean(np.cos(np.angle(ratio)))), float(np.median(np.abs(ratio)))
+
+
+def sense_of_inertia(drive: Spectrum, motion: Spectrum, order: int, band: tuple[float, float]) -> float:
+    """Tells which way a motion counts against the torque that drives it.
+
+    In `torque = inertia x acceleration + damping x speed + stiffness x position` the inertia is positive. Phases alone
+    do not tell: below where gravity or a spring to the base gives way to inertia, acceleration goes against torque.
+
+    Args:
+        drive: The torque.
+        motion: The motion.
+        order: How often it is to be differentiated to an acceleration.
+        band: Ends of the band that is looked at [rad/s].
+
+    Returns:
+        Correlation of torque and acceleration once speed and position are taken out of both, -1 to 1.
+    """
+    at = drive.strongest[(drive.omega[drive.strongest] >= band[0]) & (drive.omega[drive.strongest] <= band[1])]
+    if len(at) < _LINES:
+        return 0.0
+    torque, acceleration, omega = drive.values[at], motion.derivative(order)[at], drive.omega[at]
+    # Neither resonances nor antiresonances are to outweigh all else.
+    weight = 1 / np.sqrt(np.maximum(np.abs(torque) * np.abs(acceleration), np.finfo(float).tiny))
+    torque, acceleration = weight * torque, weight * acceleration
+    rest = np.stack([acceleration / (1j * omega), -acceleration / omega**2], axis=1)
+    u, a = (_split_off(one, rest) for one in (torque, acceleration))
+    size = float(np.linalg.norm(u) * np.linalg.norm(a))
+    # What is left of an acceleration that the others explain is rounding.
+    told = np.linalg.norm(a) > _LEFT * np.linalg.norm(acceleration)
+    whole = float(np.linalg.norm(torque))
+    return float(u @ a) / size * min(float(np.linalg.norm(u)) / whole / _LEFT, 1.0) if size and told else 0.0
+
+
+def _split_off(values: ComplexArray, others: ComplexArray) -> FloatArray:
+    """Real and imaginary part of a spectrum without what real factors of others make of it."""
+    columns = np.concatenate([others.real, others.imag])
+    parts = np.concatenate([values.real, values.imag])
+    found, *_ = np.linalg.lstsq(columns, parts, rcond=None)
+    return np.asarray(parts - columns @ found)
 
 
 def _without(values: ComplexArray, trends: ComplexArray) -> ComplexArray:

@@ -37,7 +37,10 @@ _LOST = 0.25
 """Share of the parts that may be nowhere: those that lost samples, or were a transient."""
 
 _UNSETTLED = 3.0
-"""Distance of the first period from the mean of the others, in those that they have, from which it is a transient."""
+"""Distance of a first period from the mean of the last, in those that they have, from which it is a transient."""
+
+_EXACT = 1e-3
+"""The same distance, relative to the signal, below which it does not matter."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,8 @@ class Shared:
         std_samples: Standard deviation of it.
         held: Periods that the log holds, a fraction included.
         names: Signals that repeat with it.
-        transient: Signals whose first period differs from the others.
+        transient: Signals whose first periods differ from the others.
+        settling: How many they are.
     """
 
     samples: float
@@ -57,6 +61,7 @@ class Shared:
     held: float
     names: tuple[str, ...]
     transient: tuple[str, ...] = ()
+    settling: int = 0
 
     @property
     def whole(self) -> int:
@@ -141,14 +146,16 @@ def cut_periods(values: FloatArray, samples: int, *, last: bool) -> FloatArray:
     return used.reshape(count, samples)
 
 
-def is_unsettled(blocks: FloatArray) -> bool:
-    """Whether the first of some periods differs from the others by more than they do from each other."""
+def unsettled(blocks: FloatArray) -> int:
+    """Returns how many of the first periods (n_period, n_sample) differ from the last ones more than those do."""
     if len(blocks) < 4:
-        return False
+        return 0
     level = blocks - blocks.mean(axis=1, keepdims=True)
-    mean = level[1:].mean(axis=0)
-    apart = np.sqrt(np.mean((level - mean) ** 2, axis=1))
-    return bool(apart[0] > _UNSETTLED * np.median(apart[1:]))
+    late = level[len(level) // 2 :]
+    apart = np.sqrt(np.mean((level - late.mean(axis=0)) ** 2, axis=1))
+    usual = max(float(np.median(apart[len(level) // 2 :])), _EXACT * float(np.sqrt(np.mean(late**2))))
+    settled = np.flatnonzero(apart <= _UNSETTLED * usual)
+    return min(int(settled[0]), len(blocks) // 2)
 
 
 def carrying_lines(signals: list[FloatArray]) -> IntArray:

@@ -98,10 +98,12 @@ def _behind(motor: Signal, one: Signal, verdict: Order | None) -> tuple[str, ...
         return ()
     if verdict is None:
         return (f"taken for a side behind `{motor.name}` by the names alone: the response does not tell",)
-    still = verdict.antiresonance / (2 * np.pi)
-    return (
-        f"taken for the load's side: it moves behind a spring, on which `{motor.name}` stands still at {still:.3g} Hz",
+    at = (
+        f" on which `{motor.name}` stands still at {verdict.antiresonance / (2 * np.pi):.3g} Hz"
+        if verdict.is_seen
+        else ""
     )
+    return (f"taken for the load's side: by the response it moves behind a spring{at}",)
 
 
 def _lone(drive: Signal, one: Signal, comparison: Comparison) -> Place:

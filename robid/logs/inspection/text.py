@@ -191,7 +191,8 @@ def _dropped(found: Findings) -> tuple[str, ...]:
     if found.unbroken.start and found.proposal.part_s is None:
         return (f"the longest part without a gap begins at sample {found.unbroken.start}",)
     names = found.shared.transient if found.shared else ()
-    return (f"the first period of {', '.join(names)} differs from the others",)
+    first = "the first period" if found.proposal.drop_periods == 1 else "the first periods"
+    return (f"{first} of {', '.join(names)} differ{'s' * (first == 'the first period')} from the others",)
 
 
 def _entries(key: str, entries: tuple[Entry, ...], inside: str, none: str, path: Callable[[Path], str]) -> list[str]:

@@ -55,7 +55,10 @@ def describe_period(found: Findings) -> str:
     if shared is None:
         return "nothing that drives repeats" if found.periods else "nothing was found that drives"
     lines = f"; lines with energy: {format_lines(found.lines)}" if len(found.lines) else ""
-    transient = f"; the first period of {', '.join(shared.transient)} differs" if shared.transient else ""
+    first = f"the first {shared.settling} periods" if shared.settling > 1 else "the first period"
+    transient = (
+        f"; {first} of {', '.join(shared.transient)} differ{'s' * (shared.settling == 1)}" if shared.transient else ""
+    )
     period_s = shared.samples * found.step_s
     return f"repeats every {shared.samples:.7g} samples ({period_s:.9g} s), {shared.held:.4g} periods{lines}{transient}"
 

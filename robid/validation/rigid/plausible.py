@@ -19,6 +19,7 @@ _FAR, _TOO_FAR = 2.0, 5.0  # times the robot file's
 _ALIKE, _UNLIKE = 0.8, 0.5  # correlation with the robot file's
 _TO_BLAME = 100.0
 _VISIBLE = 0.1  # of a motor's torque
+_TOLD, _UNFELT = 0.1, 0.3  # of a rotor's inertia: its deviation where it is told, and what is none
 _BEYOND, _FAR_BEYOND = 0.05, 1.0  # of a joint's range
 _MOVED = 3.0  # deviations
 _POOR_CONDITION = 200.0
@@ -31,6 +32,7 @@ def parameter_doubts(solution: RigidSolution) -> tuple[Doubt, ...]:
         *_estimators(solution),
         *_places(solution.travel),
         *_sizes(solution),
+        *_unfelt_rotors(solution),
         *_unexplained(solution),
         *_negative(solution.estimate),
         *_excitation(solution),
@@ -93,6 +95,22 @@ def _sizes(solution: RigidSolution) -> Iterator[Doubt]:
             f"(correlation {likeness:.2g})"
         )
         yield Doubt("masses", told, likeness < _UNLIKE, 1 + _ALIKE - likeness)
+
+
+def _unfelt_rotors(solution: RigidSolution) -> Iterator[Doubt]:
+    """Torques that hold no rotor's inertia where the links are those of the robot file: a sensor behind the gear."""
+    estimate, ratio = solution.estimate, solution.against_nominal.ratio
+    usual = float(np.exp(np.nanmedian(np.log(ratio)))) if np.isfinite(ratio).any() else float("nan")
+    if solution.torque_unit == "A" or not 1 / _FAR < usual < _FAR:
+        return  # all is off alike
+    std = np.sqrt(np.diag(estimate.covariance))
+    told = (np.array(estimate.kinds) == "motor_inertia") & (estimate.nominal > 0) & (std < _TOLD * estimate.nominal)
+    size = (np.abs(estimate.value) + _MOVED * std) / np.where(told, estimate.nominal, np.inf)
+    if told.any() and size[told].max() < _UNFELT:
+        names = [name for name, is_told in zip(estimate.names, told.tolist(), strict=True) if is_told]
+        worst = two_digits(100 * float(size[told].max()))
+        message = f"the torques hold at most {worst} % of the rotors' inertias ({', '.join(names)})"
+        yield Doubt("torque_sensor", message, decisive=True, strength=_TO_BLAME)
 
 
 def _places(travel: Travel) -> Iterator[Doubt]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from log_files import write_tdms
 from robid.errors import DataError
 from robid.logs.importing import import_log, import_shot
 from robid.logs.mapping import LogMapping
@@ -189,3 +190,41 @@ def test_a_value_that_is_missing_here_and_there_is_no_clock(tmp_path):
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,u,q", comments="", fmt="%.10g")
     with pytest.raises(DataError, match="3 of 3000 values are NaN"):
         import_waves(mapping_of(tmp_path / "log.csv"))
+
+
+@pytest.mark.parametrize("unit", ["s", "ms"])
+def test_a_time_that_is_a_channel_belongs_to_the_channels_beside_it(tmp_path, unit):
+    time_s = np.arange(PERIOD * PERIODS) * STEP
+    torque, motion = waves(time_s)
+    # Each channel of this file has times of its own, in seconds from the first sample.
+    columns = {"t": (12.5 + time_s) * {"s": 1.0, "ms": 1e3}[unit], "u": torque, "q": motion}
+    path, names = write_tdms(tmp_path / "log.tdms", columns)
+    mapping = mapping_of(
+        path,
+        time=TimeChannel(names["t"], unit),
+        inputs=(InputChannel("motor", names["u"], "N m"),),
+        outputs=(OutputChannel("motor", names["q"]),),
+    )
+    assert wrong_by(import_waves(mapping)) < 1e-9
+    one = replace(mapping, time=TimeChannel(f"{names['u']}.time", "s"))
+    assert wrong_by(import_waves(one)) < 1e-9
+
+
+def test_rasters_of_one_recording_come_to_one_clock(tmp_path):
+    fast = np.arange(PERIOD * PERIODS) * STEP
+    slow = fast[::2]
+    kinds = [("Name", object), ("Data", object), ("XIndex", object)]
+    recorded = [("u", waves(fast)[0][None], 1.0), ("q", waves(slow)[1][None], 2.0)]
+    rasters = np.array([(fast[None],), (slow[None],)], [("Data", object)])
+    savemat(tmp_path / "log.mat", {"rec": {"X": rasters, "Y": np.array(recorded, kinds)}})
+    # Of the slow raster, lines from 125 on fold down upon those from 51 on.
+    lines = LINES[LINES < 50]
+    mapping = mapping_of(
+        tmp_path / "log.mat",
+        time=TimeChannel("rec.X(1).Data", "s"),
+        inputs=(InputChannel("motor", "rec.Y(1).Data", "N m"),),
+        outputs=(OutputChannel("motor", "rec.Y(2).Data"),),
+    )
+    found = response(import_waves(mapping, lines=lines))[lines]
+    wanted = np.exp(1j * (PHASES[1] - PHASES[0]))[: len(lines)]
+    np.testing.assert_allclose(found, wanted, atol=2e-3)

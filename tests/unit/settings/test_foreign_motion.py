@@ -130,6 +130,51 @@ def test_an_unreadable_model_leads_to_no_message_about_what_it_would_have_said(t
     assert "joints[0].type" in told
 
 
+FLOATING = """<mujoco>
+  <worldbody><body name="trunk" pos="0 0 0.5" quat="0.8 0.6 0 0"><freejoint/>
+    <inertial pos="0 0 0" mass="9" diaginertia="1 1 1"/>
+    <body name="arm" pos="0.1 0 0.2"><joint name="lift" axis="0 1 0" range="{range}"/>
+      <inertial pos="0.2 0 0" mass="2" diaginertia="0.01 0.1 0.1"/>
+      <body name="hand" pos="0.4 0 0"><joint name="bend" axis="0 1 0" range="{range}"/>
+        <inertial pos="0.1 0 0" mass="1" diaginertia="0.01 0.02 0.02"/>
+        <body name="cup" pos="0.2 0 0"><joint name="hang" type="ball"/>
+          <inertial pos="0 0 -0.1" mass="0.3" diaginertia="0.001 0.001 0.001"/></body></body></body>
+  </body></worldbody>
+</mujoco>"""
+
+
+def floating(folder, limits="-90 90", more="locked: rest"):
+    path = written(folder, ("lift", "bend"), more, FLOATING.format(range=limits))
+    path.write_text(
+        path.read_text().replace("type: prismatic, ", "").replace("gear_ratio_rad_m: 600", "gear_ratio: 90")
+    )
+    return path
+
+
+def test_free_and_ball_joints_rest_where_the_file_has_them(tmp_path):
+    (told,) = refused(floating(tmp_path, more=""))
+    assert "`joint_of_trunk` (neither hinge nor slide)" in told
+    assert "`hang`" in told
+    robot = load_robot(floating(tmp_path)).to_robot()
+    # The trunk is turned about x by 2 atan(3/4): the arm's y axis leans, and the cup hangs on in the hand's frame.
+    turn = np.array([[1, 0, 0], [0, 0.28, -0.96], [0, 0.96, 0.28]])
+    np.testing.assert_allclose(robot.joints[0].position_m, [0, 0, 0.5] + turn @ [0.1, 0, 0.2], atol=1e-12)
+    np.testing.assert_allclose(robot.joints[0].rotation[:, 2], turn[:, 1], atol=1e-12)
+    assert robot.joints[1].link.mass_kg == pytest.approx(1.3)
+
+
+def test_radians_that_are_read_as_degrees_are_told(tmp_path):
+    (told,) = refused(floating(tmp_path, "-1.5 3.1"))
+    assert 'angle="radian"' in told
+    model = (tmp_path / "butler.urdf").read_text().replace("<mujoco>", '<mujoco><compiler angle="radian"/>')
+    (tmp_path / "butler.urdf").write_text(model)
+    assert load_robot(tmp_path / "robot.yaml").to_robot().joints[0].upper == pytest.approx(3.1)
+    model = mobile_robot().replace('lower="-2" upper="2"', 'lower="-170" upper="170"')
+    told = refused(written(tmp_path, RIGHT, "locked: rest", model))
+    assert len(told) == len(RIGHT)
+    assert "degrees are read as radians" in told[0]
+
+
 def test_positions_of_locked_joints_that_cannot_be(tmp_path):
     more = "locked: rest\nlocked_deg: {left_upper: 170}\nlocked_m: {right_thumb: 0.03, lift: 0.4}"
     told = "\n".join(refused(written(tmp_path, RIGHT, more)))

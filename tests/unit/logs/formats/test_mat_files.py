@@ -87,11 +87,32 @@ def test_times_of_what_simulink_and_controldesk_save_are_known(tmp_path):
     variables = load_variables(tmp_path / "log.mat")
     units = {name: unit for name, unit in variables.units.items() if name.partition("(1,:)")[0] in variables.sizes}
     times = {name for name, unit in units.items() if unit in ("s", "seconds")}
+    times -= {"rec.Y{1}.Data.time", "rec.Y{2}.Data.time"}
     assert times == {"out.time", "ans(1,:)", "rec.X{1}.Data", "rec.X{2}.Data", "ts.Time"}
-    assert {name: unit for name, unit in units.items() if name not in times} == {
+    assert {name: unit for name, unit in units.items() if unit not in ("s", "seconds")} == {
         "out.signals{1}.values": "Nm",
         "ts.Data": "rad",
     }
+
+
+@pytest.mark.parametrize("kind", ["structures", "cells"])
+def test_channels_of_several_rasters_have_times_of_their_own(tmp_path, kind):
+    fast, slow = np.linspace(0, 1, 50), np.linspace(0, 1, 20)
+    rasters = [{"Data": fast}, {"Data": slow}]
+    recorded = [{"Name": "tau", "Data": fast**2, "XIndex": 1.0}, {"Name": "phi", "Data": slow**2, "XIndex": 2.0}]
+    if kind == "structures":
+        rasters, recorded = (np.array([tuple(one.values()) for one in each], [(key, object) for key in each[0]])
+                             for each in (rasters, recorded))  # fmt: skip
+    else:
+        rasters, recorded = np.array(rasters, object), np.array(recorded, object)
+    savemat(tmp_path / "log.mat", {"rec": {"X": rasters, "Y": recorded}})
+    opening, closing = "()" if kind == "structures" else "{}"
+    second = f"rec.Y{opening}2{closing}.Data"
+    for names in (None, [second, f"{second}.time"]):
+        variables = load_variables(tmp_path / "log.mat", None, names)
+        np.testing.assert_array_equal(np.ravel(find_variable(variables, f"{second}.time")), slow)
+        assert variables.units[f"{second}.time"] == "s"
+        assert names is None or set(variables) == set(names)
 
 
 def refuse(variables, name, what, remedy=""):

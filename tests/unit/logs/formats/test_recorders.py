@@ -51,6 +51,15 @@ def test_each_group_of_a_scope_has_its_own_time(tmp_path, layout):
         assert {found.units[one] for one in ("q.time", "w.time")} == {"ms"}
 
 
+def test_every_channel_of_a_group_has_the_time_of_the_group(tmp_path):
+    for names in (None, ["v.time", "u.time", "u"]):
+        found = load(tmp_path, SCOPES["two groups"], names)
+        np.testing.assert_array_equal(found["v.time"], [0, 1, 2, 3])
+        np.testing.assert_array_equal(found["u.time"], [0, 2])
+        assert (found["u"].tolist(), found.units["u.time"]) == ([1, 1], "ms")
+    assert "u.time" in load(tmp_path, SCOPES["two groups"], ["u"]).sizes
+
+
 @pytest.mark.parametrize("times", ["Name;q;v\nSampleTime[ms];0,5;0,5\nUnit;rad (Angle);Nm (Torque)\n"])
 def test_a_scope_without_times_has_the_steps_of_its_head(tmp_path, times):
     found = load(tmp_path, scope(times, ["0,5;7", "1,5;8", "-2;9", "3,25;9"]))

@@ -141,6 +141,31 @@ def test_groups_of_thousands_are_not_taken_for_decimals(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("cells", "numbers"),
+    [
+        ("0,5;999 1,5;1.000 2,5;-12.345", [999, 1000, -12345]),
+        ("0.5;999 1.5;1,000 2.5;-12,345", [999, 1000, -12345]),
+        ("0,5;999,5 1,5;1.000 2,5;1.234,25", [999.5, 1000, 1234.25]),
+        ("0.5;999.5 1.5;1,000 2.5;1,234.25", [999.5, 1000, 1234.25]),
+        ("0,001;0.999 0,5;1.000 1,5;1.234", [0.999, 1, 1.234]),
+        ("0;1.234.567 1;1.234.568,5 2;3,5", [1234567, 1234568.5, 3.5]),
+    ],
+)
+def test_marks_of_thousands_are_told_by_what_marks_decimals(tmp_path, cells, numbers):
+    found = load(tmp_path, "t;q\n" + cells.replace(" ", "\n") + "\n")
+    np.testing.assert_allclose(find_variable(found, "q"), numbers)
+
+
+def test_a_comma_that_may_be_either_is_asked_for(tmp_path):
+    text = "t;q\n0;999\n1;1,000\n"
+    with pytest.raises(DataError, match=r"1000 or 1\.000") as caught:
+        find_variable(load(tmp_path, text), "q")
+    for decimal, value in ((".", 1000), (",", 1)):
+        assert f'decimal: "{decimal}"' in caught.value.remedy
+        assert find_variable(load(tmp_path, text, decimal=decimal), "q")[1] == value
+
+
+@pytest.mark.parametrize(
     "gap",
     [
         *("#N/A", "-1.#IND", "1.#QNAN", "-1.#IND00", "1,#QNAN", "n/a", "NULL", "-nan(ind)", "nan(snan)", "NaN"),
@@ -177,6 +202,47 @@ def test_words_below_the_table_are_passed_over(tmp_path, foot):
     np.testing.assert_array_equal(load(tmp_path, f"t;q\n0;1\n1;2\n{foot}")["q"], [1, 2])
     with pytest.raises(DataError, match=r"line 4: .*1 values|line 4: .*3 values|line 5"):
         load(tmp_path, f"t;q\n0;1\n1;2\n{foot.rstrip()}\n3;4\n")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "when,q\n2024-09-24 14:05:15,999,0.5\n2024-09-24 14:05:16,001,1\n",
+        "q,when\n0.5,14:05:15,999\n1,14:05:16,001\n",
+        "when q\n2024-09-24 14:05:15.999 0.5\n2024-09-24 14:05:16.001 1\n",
+        "when\tq\n24.09.2024  14:05:15.999\t0.5\n24.09.2024 14:05:16.001\t1\n",
+        "date,time,q\n2024-09-24,14:05:15.999,0.5\n2024-09-24,14:05:16.001,1\n",
+    ],
+)
+def test_moments_that_the_separator_cuts_are_joined(tmp_path, text):
+    variables = load(tmp_path, text)
+    np.testing.assert_array_equal(variables["q"], [0.5, 1])
+    np.testing.assert_allclose(variables["time" if "date" in text else "when"], [0, 0.002], atol=1e-12)
+
+
+@pytest.mark.parametrize("names", [["t [s]", "q [rad]"], None])
+@pytest.mark.parametrize(
+    ("delimiter", "decimal", "end"), [(",", ".", ""), (";", ",", ";"), ("\t", ",", ""), (" ", ".", "")]
+)
+def test_a_table_may_lie_across(tmp_path, names, delimiter, decimal, end):
+    values = np.stack([np.arange(600) / 1000, np.random.default_rng(1).normal(size=600)])
+    values[1, 7] = np.nan
+    rows = [delimiter.join(f"{x:.9f}".replace(".", decimal) for x in row) for row in values]
+    if names and delimiter != " ":
+        rows = [f"{name}{delimiter}{row}" for name, row in zip(names, rows, strict=True)]
+    called = names if names and delimiter != " " else ["1", "2"]
+    text = "# across\n" + "".join(f"{row}{end}\n" for row in rows)
+    for asked in (None, [called[1]]):
+        found = load(tmp_path, text, asked)
+        assert list(found) == (asked or called)
+        np.testing.assert_allclose(found[called[1]], values[1], atol=1e-9)
+        assert found.sizes == dict.fromkeys(called, 600)
+    assert found.units == ({"t [s]": "s", "q [rad]": "rad"} if called == names else {})
+
+
+def test_a_wide_table_of_many_rows_does_not_lie_across(tmp_path):
+    text = "".join(",".join(f"{0.5 + column:g}" for column in range(300)) + "\n" for _ in range(70))
+    assert load(tmp_path, text, ["300"])["300"].tolist() == [299.5] * 70
 
 
 def test_text_leaves_the_other_columns_readable(tmp_path):

@@ -46,7 +46,7 @@ def test_whole_periods_are_all_there_whatever_noise_makes_of_their_length(tmp_pa
     assert found.shared is not None
     assert found.shared.held == count
     made = found.proposal
-    assert (made.periods, made.drop_periods, made.take_last) == ((2, 0, False) if count == 2 else (7, 1, False))
+    assert (made.periods, made.drop_periods, made.take_last) == ((2, 0, False) if count == 2 else (6, 2, False))
 
 
 @pytest.mark.parametrize("after", [2300, 4100, 6600])

@@ -10,7 +10,7 @@ from robid.logs.inspection.contents import Column
 from robid.logs.inspection.names import read_name, read_names
 from robid.logs.inspection.quality import judge
 from robid.logs.inspection.relations import compare, spectrum_of
-from robid.logs.inspection.repetition import Shared, carrying_lines, is_unsettled, measure_period, shorten
+from robid.logs.inspection.repetition import Shared, carrying_lines, measure_period, shorten, unsettled
 from robid.logs.inspection.sampling import find_sampling
 
 N, STEP = 6000, 1e-3
@@ -112,9 +112,11 @@ def test_lines_with_energy_and_a_transient_are_found():
     wave = np.cos(2 * np.pi * np.outer(np.arange(500), lines) / 500 + phase).sum(axis=1)
     blocks = np.tile(wave, (6, 1)) + 0.01 * RNG.normal(size=(6, 500))
     assert carrying_lines([blocks]).tolist() == lines.tolist()
-    assert not is_unsettled(blocks)
+    assert unsettled(blocks) == 0
     blocks[0] += np.exp(-np.arange(500) / 50)
-    assert is_unsettled(blocks)
+    assert unsettled(blocks) == 1
+    blocks[1] += 0.5 * np.exp(-np.arange(500) / 50)
+    assert unsettled(blocks) == 2
 
 
 @pytest.mark.parametrize(
@@ -144,6 +146,52 @@ def test_names_and_units_say_what_signals_are(name, unit, role, by, commanded, s
     hint = read_name(Column(name, NOISE, unit))
     assert (hint.role, hint.by, hint.commanded, hint.side) == (role, by, commanded, side)
     assert (hint.joint, hint.unit) == (joint, written)
+
+
+@pytest.mark.parametrize(
+    ("name", "role", "joint", "unit", "side"),
+    [
+        ("q_deg(:,1)", "angle", "1", "deg", ""),
+        ("q_deg(2,:)", "angle", "2", "deg", ""),
+        ("act_vel_deg_per_s_2", "speed", "2", "deg/s", ""),
+        ("acc_rad_s_2", "acceleration", "", "rad/s^2", ""),
+        ("speed_rad_s", "speed", "", "rad/s", ""),
+        ("Winkel_Motor_Grad", "angle", "", "deg", "motor"),
+        ("Moment_mNm", "torque", "", "mN m", ""),
+        ("Motordrehzahl [U/min]", "speed", "", "rpm", "motor"),
+        ("n_ist [min-1]", "speed", "", "rpm", ""),
+        ("Lastwinkel [°]", "angle", "", "deg", "arm"),
+        ("Achse3_Istposition_Grad", "angle", "3", "deg", ""),
+        ("couple moteur [N.m]", "torque", "", "N m", "motor"),
+        ("vitesse_tr_min", "speed", "", "rpm", ""),
+        ("accélération [m/s²]", "acceleration", "", "m/s^2", ""),
+        ("Strom (A)", "current", "", "A", ""),
+        ("current_A", "current", "", "A", ""),
+        ("x [nm]", "position", "", "nanometre", ""),
+        ("M [Ncm]", "torque", "", "N cm", ""),
+        ("speed [rps]", "speed", "", "turn/s", ""),
+        ("Torque [Nm](2)", "torque", "2", "N m", ""),
+        ("pos [inc]", "position", "", "counts", ""),
+        ("J1_A", "", "1", "", ""),
+        ("tau_A", "torque", "", "", ""),
+        ("q_m", "angle", "", "", ""),
+        ("/joint_states.effort[A]", "torque", "A", "", ""),
+        ("/joint_states.position[m]", "position", "m", "", ""),
+        ("torque [%]", "torque", "", "", ""),
+        ("Moment [MNm]", "torque", "", "", ""),
+    ],
+)
+def test_units_at_the_end_of_names_are_read_and_joints_are_none(name, role, joint, unit, side):
+    hint = read_name(Column(name, NOISE))
+    assert (hint.role, hint.joint, hint.unit, hint.side) == (role, joint, unit, side)
+
+
+def test_letters_of_joints_are_told_by_their_neighbours():
+    hints = read_names([Column(name, NOISE) for name in ("cur_A", "cur_B", "pos_A", "pos_B")])
+    assert [one.unit for one in hints] == [""] * 4
+    assert [one.joint for one in hints] == ["a", "b", "a", "b"]
+    hints = read_names([Column(name, NOISE) for name in ("effort[A]", "effort[N]", "position[A]", "position[N]")])
+    assert [(one.role, one.joint, one.unit) for one in hints[:2]] == [("torque", "A", ""), ("torque", "N", "")]
 
 
 def test_names_that_say_nothing_leave_it_to_the_name_of_the_log():
@@ -185,6 +233,31 @@ def test_equal_steps_without_a_name_are_a_time_and_counters_are_none():
     found = find_sampling([counter, Column("2", np.round(TIME, 9)), noise], {})
     assert (found.variable, found.unit, found.is_stated, found.step_s) == ("2", "s", False, STEP)
     assert find_sampling([counter, noise, Column("ref_angle", TIME)], {}).step_s is None
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns", ""])
+@pytest.mark.parametrize("value", [0.0, 17.0])
+def test_what_never_changes_is_no_clock(unit, value):
+    still = Column(f"delay [{unit}]" if unit else "time", np.full(N, value), unit)
+    assert find_sampling([still, Column("torque", NOISE)], {}).step_s is None
+    assert find_sampling([still, Column("t", TIME, "s"), Column("torque", NOISE)], {}).step_s == pytest.approx(STEP)
+
+
+@pytest.mark.parametrize("name", ["X", "X_Value", "rec.X{1}.Data", "3"])
+def test_an_even_ramp_is_a_clock_whatever_letter_it_has(name):
+    found = find_sampling([Column(name, TIME / 4), Column("torque", NOISE)], {})
+    assert (found.variable, found.unit, found.is_stated) == (name, "s", False)
+    assert found.step_s == pytest.approx(STEP / 4)
+
+
+@pytest.mark.parametrize(("step", "likely"), [(0.0625, ("s", "ms")), (0.2, ("s", "ms")), (1e-3, ()), (4.0, ())])
+def test_a_time_whose_unit_nothing_tells_stays_open(step, likely):
+    columns = [Column("time", step * np.arange(N)), Column("torque", NOISE)]
+    found = find_sampling(columns, {})
+    assert found.likely == likely
+    assert (found.step_s is None) == bool(likely)
+    known = find_sampling(columns, {}, step * 1e-3)
+    assert (known.unit, known.step_s) == ("ms", pytest.approx(step * 1e-3))
 
 
 def test_the_same_time_again_is_no_signal():
