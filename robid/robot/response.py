@@ -119,8 +119,8 @@ def response(
     sampled = hold[:, None, None] * whole.sampled
     if sampling_period_s is None:
         return replace(whole, sampled=sampled * gain, hold=hold)
-    rates = model.rates or (0,) * model.output.shape[1]
-    folding, by_delay = make_folding(omega, float(parameters.delay[0]), sampling_period_s, rates)
+    timing = float(parameters.delay[0]), sampling_period_s
+    folding, by_delay = make_folding(omega, *timing, model.rates, model.output.shape[1])
     sampled = sampled + folding.fast[:, :, None] * fast_limit(model, parameters)[:, None]
     images = None
     if folding.omega.size:
