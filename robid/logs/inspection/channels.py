@@ -217,7 +217,7 @@ def _size_of(signal: Signal) -> tuple[Settings, list[str]]:
         return {"unit": turn}, [
             f"unit by the range of {signal.wrap.size:.6g} after which it starts again" if signal.wrap else ""
         ]
-    coarse = not unit and quality.resolution is not None and quality.resolution >= _COUNT
+    coarse = not signal.states_unit and quality.resolution is not None and quality.resolution >= _COUNT
     if unit.startswith("counts") or (along and (turn == "counts" or coarse)):
         guess = [] if unit else ["unit not stated, its steps look like counts"]
         return {"unit": unit or "counts"}, [*guess, _COUNTS_OPEN]

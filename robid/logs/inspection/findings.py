@@ -28,6 +28,7 @@ from robid.logs.inspection.repetition import (
 from robid.logs.inspection.roles import Comparison, Signal, find_roles
 from robid.logs.inspection.sampling import Sampling, find_sampling
 from robid.logs.inspection.units import PER_SECOND
+from robid.logs.pace import roundest
 from robid.logs.period import Repetition
 from robid.logs.pieces import limits_of
 from robid.logs.resample import longest_bridged
@@ -40,6 +41,11 @@ _JITTER = 0.05
 """Deviation of time steps from which samples are resampled to the log's time."""
 
 _UNKNOWN_STEP_S = 1e-3
+
+_NEAR = 0.03
+"""Relative distance from the usual step of an uneven clock within which its even steps are chosen."""
+
+_ROUND = 1e-9
 
 _FEWEST = 100
 """Even samples from which a part of an uneven clock is worth looking at."""
@@ -134,8 +140,23 @@ def inspect_log(
         told = f"{numbered.told}: the first one is looked at."
         contents = replace(contents, columns=tuple(single), notes=(*contents.notes, told))
     group = _main_group(contents.columns)
-    others = tuple(one for one in contents.columns if one not in group)
     sampling = find_sampling(group, contents.scalars, sampling_period_s)
+    found = _findings(contents, group, sampling, numbered, tell)
+    step_s = _whole_step(found)
+    if step_s is not None:  # nothing else decides the steps that an uneven clock is brought to
+        found = _findings(contents, group, replace(sampling, step_s=step_s), numbered, tell)
+    return found
+
+
+def _findings(
+    contents: Contents,
+    group: Sequence[Column],
+    sampling: Sampling,
+    numbered: Numbered | None,
+    tell: Callable[[str], None],
+) -> Findings:
+    """Finds what the signals of one length are, how they repeat, and what to propose."""
+    others = tuple(one for one in contents.columns if all(one is not member for member in group))
     columns = [one for one in group if one.name != sampling.variable and one.key not in sampling.others]
     judged = [judge(one.values) for one in columns]
     part_s, columns = _evened(columns, next((one for one in group if one.name == sampling.variable), None), sampling)
@@ -159,6 +180,27 @@ def inspect_log(
     )
     found = _with_periods(found, chosen)
     return replace(found, proposal=_propose(found, chosen, comparison))
+
+
+def _whole_step(found: Findings) -> float | None:
+    """Even steps for an uneven clock of which a period has a whole number, as round as can be; None for those it has.
+
+    [s]
+    """
+    if found.evened_s is None or found.shared is None or found.sampling.step_s is None:
+        return None
+    known, step_s = found.shared, found.sampling.step_s
+    reach = max(3 * known.std_samples, 1e-6 * known.samples)
+    period_s = roundest((known.samples - reach) * step_s, (known.samples + reach) * step_s)
+    counts = range(int(np.ceil((1 - _NEAR) * known.samples)), int((1 + _NEAR) * known.samples) + 1)
+
+    def rank(count: int) -> tuple[int, float]:
+        step = period_s / count
+        digits = next((one for one in range(1, 9) if abs(float(f"{step:.{one}g}") / step - 1) < _ROUND), 9)
+        return digits, abs(count - known.samples)
+
+    best = period_s / min(counts, key=rank) if len(counts) else step_s
+    return None if abs(best / step_s - 1) < _ROUND else best
 
 
 def _evened(
