@@ -26,6 +26,7 @@ from robid.logs.inspection.repetition import (
     unsettled,
 )
 from robid.logs.inspection.roles import Comparison, Signal, find_roles
+from robid.logs.inspection.rows import on_common_instants
 from robid.logs.inspection.sampling import Sampling, find_sampling
 from robid.logs.inspection.units import PER_SECOND
 from robid.logs.pace import roundest
@@ -139,6 +140,7 @@ def inspect_log(
     if numbered is not None:
         told = f"{numbered.told}: the first one is looked at."
         contents = replace(contents, columns=tuple(single), notes=(*contents.notes, told))
+    contents = on_common_instants(contents)
     group = _main_group(contents.columns)
     sampling = find_sampling(group, contents.scalars, sampling_period_s)
     found = _findings(contents, group, sampling, numbered, tell)

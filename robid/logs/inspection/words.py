@@ -59,7 +59,7 @@ def describe_period(found: Findings) -> str:
     transient = (
         f"; {first} of {', '.join(shared.transient)} differ{'s' * (shared.settling == 1)}" if shared.transient else ""
     )
-    lasts = "" if found.sampling.step_s is None else f" ({shared.samples * found.step_s:.6g} s)"
+    lasts = "" if found.sampling.step_s is None else f" ({shared.samples * found.step_s:.7g} s)"
     return f"repeats every {shared.samples:.7g} samples{lasts}, {shared.held:.4g} periods{lines}{transient}"
 
 
