@@ -162,6 +162,12 @@ def test_what_is_missing_at_the_end_of_a_labview_file_is_told(tmp_path):
         load(tmp_path, lvm(columns, names, [*rows, "1.0"], told()))
 
 
+def test_a_channel_of_labview_without_a_name_has_a_number(tmp_path):
+    columns, _, rows = LAYOUTS["one"]
+    found = load(tmp_path, lvm(columns, "X_Value;;w;Comment;", rows, told()))
+    assert (found["2"].tolist(), found["w"].tolist()) == (Q, [10, 20, 30, 40])
+
+
 def test_special_blocks_of_labview_are_passed_over(tmp_path):
     columns, names, rows = LAYOUTS["one"]
     block = "***Start_Special***;\nmade by;me\n3;4\n***End_Special***;\n"
