@@ -10,6 +10,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.logs.formats.cells import is_missing, is_number, split
 from robid.logs.formats.layout import Body, Layout
+from robid.logs.formats.moments import is_moment
 from robid.logs.formats.telling import tell_kinds
 
 _NAMES = ("Name", "SymbolName")
@@ -50,7 +51,7 @@ def tell_twincat(lines: Sequence[str]) -> Layout | None:
     kinds = tell_kinds(full[-_TAIL:], full, comma=comma)[: len(columns)]
     whole = (row for row in cells[at:start] if len(row) >= len(names) and all(row[i] == row[0] for i in timed))
     told = {row[0]: row for row in whole}
-    body = _Body(names, columns, told, times=has_times)
+    body = _Body(names, columns, told, kinds, times=has_times)
     units = tuple(body.unit(column) for column in range(len(columns)))
     # Slow groups end above the others, by empty cells or by shorter rows.
     fewest = 1 if not has_times else 2 if len(timed) > 1 else width
@@ -80,17 +81,25 @@ def _named(cells: Sequence[Sequence[str]]) -> tuple[int, list[str]]:
 
 
 def _is_first(row: Sequence[str], comma: bool) -> bool:
-    numbers = sum(is_number(cell, decimal_comma=comma) for cell in row)
-    return numbers > 1 and all(is_number(cell, decimal_comma=comma) or is_missing(cell) for cell in row)
+    """Whether a line has numbers only, or moments before them."""
+    told = [cell for cell in row if not is_missing(cell)]
+    numbers = [cell for cell in told if is_number(cell, decimal_comma=comma)]
+    return len(told) > 1 and bool(numbers) and all(cell in numbers or is_moment(cell) for cell in told)
 
 
 class _Body(Body):
     """Groups of channels, each with a clock of its own; slow ones end above the others or repeat their samples."""
 
     def __init__(
-        self, heads: Sequence[str], columns: Sequence[int], told: Mapping[str, Sequence[str]], *, times: bool
+        self,
+        heads: Sequence[str],
+        columns: Sequence[int],
+        told: Mapping[str, Sequence[str]],
+        kinds: Sequence[str],
+        *,
+        times: bool,
     ) -> None:
-        self._told, self._columns = told, columns
+        self._told, self._columns, self._kinds = told, columns, kinds
         self._steps: dict[str, float] = {}
         is_time = [heads[column] == heads[0] for column in columns]
         names, groups = [heads[column] for column in columns], sum(is_time)
@@ -127,7 +136,7 @@ class _Body(Body):
     def unit(self, column: int) -> str:
         """The unit of a column, without the name of its quantity."""
         if column in self.clocks.values():
-            return "ms"
+            return "s" if self._kinds[column] == "moment" else "ms"
         stated = self._told.get("Unit", ())
         text = stated[self._columns[column]] if stated else ""
         return "" if text.startswith("(") else re.sub(r"\s*\(.*", "", text)

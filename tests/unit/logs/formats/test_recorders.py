@@ -51,6 +51,14 @@ def test_each_group_of_a_scope_has_its_own_time(tmp_path, layout):
         assert {found.units[one] for one in ("q.time", "w.time")} == {"ms"}
 
 
+def test_times_of_a_scope_may_be_dates(tmp_path):
+    rows = [f"02.05.2022 15:56:24,{i:03d};{q};02.05.2022 15:56:24,{i:03d};7" for i, q in enumerate(Q)]
+    found = load(tmp_path, scope("Name;q;Name;w\nSampleTime[ms];1;SampleTime[ms];1\n", rows))
+    np.testing.assert_array_equal(found["q"], Q)
+    np.testing.assert_allclose(found["w.time"], 1e-3 * np.arange(4))
+    assert found.units["w.time"] == "s"
+
+
 def test_lines_of_a_scope_may_end_with_a_separator(tmp_path):
     head = "Name;q;Name;w;\nSampleTime[ms];1;SampleTime[ms];1;\nUnit;rad (Angle);Unit;Nm (Torque);\n"
     found = load(tmp_path, scope(head, ["0;0,5;0;7;", "1;1,5;1;8;", "2;-2;2;9;", "3;3,25;3;9;"]))
