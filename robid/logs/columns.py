@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +74,7 @@ def read_columns(mapping: LogMapping) -> Read:
     times = apart_without_time(mapping)
     if mapping.time is not None:
         named.setdefault(mapping.file, []).append(f"{mapping.time.variable}.time")
-    named[mapping.file] = [*named.get(mapping.file, []), *(one for one in times if one)]
+    named[mapping.file] = [*named.get(mapping.file, []), *times]
     logs = {path: load_variables(path, mapping.format, names, mapping.dialect) for path, names in named.items()}
     if mapping.time is not None:
         found.beside = logs[mapping.file].get(f"{mapping.time.variable}.time")
@@ -83,8 +84,8 @@ def read_columns(mapping: LogMapping) -> Read:
             continue
         found.stamps, problems = read_column(mapping, logs[path], column, variable)
         found.problems += problems
-    found.problems += _untold_clocks(mapping, logs[mapping.file], times)
-    return found
+    untold = _untold_clocks(mapping, logs[mapping.file], times)
+    return replace(found, streams=[], problems=[*found.problems, *untold]) if untold else found
 
 
 def _read_channel(mapping: LogMapping, channel: LogChannel, variables: Variables, found: Read) -> None:
@@ -116,8 +117,10 @@ def _read_channel(mapping: LogMapping, channel: LogChannel, variables: Variables
             stamps = _in_unit_of_time(mapping, stamps, variables.units.get(clock, ""))
         found.problems += problems
         if channel.unwraps and not channel.problems() and values.dtype.kind in "fiu":
-            values, jumps = unwrapped(values, channel.wrap)
-            found.notes += jump_notes([(channel, name, jumps)])
+            finite = values[np.isfinite(values)].astype(float)
+            wrap = channel.wrap(float(np.ptp(finite)) if len(finite) else 0.0)
+            values, jumps = unwrapped(values, wrap)
+            found.notes += jump_notes(channel, name, wrap, jumps)
         found.streams.append(Stream(column, name, weight, values, stamps, clock, held))
 
 
@@ -180,18 +183,18 @@ def _in_unit_of_time(mapping: LogMapping, stamps: NDArray[Any], unit: str) -> ND
     return np.asarray(stamps * (TIME_UNITS[unit] / mapping.time.to_seconds))
 
 
-def _untold_clocks(mapping: LogMapping, variables: Variables, times: tuple[str, str]) -> list[DataError]:
+def _untold_clocks(mapping: LogMapping, variables: Variables, times: Sequence[str]) -> list[DataError]:
     """Refuses a log without `time` whose channels were sampled by clocks of their own."""
-    if not all(times):
+    stamps = {}
+    for time in times:
+        with suppress(KeyError, DataError):
+            stamps[time] = np.asarray(find_variable(variables, time))
+    first, *others = stamps or [""]
+    other = next((one for one in others if not np.array_equal(stamps[one], stamps[first])), "")
+    if not other:
         return []
-    try:
-        first, other = (np.asarray(find_variable(variables, time)) for time in times)
-    except (KeyError, DataError):
-        return []
-    if np.array_equal(first, other):
-        return []
-    what = f"Its channels have clocks of their own, as `{times[0]}` and `{times[1]}` show."
-    remedy = f'Set time to {{variable: "{times[0]}"}}: all channels are then brought to one clock.'
+    what = f"Its channels have clocks of their own, as `{first}` and `{other}` show."
+    remedy = f'Set time to {{variable: "{first}"}}: all channels are then brought to one clock.'
     return [DataError(what, where=str(mapping.file), remedy=remedy)]
 
 

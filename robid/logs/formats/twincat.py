@@ -51,7 +51,9 @@ def tell_twincat(lines: Sequence[str]) -> Layout | None:
     kinds = tell_kinds(full[-_TAIL:], full, comma=comma)[: len(columns)]
     whole = (row for row in cells[at:start] if len(row) >= len(names) and all(row[i] == row[0] for i in timed))
     told = {row[0]: row for row in whole}
-    body = _Body(names, columns, told, kinds, times=has_times)
+    cells_of_times = [full[0][i] for i in timed] if has_times else []
+    ticks = [float(cell.replace(",", ".")) for cell in cells_of_times if is_number(cell, decimal_comma=comma)]
+    body = _Body(names, columns, told, kinds, times=has_times, begun=min(ticks, default=0.0))
     units = tuple(body.unit(column) for column in range(len(columns)))
     # Slow groups end above the others, by empty cells or by shorter rows.
     fewest = 1 if not has_times else 2 if len(timed) > 1 else width
@@ -98,8 +100,9 @@ class _Body(Body):
         kinds: Sequence[str],
         *,
         times: bool,
+        begun: float = 0.0,
     ) -> None:
-        self._told, self._columns, self._kinds = told, columns, kinds
+        self._told, self._columns, self._kinds, self._begun = told, columns, kinds, begun
         self._steps: dict[str, float] = {}
         is_time = [heads[column] == heads[0] for column in columns]
         names, groups = [heads[column] for column in columns], sum(is_time)
@@ -151,7 +154,7 @@ class _Body(Body):
             kept[1:] = np.diff(clock[:stop]) != 0
         done = values[:stop][kept]
         is_ticks = column in self.clocks.values() and len(done) and done[0] > _TICKS
-        return (done - done[0]) * (_TICK_S / _MS) if is_ticks else done
+        return (done - self._begun) * (_TICK_S / _MS) if is_ticks else done
 
     def make_time(self, name: str, values: FloatArray) -> FloatArray:
         """A time by the stated step."""
