@@ -48,6 +48,7 @@ class Read:
         streams: The variables of the channels.
         stamps (n_sample,): The log's own time, in its unit; None where it has none that can be read.
         problems: What is wrong with any of them.
+        beside: The time stamps of a time that is a channel itself; None where it has none.
         notes: What to say about them.
     """
 
@@ -55,6 +56,7 @@ class Read:
     stamps: NDArray[Any] | None
     problems: list[DataError]
     notes: list[str]
+    beside: NDArray[Any] | None = None
 
 
 def read_columns(mapping: LogMapping) -> Read:
@@ -74,6 +76,8 @@ def read_columns(mapping: LogMapping) -> Read:
         named.setdefault(mapping.file, []).append(f"{mapping.time.variable}.time")
     named[mapping.file] = [*named.get(mapping.file, []), *times]
     logs = {path: load_variables(path, mapping.format, names, mapping.dialect) for path, names in named.items()}
+    if mapping.time is not None:
+        found.beside = logs[mapping.file].get(f"{mapping.time.variable}.time")
     for column, (path, variable) in mapping.variables.items():
         if column in channels:
             _read_channel(mapping, channels[column], logs[path], found)
@@ -107,6 +111,10 @@ def _read_channel(mapping: LogMapping, channel: LogChannel, variables: Variables
         if values is None:
             continue
         stamps, clock, problems = _own_stamps(mapping, channel, path, name, variables)
+        if stamps is not None and found.beside is not None and np.array_equal(stamps, found.beside):
+            stamps, clock = None, ""  # sample by sample they belong together with those of the log's own time
+        elif stamps is not None:
+            stamps = _in_unit_of_time(mapping, stamps, variables.units.get(clock, ""))
         found.problems += problems
         if channel.unwraps and not channel.problems() and values.dtype.kind in "fiu":
             finite = values[np.isfinite(values)].astype(float)
@@ -158,9 +166,7 @@ def _own_stamps(
         except (KeyError, DataError):
             continue
         if stamps.dtype.kind in "fiu" and stamps.ndim == 1 and len(stamps) > 1:
-            if _is_sampled_with_time(mapping, path, variables, stamps):
-                return None, "", []
-            return _in_unit_of_time(mapping, stamps, variables.units.get(time, "")), time, []
+            return stamps, time, []
     if is_of_other_topic(mapping, path, name):
         what = (
             f"Its messages have no `{topic_time(mapping)}`, by which they could be brought to the clock of the others."
@@ -168,12 +174,6 @@ def _own_stamps(
         remedy = f'Set time to {{variable: "{topic_of(name)}.log_time"}}.'
         return None, "", [DataError(what, where=f"{path}: variable `{name}`", remedy=remedy)]
     return None, "", []
-
-
-def _is_sampled_with_time(mapping: LogMapping, path: Path, variables: Variables, stamps: NDArray[Any]) -> bool:
-    """Whether the log's own time is a channel that has the same time stamps: sample by sample they belong together."""
-    name = "" if mapping.time is None else f"{mapping.time.variable}.time"
-    return path == mapping.file and name in variables and np.array_equal(variables[name], stamps)
 
 
 def _in_unit_of_time(mapping: LogMapping, stamps: NDArray[Any], unit: str) -> NDArray[Any]:

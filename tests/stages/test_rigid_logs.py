@@ -68,8 +68,8 @@ def test_a_copy_of_the_log_of_the_fit_validates_nothing(logs):
 @pytest.mark.parametrize(
     ("factors", "told", "old", "new"),
     [
-        ({"position": 180 / np.pi}, "would have moved from", "variable: q1", "variable: q1, unit: deg"),
-        ({"torque": 1e3}, "as if torques in mN m were read as N m", "variable: u1", "variable: u1, unit: mN m"),
+        ({"position": 180 / np.pi}, "state `unit: deg` for the motor angle", "variable: q1", "variable: q1, unit: deg"),
+        ({"torque": 1e3}, "state `unit: mN m` for the torque", "variable: u1", "variable: u1, unit: mN m"),
     ],
 )
 def test_units_that_are_off_are_not_to_be_used_until_they_are_stated(logs, factors, told, old, new):
