@@ -101,42 +101,44 @@ def check_wraps(mapping: LogMapping, streams: Sequence[Stream], part: slice) -> 
         streams: The variables.
         part: The samples that are used, where all have the same.
     """
-    measured = {one.column: one for one in mapping.outputs if not one.unwraps and not one.problems()}
+    unsaid = [one for one in mapping.outputs if one.unwrap is None and not one.unwraps and not one.problems()]
+    measured = {one.column: one for one in unsaid}
     problems = []
     for one in streams:
         channel = measured.get(one.column)
         if channel is None or channel.si_unit not in ("rad", "m"):
             continue
-        turn = 2 * np.pi / abs(channel.factor) if channel.si_unit == "rad" else None
-        found = _wrap_of(one.values[part].astype(float), turn)
+        turn = 2 * np.pi / abs(channel.factor)
+        turns = [turn, turn * channel.scale] if channel.si_unit == "rad" else []
+        found = _wrap_of(one.values[part].astype(float), turns)
         if found is None:
             continue
         size, count = found
-        stated = "true" if size == turn else f"{size:.0f}"
-        told = "a turn" if size == turn else f"{size:.0f}, a counter's range,"
+        stated = "true" if size in turns else f"{size:.0f}"
+        told = "a turn" if size in turns else f"{size:.0f}, a counter's range,"
         what = f"It jumps by {told} {count} times, and stays within: its numbers begin again."
         where = f"{mapping.variables[one.column][0]}: variable `{one.name}`"
         problems.append(DataError(what, where=where, remedy=f"State `unwrap: {stated}` for it."))
     return problems
 
 
-def _wrap_of(values: FloatArray, turn: float | None) -> tuple[float, int] | None:
+def _wrap_of(values: FloatArray, turns: Sequence[float]) -> tuple[float, int] | None:
     """The range after which numbers begin again, and how often they do; None where they do not.
 
     Args:
         values (n_sample,): The numbers.
-        turn: A turn in them; None where they are no angle.
+        turns: What a turn may be in them; nothing where they are no angle.
     """
     values = values[np.isfinite(values)]
     if len(values) < _FEWEST:
         return None
     steps, span = np.abs(np.diff(values)), float(np.ptp(values))
-    ranges = [] if turn is None else [turn]
+    ranges = [*turns]
     if np.array_equal(values, np.round(values)):
         ranges += [2.0**bits for bits in _BITS]
     for size in ranges:
         jumps = steps > size / 2
-        count = np.count_nonzero(jumps)
+        count = int(np.count_nonzero(jumps))
         if not 0 < count < len(steps) / 2 or span > size * (1 + _ROUNDING):
             continue
         usual = float(np.quantile(steps[~jumps], 0.99))

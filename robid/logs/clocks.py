@@ -98,7 +98,7 @@ def on_one_clock(
     Returns:
         The columns, and what is wrong with any of them.
     """
-    placed = [_own_rows(one, stamps) for one in streams]
+    placed = [own_rows(one, stamps) for one in streams]
     if stamps is None or mapping.time is None:
         interleaved = _interleaved(mapping, placed)
         columns, problems = _summed(mapping, [one for one in placed if one.column not in interleaved])
@@ -117,8 +117,13 @@ def on_one_clock(
     return _brought(mapping, timed, stamps, period_s)
 
 
-def _own_rows(stream: Stream, stamps: NDArray[Any] | None) -> Stream:
-    """A variable at its own rows, where the others are those of others: time goes on evenly without them."""
+def own_rows(stream: Stream, stamps: NDArray[Any] | None) -> Stream:
+    """Returns a variable at its own rows, where the others are those of others: time goes on evenly without them.
+
+    Args:
+        stream: The variable.
+        stamps (n_sample,): The log's own time; None where it has none.
+    """
     own = stamps if stream.stamps is None else stream.stamps
     if own is None or len(own) != len(stream.values) or stream.values.dtype.kind != "f":
         return stream
@@ -190,6 +195,8 @@ def _timed(mapping: LogMapping, stream: Stream, stamps: NDArray[Any]) -> tuple[_
     if pace is None or not known.all():
         told = "do not advance" if known.all() else f"or its values are missing at {np.count_nonzero(~known)} samples"
         remedy = "Sort the log by time, drop repeated samples, and cut it to a part in which nothing is missing."
+        if stream.clock.partition("[")[0].endswith(".header.stamp"):
+            remedy = f"Set time.variable to {mapping.time.variable.partition('.')[0]}.log_time, when each was logged."
         return None, [DataError(f"Its time stamps {told}.", where=where, remedy=remedy)]
     if pace.unsure > UNSURE or pace.loose > _LOOSE * pace.step:
         what = (

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,7 @@ class Read:
         streams: The variables of the channels.
         stamps (n_sample,): The log's own time, in its unit; None where it has none that can be read.
         problems: What is wrong with any of them.
+        beside: The time stamps of a time that is a channel itself; None where it has none.
         notes: What to say about them.
     """
 
@@ -54,6 +56,7 @@ class Read:
     stamps: NDArray[Any] | None
     problems: list[DataError]
     notes: list[str]
+    beside: NDArray[Any] | None = None
 
 
 def read_columns(mapping: LogMapping) -> Read:
@@ -71,16 +74,18 @@ def read_columns(mapping: LogMapping) -> Read:
     times = apart_without_time(mapping)
     if mapping.time is not None:
         named.setdefault(mapping.file, []).append(f"{mapping.time.variable}.time")
-    named[mapping.file] = [*named.get(mapping.file, []), *(one for one in times if one)]
+    named[mapping.file] = [*named.get(mapping.file, []), *times]
     logs = {path: load_variables(path, mapping.format, names, mapping.dialect) for path, names in named.items()}
+    if mapping.time is not None:
+        found.beside = logs[mapping.file].get(f"{mapping.time.variable}.time")
     for column, (path, variable) in mapping.variables.items():
         if column in channels:
             _read_channel(mapping, channels[column], logs[path], found)
             continue
         found.stamps, problems = read_column(mapping, logs[path], column, variable)
         found.problems += problems
-    found.problems += _untold_clocks(mapping, logs[mapping.file], times)
-    return found
+    untold = _untold_clocks(mapping, logs[mapping.file], times)
+    return replace(found, streams=[], problems=[*found.problems, *untold]) if untold else found
 
 
 def _read_channel(mapping: LogMapping, channel: LogChannel, variables: Variables, found: Read) -> None:
@@ -106,10 +111,16 @@ def _read_channel(mapping: LogMapping, channel: LogChannel, variables: Variables
         if values is None:
             continue
         stamps, clock, problems = _own_stamps(mapping, channel, path, name, variables)
+        if stamps is not None and found.beside is not None and np.array_equal(stamps, found.beside):
+            stamps, clock = None, ""  # sample by sample they belong together with those of the log's own time
+        elif stamps is not None:
+            stamps = _in_unit_of_time(mapping, stamps, variables.units.get(clock, ""))
         found.problems += problems
         if channel.unwraps and not channel.problems() and values.dtype.kind in "fiu":
-            values, jumps = unwrapped(values, channel.wrap)
-            found.notes += jump_notes([(channel, name, jumps)])
+            finite = values[np.isfinite(values)].astype(float)
+            wrap = channel.wrap(float(np.ptp(finite)) if len(finite) else 0.0)
+            values, jumps = unwrapped(values, wrap)
+            found.notes += jump_notes(channel, name, wrap, jumps)
         found.streams.append(Stream(column, name, weight, values, stamps, clock, held))
 
 
@@ -155,9 +166,7 @@ def _own_stamps(
         except (KeyError, DataError):
             continue
         if stamps.dtype.kind in "fiu" and stamps.ndim == 1 and len(stamps) > 1:
-            if _is_sampled_with_time(mapping, path, variables, stamps):
-                return None, "", []
-            return _in_unit_of_time(mapping, stamps, variables.units.get(time, "")), time, []
+            return stamps, time, []
     if is_of_other_topic(mapping, path, name):
         what = (
             f"Its messages have no `{topic_time(mapping)}`, by which they could be brought to the clock of the others."
@@ -167,12 +176,6 @@ def _own_stamps(
     return None, "", []
 
 
-def _is_sampled_with_time(mapping: LogMapping, path: Path, variables: Variables, stamps: NDArray[Any]) -> bool:
-    """Whether the log's own time is a channel that has the same time stamps: sample by sample they belong together."""
-    name = "" if mapping.time is None else f"{mapping.time.variable}.time"
-    return path == mapping.file and name in variables and np.array_equal(variables[name], stamps)
-
-
 def _in_unit_of_time(mapping: LogMapping, stamps: NDArray[Any], unit: str) -> NDArray[Any]:
     """Time stamps in the unit of the log's own time, where the log states theirs."""
     if mapping.time is None or unit not in TIME_UNITS or TIME_UNITS[unit] == mapping.time.to_seconds:
@@ -180,18 +183,18 @@ def _in_unit_of_time(mapping: LogMapping, stamps: NDArray[Any], unit: str) -> ND
     return np.asarray(stamps * (TIME_UNITS[unit] / mapping.time.to_seconds))
 
 
-def _untold_clocks(mapping: LogMapping, variables: Variables, times: tuple[str, str]) -> list[DataError]:
+def _untold_clocks(mapping: LogMapping, variables: Variables, times: Sequence[str]) -> list[DataError]:
     """Refuses a log without `time` whose channels were sampled by clocks of their own."""
-    if not all(times):
+    stamps = {}
+    for time in times:
+        with suppress(KeyError, DataError):
+            stamps[time] = np.asarray(find_variable(variables, time))
+    first, *others = stamps or [""]
+    other = next((one for one in others if not np.array_equal(stamps[one], stamps[first])), "")
+    if not other:
         return []
-    try:
-        first, other = (np.asarray(find_variable(variables, time)) for time in times)
-    except (KeyError, DataError):
-        return []
-    if np.array_equal(first, other):
-        return []
-    what = f"Its channels have clocks of their own, as `{times[0]}` and `{times[1]}` show."
-    remedy = f'Set time to {{variable: "{times[0]}"}}: all channels are then brought to one clock.'
+    what = f"Its channels have clocks of their own, as `{first}` and `{other}` show."
+    remedy = f'Set time to {{variable: "{first}"}}: all channels are then brought to one clock.'
     return [DataError(what, where=str(mapping.file), remedy=remedy)]
 
 

@@ -114,7 +114,7 @@ def measure_repetition(signal: FloatArray, stated: int, lines: IntArray) -> Repe
     reachable = stated < len(mismatch)
     outside = np.flatnonzero(mismatch > _UNLIKE)
     # Correlation that chance may give to so many independent samples.
-    chance = min(_CHANCE / np.sqrt(2 * lines.max() / stated * len(flat)), 1.0)
+    chance = min(_CHANCE / np.sqrt(max(2 * lines.max() / stated * len(flat), 1.0)), 1.0)
     limit = max(1 - chance, _REPEATS[0])
     found = _minima(mismatch, max(int(outside[0]), _SHORTEST), limit) if len(outside) else []
     nothing = Repetition(None, 0.0, reachable)

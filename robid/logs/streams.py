@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -86,20 +85,15 @@ def _has_topics(path: Path) -> bool:
     return path.exists() and (path.is_dir() or tell_format(path) in _MESSAGES)
 
 
-def apart_without_time(mapping: LogMapping) -> tuple[str, str]:
-    """The variables that tell when two channels of a log without `time` were sampled; empty where nothing tells it."""
+def apart_without_time(mapping: LogMapping) -> list[str]:
+    """Returns the variables that tell when the channels of a log without `time` were sampled, where there are some."""
     if mapping.time is not None or not mapping.file.exists():
-        return "", ""
+        return []
     names = [variable for path, variable in mapping.variables.values() if path == mapping.file]
     kind = mapping.format or tell_format(mapping.file)
     if kind in _MESSAGES:
-        times = [f"{name.partition('.')[0]}.log_time" for name in names]
-    elif kind in _TIMED:
-        times = [f"{name}.time" for name in names]
-    else:
-        return "", ""
-    other = next((time for time in times if time != times[0]), "")
-    return times[0], other
+        return list(dict.fromkeys(f"{topic_of(name)}.log_time" for name in names))
+    return list(dict.fromkeys(f"{name}.time" for name in names)) if kind in _TIMED else []
 
 
 def unwrapped(values: NDArray[Any], wrap: float) -> tuple[FloatArray, int]:
@@ -116,10 +110,8 @@ def unwrapped(values: NDArray[Any], wrap: float) -> tuple[FloatArray, int]:
     return found, int(np.count_nonzero(np.abs(np.diff(kept)) > wrap / 2))
 
 
-def jump_notes(jumps: Sequence[tuple[LogChannel, str, int]]) -> Iterator[str]:
-    """Says which variables jumped, by what, and how often."""
-    for channel, name, count in jumps:
-        if count:
-            turns = channel.unwrap is None or isinstance(channel.unwrap, bool)
-            told = "a turn" if turns else f"its range of {channel.wrap:g}"
-            yield f"`{name}` jumped by {told} {count} times; the jumps were taken out."
+def jump_notes(channel: LogChannel, name: str, wrap: float, jumps: int) -> list[str]:
+    """Says that a variable jumped, by what, and how often; nothing where it did not."""
+    turns = channel.unwrap is None or isinstance(channel.unwrap, bool)
+    told = "a turn" if turns else f"its range of {wrap:g}"
+    return [f"`{name}` jumped by {told} {jumps} times; the jumps were taken out."] if jumps else []

@@ -105,7 +105,7 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
     where, stated = mapping.place(mapping.time.variable), mapping.sampling_period_s
     time = since_first(stamps) * mapping.time.to_seconds
     if np.ptp(time) == 0:
-        remedy = "Correct time.variable, or leave out `time`."
+        remedy = f"{_logged(mapping.time.variable)}, or leave out `time`."
         return None, [DataError(f"Time does not advance: it is constant ({stamps[0]:g}).", where=where, remedy=remedy)]
     pace = measure_pace(time, stated)
     if pace is None:
@@ -151,6 +151,12 @@ def even_stamps(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> tup
         return {**columns, name: times}, [f"{told} they cannot tell the sampling period, which was taken as stated."]
     sure = f"its samples were taken to be evenly spaced, their rate is known to {100 * pace.unsure:.1g} %."
     return {**columns, name: pace.times}, [f"{told} {sure}"]
+
+
+def _logged(variable: str) -> str:
+    """What to take for a time that nobody set: messages have that of their logging beside the stamp in their header."""
+    topic, stamp, _ = variable.partition(".header.stamp")
+    return f"Set time.variable to {topic}.log_time" if stamp else "Correct time.variable"
 
 
 def since_first(stamps: NDArray[Any]) -> FloatArray:

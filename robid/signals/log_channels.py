@@ -147,11 +147,20 @@ class LogChannel:
         """Whether jumps are taken out."""
         return (self.si_unit == "rad" and self.side == "tool") if self.unwrap is None else bool(self.unwrap)
 
-    @property
-    def wrap(self) -> float:
-        """By how much the log's numbers jump where they begin again: a turn, or their range."""
-        turns = self.unwrap is None or isinstance(self.unwrap, bool)
-        return 2 * np.pi / abs(self.factor) if turns else float(self.unwrap or 0)
+    def wrap(self, span: float) -> float:
+        """By how much the log's numbers jump where they begin again: a turn, or their range.
+
+        A turn is one of what `scale` makes of them, as counts; of what they are before where they span more than that
+        and no more than this, as a joint's angle that a gear ratio turns into its motor's.
+
+        Args:
+            span: Range of the numbers.
+        """
+        if not (self.unwrap is None or isinstance(self.unwrap, bool)):
+            return float(self.unwrap)
+        turn = 2 * np.pi / abs(self.factor)
+        own = turn * self.scale
+        return own if self.scale > 1 and turn < span <= own * (1 + 1e-3) else turn
 
     @property
     def _usual(self) -> dict[str, QuantityName]:

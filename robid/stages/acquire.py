@@ -141,8 +141,8 @@ def _ask_alike(first: DataError, other: DataError | None) -> bool:
     """Whether what one log asks for, to a ten thousandth, is what another one asks for."""
     if other is None:
         return False
-    numbers = [[float(text) for text in _NUMBER.findall(one.remedy or one.what)] for one in (first, other)]
-    return len(numbers[0]) == len(numbers[1]) and np.allclose(*numbers, rtol=_SAME_CLOCK, atol=0)
+    here, there = ([float(text) for text in _NUMBER.findall(one.remedy or one.what)] for one in (first, other))
+    return len(here) == len(there) and np.allclose(here, there, rtol=_SAME_CLOCK, atol=0)
 
 
 def _periodic(

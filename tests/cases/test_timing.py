@@ -90,3 +90,26 @@ def test_a_joint_that_is_logged_as_a_sum_is_stated_as_the_difference(case):
     found = {(one["name"], one["kind"]): one["estimate"] for one in answer.json["parameters"]["arm"]}
     inertia = next(value for (name, kind), value in found.items() if name == "J3" and "inertia" in kind)
     assert inertia == pytest.approx(8e-4, rel=0.01)
+
+
+def test_what_is_proposed_for_topics_in_rows_of_their_own_runs(case):
+    here = case("plotjuggler")
+    answer = here.robid("inspect", "pj.csv", "--propose", "p.yaml")
+    assert answer.code == 0, answer.err
+    assert "Warning" not in answer.err
+    acquire = acquire_of(here.folder / "p.yaml")
+    assert acquire["sampling_period_s"] == 1e-3
+    assert "from_s" not in acquire
+    answer = here.robid("run", "p.yaml", "--backend", "serial")
+    assert answer.code == 0, answer.err
+
+
+def test_angles_that_wrap_are_said_to(case):
+    here = case("angle_wraps")
+    for name in ("p_hop_deg", "p_wrap_deg"):
+        answer = here.robid("run", f"{name}.yaml", "--backend", "serial")
+        assert answer.code == 4
+        assert answer.flat.count("`unwrap: true`") == 2
+        text = (here.folder / f"{name}.yaml").read_text().replace("unit: deg}", "unit: deg, unwrap: true}")
+        (here.folder / f"{name}.yaml").write_text(text)
+        assert here.robid("run", f"{name}.yaml", "--backend", "serial").code == 0

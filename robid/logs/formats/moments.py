@@ -176,19 +176,29 @@ class Moments:
                 return int(place)
         return int(present[0])
 
-    def seconds(self) -> FloatArray:
-        """Seconds since the first moment, NaN where one is missing."""
+    def start(self) -> tuple[int, int] | None:
+        """Day, none without dates, and time of day of the first moment [ns]; None where there is no moment."""
+        days, time = self._instants()
+        return (int(days[0]), int(time[0])) if len(time) else None
+
+    def seconds(self, start: tuple[int, int] | None = None) -> FloatArray:
+        """Seconds since a moment, as `start` has it, the first one where none is told; NaN where one is missing."""
+        _, clocks = self._joined()
+        days, time = self._instants()
+        day, instant = start or self.start() or (0, 0)
+        found = np.full(len(clocks), np.nan)
+        found[clocks != _ABSENT] = ((days - day) * _DAY + (time - instant)) / _SECOND
+        return found
+
+    def _instants(self) -> tuple[IntArray, IntArray]:
+        """Day and time of day of each moment that there is [ns]; the day is 0 where there are no dates."""
         dates, clocks = self._joined()
         present = clocks != _ABSENT
-        time = clocks[present]
+        dates, time = dates[present], clocks[present]
         if self.kind in ("date", "numbers"):
-            days = self._days(dates[present])
-            time = time if days is None else time + days * _DAY
-        else:
-            time = _without_wraps(time + dates[present] * _DAY, self._turn(time))
-        found = np.full(len(clocks), np.nan)
-        found[present] = (time - time[:1]) / _SECOND
-        return found
+            days = self._days(dates)
+            return (np.zeros(len(time), np.int64) if days is None else days), time
+        return np.zeros(len(time), np.int64), _without_wraps(time + dates * _DAY, self._turn(time))
 
     def _joined(self) -> tuple[IntArray, IntArray]:
         none = np.zeros(0, np.int64)
@@ -203,7 +213,7 @@ class Moments:
         return _DAY // 2 if counts_to_twelve and not self.halved else _DAY
 
     def _days(self, dates: IntArray) -> IntArray | None:
-        """Days since the first one; None where some date exists in no order of its numbers.
+        """Days since the year 1; None where some date exists in no order of its numbers.
 
         Of several orders the one in which dates follow each other most closely is meant: a log goes on from one day
         to the next. Within one day it makes no difference.
@@ -221,7 +231,7 @@ class Moments:
                 best = score, np.array(days, np.int64)
         if best is None:
             return None if followed else dates
-        return np.repeat(best[1] - best[1][0], np.diff([*changes, len(dates)]))
+        return np.repeat(best[1], np.diff([*changes, len(dates)]))
 
     def _orders(self, dates: IntArray) -> tuple[str, ...]:
         """Orders that the numbers of a date may have, the usual one first."""

@@ -15,15 +15,18 @@ from numpy.typing import NDArray
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.logs.formats.across import read_across
-from robid.logs.formats.cells import is_missing, is_number, is_row, split_all, without_groups
+from robid.logs.formats.cells import AROUND, is_missing, is_number, is_row, split_all, without_groups
 from robid.logs.formats.known import UNPACKING_ERRORS, open_bytes
-from robid.logs.formats.layout import REMEDY, Layout, tell_layout
+from robid.logs.formats.layout import Layout
 from robid.logs.formats.moments import Moments
 from robid.logs.formats.recorders import tell_recorder
+from robid.logs.formats.telling import REMEDY, tell_layout
 from robid.logs.formats.variables import Found, Reason, UnreadableLogError, Wanted, number_repeated
 from robid.signals.log_dialect import Dialect
 
 _SAMPLE = 1 << 18
+_DATED = ("date", "numbers")
+"""Kinds of moments that have a date."""
 CHUNK = 1 << 20
 """Characters that are read at a time; memory beyond the columns themselves is less than ten times that."""
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
@@ -93,6 +96,9 @@ class _Table:
         self._shared = {name: column for name, column in layout.body.shared.items() if name in wanted}
         needed = {*self._asked, *self._made.values(), *self._shared.values()}
         needed |= {layout.body.clocks[column] for column in needed if column in layout.body.clocks}
+        if any(layout.kinds[column] == "moment" for column in needed):
+            # All count from one moment, whichever are asked for.
+            needed |= {column for column, kind in enumerate(layout.kinds) if kind == "moment"}
         for column, kind in enumerate(layout.kinds):
             if kind not in ("number", "moment"):
                 what = f"It holds text (`{kind}`), not numbers." if kind else "It is empty."
@@ -121,7 +127,7 @@ class _Table:
         return self._found
 
     def _is_row(self, line: str) -> bool:
-        return is_row(line, self._dialect.comments) and line not in self._layout.headers
+        return is_row(line, self._dialect.comments) and line.strip(AROUND) not in self._layout.headers
 
     def _check_width(self, rows: list[tuple[int, str]]) -> list[tuple[int, str]]:
         """Returns the rows without those at the end of the table that hold no number, as `EOF`."""
@@ -230,6 +236,12 @@ class _Table:
         self._found.unreadable[self._names[column]] = Reason(what, remedy)
         self._parts.pop(column)
 
+    def _start(self, moments: Moments) -> tuple[int, int] | None:
+        """The moment from which a column counts: the first of all that have dates as it has, or have none either."""
+        dated = moments.kind in _DATED
+        starts = [one.start() for one in self._moments.values() if (one.kind in _DATED) == dated]
+        return min((start for start in starts if start is not None), default=None)
+
     def _finish(self, count: int) -> None:
         """Hands over the columns that were asked for."""
         body, none = self._layout.body, np.zeros(0)
@@ -240,7 +252,7 @@ class _Table:
                 what = f"In its row {wrong + 1} is a date that there is not."
                 self._found.unreadable[self._names[column]] = Reason(what, "Correct or delete this row.")
             else:
-                values[column] = moments.seconds()
+                values[column] = moments.seconds(self._start(moments))
         for column in dict.fromkeys([*self._asked, *self._made.values(), *self._shared.values()]):
             if column in values:
                 done = body.finish(column, values[column], values.get(body.clocks.get(column, -1)))

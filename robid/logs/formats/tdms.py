@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from nptdms import TdmsFile
@@ -19,6 +21,8 @@ def read(file: Path, wanted: Wanted) -> Found:
         if log.file_status.incomplete_final_segment or not log.groups():
             found.damage = _CUT
         statuses = log.file_status.channel_statuses or {}
+        starts = [channel.properties.get("wf_start_time") for group in log.groups() for channel in group.channels()]
+        begun = min((start for start in starts if start is not None), default=None)
         for channel in (channel for group in log.groups() for channel in group.channels()):
             name = f"{channel.group_name}/{channel.name}"
             cut = statuses.get(channel.path)
@@ -40,7 +44,15 @@ def read(file: Path, wanted: Wanted) -> Found:
                 found.mention(name, len(channel), unit)
             step = channel.properties.get("wf_increment")
             if step and f"{name}.time" in wanted:
-                found.add(f"{name}.time", float(step) * np.arange(len(channel)), "s")
+                first = _first_s(channel.properties, begun)
+                found.add(f"{name}.time", first + float(step) * np.arange(len(channel)), "s")
             elif step:
                 found.mention(f"{name}.time", len(channel), "s")
     return found
+
+
+def _first_s(properties: Mapping[str, Any], begun: Any) -> float:  # noqa: ANN401
+    """When the first sample of a channel was taken, since the first channel began [s]."""
+    start = properties.get("wf_start_time")
+    late = 0.0 if start is None or begun is None else float((start - begun) / np.timedelta64(1, "s"))
+    return late + float(properties.get("wf_start_offset") or 0.0)

@@ -9,7 +9,8 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.logs.formats.cells import is_missing, is_number, split
-from robid.logs.formats.layout import Body, Layout, tell_kinds
+from robid.logs.formats.layout import Body, Layout
+from robid.logs.formats.telling import tell_kinds
 
 _NAMES = ("Name", "SymbolName")
 """Rows of the head that name the channels; where they have a time, the row's own name stands above it."""
@@ -47,8 +48,11 @@ def tell_twincat(lines: Sequence[str]) -> Layout | None:
         return None
     full = [row + [""] * (width - len(row)) for row in rows]
     kinds = tell_kinds(full[-_TAIL:], full, comma=comma)[: len(columns)]
-    told = {row[0]: row for row in cells[at:start] if len(row) == len(names)}
-    body = _Body(names, columns, told, times=has_times)
+    whole = (row for row in cells[at:start] if len(row) >= len(names) and all(row[i] == row[0] for i in timed))
+    told = {row[0]: row for row in whole}
+    cells_of_times = [full[0][i] for i in timed] if has_times else []
+    ticks = [float(cell.replace(",", ".")) for cell in cells_of_times if is_number(cell, decimal_comma=comma)]
+    body = _Body(names, columns, told, times=has_times, begun=min(ticks, default=0.0))
     units = tuple(body.unit(column) for column in range(len(columns)))
     # Slow groups end above the others, by empty cells or by shorter rows.
     fewest = 1 if not has_times else 2 if len(timed) > 1 else width
@@ -86,9 +90,15 @@ class _Body(Body):
     """Groups of channels, each with a clock of its own; slow ones end above the others or repeat their samples."""
 
     def __init__(
-        self, heads: Sequence[str], columns: Sequence[int], told: Mapping[str, Sequence[str]], *, times: bool
+        self,
+        heads: Sequence[str],
+        columns: Sequence[int],
+        told: Mapping[str, Sequence[str]],
+        *,
+        times: bool,
+        begun: float = 0.0,
     ) -> None:
-        self._told, self._columns = told, columns
+        self._told, self._columns, self._begun = told, columns, begun
         self._steps: dict[str, float] = {}
         is_time = [heads[column] == heads[0] for column in columns]
         names, groups = [heads[column] for column in columns], sum(is_time)
@@ -140,7 +150,7 @@ class _Body(Body):
             kept[1:] = np.diff(clock[:stop]) != 0
         done = values[:stop][kept]
         is_ticks = column in self.clocks.values() and len(done) and done[0] > _TICKS
-        return (done - done[0]) * (_TICK_S / _MS) if is_ticks else done
+        return (done - self._begun) * (_TICK_S / _MS) if is_ticks else done
 
     def make_time(self, name: str, values: FloatArray) -> FloatArray:
         """A time by the stated step."""

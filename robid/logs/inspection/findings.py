@@ -26,6 +26,7 @@ from robid.logs.inspection.repetition import (
     unsettled,
 )
 from robid.logs.inspection.roles import Comparison, Signal, find_roles
+from robid.logs.inspection.rows import on_common_instants
 from robid.logs.inspection.sampling import Sampling, find_sampling
 from robid.logs.inspection.units import PER_SECOND
 from robid.logs.period import Repetition
@@ -123,6 +124,7 @@ def inspect_log(
     if numbered is not None:
         told = f"{numbered.told}: the first one is looked at."
         contents = replace(contents, columns=tuple(single), notes=(*contents.notes, told))
+    contents = on_common_instants(contents)
     group = _main_group(contents.columns)
     others = tuple(one for one in contents.columns if one not in group)
     sampling = find_sampling(group, contents.scalars, sampling_period_s)
@@ -191,7 +193,10 @@ def _with_periods(found: Findings, chosen: Chosen) -> Findings:
     by_name = {one.name: one for one in found.signals}
     part = found.unbroken
     periods = {name: measure_period(_filled(by_name[name].column.values[part])) for name in looked[:_MEASURED]}
-    shared = share_period(periods, [name for name in leading if name in periods], part.stop - part.start)
+    count = part.stop - part.start
+    shared = share_period(periods, [name for name in leading if name in periods], count)
+    if shared is None:  # commands of what turns on do not repeat where their torques do
+        shared = share_period(periods, [one.name for one in chosen.inputs if one.name in periods], count)
     if shared is None or shared.held < 2 or not chosen.inputs:
         return replace(found, periods=periods)
     blocks = {

@@ -1,7 +1,9 @@
 """Channels that were sampled by clocks of their own: brought to one, or refused, never joined row by row."""
 
+import json
 import re
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -192,6 +194,86 @@ def test_a_value_that_is_missing_here_and_there_is_no_clock(tmp_path):
         import_waves(mapping_of(tmp_path / "log.csv"))
 
 
+def write_topics(path, clocks):
+    """An MCAP file of topics in JSON, each message at its own time."""
+    writer_module = pytest.importorskip("mcap.writer")
+    messages = [
+        (round(1e9 * moment) + 1_700_000_000 * 10**9, name, value)
+        for name, (times, values) in clocks.items()
+        for moment, value in zip(times.tolist(), values.tolist(), strict=True)
+    ]
+    with path.open("wb") as stream:
+        writer = writer_module.Writer(stream)
+        writer.start(profile="", library="")
+        schema = writer.register_schema("state", "jsonschema", b"{}")
+        channels = {name: writer.register_channel(f"/{name}", "json", schema) for name in clocks}
+        for moment, name, value in sorted(messages):
+            writer.add_message(channels[name], moment, json.dumps({"value": value}).encode(), moment)
+        writer.finish()
+
+
+def test_topics_are_brought_to_one_clock_and_need_a_time(tmp_path):
+    pytest.importorskip("rosbags")
+    first, other = instants(), instants(0.31e-3)
+    write_topics(tmp_path / "log.mcap", {"effort": (first, waves(first)[0]), "state": (other, waves(other)[1])})
+    mapping = mapping_of(
+        tmp_path / "log.mcap",
+        time=None,
+        inputs=(InputChannel("motor", "/effort.value", "N m"),),
+        outputs=(OutputChannel("motor", "/state.value"),),
+    )
+    with pytest.raises(DataError, match="clocks of their own") as caught:
+        import_waves(mapping)
+    time = re.search(r'variable: "([^"]+)"', caught.value.remedy)[1]
+    assert wrong_by(import_waves(replace(mapping, time=TimeChannel(time, "s"))), STEP) < 1e-5
+
+
+@pytest.mark.parametrize("step_s", [STEP, STEP / 2])
+def test_groups_of_a_tdms_file_are_brought_to_one_clock_by_their_starts(tmp_path, step_s):
+    nptdms = pytest.importorskip("nptdms")
+    first, other = instants(), instants(0.25e-3, round(PERIODS * PERIOD * STEP / step_s), step_s)
+    told = [("drive", "u", waves(first)[0], 0.0, STEP), ("sensor", "q", waves(other)[1], 0.25e-3, step_s)]
+    with nptdms.TdmsWriter(tmp_path / "log.tdms") as writer:
+        for group, name, values, offset, step in told:
+            properties = {"wf_increment": step, "wf_start_offset": offset}
+            writer.write_segment([nptdms.ChannelObject(group, name, values, properties)])
+    mapping = mapping_of(
+        tmp_path / "log.tdms",
+        sampling_period_s=step_s,
+        time=None,
+        inputs=(InputChannel("motor", "drive/u", "N m", hold="band_limited"),),
+        outputs=(OutputChannel("motor", "sensor/q"),),
+    )
+    with pytest.raises(DataError, match="clocks of their own") as caught:
+        import_waves(mapping)
+    time = re.search(r'variable: "([^"]+)"', caught.value.remedy)[1]
+    record = import_log(
+        replace(mapping, time=TimeChannel(time, "s")),
+        samples_per_period=round(PERIOD * STEP / step_s),
+        periods=PERIODS - 1,
+        excited_lines=LINES,
+        configurations=np.zeros((1, 1)),
+    )
+    torque, motion = waves(step_s + step_s * np.arange(record.outputs.shape[3] * record.outputs.shape[4]))
+    found = (record.outputs + record.output_offset).ravel()
+    assert np.std(found - motion) < 1e-5 * np.std(motion)
+    assert np.std(record.inputs.ravel() - torque) < 1e-5 * np.std(torque)
+
+
+def test_groups_of_an_mdf_file_are_brought_to_one_clock(tmp_path):
+    asammdf = pytest.importorskip("asammdf")
+    first, other = instants(), instants(0.25e-3)
+    with asammdf.MDF(version="4.10") as file:
+        for name, times, values in (("u", first, waves(first)[0]), ("q", other, waves(other)[1])):
+            file.append([asammdf.Signal(samples=values, timestamps=times, name=name, unit="V")])
+        file.save(tmp_path / "log.mf4")
+    mapping = mapping_of(tmp_path / "log.mf4", time=None)
+    with pytest.raises(DataError, match="clocks of their own") as caught:
+        import_waves(mapping)
+    time = re.search(r'variable: "([^"]+)"', caught.value.remedy)[1]
+    assert wrong_by(import_waves(replace(mapping, time=TimeChannel(time, "s"))), STEP) < 1e-5
+
+
 @pytest.mark.parametrize("unit", ["s", "ms"])
 def test_a_time_that_is_a_channel_belongs_to_the_channels_beside_it(tmp_path, unit):
     time_s = np.arange(PERIOD * PERIODS) * STEP
@@ -228,3 +310,44 @@ def test_rasters_of_one_recording_come_to_one_clock(tmp_path):
     found = response(import_waves(mapping, lines=lines))[lines]
     wanted = np.exp(1j * (PHASES[1] - PHASES[0]))[: len(lines)]
     np.testing.assert_allclose(found, wanted, atol=2e-3)
+
+
+def test_two_columns_of_dates_count_from_one_moment(tmp_path):
+    first, other = instants(), instants(5.31e-3)
+    begun = datetime(2024, 9, 24, 14, 5, 15, tzinfo=UTC)
+
+    def dates(moments):
+        return [(begun + timedelta(seconds=one)).strftime("%Y-%m-%d %H:%M:%S.%f") for one in moments.tolist()]
+
+    cells = zip(dates(first), waves(first)[0], dates(other), waves(other)[1], strict=True)
+    rows = [f"{one},{torque:.9g},{late},{motion:.9g}" for one, torque, late, motion in cells]
+    (tmp_path / "log.csv").write_text("\n".join(["Time1,A,Time2,B", *rows]) + "\n")
+    mapping = mapping_of(
+        tmp_path / "log.csv",
+        time=TimeChannel("Time1", "s"),
+        inputs=(InputChannel("motor", "A", "N m"),),
+        outputs=(OutputChannel("motor", "B", time="Time2"),),
+    )
+    assert wrong_by(import_waves(mapping), 6 * STEP) < 1e-6
+
+
+@pytest.mark.parametrize("ticks", [False, True])
+def test_groups_of_a_twincat_scope_are_brought_to_one_clock(tmp_path, ticks):
+    first, other = instants(), instants(5.31e-3)
+
+    def told(moment):
+        return f"{133_700_000_000_000_000 + round(1e7 * moment)}" if ticks else f"{1e3 * moment:.4f}"
+
+    cells = zip(first.tolist(), waves(first)[0], other.tolist(), waves(other)[1], strict=True)
+    rows = [
+        f"{told(one)};{torque:.9g};{told(late)};{motion:.9g}".replace(".", ",") for one, torque, late, motion in cells
+    ]
+    head = ["Name;Torque;Name;Angle", "SampleTime[ms];1;SampleTime[ms];1", "Data-Type;REAL64;Data-Type;REAL64"]
+    (tmp_path / "log.csv").write_text("\n".join([*head, *rows, "EOF"]) + "\n")
+    mapping = mapping_of(
+        tmp_path / "log.csv",
+        time=TimeChannel("Torque.time", "ms"),
+        inputs=(InputChannel("motor", "Torque", "N m"),),
+        outputs=(OutputChannel("motor", "Angle"),),
+    )
+    assert wrong_by(import_waves(mapping), 6 * STEP) < (1e-2 if ticks else 1e-6)

@@ -124,6 +124,18 @@ def test_numbers_that_begin_again_go_on(tmp_path, wrap, unwrap, changes, low):
     assert any("jumped by" in note for note in record.notes)
 
 
+def test_a_joint_that_wraps_is_unwrapped_before_its_gear(tmp_path):
+    turned = 700 * np.sin(np.linspace(0, 9, 2000))
+    columns = {"tau": RNG.normal(size=2000), "q": np.mod(turned + 180, 360) - 180}
+    file, _ = WRITERS["csv"][0](tmp_path / "log.csv", columns)
+    with pytest.raises(DataError, match="jumps by a turn") as caught:
+        import_shot(shot_of(file, unit="deg", scale=100.5))
+    assert "`unwrap: true`" in caught.value.remedy
+    record = import_shot(shot_of(file, unit="deg", scale=100.5, unwrap=True))
+    wanted = np.deg2rad(100.5 * turned)
+    np.testing.assert_allclose(record.outputs.ravel(), wanted - wanted[0], atol=1e-6)
+
+
 def test_each_variable_of_a_sum_is_unwrapped_by_itself(tmp_path):
     first, other = 400 * np.sin(np.linspace(0, 9, 2000)), 300 * np.cos(np.linspace(0, 8, 2000))
     columns = {"tau": RNG.normal(size=2000), "a": np.mod(first, 360), "b": np.mod(other, 360)}

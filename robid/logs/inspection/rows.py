@@ -1,0 +1,120 @@
+"""Signals of a log that were sampled by clocks of their own, seen at the instants of one, as the import does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.logs.clocks import on_one_clock, own_rows
+from robid.logs.inspection.contents import Column, Contents
+from robid.logs.inspection.names import DRIVING, MOVING, read_names, unit_of_name
+from robid.logs.inspection.vocabulary import tokens
+from robid.logs.mapping import LogMapping
+from robid.logs.streams import Stream
+from robid.signals.log_channels import InputChannel, OutputChannel
+from robid.signals.log_options import TimeChannel
+
+_SECONDS = ("s", "ms", "us", "ns")
+_NAMES = ("time", "timestamp", "stamp", "t", "zeit", "sec", "seconds", "clock")
+_TIMES = ("header.stamp", "log_time")
+
+
+def on_common_instants(contents: Contents) -> Contents:
+    """Returns a log whose signals have the samples of one clock, where they have several in its table or messages."""
+    by_rows = _by_rows(contents)
+    return _by_topics(contents) if by_rows is None else by_rows
+
+
+def _by_rows(contents: Contents) -> Contents | None:
+    """A table whose rows hold some of the signals each; None where it is none."""
+    length = max(len(one.values) for one in contents.columns)
+    table = [one for one in contents.columns if len(one.values) == length and one.file is None and not one.group]
+    times = [one for one in table if _may_be_time(one)]
+    if len(table) < 3 or not times or all(np.isfinite(one.values).all() for one in table):
+        return None
+    time = max(times, key=_names_time)
+    placed = [own_rows(Stream(one.name, one.name, 1.0, one.values), time.values) for one in table]
+    apart = {one.name: one for one in placed if one.stamps is not None}
+    if not apart:
+        return None
+    base = max(apart.values(), key=lambda one: len(one.values))
+    brought = _brought(contents, base, apart, time.name, time.values)
+    if brought is None:
+        return None
+    kept = np.isin(time.values, base.stamps) if base.stamps is not None else slice(None)
+    others = {one.name: one.values[kept] for one in table if one.name not in brought}
+    count = len(brought[time.name])
+    columns = tuple(
+        replace(one, values=brought.get(one.name, others.get(one.name, one.values)[:count]))
+        for one in contents.columns
+        if one in table
+    )
+    told = f"its rows hold some of the columns only: each is read at its own rows, by `{time.name}`."
+    rest = tuple(one for one in contents.columns if one not in table)
+    return replace(contents, columns=(*columns, *rest), notes=(*contents.notes, told))
+
+
+def _may_be_time(column: Column) -> bool:
+    values = column.values
+    return bool(np.isfinite(values).all()) and bool(np.all(np.diff(values) >= 0)) and float(np.ptp(values)) > 0
+
+
+def _names_time(column: Column) -> int:
+    """How surely a signal that rises is the time, by its name and unit."""
+    return 2 * (unit_of_name(column) in _SECONDS) + any(word in _NAMES for word in tokens(column.name))
+
+
+def _by_topics(contents: Contents) -> Contents:
+    """Messages of several topics of which one drives and another one moves."""
+    topics: dict[str, list[Column]] = {}
+    for one in contents.columns:
+        if one.group and one.file is None:
+            topics.setdefault(one.group, []).append(one)
+    roles = {name: {hint.role for hint in read_names(members)} for name, members in topics.items()}
+    driving = [name for name, told in roles.items() if told & set(DRIVING)]
+    moving = [name for name, told in roles.items() if told & set(MOVING)]
+    if not driving or not moving or set(driving) & set(moving):
+        return contents
+    chosen = [topics[driving[0]], topics[moving[0]]]
+    kind = next((one for one in _TIMES if all(_time_of(members, one) for members in chosen)), "")
+    first, other = (_time_of(members, kind) for members in chosen)
+    if first is None or other is None:
+        return contents
+    streams = {
+        one.name: Stream(one.name, one.name, 1.0, one.values, stamps.values, stamps.name)
+        for members, stamps in zip(chosen, (first, other), strict=True)
+        for one in members
+        if len(one.values) == len(stamps.values) and not one.name.partition(".")[2].startswith(_TIMES)
+    }
+    base = next((one for one in streams.values() if one.clock == first.name), None)
+    brought = None if base is None else _brought(contents, base, streams, first.name, first.values)
+    if brought is None:
+        return contents
+    joined = [
+        replace(one, values=brought[one.name], group=driving[0]) for one in contents.columns if one.name in brought
+    ]
+    rest = [one for one in contents.columns if one.name not in brought]
+    told = f"topics {driving[0]} and {moving[0]} have clocks of their own: they are brought to one by `{kind}`."
+    return replace(contents, columns=(*joined, *rest), notes=(*contents.notes, told))
+
+
+def _time_of(members: Sequence[Column], kind: str) -> Column | None:
+    return next((one for one in members if kind and one.name.partition(".")[2] == kind), None)
+
+
+def _brought(
+    contents: Contents, base: Stream, streams: Mapping[str, Stream], time: str, stamps: FloatArray
+) -> dict[str, FloatArray] | None:
+    """Signals at the instants of one of them, and these; None where they cannot be brought there."""
+    mapping = LogMapping(
+        file=contents.file,
+        sampling_period_s=1.0,
+        time=TimeChannel(time),
+        inputs=(InputChannel("base", base.column),),
+        outputs=tuple(OutputChannel(f"{index}", name) for index, name in enumerate(streams) if name != base.column),
+    )
+    joined, problems = on_one_clock(mapping, list(streams.values()), stamps)
+    return None if problems else dict(joined.columns)
