@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from robid.errors import DataError
 from robid.validation.scale import Scale
 
 CAUSES = {
@@ -67,3 +69,11 @@ class Doubt:
     def sentence(self) -> str:
         """What was seen, and what it points to."""
         return f"{self.message}: this points to {CAUSES[self.cause]}"
+
+
+def blamed(error: DataError, doubts: Sequence[Doubt]) -> DataError:
+    """Returns a refusal that names the wrong scale first whose doing it is, where one was seen."""
+    seen = next((doubt for doubt in doubts if doubt.scales), None)
+    if seen is None:
+        return error
+    return DataError(f"{seen.sentence}; with it, {error.what}", where=error.where, remedy="correct the log's mapping")

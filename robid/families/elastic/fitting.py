@@ -10,6 +10,7 @@ import numpy as np
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.grade import grade_from_artifact
 from robid.artifacts.validation import outcome_from_artifact
+from robid.errors import DataError
 from robid.families.elastic.files import model_of, solution_from_artifact, validation_of
 from robid.families.elastic.settings import elastic_fit
 from robid.families.elastic.truth import true_values
@@ -26,10 +27,12 @@ from robid.settings.experiment import Campaign, payload_kg
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
 from robid.simulate.truth import TrueRobot
+from robid.validation.doubt import blamed
 from robid.validation.elastic.assessment import assess_fit
 from robid.validation.elastic.resonances import tabulate_resonances
 from robid.validation.elastic.validating import validate_elastic
 from robid.validation.outcome import Outcome
+from robid.validation.plausible.doubts import data_doubts
 from robid.validation.recovery import recovery_sentence
 
 
@@ -54,7 +57,10 @@ def _fitted(data: Data, work: Work, near: Mapping[str, float] | None) -> Artifac
 
     robot, delay = _robot(data, campaign), delay_s(data.loaded, campaign)
     doubtful = _doubtful(data, campaign)
-    solution = fit_elastic(robot, data.response, settings.options(), delay, told, doubtful, near)
+    try:
+        solution = fit_elastic(robot, data.response, settings.options(), delay, told, doubtful, near)
+    except DataError as error:
+        raise blamed(error, data_doubts(robot, data.response, delay)) from error
     fitted = robot, solution, data.response, settings.options(), delay
     return model_of(solution, assess_fit(*fitted), tabulate_resonances(*fitted))
 

@@ -22,6 +22,7 @@ from robid.settings.experiment import payload_kg
 from robid.settings.robot_parts import delay_s
 from robid.simulate.rigid_loop import simulate_rigid
 from robid.simulate.truth import TrueRobot
+from robid.validation.doubt import blamed
 from robid.validation.rigid.grading import assess_rigid
 from robid.validation.rigid.scales import motions_of, rigid_scale_doubts
 from robid.validation.rigid.sums import sum_doubts
@@ -41,11 +42,7 @@ def fit(data: Data, work: Work) -> Artifact:
     try:
         solution = fit_rigid(robot, shots, settings.options(), loop)
     except DataError as error:
-        if not scales:
-            raise
-        # What a wrong unit makes impossible is its doing.
-        told = f"{scales[0].sentence}; with it, {error.what}"
-        raise DataError(told, where=error.where, remedy="correct the log's mapping first") from error
+        raise blamed(error, scales) from error
     work.progress.advance()
     return model_of(solution, assess_rigid(solution, scales))
 

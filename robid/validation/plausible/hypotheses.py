@@ -13,7 +13,7 @@ from robid.validation.scale import COUNTS, SCALES, Scale
 
 _ACCUSED = 8.0
 _LEFT = 0.35
-_WITHIN = 3.0
+_WITHIN = 2.5
 _FARTHEST = 4.5
 _ALIKE = 5.0
 _MOST = 3

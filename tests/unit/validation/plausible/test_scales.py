@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot
+from robid.errors import DataError
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
 from robid.signals.quantities import Channel, motor_channels
+from robid.validation.doubt import CAUSES, blamed
 from robid.validation.plausible.doubts import data_doubts
 from robid.validation.scale import SCALES, Scale, read_scale
 
@@ -156,3 +158,12 @@ def test_what_else_is_wrong_is_judged_as_if_the_scale_were_right():
 def test_a_scale_is_read_as_it_is_written():
     for scale in (Scale("time", "1000"), Scale("motor_angle", "180/pi", inverse=True, joints=("a", "b-2"))):
         assert read_scale(str(scale)) == scale
+
+
+def test_a_refusal_names_the_scale_whose_doing_it_is():
+    refusal = DataError("no lines are left", where="response")
+    doubts = data_doubts(robot(), misread(exact(), torque=1e3))
+    named = blamed(refusal, doubts)
+    assert CAUSES["units"] in named.what
+    assert named.what.endswith("no lines are left")
+    assert blamed(refusal, ()) is refusal
