@@ -51,6 +51,7 @@ class Read:
         streams: The variables of the channels.
         stamps (n_sample,): The log's own time, in its unit; None where it has none that can be read.
         problems: What is wrong with any of them.
+        beside: The time stamps of a time that is a channel itself; None where it has none.
         notes: What to say about them.
     """
 
@@ -58,6 +59,7 @@ class Read:
     stamps: NDArray[Any] | None
     problems: list[DataError]
     notes: list[str]
+    beside: NDArray[Any] | None = None
 
 
 def read_columns(mapping: LogMapping) -> Read:
@@ -77,6 +79,8 @@ def read_columns(mapping: LogMapping) -> Read:
         named.setdefault(mapping.file, []).append(f"{mapping.time.variable}.time")
     named[mapping.file] = [*named.get(mapping.file, []), *times]
     logs = {path: load_variables(path, mapping.format, names, mapping.dialect) for path, names in named.items()}
+    if mapping.time is not None:
+        found.beside = logs[mapping.file].get(f"{mapping.time.variable}.time")
     for column, (path, variable) in mapping.variables.items():
         if column in channels:
             _read_channel(mapping, channels[column], logs[path], found)
@@ -111,6 +115,10 @@ def _read_channel(mapping: LogMapping, channel: LogChannel, variables: Variables
         if values is None:
             continue
         stamps, clock, problems = _own_stamps(mapping, channel, path, name, variables)
+        if stamps is not None and found.beside is not None and np.array_equal(stamps, found.beside):
+            stamps, clock = None, ""  # sample by sample they belong together with those of the log's own time
+        elif stamps is not None:
+            stamps = _in_unit_of_time(mapping, stamps, variables.units.get(clock, ""))
         found.problems += problems
         if channel.unwraps and not channel.problems() and values.dtype.kind in "fiu":
             finite = values[np.isfinite(values)].astype(float)
@@ -162,9 +170,7 @@ def _own_stamps(
         except (KeyError, DataError):
             continue
         if stamps.dtype.kind in "fiu" and stamps.ndim == 1 and len(stamps) > 1:
-            if _is_sampled_with_time(mapping, path, variables, stamps):
-                return None, "", []
-            return _in_unit_of_time(mapping, stamps, variables.units.get(time, "")), time, []
+            return stamps, time, []
     behind = _behind_other_time(mapping, path, name, variables)
     if behind:
         stamps, problems = read_column(mapping, _loaded(mapping, path, [behind]), channel.column, behind)
@@ -190,12 +196,6 @@ def _behind_other_time(mapping: LogMapping, path: Path, name: str, variables: Va
     names = list(variables.sizes)
     found = time_before(names, name)
     return found if found != mapping.time.variable and mapping.time.variable in times_of_groups(names) else ""
-
-
-def _is_sampled_with_time(mapping: LogMapping, path: Path, variables: Variables, stamps: NDArray[Any]) -> bool:
-    """Whether the log's own time is a channel that has the same time stamps: sample by sample they belong together."""
-    name = "" if mapping.time is None else f"{mapping.time.variable}.time"
-    return path == mapping.file and name in variables and np.array_equal(variables[name], stamps)
 
 
 def _in_unit_of_time(mapping: LogMapping, stamps: NDArray[Any], unit: str) -> NDArray[Any]:

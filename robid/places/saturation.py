@@ -42,7 +42,7 @@ def saturated(evidence: Evidence, between: FloatArray) -> Saturated:
     """
     rows = evidence.rows
     covariance = np.eye(rows.shape[1]) + (rows * between) @ rows.swapaxes(1, 2)
-    root = np.linalg.cholesky(covariance)
+    root = _root(covariance)
     whole = np.linalg.solve(root, np.concatenate([rows, evidence.target[..., None]], axis=2))
     weighted, left = whole[..., :-1], whole[..., -1]
     return Saturated(
@@ -51,6 +51,18 @@ def saturated(evidence: Evidence, between: FloatArray) -> Saturated:
         np.asarray((left**2).sum(axis=1)),
         np.asarray(2 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)),
     )
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    """Cholesky factors of matrices (n_place, n_row, n_row) of at least the unit matrix, beyond all rounding or not.
+
+    Where noise is next to nothing, rounding takes their smallest eigenvalues away: as little is then put back.
+    """
+    try:
+        return np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        size = covariance.shape[-1] * np.finfo(float).eps * np.trace(covariance, axis1=-2, axis2=-1)
+        return np.linalg.cholesky(covariance + size[:, None, None] * np.eye(covariance.shape[-1]))
 
 
 def saturate(information: FloatArray, between: FloatArray) -> FloatArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -13,7 +13,7 @@ import numpy as np
 from robid.arrays import LARGEST
 from robid.errors import DataError
 from robid.robot.masses import Weights, changed_by_compiler, replace_unsound, weights
-from robid.robot.quiet import quiet_warnings
+from robid.robot.quiet import quiet_reading
 from robid.robot.ties import Bond, Constraint, Tie, constraints_of, split
 from robid.robot.urdf import NOT_EXPANDED, Urdf, read_urdf, unusable, wrong_limits
 
@@ -97,8 +97,10 @@ def read_model(path: Path) -> ForeignModel:
     """
     try:
         root = _parsed(path.read_bytes())
-        with quiet_warnings():
-            return _read(path, root)
+        with quiet_reading() as told:
+            model = _read(path, root)
+        warned = (f"{path.name}: MuJoCo warns: {' '.join(text.split())}" for text in dict.fromkeys(told))
+        return replace(model, notes=(*model.notes, *warned))
     except OSError as error:
         what = f"cannot be read: {error.strerror or error}"
         raise DataError(what, where=str(path), remedy="check the path") from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import warnings
 from collections.abc import Iterator
 
 import mujoco
@@ -17,3 +18,14 @@ def quiet_warnings() -> Iterator[list[str]]:
         yield told
     finally:
         mujoco.set_mju_user_warning(before)
+
+
+@contextlib.contextmanager
+def quiet_reading() -> Iterator[list[str]]:
+    """Collects what MuJoCo warns of while it reads and compiles a file, which it says through Python, too."""
+    with quiet_warnings() as told, warnings.catch_warnings(record=True) as raised:
+        warnings.simplefilter("always", UserWarning)
+        try:
+            yield told
+        finally:
+            told += [str(each.message) for each in raised]

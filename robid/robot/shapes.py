@@ -11,7 +11,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.robot.foreign import name_everything
-from robid.robot.quiet import quiet_warnings
+from robid.robot.quiet import quiet_reading
 from robid.robot.urdf import read_urdf
 
 
@@ -26,7 +26,7 @@ class Shapes:
             joints: Names of the driven joints, base to flange.
             locked: Positions of other joints [rad, or m].
         """
-        with quiet_warnings():
+        with quiet_reading():
             self._model = _shapes_of(path)
         self._data = mujoco.MjData(self._model)
         for name, angle in locked.items():
@@ -47,9 +47,9 @@ class Shapes:
 
 def _shapes_of(path: Path) -> mujoco.MjModel:
     root = ET.fromstring(path.read_bytes())
-    if root.tag == "robot":
-        return mujoco.MjSpec.from_string(read_urdf(root, with_shapes=True).text).compile()
-    spec = mujoco.MjSpec.from_file(str(path))
+    is_urdf = root.tag == "robot"
+    text = read_urdf(root, with_shapes=True).text if is_urdf else ""
+    spec = mujoco.MjSpec.from_string(text) if is_urdf else mujoco.MjSpec.from_file(str(path))
     name_everything(spec)
     for geom in list(spec.geoms):
         if geom.type == mujoco.mjtGeom.mjGEOM_MESH:

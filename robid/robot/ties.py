@@ -123,6 +123,18 @@ def _reference(compiled: mujoco.MjModel, joint: str) -> float:
     return float(compiled.qpos0[compiled.joint(joint).qposadr[0]])
 
 
+def led_by(ties: Collection[Tie], driven: Collection[str]) -> tuple[Tie, ...]:
+    """Turns ties round whose follower is driven and whose leader is not: a file may name the two in either order."""
+    followers = {tie.follower for tie in ties}
+    turned = []
+    for tie in ties:
+        leads = tie.leader is not None and tie.leader not in driven and tie.leader not in followers
+        if tie.leader is not None and leads and tie.follower in driven and tie.is_linear and tie.factor:
+            tie = Tie(tie.leader, tie.follower, 1 / tie.factor, -tie.offset / tie.factor, is_linear=True)
+        turned.append(tie)
+    return tuple(turned)
+
+
 def follow(ties: Collection[Tie], held: Mapping[str, float]) -> dict[str, float]:
     """Returns the positions of the joints that do not move, with those that follow them [rad, or m]."""
     positions = dict(held)

@@ -101,7 +101,7 @@ def read_urdf(root: ET.Element, *, with_shapes: bool = False) -> Urdf:
 
     Args:
         root: The file.
-        with_shapes: Whether `text` keeps collision shapes, but for meshes, in place of masses.
+        with_shapes: Whether `text` has collision shapes, but for meshes, in the place of masses.
     """
     urdf, clean = Urdf(), ET.Element("robot", {"name": root.get("name", "")})
     dropped = 0
@@ -229,12 +229,9 @@ def _number(text: str) -> float | None:
 
 
 def _keep_shapes(link: ET.Element, kept: ET.Element) -> None:
-    """Gives a link its collision shapes and a stand-in for its mass."""
+    """Gives a link its collision shapes, but for meshes."""
     for inertial in kept.findall("inertial"):
         kept.remove(inertial)
-    inertial = ET.SubElement(kept, "inertial")
-    ET.SubElement(inertial, "mass", {"value": "1"})
-    ET.SubElement(inertial, "inertia", {key: "1" if key in _INERTIA[:3] else "0" for key in _INERTIA})
     for shape in link.findall("collision"):
         if shape.find("geometry/mesh") is None:
             kept.append(copy.deepcopy(shape))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.chain import ForeignJoint, carried_by, extract_chain, frame_on_last, order_of
 from robid.robot.foreign import ForeignModel, read_model
+from robid.robot.ties import led_by
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.counterbalance import CounterbalanceSection
 from robid.settings.foreign_motion import Motion, motion_faults, motion_notes, motion_of
@@ -55,6 +56,7 @@ def complete(document: Document, robot: RobotFile) -> Completed:
     except DataError as error:
         unread = robot.model_copy(update={"joints": tuple(map(_as_written, robot.joints))})
         return Completed(unread, [problem_at(document, ("model",), f"{error.where} {error.what}")], {})
+    model = replace(model, ties=led_by(model.ties, [joint.name for joint in robot.joints]))
     motion = motion_of(robot, model)
     immobile = dict.fromkeys(model.fixed, "is fixed in the model") | dict.fromkeys(motion.held, "is held at rest")
     immobile |= dict.fromkeys(robot.locked_deg, "is locked by `locked_deg`")

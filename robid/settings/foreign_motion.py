@@ -192,8 +192,9 @@ def _led_faults(model: ForeignModel, motion: Motion) -> _Found:
         yield (
             ("model",),
             (
-                f"{told}: a chain has no such joint, but a loop link turns like that: add `loop_links: [{shown}]`; a"
-                " loop link of a joint's name stands in the place of what that joint moves in the model"
+                f"{told}: a chain has no such joint, but a loop link of a rigid fit turns like that: add"
+                f" `loop_links: [{shown}]`; a loop link of a joint's name stands in the place of what that joint moves"
+                " in the model"
             ),
         )
 

@@ -14,6 +14,7 @@ CAUSES = {
     "zero": "a zero of the angles that is off",
     "configurations": "configurations that are swapped or mislabelled",
     "delay": "a delay that is not declared",
+    "samples": "speeds whose samples are not what was stated",
     "filters": "filters that let the noise of the positions pass",
     "units": "units or gear ratios of the log that are off",
     "same_motion": "a motion that the fit has seen already",

@@ -5,9 +5,9 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
-from scipy.linalg import expm
 from scipy.signal import cont2discrete
 
+from exact_sampling import exact_acceleration
 from exact_systems import (
     ball_screw,
     linear_axis,
@@ -19,7 +19,6 @@ from robid.robot.derivatives import jacobian
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response, with_values
-from robid.robot.statespace import state_space
 from tolerances import DISCRETISATION, FINITE_DIFFERENCE
 
 SHARE = np.r_[np.geomspace(1e-3, 0.1, 12), np.linspace(0.12, 0.45, 23)]
@@ -45,34 +44,6 @@ def linear_model(name, rates=()):
     return robot, replace(linear, rates=(rates * count)[:count])
 
 
-def exact(linear, parameters, frequency_hz, period_s, rate):
-    """Acceleration that stands for outputs of one rate sampled behind a held, delayed torque (n_freq, n_out, n_in)."""
-    n_out, n_in = linear.output.shape[1], linear.n_motor
-    names = [tuple(f"{word}{index}" for index in range(count)) for word, count in
-             (("m", n_in), ("s", linear.mass.shape[-1] - n_in), ("o", n_out))]  # fmt: skip
-    system = state_space(linear, parameters, 0, *names)
-    rows = slice(rate * n_out, (rate + 1) * n_out)
-    samples = float(parameters.delay[0]) / period_s
-    whole = np.floor(samples + 1e-9)
-    part, n = max(samples - whole, 0.0), len(system.A)
-    generator = np.zeros((n + n_in, n + n_in))
-    # Speeds in units per period, so that both halves of the state are of one size.
-    unit = np.r_[np.ones(n // 2), np.full(n // 2, period_s)]
-    generator[:n, :n] = unit[:, None] * system.A / unit * period_s
-    generator[:n, n:] = unit[:, None] * system.B * period_s
-    first, second = expm(generator * part), expm(generator * (1 - part))
-    step = second[:n, :n] @ first[:n, :n]
-    found = []
-    for omega in 2 * np.pi * frequency_hz:
-        z = np.exp(1j * omega * period_s)
-        drive = second[:n, n:] + second[:n, :n] @ first[:n, n:] / z
-        state = np.linalg.solve(z * np.eye(n) - step, drive)
-        # A torque that acts from an instant on is not in the acceleration of that instant.
-        seen = (system.C[rows] / unit) @ state + system.D[rows] / z
-        found.append((1j * omega) ** (2 - rate) * seen * z**-whole)
-    return np.array(found)
-
-
 @pytest.mark.parametrize(("name", "rate"), [(name, rate) for name in CASES for rate in (1, 2) if rate in SAMPLED[name]])
 @pytest.mark.parametrize(("period_s", "delay_samples"), [(1e-3, 0.0), (1e-3, 0.3), (4e-3, 1.0), (4e-4, 2.7), (1e-3, 5)])
 def test_rates_sampled_at_instants_against_exact_discretisation(name, rate, period_s, delay_samples):
@@ -82,7 +53,7 @@ def test_rates_sampled_at_instants_against_exact_discretisation(name, rate, peri
     parameters = nominal_parameters(robot, linear, delay_samples * period_s)
     frequency_hz = SHARE / period_s
     found = response(linear, parameters, frequency_hz, period_s).sampled[0]
-    wanted = exact(linear, parameters, frequency_hz, period_s, rate)
+    wanted = exact_acceleration(linear, parameters, frequency_hz, period_s, rate)
     error = np.abs(found - wanted) / np.abs(wanted).max(axis=(1, 2), keepdims=True)
     assert error.max() < rate**3 * DISCRETISATION  # an acceleration jumps with the torque
     # Each for itself, far off the motors: what little is left of their motion there decides a logarithm too.

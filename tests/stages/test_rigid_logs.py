@@ -68,8 +68,8 @@ def test_a_copy_of_the_log_of_the_fit_validates_nothing(logs):
 @pytest.mark.parametrize(
     ("factors", "told", "old", "new"),
     [
-        ({"position": 180 / np.pi}, "would have moved from", "variable: q1", "variable: q1, unit: deg"),
-        ({"torque": 1e3}, "as if torques in mN m were read as N m", "variable: u1", "variable: u1, unit: mN m"),
+        ({"position": 180 / np.pi}, "state `unit: deg` for the motor angle", "variable: q1", "variable: q1, unit: deg"),
+        ({"torque": 1e3}, "state `unit: mN m` for the torque", "variable: u1", "variable: u1, unit: mN m"),
     ],
 )
 def test_units_that_are_off_are_not_to_be_used_until_they_are_stated(logs, factors, told, old, new):
@@ -132,7 +132,7 @@ def test_a_motor_that_never_moves_and_a_short_record_are_refused(logs):
             **{**logs.shots["motion"].__dict__, "position": logs.shots["motion"].position * [1, 0]}
         ),
     )
-    _fails(logs, "the motors of lift never move", "move all joints at the same time")
+    _fails(logs, "lift never moves", "move all joints at the same time")
     short = {key: getattr(logs.shots["motion"], key)[:600] for key in ("position", "torque")}
     write_log(logs.folder / "motion.csv", type(logs.shots["motion"])(**{**logs.shots["motion"].__dict__, **short}))
     _fails(logs, "the filters leave 0 rows of 600 samples", "state a higher `filters.position_cut_hz`")

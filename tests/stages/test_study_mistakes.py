@@ -104,20 +104,38 @@ UNITS = """\
   only: units
   units:
     robots:
-      arm:
-        experiment: light.yaml
+      drive:
+        experiment: drive.yaml
         fit: elastic
         torque_constant_nm_a: 0.05
         variants: [{imperfections: {friction: tanh}}]
     mistakes:
-      in_deg: {scale: motor_angle x 180/pi, same: {arm: [torque / 180/pi]}}
+      in_deg: {scale: motor_angle x 180/pi, same: {drive: [torque / 180/pi]}}
       stamps_in_ms: {scale: time x 1000, refusals: [time unit]}
   mistakes:
+"""
+
+DRIVE = """\
+schema_version: 1
+name: drive
+robot: geared_drive.yaml
+campaigns:
+  estimation: &estimation
+    configurations: {list_deg: [[0], [60]]}
+    excitation: {period_s: 0.5, low_hz: 4, high_hz: 80, count: 14, rms: 15, seed: 1, phase_iterations: 5}
+    periods: 2
+    source: {simulate: {seed: 1, imperfections: {encoder_noise_rad: 1.0e-5, torque_noise_nm: 0.005, friction: lugre}}}
+    estimate: {compensation: nominal}
+  validation: {<<: *estimation, configurations: {list_deg: [[30]]}}
+fits:
+  elastic: {family: elastic, from: estimation, validate_on: validation, free: [stiffness, damping]}
 """
 
 
 @pytest.fixture
 def units(study):
+    shutil.copy(_HERE.parents[1] / "configs" / "robots" / "geared_drive.yaml", study.folder)
+    (study.folder / "drive.yaml").write_text(DRIVE)
     study.change("  mistakes:\n", UNITS, "mistakes.yaml")
     study.change("mistakes: 1, heavy: 2, light: 1}", "mistakes: 1, units: 1, rough: 1}", "mistakes.yaml")
     study.change("choose: {first: 11", "choose: {first: 111", "mistakes.yaml")
@@ -128,12 +146,12 @@ def test_logs_in_wrong_units_are_read_through_the_whole_chain(units):
     answer = units.robid("study", "mistakes.yaml", "--json")
     assert answer.code == 0, answer.err
     summary, tasks = answer.json["summary"], units.runs / "tasks"
-    assert names(tasks / "units") == {"arm_units_1", "arm_rough_1"}
+    assert names(tasks / "units") == {"drive_units_1", "drive_rough_1"}
     assert not names(tasks / "cases")
     assert (summary["units.cases"], summary["units.sound"], summary["units.false"]) == (2, 1, 0)
     assert summary["units.stamps_in_ms.named"] == 1
-    assert summary["units.named"] == summary["units.arm.named"] >= 0.5
-    held = read_artifact(next((tasks / "units").glob("arm_units_1.*")), TASK)
+    assert summary["units.named"] == summary["units.drive.named"] >= 0.5
+    held = read_artifact(next((tasks / "units").glob("drive_units_1.*")), TASK)
     refusals = dict(zip(held.datasets["case"].values.tolist(), held.datasets["refusal"].values.tolist(), strict=True))
     assert "time unit" in refusals["stamps_in_ms"]
     assert "/tmp" not in refusals["stamps_in_ms"]
@@ -141,9 +159,42 @@ def test_logs_in_wrong_units_are_read_through_the_whole_chain(units):
     for text in ("in deg", "Wrong units", "Rough robot files"):
         assert text in page
     before = times(tasks)
-    units.change("same: {arm: [torque / 180/pi]}", "same: {}", "mistakes.yaml")
+    units.change("same: {drive: [torque / 180/pi]}", "same: {}", "mistakes.yaml")
     assert units.robid("study", "mistakes.yaml").code == 0
     assert times(tasks) == before, "another group asks for no other reading"
+
+
+RIGID = """\
+schema_version: 1
+name: rigid
+robot: rigid_arm.yaml
+campaigns:
+  exciting: &exciting
+    configurations: {list_deg: [[20, 30]]}
+    excitation: {signal: trajectory, period_s: 3, starts: 1, evaluations: 15, seed: 1}
+    periods: 1
+    source: {simulate: {seed: 1, imperfections: {friction: tanh, encoder_noise_rad: 1.0e-5}}}
+  new: {<<: *exciting, excitation: {signal: trajectory, period_s: 3, starts: 1, evaluations: 15, seed: 2}}
+fits:
+  rigid: {family: rigid, from: exciting, validate_on: new}
+"""
+
+
+def test_a_fit_that_reads_records_is_read_as_one_shot(units):
+    shutil.copy(_HERE / "rigid_arm.yaml", units.folder)
+    (units.folder / "rigid.yaml").write_text(RIGID)
+    units.change(
+        "experiment: drive.yaml\n        fit: elastic", "experiment: rigid.yaml\n        fit: rigid", "mistakes.yaml"
+    )
+    answer = units.robid("study", "mistakes.yaml", "--json")
+    assert answer.code == 0, answer.err
+    held = read_artifact(next((units.runs / "tasks" / "units").glob("drive_units_1.*")), TASK)
+    columns = (held.datasets[key].values.tolist() for key in ("case", "causes", "refusal"))
+    said = {case: (causes, refusal) for case, causes, refusal in zip(*columns, strict=True)}
+    assert "time unit" in said["stamps_in_ms"][1]
+    assert said["in_deg"][0].split("; ")[0] == "units"
+    assert answer.json["summary"]["units.named"] == 1
+    assert answer.json["summary"]["units.false"] == 0
 
 
 @pytest.mark.parametrize(
@@ -153,12 +204,16 @@ def test_logs_in_wrong_units_are_read_through_the_whole_chain(units):
         (
             "fit: elastic\n        torque",
             "fit: rigid\n        torque",
-            "study.units.robots.arm.fit: there is no fit `rigid`",
+            "study.units.robots.drive.fit: there is no fit `rigid`",
         ),
-        ("{friction: tanh}", "{frickion: tanh}", "study.units.robots.arm.variants[0].imperfections.frickion"),
-        ("180/pi, same", "180/pi, log: {arm: [angle, arm]}, same", "the campaigns' `outputs` lack"),
-        ("same: {arm: ", "same: {arn: ", "there is no robot `arn`"),
-        ("  units:\n    robots", "  units:\n    only: [arn]\n    robots", "study.units.only: there is no robot `arn`"),
+        ("{friction: tanh}", "{frickion: tanh}", "study.units.robots.drive.variants[0].imperfections.frickion"),
+        ("180/pi, same", "180/pi, log: {drive: [angle, arm]}, same", "the campaigns' `outputs` lack"),
+        ("same: {drive: ", "same: {drove: ", "there is no robot `drove`"),
+        (
+            "  units:\n    robots",
+            "  units:\n    only: [drove]\n    robots",
+            "study.units.only: there is no robot `drove`",
+        ),
         ("choose: {first: 111", "choose: {first: 3", "the seeds of `judge` and `choose` overlap"),
     ],
 )

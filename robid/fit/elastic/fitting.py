@@ -35,6 +35,7 @@ from robid.robot.response import nominal_parameters
 _BETTER = 1e-3  # of the cost
 _UPDATED_ENOUGH = 1e-6  # of the cost
 _BACK = (1.0, 0.5, 0.25, 0.0)
+_OTHER_SAMPLES = (-1, 1, 2)
 _NO_REST = (
     "the springs that would fit best give way under gravity: these are on the way to them, as far as the robot rests;"
     " look for wrong data or a wrong robot file before anything else"
@@ -112,7 +113,23 @@ def _tasks(problem: Problem, robot: Robot, options: ElasticOptions, delay_s: flo
     strategy = make_strategy(problem, robot, options)
     starts = _with_delay(problem.parameters, draw_starts(problem.parameters, options), delay_s)
     # The robot file's values may be so near that stages only lead away from them.
-    return [(strategy, start, index == 0) for index, start in enumerate(starts)]
+    tasks = [(strategy, start, index == 0) for index, start in enumerate(starts)]
+    return [*tasks, *((strategy, start, True) for start in _at_other_samples(problem, starts[0]))]
+
+
+def _at_other_samples(problem: Problem, start: FloatArray) -> list[FloatArray]:
+    """The first start at delays of other whole samples, where accelerations were sampled.
+
+    One that follows a torque at once tells which sample's torque it follows, and nothing of the delay in between: no
+    descent leads from one sample to the next.
+    """
+    parameters, period_s = problem.parameters, problem.frf.sampling_period_s
+    if "delay" not in parameters.names or 2 not in problem.model.rates:
+        return []
+    index = parameters.names.index("delay")
+    steps = period_s / parameters.scale[index] * np.array(_OTHER_SAMPLES)
+    own = np.arange(start.size) == index
+    return [np.clip(start + step * own, parameters.lower, parameters.upper) for step in steps]
 
 
 def _tasks_near(problem: Problem, robot: Robot, options: ElasticOptions, near: Mapping[str, float]) -> list[_Task]:

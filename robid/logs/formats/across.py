@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.logs.formats.cells import is_missing, is_number, is_row, number, split
-from robid.logs.formats.layout import tell_marks, units_of
+from robid.logs.formats.telling import tell_marks, units_of
 from robid.logs.formats.variables import Found, Reason, Wanted, number_repeated
 from robid.signals.log_dialect import Dialect
 

@@ -16,6 +16,9 @@ _MISSING = frozenset(
 )
 """What tools write where there is no value, in lower case."""
 
+AROUND = " \t\r\n\ufeff"
+"""What may stand around a line: also the mark of its encoding, where files were joined."""
+
 _NO_NUMBER = re.compile(r"[-+]?(nan(\([a-z0-9]*\))?|[qs]nan|1[.,]#(ind|nan|qnan|snan)0*|1[.,]#j|nan[qs])")
 _INFINITE = re.compile(r"([-+]?)1[.,]#inf0*|([-+]?)1[.,]#i")
 _FORTRAN = re.compile(r"([-+]?\d+\.?\d*|[-+]?\.\d+)d([-+]?\d+)")

@@ -1,38 +1,14 @@
-"""Tells from the first lines of a table how it is written: delimiter, names, units, where its numbers begin."""
+"""How a table of text is written: its columns, and what else is to be known of its rows."""
 
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from robid.arrays import FloatArray
-from robid.logs.formats.cells import (
-    has_decimal_commas,
-    is_grouped,
-    is_missing,
-    is_number,
-    is_row,
-    number,
-    split,
-    tell_groups,
-    without_groups,
-)
-from robid.logs.formats.moments import is_moment
-from robid.logs.formats.variables import UnreadableLogError
-from robid.signals.log_dialect import Dialect
-
-_DELIMITERS = (";", "\t", ",", "|", " ")
-_TAIL = 30
-"""Lines at the end of the sample by which the columns are told."""
-_BRACKETS = re.compile(r"[\[(]([^\[\]()]*)[\])]\s*$")
-_UNITS = re.compile(
-    "m?s|[uµ]s|ns|min|[mk]?n[·*]?m|k?n|m?[av]|k?w|[mu]?rad|deg|°|(m?rad|deg|°|turns?|rev|counts?|m?m)/s([\\^²]2?)?|rpm|[1u]/min"
-    "|[muµ]?m|turns?|rev|counts?|incr?|k?hz|%|-|°?c|nms/rad|1|bool"
-)
-REMEDY = "Write one line of column names, then one line of numbers per sample, separated by `,`, `;` or tabs."
+from robid.logs.formats.cells import is_grouped, number, split, without_groups
 
 
 class Body:
@@ -81,13 +57,6 @@ class Join:
     def __call__(self, line: str) -> str:
         """Returns a line with one cell for each moment."""
         return self.cut.sub(self.mark, line)
-
-
-_JOINS = {
-    " ": Join(re.compile(r"(?<=\d[-/.]\d\d)\s+(?=\d{1,2}:\d\d)|(?<=[-/.]\d{4})\s+(?=\d{1,2}:\d\d)"), "T"),
-    ",": Join(re.compile(r"(?<=\d:\d\d:\d\d),(?=\d{3,6}(,|\s*$))"), "."),
-}
-"""By the separator: between a date and a time, and before the fraction of a second."""
 
 
 @dataclass(frozen=True)
@@ -143,189 +112,3 @@ class Layout:
     def is_open(self, cell: str, column: int) -> bool:
         """Whether a number may be two, as nothing tells what its comma marks."""
         return bool(self.groups) and self.groups[column] == "?" and "," in cell and is_grouped(cell)
-
-
-def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
-    """Tells the layout of a table from its first lines; what the dialect states goes first.
-
-    Raises:
-        UnreadableLogError: If they are no table.
-    """
-    if any("\x00" in line for line in lines):
-        raise UnreadableLogError("The log cannot be read as text (it holds bytes that are none).", REMEDY)
-    rows = [(i, line) for i, line in enumerate(lines) if is_row(line, dialect.comments)]
-    if dialect.header_line:
-        rows = [(i, line) for i, line in rows if i + 1 >= dialect.header_line]
-    separator, comma = tell_marks([line for _, line in rows[-_TAIL:]], dialect)
-    cells = [(i, split(line, separator)) for i, line in rows]
-    numeric = [c for _, c in cells[-_TAIL:] if any(is_number(cell, decimal_comma=comma) for cell in c)]
-    if not numeric:
-        raise UnreadableLogError("The log holds no table.", REMEDY)
-    width = Counter(map(len, numeric)).most_common(1)[0][0]
-    kinds = tell_kinds([c for c in numeric if len(c) == width], [c for _, c in cells if len(c) == width], comma=comma)
-    stated = dialect.header_line
-    is_first = (at for at, (_, c) in enumerate(cells) if fits(c, kinds, comma=comma) and at >= bool(stated))
-    first = next(is_first, max(len(cells) - _TAIL, 0))
-    before = [] if stated == 0 else cells[:first]
-    if before and not stated and len(before[-1][1]) == 1 < width:
-        before = []  # a line of text above the numbers, no names
-    fewest = width - (kinds[-1] == "")
-    start = cells[first][0]
-    names, units, header = _names(before, (fewest, width), lines, dialect, separator, start)
-    if kinds[-1] == "" and len(names) == width - 1:
-        kinds = kinds[:-1]
-    join = _JOINS.get(separator)
-    if len(names) == len(kinds) - 1 and join is not None and "moment" in kinds:
-        joined = [join(line) for line in lines]
-        if joined != list(lines):
-            return replace(tell_layout(joined, dialect), join=join)
-    if len(names) != len(kinds):
-        raise _no_fit(start, width, len(names), header)
-    headers = frozenset(line for line in lines[:start] if not fits(split(line, separator), kinds, comma=comma))
-    groups = _groups([c for _, c in cells[first:] if len(c) == width], len(kinds), comma=comma, dialect=dialect)
-    return Layout(separator, comma, tuple(names), tuple(units), start, kinds, width, headers=headers, groups=groups)
-
-
-def _groups(rows: Sequence[Sequence[str]], count: int, *, comma: bool, dialect: Dialect) -> tuple[str, ...]:
-    """The mark of thousands of each column: what is stated not to be that of decimals, else what the numbers tell."""
-    if dialect.decimal is not None:
-        return ("." if dialect.decimal == "," else ",",) * count
-    return tell_groups([[row[column] for row in rows] for column in range(count)]) if comma else ("",) * count
-
-
-def _no_fit(line: int, width: int, count: int, header: int) -> UnreadableLogError:
-    what = f"line {line + 1}: The table is broken: {width} values for {count} columns of line {header + 1}."
-    remedy = "Correct that line, or set `dialect: {header_line: 0}`: columns are then named by their numbers, from 1."
-    return UnreadableLogError(what, remedy)
-
-
-def tell_marks(lines: Sequence[str], dialect: Dialect) -> tuple[str, bool]:
-    """What separates cells, and whether decimal marks are commas.
-
-    Those that make the most numbers in rows of one length; white space for a single column.
-    """
-    comma = dialect.decimal == "," if dialect.decimal else dialect.separator != ","
-    best, found = 0.0, (dialect.separator or " ", comma)
-    for separator in (dialect.separator,) if dialect.separator else _DELIMITERS:
-        cells = [split(line, separator) for line in lines]
-        for comma in _decimal_commas(cells, separator, dialect):
-            rows = [c for c in cells if len(c) > 1 and any(is_number(cell, decimal_comma=comma) for cell in c)]
-            if not rows:
-                continue
-            width = Counter(map(len, rows)).most_common(1)[0][0]
-            alike = [c for c in rows if len(c) == width]
-            numbers = sum(is_number(cell, decimal_comma=comma) or is_missing(cell) for c in alike for cell in c)
-            score = len(alike) / len(cells) * numbers / (width * len(alike))
-            if score > best + 1e-9:
-                best, found = score, (separator, comma)
-    return found
-
-
-def _decimal_commas(cells: Sequence[Sequence[str]], separator: str, dialect: Dialect) -> tuple[bool, ...]:
-    """Whether decimal marks may be commas: also between commas, where quotes tell them apart."""
-    if dialect.decimal:
-        return (dialect.decimal == ",",)
-    if separator != ",":
-        return (True,)
-    return (False, True) if has_decimal_commas([cell for row in cells for cell in row]) else (False,)
-
-
-def tell_kinds(tail: Sequence[Sequence[str]], rows: Sequence[Sequence[str]], *, comma: bool) -> tuple[str, ...]:
-    """Tells what each column holds.
-
-    Args:
-        tail: The last rows, which say it mostly.
-        rows: All rows that were looked at, for columns that are empty there.
-        comma: Whether decimal marks are commas.
-    """
-    kinds = [_kind([row[column] for row in tail], comma) for column in range(len(tail[0]))]
-    for column in [column for column, kind in enumerate(kinds) if not kind]:
-        cells = [row[column] for row in rows]
-        if any(is_number(cell, decimal_comma=comma) for cell in cells):
-            kinds[column] = "number"
-        elif any(map(is_moment, cells)):
-            kinds[column] = "moment"
-    return tuple(kinds)
-
-
-def _kind(cells: Sequence[str], comma: bool) -> str:
-    """What a column holds: `number`, `moment`, an example of its text, or nothing at all."""
-    numbers = sum(is_number(cell, decimal_comma=comma) for cell in cells)
-    missing = sum(map(is_missing, cells))
-    if numbers and 2 * (numbers + missing) >= len(cells):
-        return "number"
-    texts = [cell for cell in cells if not (is_missing(cell) or is_number(cell, decimal_comma=comma))]
-    if texts and all(map(is_moment, texts)):
-        return "moment"
-    return texts[-1] if texts else ""
-
-
-def fits(cells: Sequence[str], kinds: Sequence[str], *, comma: bool) -> bool:
-    """Whether a line is a row of the table: a number, or nothing, wherever a column has numbers."""
-    if len(cells) != len(kinds):
-        return False
-    numbers = [cell for cell, kind in zip(cells, kinds, strict=True) if kind == "number"]
-    moments = [cell for cell, kind in zip(cells, kinds, strict=True) if kind == "moment"]
-    return (
-        all(is_number(cell, decimal_comma=comma) or is_missing(cell) for cell in numbers)
-        and any(is_number(cell, decimal_comma=comma) for cell in numbers)
-        and all(is_moment(cell) or is_missing(cell) for cell in moments)
-    )
-
-
-def _names(
-    before: list[tuple[int, list[str]]],
-    widths: tuple[int, int],
-    lines: Sequence[str],
-    dialect: Dialect,
-    separator: str,
-    first: int,
-) -> tuple[list[str], list[str], int]:
-    """Names and units of the columns by the lines before the first row, and the line that they stand in."""
-    width = widths[1]
-    if not before:
-        commented = None if dialect.header_line == 0 else _commented(lines[:first], widths, dialect, separator)
-        names = commented or [str(i) for i in range(1, width + 1)]
-        return names, units_of(names), first
-    if dialect.header_line:
-        at = 0
-    else:
-        at = len(before) - 1
-        above = at > 0 and len(before[at - 1][1]) == len(before[at][1])
-        if above and _are_units(before[at][1]):
-            at -= 1
-    line, names = before[at]
-    if separator == " " and len(names) != width:
-        names = split(lines[line], "\t") if "\t" in lines[line] else names
-    below = before[at + 1][1] if at + 1 < len(before) else []
-    units = units_of(names)
-    if len(below) == len(names) and _are_units(below):
-        units = [stated.strip("[]() ") or unit for stated, unit in zip(below, units, strict=True)]
-    if names and not names[-1] and len(names) == width:
-        names, units = names[:-1], units[:-1]
-    return [name or str(i) for i, name in enumerate(names, start=1)], units, line
-
-
-def _commented(lines: Sequence[str], widths: tuple[int, int], dialect: Dialect, separator: str) -> list[str] | None:
-    """Names in the last comment before the first row, as numpy and gnuplot write them; the last one may be empty."""
-    comments = [line for line in lines if line.startswith(tuple(dialect.comments))]
-    if not comments:
-        return None
-    mark = next(mark for mark in dialect.comments if comments[-1].startswith(mark))
-    names = split(comments[-1].removeprefix(mark).strip(), separator)
-    names = names[:-1] if names and not names[-1] else names
-    return names if widths[0] <= len(names) <= widths[1] and all(names) else None
-
-
-def units_of(names: Sequence[str]) -> list[str]:
-    """Units in brackets at the end of names."""
-    return [found[1].strip() if (found := _BRACKETS.search(name)) else "" for name in names]
-
-
-def _are_units(cells: Sequence[str]) -> bool:
-    """Whether cells are units, mostly."""
-    stated = [cell for cell in cells if cell]
-    known = [
-        cell for cell in stated if _UNITS.fullmatch(cell.strip("[]() ").lower().replace(" ", "")) or cell[0] in "[("
-    ]
-    return bool(stated) and 2 * len(known) >= len(stated)

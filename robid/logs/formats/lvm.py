@@ -10,8 +10,9 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.logs.formats.cells import is_number, number, split
-from robid.logs.formats.layout import Body, Layout, tell_kinds
+from robid.logs.formats.layout import Body, Layout
 from robid.logs.formats.moments import Moments
+from robid.logs.formats.telling import tell_kinds
 
 _START, _X, _COMMENT = "LabVIEW Measurement", "X_Value", "Comment"
 _SEPARATORS = {"Tab": "\t", "Comma": ",", "Semicolon": ";"}

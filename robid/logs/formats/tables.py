@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.logs.formats.across import read_across
-from robid.logs.formats.cells import is_missing, is_number, is_row, split_all, without_groups
+from robid.logs.formats.cells import AROUND, is_missing, is_number, is_row, split_all, without_groups
 from robid.logs.formats.known import UNPACKING_ERRORS, open_bytes
-from robid.logs.formats.layout import REMEDY, Layout, tell_layout
+from robid.logs.formats.layout import Layout
 from robid.logs.formats.moments import Moments
 from robid.logs.formats.recorders import tell_recorder
+from robid.logs.formats.telling import REMEDY, tell_layout
 from robid.logs.formats.variables import Found, Reason, UnreadableLogError, Wanted, number_repeated
 from robid.signals.log_dialect import Dialect
 
@@ -126,7 +127,7 @@ class _Table:
         return self._found
 
     def _is_row(self, line: str) -> bool:
-        return is_row(line, self._dialect.comments) and line not in self._layout.headers
+        return is_row(line, self._dialect.comments) and line.strip(AROUND) not in self._layout.headers
 
     def _check_width(self, rows: list[tuple[int, str]]) -> list[tuple[int, str]]:
         """Returns the rows without those at the end of the table that hold no number, as `EOF`."""

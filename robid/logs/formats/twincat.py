@@ -9,7 +9,8 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.logs.formats.cells import is_missing, is_number, split
-from robid.logs.formats.layout import Body, Layout, tell_kinds
+from robid.logs.formats.layout import Body, Layout
+from robid.logs.formats.telling import tell_kinds
 
 _NAMES = ("Name", "SymbolName")
 """Rows of the head that name the channels; where they have a time, the row's own name stands above it."""
@@ -47,7 +48,8 @@ def tell_twincat(lines: Sequence[str]) -> Layout | None:
         return None
     full = [row + [""] * (width - len(row)) for row in rows]
     kinds = tell_kinds(full[-_TAIL:], full, comma=comma)[: len(columns)]
-    told = {row[0]: row for row in cells[at:start] if len(row) == len(names)}
+    whole = (row for row in cells[at:start] if len(row) >= len(names) and all(row[i] == row[0] for i in timed))
+    told = {row[0]: row for row in whole}
     cells_of_times = [full[0][i] for i in timed] if has_times else []
     ticks = [float(cell.replace(",", ".")) for cell in cells_of_times if is_number(cell, decimal_comma=comma)]
     body = _Body(names, columns, told, times=has_times, begun=min(ticks, default=0.0))

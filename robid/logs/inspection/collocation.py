@@ -151,11 +151,17 @@ def is_behind_spring(drive: Spectrum, motion: Spectrum, order: int, step_s: floa
     a, u = motion.derivative(order), drive.values
     at = np.flatnonzero((_coherence(u, a) > _COHERENT) & (drive.omega * step_s < 2 * np.pi * _HIGHEST))
     at = np.intersect1d(at, drive.strongest)
-    if len(at) < _FEWEST:
-        return False
-    scale = float(drive.omega[at[-1]])
-    s = 1j * drive.omega[at] / scale
-    weight = 1 / np.abs(u[at]) ** 2
-    rest, found = _solve(u[at], a[at], weight, np.stack([1 / s, np.ones(len(s)), s, s**2], axis=1))
-    plain, _ = _solve(u[at], a[at], weight, np.stack([1 / s, np.ones(len(s)), s], axis=1))
+    for part in _PARTS:
+        inside = at[drive.omega[at] <= part * drive.omega[at[-1]]] if len(at) else at
+        if len(inside) >= _FEWEST and _turns(u[inside], a[inside], drive.omega[inside]):
+            return True
+    return False
+
+
+def _turns(u: ComplexArray, a: ComplexArray, omega: FloatArray) -> bool:
+    """Whether an acceleration follows its torque as a load's does, with the resonance well among the lines."""
+    s = 1j * omega / float(omega.max())
+    weight = 1 / np.abs(u) ** 2
+    rest, found = _solve(u, a, weight, np.stack([1 / s, np.ones(len(s)), s, s**2], axis=1))
+    plain, _ = _solve(u, a, weight, np.stack([1 / s, np.ones(len(s)), s], axis=1))
     return bool(rest < _SURELY_GOOD and rest < _BETTER * plain and found[1] and found[3] / found[1] > _TURNED)

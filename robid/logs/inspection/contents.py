@@ -196,6 +196,7 @@ def _read_table(file: Path, dialect: Dialect) -> tuple[Variables, list[str]]:
         part = Path(folder) / file.name.removesuffix(".gz")
         part.write_bytes(start[: start.rfind(b"\n") + 1])
         found = load_variables(part, "csv", None, dialect)
+    found.found.damage = None  # what is missing was left out here
     return replace(found, file=file), [f"Only the first {len(start) >> 20} MB of the table were looked at."]
 
 

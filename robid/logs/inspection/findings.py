@@ -193,7 +193,10 @@ def _with_periods(found: Findings, chosen: Chosen) -> Findings:
     by_name = {one.name: one for one in found.signals}
     part = found.unbroken
     periods = {name: measure_period(_filled(by_name[name].column.values[part])) for name in looked[:_MEASURED]}
-    shared = share_period(periods, [name for name in leading if name in periods], part.stop - part.start)
+    count = part.stop - part.start
+    shared = share_period(periods, [name for name in leading if name in periods], count)
+    if shared is None:  # commands of what turns on do not repeat where their torques do
+        shared = share_period(periods, [one.name for one in chosen.inputs if one.name in periods], count)
     if shared is None or shared.held < 2 or not chosen.inputs:
         return replace(found, periods=periods)
     blocks = {

@@ -59,8 +59,8 @@ def describe_period(found: Findings) -> str:
     transient = (
         f"; {first} of {', '.join(shared.transient)} differ{'s' * (shared.settling == 1)}" if shared.transient else ""
     )
-    period_s = shared.samples * found.step_s
-    return f"repeats every {shared.samples:.7g} samples ({period_s:.9g} s), {shared.held:.4g} periods{lines}{transient}"
+    lasts = "" if found.sampling.step_s is None else f" ({shared.samples * found.step_s:.7g} s)"
+    return f"repeats every {shared.samples:.7g} samples{lasts}, {shared.held:.4g} periods{lines}{transient}"
 
 
 def remarks(found: Findings, signal: Signal) -> list[str]:

@@ -19,6 +19,9 @@ _COUNTED = (1.0, 1.6, 1.8, 2.0, 2.5, 3.2, 3.6, 4.0, 5.0, 6.4, 7.2, 8.0)
 _FASTEST = 0.25
 """Turns from sample to sample up to which a jump is told from a motion."""
 
+_ODD = 0.1
+"""Share of the jumps by which others may be there, as where samples are missing."""
+
 _SMOOTH = 5.0
 """How much more the speed may change at a jump, once that is taken out, than it does elsewhere at most."""
 
@@ -90,10 +93,12 @@ def _roughness(steps: FloatArray, span: float, size: float) -> float | None:
         return None
     jumps = np.abs(steps) > size / 2
     rest = steps - size * np.round(steps / size)
-    if not jumps.any() or np.abs(rest).max() > _FASTEST * size:
+    odd = np.abs(rest) > _FASTEST * size
+    if np.count_nonzero(odd) > _ODD * np.count_nonzero(jumps) or not jumps.any():
         return None
     changes = np.abs(np.diff(rest))
     beside = jumps[1:] | jumps[:-1]
-    usual = float(changes[~beside].max(initial=0.0)) if (~beside).any() else float(np.abs(rest).max())
+    plain = ~(beside | odd[1:] | odd[:-1])
+    usual = float(changes[plain].max(initial=0.0)) if plain.any() else float(np.abs(rest).max())
     at_jumps = float(np.median(changes[beside]))
     return at_jumps if at_jumps <= _SMOOTH * max(usual, 1e-9 * size) else None

@@ -10,7 +10,7 @@ from robid.arrays import FloatArray
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
 
-_LEAST_SINGULAR_VALUE = 0.05
+_LEAST_SINGULAR_VALUE = 0.1
 _SHARE = 0.2
 _N_SCALING = 20
 

@@ -1,4 +1,4 @@
-"""Channels whose unit is of the other kind of joint: a force where it turns, an angle where it slides."""
+"""Channels whose unit or side their joint does not have: a force where it turns, an angle where it slides."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _TO_TURN = dict(zip(_SLIDES, _TURNS, strict=True))
 
 
 def wrong_kinds(acquire: Acquire, robot: RobotFile) -> _Found:
-    """Yields channels of joints whose unit is not one of their joint, below the log's section.
+    """Yields channels of joints whose unit or side is not one of their joint, below the log's section.
 
     What is measured at the tool may be anything, and so may a second sensor of a joint, which has a name of its own.
 
@@ -37,11 +37,23 @@ def wrong_kinds(acquire: Acquire, robot: RobotFile) -> _Found:
     for key, channels in groups:
         for index, channel in enumerate(channels):
             joint = joints.get(channel.name.removesuffix(".arm"))
+            side = None if joint is None else _wrong_side(channel, joint)
+            if side and not (key == "outputs" and channel.name.endswith(".arm")):
+                yield (key, index, "side"), side
             if joint is None or channel.channel.side == "tool" or channel.problems():
                 continue
             message = _wrong_kind(channel, joint)
             if message:
                 yield (key, index, "unit"), message
+
+
+def _wrong_side(channel: LogChannel, joint: JointSection) -> str:
+    """Says why a channel cannot be of the side that is stated; those of outputs' names are checked with their names."""
+    if channel.name.endswith(".arm") and channel.side not in (None, "arm"):
+        return f"`{channel.name}` is the arm side of `{joint.name}`: leave `side` out"
+    if channel.side == "motor" and not joint.has_motor:
+        return f"`{joint.name}` has no motor (`torque_measured_at: joint`): leave `side` out, all of it is the arm's"
+    return ""
 
 
 def _wrong_kind(channel: LogChannel, joint: JointSection) -> str:

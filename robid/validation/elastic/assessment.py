@@ -51,8 +51,12 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     if any(doubt.scales for doubt in seen):
         return grade_fit(solution, ordered(seen))
     band_hz = float(frf.frequency_hz[0]), float(frf.frequency_hz[-1])
-    read = parameter_doubts(robot, solution.estimate, band_hz, frf.sampling_period_s, options.prior_decades)
-    doubts = [doubt for doubt in seen if doubt.decisive] + [doubt for doubt in read if doubt.cause == "delay"]
+    differenced = any(one.quantity == "speed" and "difference" in one.sampled for one in frf.measured_channels)
+    read = parameter_doubts(
+        robot, solution.estimate, band_hz, frf.sampling_period_s, options.prior_decades, differenced=differenced
+    )
+    timing = [doubt for doubt in read if doubt.cause in ("delay", "samples")]
+    doubts = [doubt for doubt in seen if doubt.decisive] + timing
     used = frf if options.correct_torques else without_coefficients(frf)
     fitted = fitted_model(robot, solution, used, options, delay_s)
     if is_unexplained(solution):

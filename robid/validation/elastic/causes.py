@@ -17,10 +17,11 @@ from robid.fit.estimate import Estimate
 from robid.robot.description import Robot
 from robid.validation.doubt import CAUSES, Doubt, two_digits
 from robid.validation.elastic.candidates import candidates
-from robid.validation.elastic.explanations import Explanation, of_doubts, of_ratio, of_signs, of_spring
+from robid.validation.elastic.explanations import Explanation, of_doubts, of_ratio, of_samples, of_signs, of_spring
 from robid.validation.elastic.fitted import FittedModel
 from robid.validation.elastic.ratios import try_ratios
 from robid.validation.elastic.reversals import try_signs
+from robid.validation.elastic.samples import try_samples
 from robid.validation.elastic.scores import Scores, gain, score
 from robid.validation.elastic.trials import try_springs
 
@@ -82,6 +83,8 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[
     found = [each for each in each_cause if each is not None]
     found += [of_spring(robot, trial) for trial in try_springs(robot, fitted, options)[:1]]
     found += _wrong_ratio(robot, fitted, options, scores, ratios)
+    samples = try_samples(fitted)
+    found += [] if samples is None else [of_samples(samples)]
     return sorted([*found, *reversed_], key=lambda each: -each.share)
 
 

@@ -13,6 +13,7 @@ from robid.validation.doubt import two_digits
 from robid.validation.elastic.ratios import RatioTrial
 from robid.validation.elastic.remedies import remedy
 from robid.validation.elastic.reversals import Reversal
+from robid.validation.elastic.samples import SamplesTrial
 from robid.validation.elastic.scores import CHANCE, Scores, gain
 from robid.validation.elastic.trials import SpringTrial
 
@@ -123,6 +124,15 @@ def of_ratio(robot: Robot, trial: RatioTrial) -> Explanation:
         (stated,),
         correct=(f"`{setting}` for {joint.name} in the robot file",),
     )
+
+
+def of_samples(trial: SamplesTrial) -> Explanation:
+    """What other samples of the speeds would explain."""
+    words = {"instants": "values at their instants", "difference": "differences from the sample before"}
+    what = words.get(trial.sampled, "differences across both neighbours")
+    told = f"reading of the speed of {', '.join(trial.names)} as {what}"
+    correct = (f"`sampled: {trial.sampled}` for the speeds where their log is described",)
+    return Explanation("samples", (told,), np.zeros(1), ("",), trial.share, trial.moved, correct=correct)
 
 
 def of_signs(robot: Robot, found: Reversal) -> Explanation:

@@ -13,6 +13,7 @@ from robid.robot.inertia import combine
 from robid.validation.doubt import Doubt
 
 _FEW_SAMPLES = 3.0
+_OF_DIFFERENCE, _NEAR_IT = -0.5, 0.15  # samples: a difference of positions is half a sample late
 _TIMING_SAMPLES = 0.1
 _HALF_TURN = 0.5
 _MODEL_ERROR = 0.02
@@ -44,7 +45,13 @@ class _Found:
 
 
 def parameter_doubts(
-    robot: Robot, estimate: Estimate, band_hz: tuple[float, float], sampling_period_s: float, prior_decades: float = 1.0
+    robot: Robot,
+    estimate: Estimate,
+    band_hz: tuple[float, float],
+    sampling_period_s: float,
+    prior_decades: float = 1.0,
+    *,
+    differenced: bool = False,
 ) -> tuple[Doubt, ...]:
     """Returns fitted parameters that cannot be, strongest first.
 
@@ -54,12 +61,13 @@ def parameter_doubts(
         band_hz: Lowest and highest frequency of the fit [Hz].
         sampling_period_s: Sampling period of the campaign [s].
         prior_decades: How far the fit was told to look for springs and inertias.
+        differenced: Whether speeds among the outputs are said to be differences of positions.
     """
     found, (lowest, highest) = _by_name(estimate), band_hz
     doubts = [
         *_friction(robot, found, 2 * np.pi * lowest),
         *_surprises(estimate),
-        *_delay(found, sampling_period_s, highest),
+        *_delay(found, sampling_period_s, highest, differenced=differenced),
         *_rotors(robot, found, prior_decades),
         *_links(robot, found, prior_decades),
         *_springs(robot, found, prior_decades),
@@ -119,7 +127,9 @@ def _surprises(estimate: Estimate) -> Iterator[Doubt]:
             yield Doubt(cause, told, decisive=False, strength=times / _SURPRISING)
 
 
-def _delay(found: dict[str, _Found], sampling_period_s: float, highest_hz: float) -> Iterator[Doubt]:
+def _delay(
+    found: dict[str, _Found], sampling_period_s: float, highest_hz: float, *, differenced: bool
+) -> Iterator[Doubt]:
     """A delay that was not declared, or that lets a motor move before its torque.
 
     Beyond half a turn of phase at the highest line, measured and modelled phases are compared modulo a whole turn.
@@ -136,6 +146,10 @@ def _delay(found: dict[str, _Found], sampling_period_s: float, highest_hz: float
         yield Doubt("delay", told, decisive=decisive, strength=late / _FEW_SAMPLES)
     elif early > _TIMING_SAMPLES:
         told = f"the delay comes out negative ({samples:.2g} samples)"
+        if differenced and abs(samples - _OF_DIFFERENCE) < _NEAR_IT:
+            told += ", as where speeds that are said to be differences are not: try `sampled: instants` for them"
+            yield Doubt("samples", told, decisive=False, strength=early / _TIMING_SAMPLES)
+            return
         yield Doubt("delay", told, decisive=early > 1, strength=early / _TIMING_SAMPLES)
 
 

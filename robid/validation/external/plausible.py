@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,11 +14,18 @@ from robid.fit.external.solution import ExternalSolution
 from robid.signals.pose import POSE
 from robid.validation.doubt import Doubt, two_digits
 from robid.validation.external.limits import NRMSE_LIMIT, excess_doubts, expected_std
+from robid.validation.scale import SCALES, Scale
 
 _FAR, _TOO_FAR = 1.25, 3.0
 _CAUSES = {"quantised": "excitation", "stuck": "saturation", "mixed": "coupling", "unsteady": "unsteady"}
-_MISTAKES = {1e3: "metres were read as millimetres", 1e-3: "millimetres were read as metres",
-             180 / np.pi: "radians were read as degrees", np.pi / 180: "degrees were read as radians"}  # fmt: skip
+_MISTAKES = {
+    ("1000", True): "metres were read as millimetres",
+    ("1000", False): "millimetres were read as metres",
+    ("180/pi", True): "radians were read as degrees",
+    ("180/pi", False): "degrees were read as radians",
+}
+"""What was read as what where commands are, of their own size, too small (True) or too large against motions."""
+
 _ROUGHLY = 1.3
 _TILTED = "; poses that were logged in another frame than the tool's at home are turned by `pose`"
 _RINGING = 0.1  # time constants
@@ -60,7 +68,7 @@ def _unexplained(solution: ExternalSolution) -> Iterator[Doubt]:
 
 
 def _gains(solution: ExternalSolution) -> Iterator[Doubt]:
-    """Static gains of a position to itself that are far from one: units, or a sign."""
+    """Static gains of a position to itself that are far from one: units where a known factor gives them, or a sign."""
     own, ports = solution.transfers, solution.ports
     for channel, name in enumerate(own.names):
         one, other = int(own.inputs[channel]), int(own.outputs[channel])
@@ -80,12 +88,21 @@ def _gains(solution: ExternalSolution) -> Iterator[Doubt]:
             yield Doubt("angle_sign", told, decisive=True, strength=10.0)
         elif not 1 / _FAR < gain < _FAR:
             size = abs(np.log(gain))
-            told = f"{name} comes to rest at {two_digits(gain)} times its command{_as_if(gain) or tilted}"
-            yield Doubt("units", told, bool(size > np.log(_TOO_FAR)), float(size / np.log(_FAR)))
+            found = _read_as(gain)
+            as_if = f", as if, in one of both, {_MISTAKES[found.factor, found.inverse]}" if found else tilted
+            told = f"{name} comes to rest at {two_digits(gain)} times its command{as_if}"
+            decisive, strength = bool(size > np.log(_TOO_FAR)), float(size / np.log(_FAR))
+            scales = (found, replace(found, channel="position", inverse=not found.inverse)) if found else ()
+            yield Doubt("units" if found else "model", told, decisive, strength, scales)
 
 
-def _as_if(gain: float) -> str:
-    return next((f", as if {told}" for known, told in _MISTAKES.items() if 1 / _ROUGHLY < gain / known < _ROUGHLY), "")
+def _read_as(gain: float) -> Scale | None:
+    """The wrong scale of commands that gives about this static gain; none where no known one does."""
+    for factor, inverse in _MISTAKES:
+        known = SCALES[factor] ** (1 if inverse else -1)
+        if 1 / _ROUGHLY < gain / known < _ROUGHLY:
+            return Scale("command", factor, inverse)
+    return None
 
 
 def _unstable(solution: ExternalSolution) -> Iterator[Doubt]:

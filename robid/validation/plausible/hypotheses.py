@@ -201,8 +201,8 @@ def _torques(
         for factor, sign, penalty in _FACTORS["torque"]:
             yield _alike("torque", factor, sign, joints, rows, n_state, penalty + rare)
         own = (
-            ("gear_ratio", np.log(np.abs(ratio)), False, _RARE),
-            ("torque_constant", -np.log(torque_constant), True, 0.0),
+            ("gear_ratio", np.log(np.abs(ratio)), False, 1.0),
+            ("torque_constant", -np.log(torque_constant), True, 1.0),
         )
         for factor, log, inverse, penalty in own:
             if np.isfinite(log[rows]).all() and np.abs(log[rows]).max() > np.log(_LEAST_RATIO):

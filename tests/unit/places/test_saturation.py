@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from place_systems import dense_places
+from robid.places.evidence import Evidence
 from robid.places.saturation import inverted, saturate, saturated, saturation_slope
 from tolerances import FINITE_DIFFERENCE, IDENTITY
 
@@ -68,3 +69,11 @@ def test_nothing_is_said_along_what_nothing_sees():
     inverse, logarithm = inverted(np.diag([4.0, 0.0]))
     np.testing.assert_allclose(inverse, np.diag([0.25, 0.0]), atol=IDENTITY)
     assert logarithm == pytest.approx(np.log(4.0))
+
+
+def test_evidence_without_any_noise_to_speak_of_saturates_too():
+    """Rounding takes the smallest eigenvalues away where information is beyond all digits."""
+    rows = 1e9 * np.random.default_rng(3).standard_normal((2, 5, 2))
+    evidence = Evidence(rows, np.zeros((2, 5)), np.zeros((2, 2)), np.zeros(2))
+    found = saturated(evidence, np.array([1.0, 4.0]))
+    np.testing.assert_allclose(found.information, np.diag([1.0, 0.25]) + np.zeros((2, 2, 2)), atol=1e-3)

@@ -7,7 +7,7 @@ import pytest
 from robid.errors import DataError
 from robid.robot.chain import extract_chain
 from robid.robot.foreign import read_model
-from robid.robot.quiet import quiet_warnings
+from robid.robot.quiet import quiet_reading
 
 ARM = """<mujoco>
   <compiler {compiler}/>
@@ -41,7 +41,7 @@ def mujocos(**changes):
     finger = '<body name="finger" pos="0.2 0 0">'
     if "boundmass" not in text:
         text = text.replace(finger, f'{finger}<inertial pos="0 0 0" mass="1e-9" diaginertia="1e-9 1e-9 1e-9"/>')
-    with quiet_warnings():
+    with quiet_reading():
         compiled = mujoco.MjModel.from_xml_string(text)
     return compiled.body_mass[1:], compiled.body_inertia[1:].sum(axis=1)
 
@@ -193,3 +193,17 @@ def test_other_descriptions_are_called_what_they_are(tmp_path):
     with pytest.raises(DataError) as caught:
         read(tmp_path, '<sdf version="1.7"><model name="a"/></sdf>', "arm.sdf")
     assert "`sdf`" in caught.value.what
+
+
+def test_what_mujoco_warns_of_is_kept_from_screen_and_log_file_and_told(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    compile_now = mujoco.MjSpec.compile
+
+    def warning(spec):
+        compile_now(mujoco.MjSpec.from_string('<mujoco><compiler settotalmass="1"/></mujoco>'))
+        return compile_now(spec)
+
+    monkeypatch.setattr("mujoco.MjSpec.compile", warning)
+    assert "settotalmass" in "\n".join(read(tmp_path).notes)
+    assert "".join(capfd.readouterr()) == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["arm.xml"]

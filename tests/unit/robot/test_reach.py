@@ -70,3 +70,27 @@ def test_a_robot_with_a_slanted_axis_has_no_mirror_image():
     slanted = robot.model_copy(update={"base_rpy_deg": (150.0, 0.0, 0.0)}).to_robot()
     with pytest.raises(DataError, match=r"`axis_1`.*no mirror image"):
         mirror(slanted, np.zeros((1, 6)))
+
+
+def test_shapes_of_a_urdf_ask_for_no_masses_and_no_meshes(tmp_path):
+    def link(name, mass, shape):
+        inertia = '<inertia ixx="1" iyy="1" izz="9" ixy="0" ixz="0" iyz="0"/>'
+        inertial = f'<inertial><mass value="{mass}"/>{inertia}</inertial>'
+        return f'<link name="{name}">{inertial}<collision><geometry>{shape}</geometry></collision></link>'
+
+    def joint(name, parent, child, kind="revolute"):
+        ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="0 0 0.5"/><axis xyz="0 1 0"/>'
+        return f'<joint name="{name}" type="{kind}">{ends}<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+
+    parts = [
+        link("base", 0, '<box size="0.2 0.2 0.2"/>'),
+        link("arm", 0, '<mesh filename="package://absent/arm.dae"/>'),
+        link("tip", 1, '<sphere radius="0.1"/>'),
+        joint("lift", "base", "arm"),
+        joint("bend", "arm", "tip"),
+    ]
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="r">{"".join(parts)}</robot>')
+    shapes = Shapes(path, ["lift"], {"bend": 0.2})
+    assert shapes.touching(np.array([0.0])) == ""
+    assert "`tip`" in shapes.touching(np.array([np.pi]))

@@ -27,7 +27,7 @@ def told(tmp_path, turns, slides=()):
     return [str(problem) for problem in problems if "same combination" in str(problem)]
 
 
-@pytest.mark.parametrize("rounded", [0.0, 0.01, -0.03])
+@pytest.mark.parametrize("rounded", [0.0, 0.01, -0.03, 0.13])
 def test_a_differential_without_its_minus_names_both_motors(tmp_path, rounded):
     turns = np.array([[1 / 40, 0, 0], [0, 1 / 56.5, (1 + rounded) / 56.5], [0, 1 / 56.5, 1 / 56.5]])
     (found,) = told(tmp_path, turns)
@@ -53,7 +53,7 @@ def test_three_motors_of_which_one_is_the_sum_of_the_others(tmp_path):
 
 def test_sound_couplings_are_not_accused(tmp_path):
     rng = np.random.default_rng(4)
-    for _ in range(20):
+    for _ in range(8):
         ratio = rng.uniform(20, 200, 3) * rng.choice([-1, 1], 3)
         # A wrist whose motors turn all joints beyond along, by more or less than their own.
         below = np.eye(3) + np.tril(rng.uniform(-2, 2, (3, 3)), -1)

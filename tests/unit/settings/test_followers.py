@@ -95,11 +95,18 @@ def wanted(positions, velocities, accelerations):
     return SPEEDS.T @ data.qfrc_inverse
 
 
-def test_the_loop_links_that_are_told_move_like_the_tree(tmp_path):
-    (told,) = refused(written(tmp_path))
+LEVEL = '<joint joint1="level" joint2="elbow" polycoef="0.3 -1.5 0 0 0"/>'
+# The same law with the joints in the other order: level + 0.1 = 0.3 - 1.5 elbow.
+TURNED = f'<joint joint1="elbow" joint2="level" polycoef="0.2 {-1 / 1.5:.17g} 0 0 0"/>'
+
+
+@pytest.mark.parametrize("law_of_level", [LEVEL, TURNED])
+def test_the_loop_links_that_are_told_move_like_the_tree(tmp_path, law_of_level):
+    tree = TREE.replace(LEVEL, law_of_level)
+    (told,) = refused(written(tmp_path, tree))
     for name in ("`level`", "`turn`", "`crank`", "`elbow`", "`shoulder`"):
         assert name in told
-    robot = load_robot(written(tmp_path, more=remedy(told))).to_robot()
+    robot = load_robot(written(tmp_path, tree, remedy(told))).to_robot()
     rng = np.random.default_rng(3)
     for _ in range(4):
         motion = rng.uniform(-1, 1, (3, 2))

@@ -163,6 +163,31 @@ def test_free_and_ball_joints_rest_where_the_file_has_them(tmp_path):
     assert robot.joints[1].link.mass_kg == pytest.approx(1.3)
 
 
+def with_option(path, option):
+    """The floating robot with another gravity in its model."""
+    model = path.with_name("butler.urdf")
+    line = f"<option>{option}</option>" if option.startswith("<") else f"<option {option}/>"
+    model.write_text(model.read_text().replace("<worldbody>", f"{line}<worldbody>"))
+    return path
+
+
+@pytest.mark.parametrize("option", ['gravity="0 0 0"', '<flag gravity="disable"/>', 'gravity="0 0 -1.62"'])
+def test_gravity_that_no_robot_on_earth_feels_is_asked_for(tmp_path, option):
+    (told,) = refused(with_option(floating(tmp_path), option))
+    assert "gravity_m_s2" in told
+    path = with_option(floating(tmp_path, more="locked: rest\ngravity_m_s2: [0, 0, -9.81]"), option)
+    np.testing.assert_array_equal(load_robot(path).to_robot().gravity_m_s2, [0, 0, -9.81])
+
+
+def test_a_mounting_that_is_stated_twice_is_asked_for(tmp_path):
+    turned = 'gravity="9.81 0 0"'
+    assert load_robot(with_option(floating(tmp_path), turned)).gravity_m_s2 == (9.81, 0, 0)
+    (told,) = refused(with_option(floating(tmp_path, more="locked: rest\nbase_rpy_deg: [0, 90, 0]"), turned))
+    assert "base_rpy_deg" in told
+    more = "locked: rest\nbase_rpy_deg: [0, 90, 0]\ngravity_m_s2: [0, 0, -9.81]"
+    assert load_robot(with_option(floating(tmp_path, more=more), turned)).gravity_m_s2 == (0, 0, -9.81)
+
+
 def test_radians_that_are_read_as_degrees_are_told(tmp_path):
     (told,) = refused(floating(tmp_path, "-1.5 3.1"))
     assert 'angle="radian"' in told

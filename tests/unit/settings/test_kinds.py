@@ -37,8 +37,8 @@ USUAL = {
 }
 
 
-def _refused(tmp_path, key, name, unit, more=""):
-    """Fields that are refused where one channel of all joints is changed."""
+def _load(tmp_path, key, name, unit, more=""):
+    """Loads an experiment with one channel of all joints changed."""
     channels = {"inputs": {}, "outputs": {}, "references": {}}
     for joint, (drive, move) in USUAL.items():
         channels["inputs"][joint] = f"{{name: {joint}, variable: u_{joint}, unit: {drive}}}"
@@ -50,8 +50,13 @@ def _refused(tmp_path, key, name, unit, more=""):
     text = f"schema_version: 1\nname: e\nrobot: r.yaml\ncampaigns: {{log: {{source: {{acquire: {acquire}}}}}}}\n"
     (tmp_path / "r.yaml").write_text(ROBOT)
     (tmp_path / "e.yaml").write_text(text)
+    load_experiment(tmp_path / "e.yaml")
+
+
+def _refused(tmp_path, key, name, unit, more=""):
+    """Fields that are refused where one channel of all joints is changed."""
     try:
-        load_experiment(tmp_path / "e.yaml")
+        _load(tmp_path, key, name, unit, more)
     except SettingsError as error:
         return re.findall(r"acquire\.(\w+)\[\d+\]\.unit: `changed` is (?:in ([^,]+), but|a current)", error.what)
     return []
@@ -130,3 +135,11 @@ def test_counts_are_of_a_turn_or_of_a_length(tmp_path):
 
 def test_what_is_measured_at_the_tool_may_be_a_force(tmp_path):
     assert not _refused(tmp_path, "outputs", "turn", "N", ", side: tool")
+
+
+@pytest.mark.parametrize("name", ["felt", "felt.arm", "turn.arm"])
+@pytest.mark.parametrize("key", ["inputs", "outputs", "references"])
+def test_a_side_that_a_joint_does_not_have_is_refused(tmp_path, key, name):
+    unit = USUAL[name.partition(".")[0]][key != "inputs"]
+    with pytest.raises(SettingsError, match=rf"{key}\[\d\]\.side: "):
+        _load(tmp_path, key, name, unit, ", side: motor")

@@ -19,6 +19,7 @@ from robid.signals.quantities import (
     motor_channels,
     response_unit,
 )
+from tolerances import IDENTITY
 
 
 def channel_of(**said):
@@ -154,3 +155,36 @@ def test_who_wants_what():
 )
 def test_the_unit_of_a_response(output, inputs, unit):
     assert response_unit(output, inputs) == unit
+
+
+@pytest.mark.parametrize(
+    ("unit", "sampled", "rate"),
+    [
+        ("rad", "instants", 0),
+        ("rpm", "instants", 1),
+        ("rpm", "difference", 0),
+        ("mm/s", "central_difference", 0),
+        ("m/s^2", "instants", 2),
+        ("m/s^2", "filtered", None),
+        ("deg", "filtered", None),
+    ],
+)
+def test_how_often_a_motion_is_differentiated_before_it_is_sampled(unit, sampled, rate):
+    channel = OutputChannel("axis", "v", unit, sampled=sampled)
+    assert channel.problems() == []
+    assert channel.channel.rate == rate
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg/s^2", "N m"])
+def test_only_speeds_are_differences(unit):
+    (problem,) = OutputChannel("axis", "v", unit, sampled="difference").problems()
+    assert "`sampled: difference` belongs to a speed" in problem
+
+
+@pytest.mark.parametrize("sampled", ["difference", "central_difference"])
+def test_differences_of_a_position_become_its_acceleration(sampled):
+    period_s, omega = 0.01, 2 * np.pi * np.array([1.0, 12.0, 40.0])
+    z = np.exp(1j * omega * period_s)
+    difference = (1 - 1 / z) / period_s if sampled == "difference" else (z - 1 / z) / (2 * period_s)
+    found = Channel("axis", "speed", "rad/s", "motor", sampled).to_acceleration(omega, period_s)
+    np.testing.assert_allclose(difference * found, -(omega**2), rtol=IDENTITY)

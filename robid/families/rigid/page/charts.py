@@ -76,7 +76,8 @@ def torques(found: Prediction, joint: int, name: str, unit: str) -> Figure:
     again, predicted = _thinned(found.time_s, found.predicted[:, joint])
     rest, error = _thinned(found.time_s, found.measured[:, joint] - found.predicted[:, joint])
     curves = (_curve("measured", time, measured), _curve("predicted", again, predicted), _curve("error", rest, error))
-    return Figure(name, "Time [s]", f"Torque [{unit}]", curves, log_x=False, log_y=False)
+    quantity = "Force" if unit == "N" else "Torque"
+    return Figure(name, "Time [s]", f"{quantity} [{unit}]", curves, log_x=False, log_y=False)
 
 
 def _curve(name: str, x: FloatArray, y: FloatArray) -> Curve:

@@ -27,12 +27,14 @@ def report(shown: Shown) -> FitReport:
     validation = None if shown.validation is None else validation_from_artifact(shown.validation)
     grade = grade_from_artifact(shown.model) if validation is None else validation.outcome.grade
     estimates = _estimates(shown, solution)
-    joints = tuple(joint.name for joint in shown.data.loaded.robot.joints)
+    robot = shown.data.loaded.robot
+    joints, sensed = tuple(joint.name for joint in robot.joints), robot.without_motor
+    pushed = tuple(joint.name for joint in robot.joints if joint.slides and joint.name in sensed)
     return FitReport(
         headline=_headline(shown.data.name, solution, estimates, validation, grade),
         verdict=_verdict(solution, validation, grade, named=shown.data.settings.validate_on is not None),
         grade=grade.value,
-        sections=sections(solution, estimates, joints, validation, shown.data.loaded.robot.without_motor),
+        sections=sections(solution, estimates, joints, validation, sensed, pushed),
         parameters=estimates.rows,
         summary=_summary(solution, estimates, validation, grade),
         terminal=(parameter_table(_identified(estimates)),),

@@ -28,6 +28,7 @@ def sections(
     joints: Sequence[str],
     validation: RigidValidation | None,
     sensed: Sequence[str] = (),
+    pushed: Sequence[str] = (),
 ) -> tuple[Section, ...]:
     """Lays out a rigid fit.
 
@@ -37,11 +38,12 @@ def sections(
         joints: Names of the joints.
         validation: Its validation, if any.
         sensed: Names of those that have no motor, whose torque is measured at the joint.
+        pushed: Names of those among them that slide, whose force it is.
     """
-    unit = estimates.torque_unit
-    found = [*_parameters(solution, estimates, sensed), _verdict(solution, joints), _residuals(solution, joints, unit)]
+    units = [estimates.torque_unit if name not in pushed else "N" for name in joints]
+    found = [*_parameters(solution, estimates, sensed), _verdict(solution, joints), _residuals(solution, joints, units)]
     if validation is not None:
-        found.append(_prediction(validation, joints, unit))
+        found.append(_prediction(validation, joints, units))
     return tuple(found)
 
 
@@ -157,12 +159,12 @@ def _bend_table(solution: RigidSolution) -> Table:
     return Table(heads, rows, styles=styles)
 
 
-def _residuals(solution: RigidSolution, joints: Sequence[str], unit: str) -> Section:
+def _residuals(solution: RigidSolution, joints: Sequence[str], units: Sequence[str]) -> Section:
     found, every = solution.residuals, range(len(joints))
     parts: list[Part] = [
-        Beside(tuple(histogram(found, joint, joints[joint], unit) for joint in every)),
-        Beside(tuple(weights(found, joint, joints[joint], unit) for joint in every)),
-        Beside(tuple(course(found, joint, joints[joint], unit) for joint in every)),
+        Beside(tuple(histogram(found, joint, joints[joint], units[joint]) for joint in every)),
+        Beside(tuple(weights(found, joint, joints[joint], units[joint]) for joint in every)),
+        Beside(tuple(course(found, joint, joints[joint], units[joint]) for joint in every)),
         correlations(solution.checks, joints),
     ]
     filtered = solution.filtered
@@ -177,7 +179,7 @@ def _residuals(solution: RigidSolution, joints: Sequence[str], unit: str) -> Sec
     return Section("Residuals", lead, tuple(parts), "residuals")
 
 
-def _prediction(validation: RigidValidation, joints: Sequence[str], unit: str) -> Section:
+def _prediction(validation: RigidValidation, joints: Sequence[str], units: Sequence[str]) -> Section:
     forward = validation.forward_error
     simulated = [MISSING] * len(joints) if forward is None else [percent(each) for each in forward.tolist()]
     figures = validation.relative_error.tolist(), validation.error_ratio.tolist(), simulated
@@ -188,7 +190,7 @@ def _prediction(validation: RigidValidation, joints: Sequence[str], unit: str) -
     heads = ("Motor", "Error over torque", "Error over the fit's own", "Simulated position off")
     caption = "Positions are simulated in the robot's loop under the recorded commands, where these are known."
     table = Table(heads, rows, caption=caption, styles=("name", *_numbers(3)))
-    curves = tuple(torques(validation.prediction, joint, name, unit) for joint, name in enumerate(joints))
+    curves = tuple(torques(validation.prediction, joint, name, units[joint]) for joint, name in enumerate(joints))
     lead = f"The model {validation.outcome.verdict}."
     return Section("Predicted torques", lead, (table, *curves), "prediction")
 

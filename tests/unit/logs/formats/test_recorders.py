@@ -51,6 +51,13 @@ def test_each_group_of_a_scope_has_its_own_time(tmp_path, layout):
         assert {found.units[one] for one in ("q.time", "w.time")} == {"ms"}
 
 
+def test_lines_of_a_scope_may_end_with_a_separator(tmp_path):
+    head = "Name;q;Name;w;\nSampleTime[ms];1;SampleTime[ms];1;\nUnit;rad (Angle);Unit;Nm (Torque);\n"
+    found = load(tmp_path, scope(head, ["0;0,5;0;7;", "1;1,5;1;8;", "2;-2;2;9;", "3;3,25;3;9;"]))
+    np.testing.assert_array_equal(found["q"], Q)
+    assert (found.units["q"], found.units["w"]) == ("rad", "Nm")
+
+
 def test_every_channel_of_a_group_has_the_time_of_the_group(tmp_path):
     for names in (None, ["v.time", "u.time", "u"]):
         found = load(tmp_path, SCOPES["two groups"], names)

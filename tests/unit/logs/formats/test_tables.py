@@ -193,6 +193,8 @@ def test_a_head_that_stands_there_again_is_passed_over(tmp_path, head):
     rows = ["0;0,5\n1;1\n", "2;1,5\n3;2\n"]
     found = load(tmp_path, head.join(["", *rows]))
     np.testing.assert_array_equal(find_variable(found, "q"), [0.5, 1, 1.5, 2])
+    joined = head + rows[0] + "\ufeff" + head.replace("\n", " \n") + rows[1]
+    np.testing.assert_array_equal(find_variable(load(tmp_path, joined), "q"), [0.5, 1, 1.5, 2])
     with pytest.raises(DataError, match=f"line {head.count(chr(10)) + 3}"):
         find_variable(load(tmp_path, rows[0].join([head, "other;head\n"]) + rows[1]), "q")
 

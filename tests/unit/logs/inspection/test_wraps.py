@@ -61,6 +61,11 @@ def test_what_jumps_or_moves_fast_is_left_alone(values, unit):
     assert find_wrap(values, unit) is None
 
 
+def test_a_jump_where_samples_are_missing_does_not_hide_the_wraps():
+    values = np.delete(10 * SLOW, slice(3000, 3050)) % 360
+    assert find_wrap(values, "deg").size == 360
+
+
 def test_missing_samples_stay_missing():
     values = np.where(RNG.random(6000) < 0.01, np.nan, SLOW % 360)
     found = find_wrap(values, "deg")

@@ -131,3 +131,12 @@ def test_springs_that_ran_away(sound):
 def test_decisive_doubts_come_first(sound):
     both = changed(changed(sound, "delay", 6e-3, 1e-4), "shoulder.motor_inertia", 1e-7, 1e-8)
     assert doubts(both) == [("rotor_inertia", True), ("delay", False)]
+
+
+def test_half_a_sample_early_is_a_difference_that_is_none(sound):
+    early = changed(sound, "delay", -0.5 * STEP, 1e-2 * STEP)
+    assert doubts(early) == [("delay", False)]
+    found = parameter_doubts(two_joint_robot(), early, BAND_HZ, STEP, differenced=True)
+    assert [(doubt.cause, doubt.decisive) for doubt in found] == [("samples", False)]
+    other = changed(sound, "delay", -0.8 * STEP, 1e-2 * STEP)
+    assert parameter_doubts(two_joint_robot(), other, BAND_HZ, STEP, differenced=True)[0].cause == "delay"
