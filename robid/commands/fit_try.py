@@ -70,7 +70,7 @@ def told(trial: Trial) -> dict[str, Any]:
     found = {}
     for side, model in (("before", trial.before), ("after", trial.after)):
         grade = grade_from_artifact(model)
-        rows = {row.name: {"value": row.estimate, "half_width": _half(row)} for row in _rows(model, trial, full=True)}
+        rows = {row.name: {"value": row.middle, "half_width": _half(row)} for row in _rows(model, trial, full=True)}
         figures = {"cost": _cost(model), "misfit": _misfit(model), "grade": grade.value}
         found[side] = {**figures, "grade_sentence": grade.sentence, "parameters": rows}
     return found
@@ -98,10 +98,10 @@ def side_by_side(trial: Trial, fit: str, names: list[str]) -> Table:
 
 def _add(table: Table, name: str, before: ParameterRow | None, after: ParameterRow | None) -> None:
     rows = [row for row in (after, before) if row is not None]
-    scale = scale_for(rows[0].estimate or rows[0].nominal, rows[0].unit, _half(rows[0]))
+    scale = scale_for(rows[0].middle or rows[0].nominal, rows[0].unit, _half(rows[0]))
     cells = []
     for row in (before, after):
-        cells += ["", ""] if row is None else [scale.text(row.estimate), scale.text(_half(row))]
+        cells += ["", ""] if row is None else [scale.text(row.middle), scale.text(_half(row))]
     moved = "" if before is None or after is None else _moved(before, after)
     style = "bold" if before is None or (after is not None and _lengths(before, after) > _MOVED) else None
     table.add_row(f"  {name}", *cells, scale.unit, moved, style=style)
@@ -133,11 +133,11 @@ def _half(row: ParameterRow) -> float:
 
 def _lengths(before: ParameterRow, after: ParameterRow) -> float:
     half = _half(before)
-    return abs(after.estimate - before.estimate) / half if half > 0 else 0.0
+    return abs(after.middle - before.middle) / half if half > 0 else 0.0
 
 
 def _moved(before: ParameterRow, after: ParameterRow) -> str:
-    return percent(after.estimate / before.estimate - 1, signed=True) if before.estimate else ""
+    return percent(after.middle / before.middle - 1, signed=True) if before.middle else ""
 
 
 def _cost(model: Artifact) -> float:

@@ -114,8 +114,10 @@ def output_factor(record: Record, lines: IntArray, *, accelerations: bool = True
     if not accelerations:
         return np.ones((len(lines), len(channels)))
     columns = [channel.to_acceleration(omega, record.sampling_period_s) for channel in channels]
-    factor = np.stack(columns, axis=-1)
-    return np.asarray(factor if factor.imag.any() else factor.real)
+    factor: ComplexArray = np.stack(columns, axis=-1)
+    if factor.imag.any():
+        return factor
+    return np.asarray(factor.real)
 
 
 def mean_without_drift(angle: FloatArray) -> FloatArray:

@@ -21,8 +21,11 @@ from robid.logs.streams import (
     Stream,
     apart_without_time,
     is_of_other_topic,
+    is_table,
     jump_notes,
     own_times,
+    time_before,
+    times_of_groups,
     topic_of,
     topic_time,
     unwrapped,
@@ -84,7 +87,8 @@ def read_columns(mapping: LogMapping) -> Read:
             continue
         found.stamps, problems = read_column(mapping, logs[path], column, variable)
         found.problems += problems
-    untold = _untold_clocks(mapping, logs[mapping.file], times)
+    times, variables = _times_before(mapping, logs[mapping.file]) if not times else (times, logs[mapping.file])
+    untold = _untold_clocks(mapping, variables, times)
     return replace(found, streams=[], problems=[*found.problems, *untold]) if untold else found
 
 
@@ -150,7 +154,7 @@ def _weights(
             return {name: 1.0}, variables  # nothing in it is the log's: it is a name that is wrong
         raise
     wanted = [*weights, *(time for one in weights for time in own_times(mapping, channel, path, one))]
-    return weights, load_variables(path, mapping.format, wanted, mapping.dialect)
+    return weights, _loaded(mapping, path, wanted)
 
 
 def _own_stamps(
@@ -167,6 +171,11 @@ def _own_stamps(
             continue
         if stamps.dtype.kind in "fiu" and stamps.ndim == 1 and len(stamps) > 1:
             return stamps, time, []
+    behind = _behind_other_time(mapping, path, name, variables)
+    if behind:
+        stamps, problems = read_column(mapping, _loaded(mapping, path, [behind]), channel.column, behind)
+        rises = stamps is not None and np.all(np.isfinite(stamps)) and np.all(np.diff(stamps) >= 0)
+        return (stamps, behind, problems) if rises else (None, "", [])
     if is_of_other_topic(mapping, path, name):
         what = (
             f"Its messages have no `{topic_time(mapping)}`, by which they could be brought to the clock of the others."
@@ -176,11 +185,34 @@ def _own_stamps(
     return None, "", []
 
 
+def _loaded(mapping: LogMapping, path: Path, names: Sequence[str]) -> Variables:
+    return load_variables(path, mapping.format, names, mapping.dialect)
+
+
+def _behind_other_time(mapping: LogMapping, path: Path, name: str, variables: Variables) -> str:
+    """The time of the group of a table's columns that a variable stands in, where the log's own is another one's."""
+    if mapping.time is None or path != mapping.file or not is_table(path, mapping.format):
+        return ""
+    names = list(variables.sizes)
+    found = time_before(names, name)
+    return found if found != mapping.time.variable and mapping.time.variable in times_of_groups(names) else ""
+
+
 def _in_unit_of_time(mapping: LogMapping, stamps: NDArray[Any], unit: str) -> NDArray[Any]:
     """Time stamps in the unit of the log's own time, where the log states theirs."""
     if mapping.time is None or unit not in TIME_UNITS or TIME_UNITS[unit] == mapping.time.to_seconds:
         return stamps
     return np.asarray(stamps * (TIME_UNITS[unit] / mapping.time.to_seconds))
+
+
+def _times_before(mapping: LogMapping, variables: Variables) -> tuple[list[str], Variables]:
+    """The times of the groups of a table's columns that channels stand in, where the log's own is not stated."""
+    if mapping.time is not None or not is_table(mapping.file, mapping.format):
+        return [], variables
+    own = [variable for path, variable in mapping.variables.values() if path == mapping.file]
+    found = [time_before(list(variables.sizes), name) for name in own]
+    times = [one for one in dict.fromkeys(found) if one]
+    return (times, _loaded(mapping, mapping.file, times)) if len(times) > 1 else ([], variables)
 
 
 def _untold_clocks(mapping: LogMapping, variables: Variables, times: Sequence[str]) -> list[DataError]:

@@ -82,8 +82,9 @@ def whole_piece(
         return ""
     low, high = limits_of(time, begin, end)
     settings = {"from_s": f"{low:.12g}", "to_s": f"{high:.12g}"}
-    if stated is not None:
-        held = (end + 1 - begin) // stated.samples - bool(mapping.references)
+    # Where references say where periods begin, these say how many there are.
+    if stated is not None and not mapping.references:
+        held = (end + 1 - begin) // stated.samples
         dropped = stated.dropped if begin <= first and held > stated.dropped else 0
         if held - dropped < 1:
             return "Record again: no whole period lies where nothing is missing."

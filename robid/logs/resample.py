@@ -29,14 +29,11 @@ _UNEVEN = 2.0
 _UNEVEN_DEGREE = 3
 """Degree of the spline between uneven samples."""
 
-LONGEST = 10
-"""Usual time steps that are bridged at most."""
+_BRIDGES = (10.5, 8.0, 6.0, 5.0, 4.0, 3.0, 2.5, 2.0, 1.75, 1.5)
+"""Lengths of time steps, in usual ones, of which the longest that can be followed across is looked for."""
 
-_FOLLOWED = 0.02
+_FOLLOWED = 0.03
 """Error of a channel up to which a spline follows it across a longer step."""
-
-_MARGIN = 0.1
-"""Part of a usual time step by which steps scatter."""
 
 _COARSE = 2.0
 """Deviation of the time stamps from a straight line, in their own steps, up to which they are only rounded."""
@@ -106,11 +103,18 @@ def longest_bridged(time_s: FloatArray, channels: Sequence[FloatArray], step_s: 
         channels: The channels (n_sample,).
         step_s: Usual time step [s].
     """
-    even = np.arange(time_s[0], time_s[-1], step_s)
-    moving = [np.interp(even, time_s, one) for one in channels if np.ptp(one) > 0]
-    for count in range(LONGEST, 1, -1):
+    # What nothing bridges says nothing of the channels.
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(time_s) > _BRIDGES[0] * step_s) + 1, [len(time_s)]])
+    longest = int(np.argmax(np.diff(edges)))
+    part = slice(int(edges[longest]), int(edges[longest + 1]))
+    if part.stop - part.start <= _UNEVEN_DEGREE:
+        return step_s
+    even = np.arange(time_s[part][0], time_s[part][-1], step_s)
+    moving = [make_interp_spline(time_s[part], one[part], k=_UNEVEN_DEGREE)(even) for one in channels]
+    moving = [one for one in moving if np.ptp(one) > 0]
+    for count in _BRIDGES:
         if all(interpolation_error(one, _UNEVEN_DEGREE, count) < _FOLLOWED for one in moving):
-            return count * step_s * (1 + _MARGIN)
+            return count * step_s
     return step_s
 
 

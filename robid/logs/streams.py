@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,9 @@ from robid.signals.log_channels import LogChannel
 _MESSAGES = ("mcap", "rosbag")
 _TIMED = ("tdms", "mdf")
 _TIMES = ("header.stamp", "log_time")
+_TABLES = ("csv", "parquet")
+_NUMBER = re.compile(r"[\s_(-]*\d+\)?")
+_TIME_WORD = re.compile(r"(?<![a-z])(time|timestamp|stamp|zeit|zeitstempel|temps|tempo)(?![a-z])")
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +99,35 @@ def apart_without_time(mapping: LogMapping) -> list[str]:
     if kind in _MESSAGES:
         return list(dict.fromkeys(f"{topic_of(name)}.log_time" for name in names))
     return list(dict.fromkeys(f"{name}.time" for name in names)) if kind in _TIMED else []
+
+
+def times_of_groups(names: Sequence[str]) -> list[str]:
+    """Returns the columns of a table that are times of the columns behind them, as `Time1` and `Time2`; else nothing.
+
+    Args:
+        names: The columns in their order.
+    """
+    stems: dict[str, list[str]] = {}
+    for name in names:
+        stem = _NUMBER.sub("", name).lower()
+        if _TIME_WORD.search(stem):
+            stems.setdefault(stem, []).append(name)
+    return max(stems.values(), key=len) if any(len(alike) > 1 for alike in stems.values()) else []
+
+
+def time_before(names: Sequence[str], name: str) -> str:
+    """Returns the time of the group that a column of a table belongs to: the last before it; empty without one."""
+    times, found = set(times_of_groups(names)), ""
+    for one in names if times else ():
+        if one == name:
+            return found
+        found = one if one in times else found
+    return ""
+
+
+def is_table(path: Path, stated: str | None) -> bool:
+    """Returns whether a log has columns in an order."""
+    return path.is_file() and (stated or tell_format(path)) in _TABLES
 
 
 def unwrapped(values: NDArray[Any], wrap: float) -> tuple[FloatArray, int]:

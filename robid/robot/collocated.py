@@ -84,10 +84,10 @@ class Collocated:
         self._swept = set(kinds) <= {"stiffness", "damping", "delay"}
         self._configuration, line = np.nonzero(used)
         self._omega: FloatArray | ComplexArray = (2 * np.pi * frequency_hz)[line]
-        self._lines, self._rate = slice(line.size), model.rates[:1] or (0,)
+        self._lines, self._rate = slice(line.size), model.rates[:1]
         self._line_omega = self._omega[self._lines].real
         if sampling_period_s is not None:
-            self._add_images(make_folding(self._line_omega, 0.0, sampling_period_s, self._rate)[0])
+            self._add_images(make_folding(self._line_omega, 0.0, sampling_period_s, self._rate, 1)[0])
         self._factor = np.ascontiguousarray(model.rest.factor[self._configuration].T)
         self._varies = bool((self._factor != 1).any())
         self._order = np.r_[model.n_motor : n, : model.n_motor]
@@ -142,10 +142,10 @@ class Collocated:
         seen *= factor
         sampled = seen[:, self._lines]
         if self._period is not None:
-            folding, by_delay = make_folding(self._line_omega, delay_s, self._period, self._rate)
+            folding, by_delay = make_folding(self._line_omega, delay_s, self._period, self._rate, 1)
             sampled = sampled + folding.fast[:, 0] * self._fast + self._folded(folding, seen)
         self._solved = _Solved(parameters, torque, self._fast, seen, sampled, folding, by_delay)
-        return sampled
+        return np.asarray(sampled)
 
     def derivatives(self, kinds: tuple[str, ...], masks: tuple[BoolArray, ...], scale: ComplexArray) -> ComplexArray:
         """Derivatives at the point of the last response with respect to plain values.

@@ -150,7 +150,7 @@ def _effect_columns(parameters: ElasticParameters, result: Response) -> ComplexA
     model, omega = result.model, result.omega
     if model.effects is None:
         return np.zeros((*result.sampled.shape, parameters.doubt.size), complex)
-    slopes = model.effects.slopes(parameters.doubt, parameters.damping, omega)
+    slopes = model.effects.slopes(parameters.doubt, parameters.damping, np.real(omega))
     outer = _outer(result, slice(model.n_motor, None))
     moved = np.einsum("cfois,cfsd->cfoid", outer, slopes, optimize=True)
     return np.asarray((result.hold * omega**2)[:, None, None, None] * moved)

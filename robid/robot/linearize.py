@@ -84,8 +84,8 @@ class LinearModel:
             it; None for nothing.
         clinging (n_conf, n_motor): Torques that follow the motors' angles, as complex stiffnesses [N m/rad]; None for
             none.
-        rates (n_out,): How many times each output is differentiated before it is sampled; empty where all outputs are
-            positions when they are sampled.
+        rates (n_out,): How many times each output is differentiated before it is sampled; empty where that
+            is unknown: positions.
     """
 
     mass: FloatArray

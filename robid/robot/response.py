@@ -69,7 +69,7 @@ class Response:
     inputs: ComplexArray
     outputs: ComplexArray
     hold: ComplexArray
-    omega: FloatArray
+    omega: FloatArray | ComplexArray
     model: LinearModel
     springs: Springs
     gain: FloatArray
@@ -119,8 +119,8 @@ def response(
     sampled = hold[:, None, None] * whole.sampled
     if sampling_period_s is None:
         return replace(whole, sampled=sampled * gain, hold=hold)
-    rates = model.rates or (0,) * model.output.shape[1]
-    folding, by_delay = make_folding(omega, float(parameters.delay[0]), sampling_period_s, rates)
+    timing = float(parameters.delay[0]), sampling_period_s
+    folding, by_delay = make_folding(omega, *timing, model.rates, model.output.shape[1])
     sampled = sampled + folding.fast[:, :, None] * fast_limit(model, parameters)[:, None]
     images = None
     if folding.omega.size:
@@ -132,9 +132,13 @@ def response(
 
 
 def _continuous(
-    model: LinearModel, parameters: ElasticParameters, springs: Springs, omega: FloatArray, gain: FloatArray
+    model: LinearModel,
+    parameters: ElasticParameters,
+    springs: Springs,
+    omega: FloatArray | ComplexArray,
+    gain: FloatArray,
 ) -> Response:
-    """The response at rest without hold, delay and gain."""
+    """The response at rest without hold, delay and gain, at angular frequencies that may be complex."""
     stiffness = _dynamic_stiffness(model, parameters, springs, omega)
     n_motor, n = model.n_motor, model.mass.shape[-1]
     collocated = model.output.shape[1] == n_motor and bool((model.output == np.eye(n_motor, n)).all())
@@ -145,7 +149,7 @@ def _continuous(
     solved = np.linalg.solve(stiffness, right)
     inputs = solved[..., :n_motor]
     outputs = inputs if collocated else solved[..., n_motor:]
-    continuous = -(omega**2)[:, None, None] * (seen @ inputs)
+    continuous: ComplexArray = np.asarray(-(omega**2)[:, None, None] * (seen @ inputs), complex)
     return Response(continuous, inputs, outputs, np.ones(omega.size, complex), omega, model, springs, gain)
 
 
@@ -236,14 +240,14 @@ def _springs(model: LinearModel, springs: Springs) -> FloatArray:
 
 
 def _dynamic_stiffness(
-    model: LinearModel, parameters: ElasticParameters, springs: Springs, omega: FloatArray
+    model: LinearModel, parameters: ElasticParameters, springs: Springs, omega: FloatArray | ComplexArray
 ) -> ComplexArray:
     constant = (model.gravity_stiffness + _springs(model, springs))[:, None]
     inertial = constant - (omega**2)[:, None, None] * mass_matrix(model, parameters)[:, None]
     dynamic = inertial + _beside(model, springs)
     if model.effects is None:
         return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(model, parameters))
-    dynamic = dynamic + _on_springs(model, model.effects.stiffness(parameters.doubt, omega))
+    dynamic = dynamic + _on_springs(model, model.effects.stiffness(parameters.doubt, np.real(omega)))
     return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(model, parameters)[:, None])
 
 
@@ -264,7 +268,7 @@ def _on_springs(model: LinearModel, values: ComplexArray) -> ComplexArray:
     return np.asarray(full[..., None] * np.eye(full.shape[-1]))
 
 
-def _seen(model: LinearModel, omega: FloatArray) -> FloatArray:
+def _seen(model: LinearModel, omega: FloatArray | ComplexArray) -> FloatArray | ComplexArray:
     """Outputs (n_conf, n_freq, n_out, n) as positions; an accelerometer that tilts seems to move."""
     return np.asarray(model.output[:, None] + model.tilt[:, None] / (omega**2)[:, None, None])
 

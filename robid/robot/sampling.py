@@ -10,8 +10,10 @@ import numpy as np
 from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.signals.quantities import Rate
 
+_POSITION: tuple[Rate, ...] = (0,)
 _ALIASES = (-2, -1, 1, 2)
 _IMAGES = (-3, -2, -1, 1, 2, 3)
+_SIMPLE_SHARE = 0.15  # of the sampling rate, up to which images of positions hardly count
 _LAST = 4 * np.exp(1j * np.deg2rad(75))  # over the sampling rate; so far from the imaginary axis nothing rings
 _SAME_INSTANT = 1e-9  # of a period
 
@@ -26,14 +28,15 @@ class Folding:
         `sum over k != 0 of (w / w_k)^(2 - r) hold(w_k) exp(-j w_k T_d) A(w_k)`
 
     folds down. Images of positions fall with the cube of frequency: the limit of `A` at infinite frequency will do, two
-    images on each side. Those of speeds fall with the square and those of accelerations with frequency itself. The
-    first three images on each side are taken from the response itself, and all further ones, in closed form, from
+    images on each side, up to some share of the sampling rate. Those of speeds fall with the square and those of
+    accelerations with frequency itself. Of these, and of positions above that share, the first three images on each
+    side are taken from the response itself, and all further ones, in closed form, from
     `A = F_0 + F_1 / s + F_2 / s^2`, of which F_0 is the limit and the others are seen at one complex frequency s.
 
     Attributes:
         fast (n_freq, n_out): Factor of the limit.
         omega (n_image,): Angular frequencies at which the continuous response is needed, the images of every line, then
-            the complex one, `s / j`; none where all outputs are positions [rad/s].
+            the complex one, `s / j`; none where the limit will do for all outputs [rad/s].
         mirrored (n_image,): Which of them stand for their negatives, where the response is conjugate.
         weight (6, n_freq, n_out): Factors of the images.
         tail (2, n_freq, n_out): Factors of real and imaginary part at the last one.
@@ -93,7 +96,7 @@ def alias_factor(omega: FloatArray, delay_s: float, sampling_period_s: float) ->
 
 
 def make_folding(
-    omega: FloatArray, delay_s: float, sampling_period_s: float, rates: tuple[Rate, ...]
+    omega: FloatArray, delay_s: float, sampling_period_s: float, rates: tuple[Rate, ...], n_out: int
 ) -> tuple[Folding, Folding]:
     """Sets up what folds down onto outputs, and its derivative by the delay.
 
@@ -102,7 +105,8 @@ def make_folding(
         delay_s: Delay from the recorded torque to its effect, hold excluded [s].
         sampling_period_s: Period of the held torque and of the samples [s].
         rates (n_out,): How many times each output was differentiated before it was sampled; None for one that is
-            filtered so that nothing folds down.
+            filtered so that nothing folds down. Empty for positions in the simple form at all frequencies.
+        n_out: Number of outputs.
 
     Returns:
         Both maps. Accelerations that follow a torque at once are sampled before it changes.
@@ -110,27 +114,31 @@ def make_folding(
     Source:
         Poisson's sum formula; METHODS sec. 1 (Sampling) for positions.
     """
-    shape = omega.size, len(rates)
-    pair = [_nothing(omega, sampling_period_s, *shape, any(rates)) for _ in range(2)]
-    slow = alias_factor(omega, delay_s, sampling_period_s) if 0 in rates else None
-    for rate in sorted({each for each in rates if each}):
+    share = omega * sampling_period_s / (2 * np.pi)
+    high = (share > _SIMPLE_SHARE) & (share < 0.5) & bool(rates)
+    rates = rates or _POSITION * n_out
+    images = any(rates) or (0 in rates and bool(high.any()))
+    pair = [_nothing(omega, sampling_period_s, len(rates), images=images) for _ in range(2)]
+    for rate in sorted({each for each in rates if each is not None}):
         columns = [column for column, each in enumerate(rates) if each == rate]
-        for one, terms in zip(pair, _terms(omega, delay_s, sampling_period_s, rate), strict=True):
-            one.fast[:, columns] = terms.fast[:, None]
-            one.weight[:, :, columns] = terms.weight[..., None]
-            one.tail[:, :, columns] = terms.tail[..., None]
-    if slow is not None:
-        columns = [column for column, each in enumerate(rates) if each == 0]
-        for one, factor in zip(pair, slow, strict=True):
-            one.fast[:, columns] = factor[:, None]
+        if rate or images:
+            chosen = np.ones_like(high) if rate else high
+            for one, terms in zip(pair, _terms(omega, delay_s, sampling_period_s, rate), strict=True):
+                one.fast[:, columns] = np.where(chosen, terms.fast, 0)[:, None]
+                one.weight[:, :, columns] = np.where(chosen, terms.weight, 0)[..., None]
+                one.tail[:, :, columns] = np.where(chosen, terms.tail, 0)[..., None]
+        if rate == 0:
+            for one, factor in zip(pair, alias_factor(omega, delay_s, sampling_period_s), strict=True):
+                one.fast[:, columns] = np.where(high[:, None], one.fast[:, columns], factor[:, None])
     return pair[0], pair[1]
 
 
-def _nothing(omega: FloatArray, period_s: float, n_freq: int, n_out: int, images: bool) -> Folding:
+def _nothing(omega: FloatArray, period_s: float, n_out: int, *, images: bool) -> Folding:
     """A map to zero with the places of its images, if there are any."""
     places = np.zeros(0, complex)
     if images:
         places = np.append(_images(omega, period_s).ravel(), _last(period_s) / 1j)
+    n_freq = omega.size
     mirrored = (places.real < 0) & (places.imag == 0)
     return Folding(
         fast=np.zeros((n_freq, n_out), complex),

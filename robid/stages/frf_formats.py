@@ -82,6 +82,7 @@ def _table(response: Response, place: int) -> bytes:
         response.origin,
         f"{response.position(place)}.",
         *(f"Output {_told(channel)}." for channel in frf.output_channels),
+        *(f"Measured {each}." for each in _measured(frf)),
         *(f"Input {_told(channel)}." for channel in frf.input_channels),
         *(["Lines that told too little of an input are NaN."] if frf.dropped is not None else []),
         f"Inputs: {frf.input_hold}, sampled every {frf.sampling_period_s:g} s.",
@@ -126,6 +127,7 @@ def _described(response: Response) -> Content:
         "input_names": frf.input_names,
         "output_channels": tuple(_told(channel) for channel in frf.output_channels),
         "input_channels": tuple(_told(channel) for channel in frf.input_channels),
+        "measured_channels": _measured(frf),
         "axes": "configuration, frequency, output, input",
         "frequency_hz": frf.frequency_hz,
         "sampling_period_s": frf.sampling_period_s,
@@ -134,6 +136,11 @@ def _described(response: Response) -> Content:
         "degrees_of_freedom": frf.degrees_of_freedom,
         "notes": frf.notes,
     }
+
+
+def _measured(frf: Frf) -> tuple[str, ...]:
+    """What the outputs were measured as, and what their samples are."""
+    return tuple(f"{_told(channel)}, samples: {channel.sampled.replace('_', ' ')}" for channel in frf.measured_channels)
 
 
 def _arrays(frf: Frf) -> dict[str, FloatArray | ComplexArray | None]:

@@ -32,7 +32,7 @@ CASES = {
     "ball screw": (ball_screw(), np.array([[0.1]]), None),
     "sensors": (sensed_everywhere(), ARM, ("shoulder", "felt")),
 }
-SAMPLED = {name: (2,) if name == "sensors" else (1, 2) for name in CASES}
+SAMPLED = {name: (2,) if name == "sensors" else (0, 1, 2) for name in CASES}
 """An accelerometer feels gravity, so that it has no speed of its own."""
 
 
@@ -44,7 +44,7 @@ def linear_model(name, rates=()):
     return robot, replace(linear, rates=(rates * count)[:count])
 
 
-@pytest.mark.parametrize(("name", "rate"), [(name, rate) for name in CASES for rate in (1, 2) if rate in SAMPLED[name]])
+@pytest.mark.parametrize(("name", "rate"), [(name, rate) for name in CASES for rate in SAMPLED[name]])
 @pytest.mark.parametrize(("period_s", "delay_samples"), [(1e-3, 0.0), (1e-3, 0.3), (4e-3, 1.0), (4e-4, 2.7), (1e-3, 5)])
 def test_rates_sampled_at_instants_against_exact_discretisation(name, rate, period_s, delay_samples):
     if name == "ball screw" and period_s > 4e-4:
@@ -55,9 +55,11 @@ def test_rates_sampled_at_instants_against_exact_discretisation(name, rate, peri
     found = response(linear, parameters, frequency_hz, period_s).sampled[0]
     wanted = exact_acceleration(linear, parameters, frequency_hz, period_s, rate)
     error = np.abs(found - wanted) / np.abs(wanted).max(axis=(1, 2), keepdims=True)
-    assert error.max() < rate**3 * DISCRETISATION  # an acceleration jumps with the torque
+    # An acceleration jumps with the torque; low lines of positions have their images in the simple form.
+    assert error[(SHARE > 0.15) | (rate > 0)].max() < max(rate, 1) ** 3 * DISCRETISATION
+    assert error.max() < 1e-3
     # Each for itself, far off the motors: what little is left of their motion there decides a logarithm too.
-    assert (np.abs(found / wanted - 1)[SHARE <= 0.25]).max() < 1e-3
+    assert (np.abs(found / wanted - 1)[(SHARE <= 0.25) & ((SHARE > 0.15) | (rate > 0))]).max() < 1e-3
 
 
 @pytest.mark.parametrize("delay_samples", [0, 2])

@@ -35,9 +35,7 @@ def tell_lvm(lines: Sequence[str]) -> Layout | None:
         return None
     told = {row[0]: row[1:] for row in cells[:at] if row[0]}
     comma = told.get("Decimal_Separator", [","])[0] == "," and mark != ","
-    names = [name for name in cells[at] if name]
-    if names[-1] == _COMMENT:
-        names.pop()
+    names = [name or str(column) for column, name in enumerate(_without_comment(cells[at]), start=1)]
     rows = [row for row in cells[at + 1 :] if _is_data(row, comma=comma)]
     if not rows:
         return None
@@ -51,6 +49,12 @@ def tell_lvm(lines: Sequence[str]) -> Layout | None:
     # The last cells of a row may be left out: the comment, and a separator at its end.
     longest = max(len(names) + 2, width)
     return Layout(mark, comma, body.names, units, at + 1, kinds, longest, fewest=len(names), body=body)
+
+
+def _without_comment(row: Sequence[str]) -> Sequence[str]:
+    """The names of the columns: the last one is that of comments, behind which a line may end with a separator."""
+    last = max(column for column, name in enumerate(row) if name)
+    return row[:last] if row[last] == _COMMENT else row[: last + 1]
 
 
 def _mark(lines: Sequence[str]) -> str:

@@ -17,6 +17,9 @@ from robid.arrays import FloatArray, IntArray
 _SECOND = 1_000_000_000
 _HOUR, _DAY = 3600 * _SECOND, 86400 * _SECOND
 _ABSENT = np.iinfo(np.int64).min
+_LONGEST = 80
+"""Characters of a moment at most."""
+
 _DIGITS = 9
 """Digits of a second's fraction that are kept."""
 
@@ -135,6 +138,8 @@ class Moments:
 
     def add(self, cells: Sequence[str]) -> int | None:
         """Adds cells, empty where they are missing; returns the place of one that is no moment."""
+        if long := next((place for place, cell in enumerate(cells, start=1) if len(cell) > _LONGEST), 0):
+            return long - 1
         dates, clocks = np.zeros(len(cells), np.int64), np.full(len(cells), _ABSENT)
         text = np.array(cells) if len(cells) else np.zeros(0, "U1")
         codes = np.ascontiguousarray(text).view(np.uint32).reshape(len(cells), -1)

@@ -10,6 +10,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.logs.formats.cells import is_missing, is_number, split
 from robid.logs.formats.layout import Body, Layout
+from robid.logs.formats.moments import is_moment
 from robid.logs.formats.telling import tell_kinds
 
 _NAMES = ("Name", "SymbolName")
@@ -52,7 +53,7 @@ def tell_twincat(lines: Sequence[str]) -> Layout | None:
     told = {row[0]: row for row in whole}
     cells_of_times = [full[0][i] for i in timed] if has_times else []
     ticks = [float(cell.replace(",", ".")) for cell in cells_of_times if is_number(cell, decimal_comma=comma)]
-    body = _Body(names, columns, told, times=has_times, begun=min(ticks, default=0.0))
+    body = _Body(names, columns, told, kinds, times=has_times, begun=min(ticks, default=0.0))
     units = tuple(body.unit(column) for column in range(len(columns)))
     # Slow groups end above the others, by empty cells or by shorter rows.
     fewest = 1 if not has_times else 2 if len(timed) > 1 else width
@@ -82,8 +83,10 @@ def _named(cells: Sequence[Sequence[str]]) -> tuple[int, list[str]]:
 
 
 def _is_first(row: Sequence[str], comma: bool) -> bool:
-    numbers = sum(is_number(cell, decimal_comma=comma) for cell in row)
-    return numbers > 1 and all(is_number(cell, decimal_comma=comma) or is_missing(cell) for cell in row)
+    """Whether a line has numbers only, or moments before them."""
+    told = [cell for cell in row if not is_missing(cell)]
+    numbers = [cell for cell in told if is_number(cell, decimal_comma=comma)]
+    return len(told) > 1 and bool(numbers) and all(cell in numbers or is_moment(cell) for cell in told)
 
 
 class _Body(Body):
@@ -94,11 +97,12 @@ class _Body(Body):
         heads: Sequence[str],
         columns: Sequence[int],
         told: Mapping[str, Sequence[str]],
+        kinds: Sequence[str],
         *,
         times: bool,
         begun: float = 0.0,
     ) -> None:
-        self._told, self._columns, self._begun = told, columns, begun
+        self._told, self._columns, self._kinds, self._begun = told, columns, kinds, begun
         self._steps: dict[str, float] = {}
         is_time = [heads[column] == heads[0] for column in columns]
         names, groups = [heads[column] for column in columns], sum(is_time)
@@ -135,7 +139,7 @@ class _Body(Body):
     def unit(self, column: int) -> str:
         """The unit of a column, without the name of its quantity."""
         if column in self.clocks.values():
-            return "ms"
+            return "s" if self._kinds[column] == "moment" else "ms"
         stated = self._told.get("Unit", ())
         text = stated[self._columns[column]] if stated else ""
         return "" if text.startswith("(") else re.sub(r"\s*\(.*", "", text)

@@ -187,6 +187,7 @@ def _plain_entry(signal: Signal, name: str) -> Entry:
         reason = "; ".join(signal.reasons) or _BY.get(signal.by, "")
         article = "an" if signal.role[0] in "aeiou" else "a"
         checks.insert(0, f"taken for {article} {signal.role}: {reason}")
+    checks += [signal.doubt] if signal.doubt else []
     if signal.quality.missing:
         checks.append(f"{signal.quality.missing} values are missing: the import refuses it until they are cut out")
     return Entry(signal, name, settings, tuple(checks))
@@ -216,7 +217,7 @@ def _size_of(signal: Signal) -> tuple[Settings, list[str]]:
         return {"unit": turn}, [
             f"unit by the range of {signal.wrap.size:.6g} after which it starts again" if signal.wrap else ""
         ]
-    coarse = not unit and quality.resolution is not None and quality.resolution >= _COUNT
+    coarse = not signal.states_unit and quality.resolution is not None and quality.resolution >= _COUNT
     if unit.startswith("counts") or (along and (turn == "counts" or coarse)):
         guess = [] if unit else ["unit not stated, its steps look like counts"]
         return {"unit": unit or "counts"}, [*guess, _COUNTS_OPEN]

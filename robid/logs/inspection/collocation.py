@@ -17,10 +17,10 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.logs.inspection.relations import Spectrum
 
 _NEIGHBOURS = 5
-"""Lines over which the coherence with the drive is averaged."""
+"""Lines over which a coherence is averaged."""
 
 _COHERENT = 0.8
-"""Coherence with the drive from which a line counts."""
+"""Coherence from which a line counts."""
 
 _FEWEST = 8
 """Lines that tell something, at least."""
@@ -80,10 +80,8 @@ def find_motor(
         step_s: Sampling period [s].
     """
     x, y = first.derivative(orders[0]), second.derivative(orders[1])
-    u = drive.values
-    at = np.flatnonzero(
-        (_coherence(u, x) > _COHERENT) & (_coherence(u, y) > _COHERENT) & (drive.omega * step_s < 2 * np.pi * _HIGHEST)
-    )
+    # Whatever moves them, as the torque of another joint: what they have in common tells.
+    at = np.flatnonzero((_coherence(x, y) > _COHERENT) & (drive.omega * step_s < 2 * np.pi * _HIGHEST))
     at = np.intersect1d(at, drive.strongest)
     verdicts: list[Order] = []
     for part in _PARTS:

@@ -29,8 +29,10 @@ from robid.logs.inspection.roles import Comparison, Signal, find_roles
 from robid.logs.inspection.rows import on_common_instants
 from robid.logs.inspection.sampling import Sampling, find_sampling
 from robid.logs.inspection.units import PER_SECOND
+from robid.logs.pace import roundest
 from robid.logs.period import Repetition
-from robid.logs.resample import LONGEST
+from robid.logs.pieces import limits_of
+from robid.logs.resample import longest_bridged
 from robid.signals.log_dialect import Dialect
 
 _MEASURED = 24
@@ -40,6 +42,14 @@ _JITTER = 0.05
 """Deviation of time steps from which samples are resampled to the log's time."""
 
 _UNKNOWN_STEP_S = 1e-3
+
+_NEAR = 0.03
+"""Relative distance from the usual step of an uneven clock within which its even steps are chosen."""
+
+_ROUND = 1e-9
+
+_FEWEST = 100
+"""Even samples from which a part of an uneven clock is worth looking at."""
 
 _SCATTERED = 0.5
 """Share of the log in its longest part without a gap below which its gaps are those of an uneven clock."""
@@ -63,7 +73,8 @@ class Findings:
         proposal: The mapping that is proposed.
         n_sample: Samples of the signals.
         numbered: The recordings of which they are the first one; None where the log is a single one.
-        is_evened: Whether its signals were brought from an uneven clock to even steps, all over the log.
+        evened_s: From where to where its signals were brought from an uneven clock to even steps, zeros for all of it;
+            None where they are as they were recorded [s].
     """
 
     contents: Contents
@@ -76,7 +87,12 @@ class Findings:
     proposal: Proposal
     n_sample: int
     numbered: Numbered | None = None
-    is_evened: bool = False
+    evened_s: tuple[float, float] | None = None
+
+    @property
+    def is_evened(self) -> bool:
+        """Whether its signals were brought from an uneven clock to even steps."""
+        return self.evened_s is not None
 
     @property
     def step_s(self) -> float:
@@ -126,14 +142,26 @@ def inspect_log(
         contents = replace(contents, columns=tuple(single), notes=(*contents.notes, told))
     contents = on_common_instants(contents)
     group = _main_group(contents.columns)
-    others = tuple(one for one in contents.columns if one not in group)
     sampling = find_sampling(group, contents.scalars, sampling_period_s)
+    found = _findings(contents, group, sampling, numbered, tell)
+    step_s = _whole_step(found)
+    if step_s is not None:  # nothing else decides the steps that an uneven clock is brought to
+        found = _findings(contents, group, replace(sampling, step_s=step_s), numbered, tell)
+    return found
+
+
+def _findings(
+    contents: Contents,
+    group: Sequence[Column],
+    sampling: Sampling,
+    numbered: Numbered | None,
+    tell: Callable[[str], None],
+) -> Findings:
+    """Finds what the signals of one length are, how they repeat, and what to propose."""
+    others = tuple(one for one in contents.columns if all(one is not member for member in group))
     columns = [one for one in group if one.name != sampling.variable and one.key not in sampling.others]
     judged = [judge(one.values) for one in columns]
-    uneven = _is_uneven(sampling, len(group[0].values))
-    if uneven:
-        clock = next(one for one in group if one.name == sampling.variable)
-        columns = _evened(columns, clock.values * PER_SECOND[sampling.unit], sampling)
+    part_s, columns = _evened(columns, next((one for one in group if one.name == sampling.variable), None), sampling)
     tell("comparing signals")
     comparison = Comparison(sampling.step_s or _UNKNOWN_STEP_S, is_known=sampling.step_s is not None)
     signals = find_roles(columns, judged, comparison)
@@ -150,24 +178,57 @@ def inspect_log(
         Proposal((), (), (), None),
         len(columns[0].values) if columns else len(group[0].values),
         numbered,
-        is_evened=uneven,
+        evened_s=part_s,
     )
     found = _with_periods(found, chosen)
     return replace(found, proposal=_propose(found, chosen, comparison))
 
 
-def _is_uneven(sampling: Sampling, n_sample: int) -> bool:
-    """Whether the time steps differ so much that the log is to be resampled, and so little that it can be."""
-    if not sampling.variable or sampling.step_s is None or sampling.backward or sampling.longest_step > LONGEST:
-        return False
-    scattered = sampling.longest[1] - sampling.longest[0] < _SCATTERED * n_sample
-    return sampling.jitter > _JITTER or bool(sampling.gaps and scattered)
+def _whole_step(found: Findings) -> float | None:
+    """Even steps for an uneven clock of which a period has a whole number, as round as can be; None for those it has.
+
+    [s]
+    """
+    if found.evened_s is None or found.shared is None or found.sampling.step_s is None:
+        return None
+    known, step_s = found.shared, found.sampling.step_s
+    reach = max(3 * known.std_samples, 1e-6 * known.samples)
+    period_s = roundest((known.samples - reach) * step_s, (known.samples + reach) * step_s)
+    counts = range(int(np.ceil((1 - _NEAR) * known.samples)), int((1 + _NEAR) * known.samples) + 1)
+
+    def rank(count: int) -> tuple[int, float]:
+        step = period_s / count
+        digits = next((one for one in range(1, 9) if abs(float(f"{step:.{one}g}") / step - 1) < _ROUND), 9)
+        return digits, abs(count - known.samples)
+
+    best = period_s / min(counts, key=rank) if len(counts) else step_s
+    return None if abs(best / step_s - 1) < _ROUND else best
 
 
-def _evened(columns: Sequence[Column], time_s: FloatArray, sampling: Sampling) -> list[Column]:
-    """Signals at even steps of an uneven clock, by straight lines: what is found in them is coarser than the import."""
-    even = np.arange(time_s[0], time_s[-1], sampling.step_s)
-    return [replace(one, values=np.asarray(np.interp(even, time_s, one.values))) for one in columns]
+def _evened(
+    columns: list[Column], clock: Column | None, sampling: Sampling
+) -> tuple[tuple[float, float] | None, list[Column]]:
+    """Signals at even steps of an uneven clock, by straight lines: what is found in them is coarser than the import.
+
+    Returns:
+        From where to where the clock can be made good, None where it is even or cannot be read; and the signals there.
+    """
+    if clock is None or sampling.step_s is None or sampling.backward:
+        return None, columns
+    scattered = sampling.longest[1] - sampling.longest[0] < _SCATTERED * len(clock.values)
+    if sampling.jitter <= _JITTER and not (sampling.gaps and scattered):
+        return None, columns
+    time_s = (clock.values - clock.values[0]) * PER_SECOND[sampling.unit]
+    moving = [one for one, hint in zip(columns, read_names(columns), strict=True) if hint.role in (*DRIVING, *MOVING)]
+    bridged_s = longest_bridged(time_s, [_filled(one.values) for one in moving], sampling.step_s)
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(time_s) > bridged_s) + 1, [len(time_s)]])
+    longest = int(np.argmax(np.diff(edges)))
+    begin, end = int(edges[longest]), int(edges[longest + 1])
+    even = np.arange(time_s[begin], time_s[end - 1], sampling.step_s)
+    if len(even) < _FEWEST:
+        return None, columns
+    made = [replace(one, values=np.asarray(np.interp(even, time_s, one.values))) for one in columns]
+    return (0.0, 0.0) if end - begin == len(time_s) else limits_of(time_s, begin, max(end - 1, begin + 1)), made
 
 
 def _main_group(columns: Sequence[Column]) -> list[Column]:
@@ -231,6 +292,8 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
         None,
         resample="time" if found.is_evened or (found.sampling.variable and found.sampling.jitter > _JITTER) else "",
     )
+    if found.evened_s is not None and found.evened_s[1]:
+        made = replace(made, part_s=found.evened_s)
     repeats = found.shared is not None and len(found.lines)
     if found.has_gaps and found.sampling.step_s and (made.resample or not repeats):
         made = replace(made, part_s=found.sampling.longest_s)

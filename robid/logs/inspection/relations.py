@@ -8,6 +8,7 @@ another one is, and how surely.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from math import comb
 
 import numpy as np
@@ -115,15 +116,22 @@ class Spectrum:
 def spectrum_of(values: FloatArray, step_s: float) -> Spectrum:
     """Returns the spectrum of a signal (n_sample,) in the middle of which constants and slopes are taken out."""
     used = values[(len(values) - _LOOKED) // 2 :][:_LOOKED] if len(values) > _LOOKED else values
-    level = np.asarray(detrend(used))
-    phase = 2 * np.pi * np.arange(len(level)) / len(level)
-    rate = 2 * np.pi / (len(level) * step_s)
-    window = 0.5 - 0.5 * np.cos(phase)
-    turned = np.stack([window, 0.5 * rate * np.sin(phase), 0.5 * rate**2 * np.cos(phase)])
-    windowed = np.asarray(rfft(level * turned, axis=1))
+    window, trends = _window(len(used))
+    rate = 2 * np.pi / (len(used) * step_s)
+    scaled = window * np.array([[1.0], [rate], [rate**2]])
+    windowed = np.asarray(rfft(np.asarray(detrend(used)) * scaled, axis=1))
     omega = rate * np.arange(windowed.shape[1])
-    trends = _orthonormal(np.asarray(rfft(window * np.stack([np.ones(len(level)), phase - np.pi]), axis=1)))
     return Spectrum(windowed, trends, omega, _strongest(_without(windowed[0], trends)))
+
+
+@lru_cache(maxsize=2)
+def _window(count: int) -> tuple[FloatArray, ComplexArray]:
+    """The window (3, n_sample) with its derivatives over the phase, and orthonormal trends (2, n_freq) behind it."""
+    phase = 2 * np.pi * np.arange(count) / count
+    window = 0.5 - 0.5 * np.cos(phase)
+    derivatives = np.stack([window, 0.5 * np.sin(phase), 0.5 * np.cos(phase)])
+    trends = _orthonormal(np.asarray(rfft(window * np.stack([np.ones(count), phase - np.pi]), axis=1)))
+    return derivatives, trends
 
 
 def compare(first: Spectrum, second: Spectrum, order: int, step_s: float) -> Likeness:

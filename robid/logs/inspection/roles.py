@@ -92,6 +92,7 @@ class Signal:
         implied: Its unit, where none is stated but the factor to another signal's derivative tells it.
         implied_by: What tells that.
         wrap: How it wraps, None where it does not; its samples are then without that.
+        doubt: What contradicts its unit.
     """
 
     column: Column
@@ -105,6 +106,7 @@ class Signal:
     implied: str = ""
     implied_by: str = ""
     wrap: Wrap | None = None
+    doubt: str = ""
 
     @property
     def states_unit(self) -> bool:
@@ -277,7 +279,8 @@ def _with_units(angle: Signal, speed: Signal, found: Relation | None) -> tuple[S
             return angle, speed
         size = UNITS[angles[0]].factor / abs(found.factor) / UNITS[speeds[0]].factor
         told = f"units disagree: in them it is {size:.4g} times less than the derivative of `{angle.name}`"
-        return angle, replace(speed, reasons=(*speed.reasons, told))
+        doubt = f"by its unit and that of `{speed.name}`, the one is {size:.4g} times less than the other's derivative"
+        return replace(angle, doubt=f"{doubt}: one of them is wrong"), replace(speed, reasons=(*speed.reasons, told))
     if len(pairs) != 1:
         return angle, speed
     by = f"unit by the factor {found.factor:.4g} of its derivative to `{speed.name}`"

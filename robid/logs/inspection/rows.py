@@ -13,7 +13,7 @@ from robid.logs.inspection.contents import Column, Contents
 from robid.logs.inspection.names import DRIVING, MOVING, read_names, unit_of_name
 from robid.logs.inspection.vocabulary import tokens
 from robid.logs.mapping import LogMapping
-from robid.logs.streams import Stream
+from robid.logs.streams import Stream, is_table, time_before, times_of_groups
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.log_options import TimeChannel
 
@@ -24,8 +24,7 @@ _TIMES = ("header.stamp", "log_time")
 
 def on_common_instants(contents: Contents) -> Contents:
     """Returns a log whose signals have the samples of one clock, where they have several in its table or messages."""
-    by_rows = _by_rows(contents)
-    return _by_topics(contents) if by_rows is None else by_rows
+    return _by_rows(contents) or _by_times(contents) or _by_topics(contents) or contents
 
 
 def _by_rows(contents: Contents) -> Contents | None:
@@ -67,8 +66,39 @@ def _names_time(column: Column) -> int:
     return 2 * (unit_of_name(column) in _SECONDS) + any(word in _NAMES for word in tokens(column.name))
 
 
-def _by_topics(contents: Contents) -> Contents:
-    """Messages of several topics of which one drives and another one moves."""
+def _by_times(contents: Contents) -> Contents | None:
+    """A log whose signals have times beside them, not all the same; None where it is none."""
+    columns = {one.name: one for one in contents.columns if one.file is None and not one.group}
+    names = list(columns) if is_table(contents.file, contents.format) else []
+    own: dict[str, Column] = {}
+    for name in columns:
+        time = columns.get(f"{name}.time") or columns.get(time_before(names, name))
+        if time is not None and name not in times_of_groups(names) and len(time.values) == len(columns[name].values):
+            own[name] = time
+    times = list({id(time): time for time in own.values()}.values())
+    if not times or all(np.array_equal(time.values, times[0].values) for time in times):
+        return None
+    hints = read_names([columns[name] for name in own])
+    driving = [name for name, hint in zip(own, hints, strict=True) if hint.role in DRIVING]
+    base = (driving or list(own))[0]
+    streams = {
+        name: Stream(name, name, 1.0, columns[name].values, time.values, time.name) for name, time in own.items()
+    }
+    clock = own[base]
+    brought = _brought(contents, streams[base], streams, clock.name, clock.values)
+    if brought is None:
+        return None
+    dropped = {time.name for time in times} - {clock.name}
+    joined = [replace(columns[name], values=brought[name]) for name in columns if name in brought]
+    rest = [one for one in contents.columns if one.name not in brought and one.name not in dropped]
+    told = f"its signals have clocks of their own, as {', '.join(f'`{time.name}`' for time in times[:3])}: they are"
+    return replace(
+        contents, columns=(*joined, *rest), notes=(*contents.notes, f"{told} brought to that of `{clock.name}`.")
+    )
+
+
+def _by_topics(contents: Contents) -> Contents | None:
+    """Messages of several topics of which one drives and another one moves; None where there are none."""
     topics: dict[str, list[Column]] = {}
     for one in contents.columns:
         if one.group and one.file is None:
@@ -77,12 +107,12 @@ def _by_topics(contents: Contents) -> Contents:
     driving = [name for name, told in roles.items() if told & set(DRIVING)]
     moving = [name for name, told in roles.items() if told & set(MOVING)]
     if not driving or not moving or set(driving) & set(moving):
-        return contents
+        return None
     chosen = [topics[driving[0]], topics[moving[0]]]
     kind = next((one for one in _TIMES if all(_time_of(members, one) for members in chosen)), "")
     first, other = (_time_of(members, kind) for members in chosen)
     if first is None or other is None:
-        return contents
+        return None
     streams = {
         one.name: Stream(one.name, one.name, 1.0, one.values, stamps.values, stamps.name)
         for members, stamps in zip(chosen, (first, other), strict=True)
@@ -92,7 +122,7 @@ def _by_topics(contents: Contents) -> Contents:
     base = next((one for one in streams.values() if one.clock == first.name), None)
     brought = None if base is None else _brought(contents, base, streams, first.name, first.values)
     if brought is None:
-        return contents
+        return None
     joined = [
         replace(one, values=brought[one.name], group=driving[0]) for one in contents.columns if one.name in brought
     ]

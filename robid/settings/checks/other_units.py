@@ -64,7 +64,7 @@ def _limits(robot: RobotFile) -> Iterator[str]:
 
 
 def _told(value: float) -> str:
-    return f"{value:g} looks like radians, but is taken for degrees: {value:g} rad are {math.degrees(value):.6g} deg"
+    return f"{value:g} looks like radians, but is taken for degrees: {value:g} rad are {math.degrees(value):.5g} deg"
 
 
 def _is_wide(joint: JointSection) -> bool:

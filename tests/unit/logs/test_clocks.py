@@ -351,3 +351,27 @@ def test_groups_of_a_twincat_scope_are_brought_to_one_clock(tmp_path, ticks):
         outputs=(OutputChannel("motor", "Angle"),),
     )
     assert wrong_by(import_waves(mapping), 6 * STEP) < (1e-2 if ticks else 1e-6)
+
+
+def test_columns_behind_a_second_time_have_that_one(tmp_path):
+    first, other = instants(), instants(0.31e-3)
+    table = np.stack([first, waves(first)[0], other, waves(other)[1]], axis=1)
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="Time1,A,Time2,B", comments="", fmt="%.12g")
+    mapping = mapping_of(
+        tmp_path / "log.csv",
+        time=TimeChannel("Time1", "s"),
+        inputs=(InputChannel("motor", "A", "N m"),),
+        outputs=(OutputChannel("motor", "B"),),
+    )
+    assert wrong_by(import_waves(mapping), STEP) < 1e-6
+    with pytest.raises(DataError, match="clocks of their own") as caught:
+        import_waves(replace(mapping, time=None))
+    assert '"Time1"' in caught.value.remedy
+
+
+def test_torques_called_t_are_no_times_of_groups(tmp_path):
+    first = instants()
+    table = np.stack([first, waves(first)[0], np.sort(waves(first)[0]), waves(first)[1]], axis=1)
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,t1,t2,q", comments="", fmt="%.12g")
+    mapping = mapping_of(tmp_path / "log.csv", inputs=(InputChannel("motor", "t1", "N m"),))
+    assert wrong_by(import_waves(mapping)) < 1e-9

@@ -1,12 +1,14 @@
 """Units of channels against the kinds of their joints."""
 
 import re
+from pathlib import Path
 
 import pytest
 
 from robid.errors import SettingsError
 from robid.families.files import load_experiment
 
+CONFIGS = Path(__file__).parents[3] / "configs"
 ROBOT = """schema_version: 1
 name: r
 joints:
@@ -143,3 +145,26 @@ def test_a_side_that_a_joint_does_not_have_is_refused(tmp_path, key, name):
     unit = USUAL[name.partition(".")[0]][key != "inputs"]
     with pytest.raises(SettingsError, match=rf"{key}\[\d\]\.side: "):
         _load(tmp_path, key, name, unit, ", side: motor")
+
+
+@pytest.mark.parametrize(("name", "refused"), [("drive.arm", True), ("drive", False)])
+def test_an_elastic_fit_reads_torques_of_motors(tmp_path, name, refused):
+    (tmp_path / "e.yaml").write_text(
+        f"""schema_version: 1
+name: e
+robot: {CONFIGS / "robots" / "motor_bench.yaml"}
+campaigns:
+  log:
+    configurations: {{list_deg: [[0]]}}
+    excitation: {{period_s: 1, low_hz: 5, high_hz: 200, lines: all, grid: full}}
+    source: {{acquire: {{file: log.csv, sampling_period_s: 0.001, inputs: [{{name: {name}, variable: u}}],
+      outputs: [{{name: drive, variable: q}}]}}}}
+    estimate: {{compensation: none}}
+fits: {{k: {{family: elastic, from: log}}}}
+"""
+    )
+    if not refused:
+        load_experiment(tmp_path / "e.yaml")
+        return
+    with pytest.raises(SettingsError, match=r"fits\.k\.from: .*`drive\.arm`"):
+        load_experiment(tmp_path / "e.yaml")

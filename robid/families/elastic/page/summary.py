@@ -107,7 +107,7 @@ def _modes(fit: FitContent) -> dict[str, float]:
 def _recovery(fit: FitContent) -> dict[str, float]:
     found: dict[str, float] = {"identifiable": sum(row.identifiable for row in fit.estimates.rows)}
     springs = [row for row in fit.estimates.rows if row.kind == "stiffness"]
-    widths = [(row.upper - row.lower) / 2 / row.estimate for row in springs if row.identifiable and row.estimate]
+    widths = [(row.upper - row.lower) / 2 / abs(row.middle) for row in springs if row.identifiable and row.middle]
     if widths:
         found["springs.median_half_width"] = median(widths)
     errors = [abs(row.estimate / row.truth - 1) for row in springs if row.truth]

@@ -100,6 +100,7 @@ def test_a_cell_that_does_not_fit_is_told():
     moments = Moments()
     assert moments.add(["10:00:00", "10:00:01", "2024-01-01 10:00:02"]) == 2
     assert Moments().add(["10:00:00", "lost"]) == 1
+    assert Moments().add(["10:00:00", "1" * 10**6]) == 1
     wrong = Moments()
     assert wrong.add(["01.02.2024 10:00:00", "31.02.2024 10:00:00"]) is None
     assert wrong.first_wrong() == 1

@@ -51,6 +51,14 @@ def test_each_group_of_a_scope_has_its_own_time(tmp_path, layout):
         assert {found.units[one] for one in ("q.time", "w.time")} == {"ms"}
 
 
+def test_times_of_a_scope_may_be_dates(tmp_path):
+    rows = [f"02.05.2022 15:56:24,{i:03d};{q};02.05.2022 15:56:24,{i:03d};7" for i, q in enumerate(Q)]
+    found = load(tmp_path, scope("Name;q;Name;w\nSampleTime[ms];1;SampleTime[ms];1\n", rows))
+    np.testing.assert_array_equal(found["q"], Q)
+    np.testing.assert_allclose(found["w.time"], 1e-3 * np.arange(4))
+    assert found.units["w.time"] == "s"
+
+
 def test_lines_of_a_scope_may_end_with_a_separator(tmp_path):
     head = "Name;q;Name;w;\nSampleTime[ms];1;SampleTime[ms];1;\nUnit;rad (Angle);Unit;Nm (Torque);\n"
     found = load(tmp_path, scope(head, ["0;0,5;0;7;", "1;1,5;1;8;", "2;-2;2;9;", "3;3,25;3;9;"]))
@@ -160,6 +168,12 @@ def test_what_is_missing_at_the_end_of_a_labview_file_is_told(tmp_path):
     assert "3 of the 4 rows" in found.found.damage.what
     with pytest.raises(DataError, match="line"):
         load(tmp_path, lvm(columns, names, [*rows, "1.0"], told()))
+
+
+def test_a_channel_of_labview_without_a_name_has_a_number(tmp_path):
+    columns, _, rows = LAYOUTS["one"]
+    found = load(tmp_path, lvm(columns, "X_Value;;w;Comment;", rows, told()))
+    assert (found["2"].tolist(), found["w"].tolist()) == (Q, [10, 20, 30, 40])
 
 
 def test_special_blocks_of_labview_are_passed_over(tmp_path):

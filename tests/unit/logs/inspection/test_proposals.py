@@ -89,3 +89,60 @@ def test_a_period_that_lacks_two_samples_is_not_proposed(tmp_path):
     np.savetxt(file, table, delimiter=",", header="time [s],torque [Nm],angle [rad]", comments="")
     made = inspect_log([file]).proposal
     assert (made.periods or 0) + made.drop_periods == 3
+
+
+def multisine(moments: np.ndarray, highest: int, seed: int = 4) -> np.ndarray:
+    """Waves of 1 to some Hz at any moments [s]."""
+    lines = np.arange(1, highest)
+    phases = 2 * np.pi * np.random.default_rng(seed).random(len(lines))
+    return np.cos(2 * np.pi * np.outer(moments, lines) + phases).sum(axis=1)
+
+
+@pytest.mark.parametrize("kind", ["jitter", "dropouts", "gap"])
+def test_an_uneven_clock_is_brought_to_steps_of_which_a_period_has_a_whole_number(tmp_path, kind):
+    generator = np.random.default_rng(5)
+    moments = TIME + 1e-3 * generator.uniform(-0.4, 0.4, N)
+    if kind == "dropouts":
+        moments = np.delete(moments, generator.choice(N, N // 6, replace=False))
+    if kind == "gap":
+        moments = np.delete(moments, slice(3000, 3100))
+    torque = multisine(moments, 20)
+    table = np.stack([moments, torque, multisine(moments - 0.05, 20)], axis=1)
+    np.savetxt(
+        tmp_path / "log.csv", table, fmt="%.12g", delimiter=",", header="time [s],torque [Nm],q [rad]", comments=""
+    )
+    found = inspect_log([tmp_path / "log.csv"])
+    made = found.proposal
+    assert made.resample == "time"
+    assert made.excitation is not None
+    assert made.excitation.settings["period_s"] == pytest.approx(1, rel=1e-6)
+    whole = 1 / found.step_s
+    assert whole == pytest.approx(round(whole), rel=1e-9)
+    assert (made.part_s is not None) == (kind == "gap")
+    if made.part_s is not None:
+        assert made.part_s[1] - made.part_s[0] == pytest.approx(4.9, abs=0.01)
+
+
+def test_units_follow_from_a_derivative_and_contradictions_are_told(tmp_path):
+    speed = multisine(TIME, 20)
+    angle = np.cumsum(speed) * STEP
+    torque = {"torque [Nm]": np.gradient(speed, STEP)}
+    made = inspected(tmp_path, {**torque, "angle": np.rad2deg(angle), "speed": speed}).proposal
+    assert made.outputs[0].settings["unit"] == "deg"
+    found = inspected(tmp_path, {**torque, "angle [deg]": np.rad2deg(angle), "speed [deg/s]": speed})
+    assert found.proposal.outputs[0].settings["unit"] == "deg"
+    assert any("one of them is wrong" in one for one in found.proposal.outputs[0].checks)
+    sound = inspected(tmp_path, {**torque, "angle [deg]": np.rad2deg(angle), "speed [rad/s]": speed})
+    assert not any("wrong" in one for one in sound.proposal.outputs[0].checks)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "scale"),
+    [("pos [inc]", "counts", None), ("pos [V]", "V", None), ("pos [%]", "%", None), ("pos [cm]", "mm", 10.0)],
+)
+def test_a_size_that_nobody_stated_is_no_key(tmp_path, name, unit, scale):
+    torque = multisine(TIME, 20)
+    settings = inspected(tmp_path, {"torque [Nm]": torque, name: np.round(1e3 * torque)}).proposal.outputs[0].settings
+    assert settings["unit"] == unit
+    assert settings.get("scale") == scale
+    assert "counts_per_turn" not in settings
