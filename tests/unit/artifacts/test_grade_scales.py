@@ -1,0 +1,28 @@
+"""A grade keeps in its artifact which wrong scales each doubt saw; artifacts from before have none."""
+
+from robid.artifacts.artifact import Artifact, Provenance
+from robid.artifacts.grade import grade_content, grade_from_artifact
+from robid.artifacts.model import MODEL
+from robid.validation.doubt import Doubt
+from robid.validation.grade import grade_alone
+from robid.validation.scale import Scale
+
+SCALES = (Scale("torque", "1000", joints=("axis_1", "axis-2")), Scale("motor_angle", "1000", inverse=True))
+
+
+def kept(*doubts):
+    grade = grade_alone(("unusable",), (), doubts)
+    datasets, attributes = grade_content(grade)
+    return datasets, grade_from_artifact(Artifact(MODEL, datasets, attributes, Provenance(stage="fit"))).doubts
+
+
+def test_scales_come_back():
+    doubts = (Doubt("units", "seen", True, 3.0, SCALES), Doubt("friction", "seen too", False, 2.0))
+    assert kept(*doubts)[1] == doubts
+
+
+def test_a_grade_without_scales_is_written_as_before():
+    doubts = (Doubt("friction", "seen", False, 2.0),)
+    datasets, found = kept(*doubts)
+    assert "grade/scales" not in datasets
+    assert found == doubts
