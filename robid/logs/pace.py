@@ -13,6 +13,9 @@ from robid.arrays import BoolArray, FloatArray, IntArray
 GAP = 1.5
 """Time step, in usual ones, from which samples are missing."""
 
+_SCATTERED = 5.0
+"""Standard deviations of the steps, of a clock that jitters, within which a longer one is no gap."""
+
 _EVEN = 0.5
 """Deviation of a step, relative, up to which it counts as a usual one."""
 
@@ -131,7 +134,10 @@ def _rounding(steps: FloatArray) -> float:
 
 def _fine(stamps: FloatArray, steps: FloatArray, usual: float, rounding: float, stated: float | None) -> Pace:
     """The pace of stamps with a usual step: longer ones are gaps."""
-    gaps = np.flatnonzero(steps > GAP * usual)
+    # The scatter by its median, which gaps do not widen: of stamps that jitter the longest steps are no gaps, and
+    # without them the mean step would be too short.
+    scatter = 0.0 if rounding else 1.4826 * float(np.median(np.abs(steps - usual)))
+    gaps = np.flatnonzero(steps > max(GAP * usual, usual + _SCATTERED * scatter))
     inside = np.delete(steps, gaps)
     step = float(inside.mean())
     unsure = float(np.abs(inside - step).max()) / (step * len(inside))

@@ -220,7 +220,8 @@ def _evened(
         return None, columns
     time_s = (clock.values - clock.values[0]) * PER_SECOND[sampling.unit]
     moving = [one for one, hint in zip(columns, read_names(columns), strict=True) if hint.role in (*DRIVING, *MOVING)]
-    bridged_s = longest_bridged(time_s, [_filled(one.values) for one in moving], sampling.step_s)
+    followed = [_filled(one.values) for one in moving]
+    bridged_s = longest_bridged(time_s, followed, sampling.step_s) if sampling.gaps else np.inf
     edges = np.concatenate([[0], np.flatnonzero(np.diff(time_s) > bridged_s) + 1, [len(time_s)]])
     longest = int(np.argmax(np.diff(edges)))
     begin, end = int(edges[longest]), int(edges[longest + 1])

@@ -91,6 +91,16 @@ def test_instants_that_jitter_keep_their_stamps():
     assert not pace.rounding
 
 
+@pytest.mark.parametrize("scatter", [0.05, 0.1, 0.15])
+def test_the_longest_steps_of_a_clock_that_jitters_are_no_gaps(scatter):
+    time_s = np.sort(instants(1000, 9000) + scatter * 1e-3 * RNG.standard_normal(9000))
+    pace = measure_pace(time_s)
+    assert not len(pace.gaps)
+    assert pace.step == pytest.approx(1e-3, rel=1e-4)
+    lost = np.delete(time_s, slice(4000, 4010))
+    assert measure_pace(lost).gaps.tolist() == [3999]
+
+
 def test_stamps_that_change_once_tell_no_rate():
     assert measure_pace(rounded(instants(1000, 1500), 1.0, "cut")).unsure >= 1
 
