@@ -63,7 +63,7 @@ class UnitMistake(Section):
         default_factory=dict, description="Further scales that give the same data, by robot: its group."
     )
     refusals: tuple[str, ...] = Field(
-        default=(), description="Words by which a refusal names it, beside those of the cause `units`."
+        default=(), description="Words by which a refusal names it, beside those of its scale."
     )
 
 

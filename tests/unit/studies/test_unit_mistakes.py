@@ -138,7 +138,9 @@ def test_the_right_joint_must_be_named():
 
 def test_a_refusal_must_name_the_unit():
     assert named(refusal="The time unit is off by a factor of 1000: the steps are 1 s.")
-    assert named(refusal=f"this points to {CAUSES['units']}")
+    points = f"this points to {CAUSES['units']}; with it, free parameters change nothing"
+    assert named(refusal=f"values of the torque are 980 times too large, as if mN m were read as N m: {points}")
+    assert not named(refusal=f"values of the motor angle are 57 times too large, as if deg were read as rad: {points}")
     assert not named(refusal="free parameters change nothing: gear.damping")
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from robid.settings.unit_mistakes import UnitMistake
 from robid.validation.doubt import CAUSES
-from robid.validation.scale import Scale, read_scale
+from robid.validation.scale import SCALES, Scale, read_scale
 
 UNITS = "units"
 """The cause that must be blamed."""
@@ -74,10 +74,16 @@ def is_named(said: Said, mistake: UnitMistake, robot: str, joints: Sequence[str]
         wrong: Those whose channel has the mistake.
     """
     if said.refusal:
-        return any(words.lower() in said.refusal.lower() for words in (CAUSES[UNITS], *mistake.refusals))
+        told = [_words(scale) for scale in group_of(mistake, robot)] if CAUSES[UNITS] in said.refusal else []
+        return any(words.lower() in said.refusal.lower() for words in (*told, *mistake.refusals))
     if said.causes[:1] != (UNITS,) or not said.scales:
         return False
     first = said.scales[0]
     concerned = first.joints or tuple(joints)
     group = {(scale.channel, scale.factor, scale.inverse) for scale in group_of(mistake, robot)}
     return (first.channel, first.factor, first.inverse) in group and set(concerned) <= set(wrong)
+
+
+def _words(scale: Scale) -> str:
+    """What a message says was read as what, without its remedy."""
+    return scale.mistake(SCALES.get(scale.factor, 1.0)).partition(":")[0]
