@@ -171,9 +171,9 @@ class _Scene:
                 rows.append(self._row({self._n_motor + row: 1.0, column: -1.0, -1: -self._derivatives[row]}))
                 values.append(float(np.median(seen)))
                 places.append((row, column, own))
-        own = [value for value, (row, _, own) in zip(values, places, strict=True) if own and self._is_motor(row)]
+        driven = [value for value, (row, _, own) in zip(values, places, strict=True) if own and self._is_motor(row)]
         # A file is rough in each of its values: those that are off alike are off for another reason.
-        alike = float(np.clip(np.std(own) / _USUAL_SCATTER, _LEAST_SCATTER, 1.0)) if len(own) > 1 else 1.0
+        alike = float(np.clip(np.std(driven) / _USUAL_SCATTER, _LEAST_SCATTER, 1.0)) if len(driven) > 1 else 1.0
         return _seen(rows, values, alike * _level_covariance(places), self._n_state)
 
     def _is_motor(self, row: int) -> bool:

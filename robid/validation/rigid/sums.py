@@ -44,9 +44,10 @@ def sum_doubts(robot: Robot, shots: Sequence[Shot], options: RigidFitOptions) ->
         return ()
     free = replace(robot, joints=tuple(replace(joint, couplings={}) for joint in robot.joints))
     model = _base_model(free, options)
-    tried = sorted(
-        ((_unexplained(model, changed), *how) for changed, *how in _changed(robot, rows)), key=lambda t: t[0]
-    )
+    tried = [
+        (_unexplained(model, changed), joint, other, sign) for changed, joint, other, sign in _changed(robot, rows)
+    ]
+    tried.sort(key=lambda one: one[0])
     (share, joint, other, sign), following = tried[0], [each for each in tried[1:] if each[1] != tried[0][1]]
     if share > _BETTER * before or any(share > _CLEARLY * each[0] for each in following):
         return ()
@@ -78,8 +79,7 @@ def _changed(
 def _unexplained(model: RigidModel, rows: tuple[FloatArray, ...]) -> float:
     """Share of the torques that no parameters explain."""
     position, velocity, acceleration, torque = rows
-    loads = {"torque": torque} if model.needs_torque else {}
-    columns = model.columns(position, velocity, acceleration, **loads)
+    columns = model.columns(position, velocity, acceleration, torque=torque if model.needs_torque else None)
     scale = np.maximum(torque.std(axis=0), 1e-300)
     left = (columns @ solved(columns / scale[:, None], torque / scale) - torque) / scale
     return float(np.linalg.norm(left) / np.linalg.norm((torque - torque.mean(axis=0)) / scale))
