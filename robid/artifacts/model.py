@@ -5,6 +5,7 @@ Schema history:
     2.1: elastic fits say in `elastic/effective` what infinitely many places would give.
     2.2: that lies in `estimate/effective_*`; an elastic fit's `lower` and `upper` are those of the physical parameter,
         around `physical_value`, and its named doubts lie in `elastic/doubts`.
+    2.3: `grade/scales`, where a grade saw wrong scales.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from robid.fit.estimate import Estimate
     from robid.validation.grade import Grade
 
-MODEL = Kind("model", "2.2", "robid fit")
+MODEL = Kind("model", "2.3", "robid fit")
 
 Parts: TypeAlias = tuple[Mapping[str, Dataset], Mapping[str, Attribute]]
 

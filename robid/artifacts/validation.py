@@ -1,6 +1,7 @@
 """The validation artifact: a model on data that its fit never saw; what only its family has lies in its own group.
 
 Schema history:
+    3.2: `grade/scales`, where a grade saw wrong scales.
     3.1: elastic validations hold the resonances of their data in `elastic/new_resonances`.
     3.0: what every family says in the groups `outcome` and `grade`, the rest in a group of the family's name.
 """
@@ -17,7 +18,7 @@ from robid.artifacts.model import Parts
 if TYPE_CHECKING:
     from robid.validation.outcome import Outcome
 
-VALIDATION = Kind("validation", "3.1", "robid validate")
+VALIDATION = Kind("validation", "3.2", "robid validate")
 
 _KNOWN = ("known",)
 _OUTCOME = {
