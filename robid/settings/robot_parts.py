@@ -19,6 +19,7 @@ Part: TypeAlias = Literal[
     "friction",
     "friction_std",
     "inertia_std",
+    "torque_constant",
     "doubts",
     "timing",
     "controller",
@@ -29,7 +30,7 @@ Part: TypeAlias = Literal[
 _MOTOR: dict[str, Part] = {
     "inertia_kgm2": "mechanics",
     "inertia_relative_std": "inertia_std",
-    "torque_constant_nm_a": "inertia_std",
+    "torque_constant_nm_a": "torque_constant",
     "gear_ratio": "mechanics",
     "gear_ratio_rad_m": "mechanics",
     "max_speed_rad_s": "motor_limits",

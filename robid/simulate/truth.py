@@ -82,6 +82,7 @@ def bare(robot: Robot) -> Robot:
             motor=replace(
                 joint.motor,
                 inertia_relative_std=0.0,
+                torque_constant_nm_a=None,
                 friction=replace(joint.motor.friction, relative_std=0.0),
             ),
         )

@@ -100,7 +100,7 @@ def _arm_torques(experiment: Experiment, fit: ElasticFit) -> _Found:
 def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
     """Returns what the elastic model of a campaign is made of; the delay of a log is none."""
     used = loaded.experiment.campaigns[campaign]
-    parts = robot_settings(loaded, "mechanics", "inertia_std", "doubts", "sensors")
+    parts = robot_settings(loaded, "mechanics", "inertia_std", "torque_constant", "doubts", "sensors")
     settings = {f"campaigns.{campaign}.payload_kg": used.payload_kg, **parts}
     settings["delay_s"] = delay_s(loaded, used)
     return settings

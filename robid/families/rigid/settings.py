@@ -118,7 +118,7 @@ def _payloads(experiment: Experiment, fit: RigidFit, robot: RobotFile) -> _Found
 def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
     """Returns what the rigid model of a campaign is made of."""
     used = loaded.experiment.campaigns[campaign]
-    parts = robot_settings(loaded, "mechanics", "rigid", "friction", "range", "controller", "timing")
+    parts = robot_settings(loaded, "mechanics", "rigid", "torque_constant", "friction", "range", "controller", "timing")
     return {f"campaigns.{campaign}.payload_kg": used.payload_kg, **parts}
 
 
