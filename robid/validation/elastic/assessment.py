@@ -15,6 +15,7 @@ from robid.robot.description import Robot
 from robid.validation.doubt import Doubt
 from robid.validation.elastic.carried import fitted_carrier
 from robid.validation.elastic.causes import misfit_doubts
+from robid.validation.elastic.common_factor import common_factor_doubts
 from robid.validation.elastic.fitted import fitted_model
 from robid.validation.elastic.grading import grade_fit, is_unexplained
 from robid.validation.elastic.measures import measure
@@ -48,6 +49,8 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
         The grade of the fit alone; with a validation, `grade_validation` takes its doubts.
     """
     seen = _data_doubts(robot, solution.estimate, frf, delay_s)
+    if not any(doubt.scales for doubt in seen):
+        seen = (*common_factor_doubts(robot, frf, solution.estimate), *seen)
     if any(doubt.scales for doubt in seen):
         return grade_fit(solution, ordered(seen))
     band_hz = float(frf.frequency_hz[0]), float(frf.frequency_hz[-1])

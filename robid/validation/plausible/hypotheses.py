@@ -17,7 +17,9 @@ _WITHIN = 2.5
 _FARTHEST = 4.5
 _ALIKE = 5.0
 _MOST = 3
-_LEAST_RATIO = 3.0
+_LEAST_RATIO, _ROUGH = 1.5, 3.0
+"""Smallest factor of a robot's own that is a mistake, and up to which a rough robot file is off as much."""
+
 _RARE, _VERY_RARE = 2.0, 4.0
 _EXACT = 0.05
 _RECOUNTED = (2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 10.0, 10000 / 4096)
@@ -205,7 +207,7 @@ def _torques(
             ("torque_constant", -np.log(torque_constant), True, 1.0),
         )
         for factor, log, inverse, penalty in own:
-            if np.isfinite(log[rows]).all() and np.abs(log[rows]).max() > np.log(_LEAST_RATIO):
+            if np.isfinite(log[rows]).all() and _differs(log[rows]):
                 yield _own("torque", factor, joints, rows, log[rows], n_state, penalty + rare, inverse=inverse)
 
 
@@ -230,7 +232,7 @@ def _motions(names: Sequence[str], moved: Sequence[Channel], ratio: FloatArray) 
             if quantity == "angle":
                 yield from _counted(channel, joints, rows, n_state, rare)
             log = np.array([np.log(abs(ratio[list(names).index(joints_of[place])])) for place in places])
-            if np.abs(log).max() > np.log(_LEAST_RATIO) and quantity in ("angle", "speed", "acceleration"):
+            if _differs(log) and quantity in ("angle", "speed", "acceleration"):
                 sign = 1 if side == "arm" else -1
                 yield _own(channel, "gear_ratio", joints, rows, sign * log, n_state, 1.0 + rare, inverse=sign < 0)
 
@@ -280,7 +282,13 @@ def _own(
     inverse: bool,
 ) -> Hypothesis:
     size = float(np.exp(log.mean() * (-1 if inverse else 1)))
-    return Hypothesis((Scale(channel, factor, inverse, joints),), size, _log(rows, log, n_state), penalty)
+    scale, is_small = Scale(channel, factor, inverse, joints), bool(np.abs(log).max() < np.log(_ROUGH))
+    return Hypothesis((scale,), size, _log(rows, log, n_state), penalty, exact=is_small)
+
+
+def _differs(log: FloatArray) -> bool:
+    """Whether a factor of a robot's own is far enough from 1 to be a mistake."""
+    return bool(np.abs(log).max() > np.log(_LEAST_RATIO))
 
 
 def _log(rows: list[int], values: FloatArray | float, n_state: int) -> FloatArray:
