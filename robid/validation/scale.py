@@ -62,34 +62,36 @@ class Scale:
         """The channels, in words: `motor angle of axis_3`."""
         return _TITLES[self.channel] + (f" of {', '.join(self.joints)}" if self.joints else "")
 
-    def mistake(self, size: float) -> str:
+    def mistake(self, size: float, what: str | None = None) -> str:
         """Says what would have been read as what, and what to state instead, a clause.
 
         Args:
-            size: The factor itself, above 1.
+            size: The factor itself.
+            what: The channels in words, where others have it too.
         """
+        what = self.what if what is None else what
         if self.factor == "gear_ratio":
-            return _SIDES[self.inverse].format(self.what)
+            return _SIDES[self.inverse].format(what)
         if self.factor == "torque_constant":
             return f"currents were read as torques: state `unit: A` and `torque_constant_nm_a: {size:.4g}`"
         if self.factor == "counts":
-            return self._counted(size)
+            return self._counted(size, what)
         kind = next((kind for kind, channels in _KINDS.items() if self.channel in channels), self.channel)
         read, remedy = _READ.get((kind, self.factor, self.inverse), ("", ""))
         if not read:
             small = "small" if self.inverse else "large"
-            return f"values come out {size:.4g} times too {small}: state their `unit`, or `scale`, for the {self.what}"
-        return f"{read}: state {remedy}{'' if self.channel == 'time' else f' for the {self.what}'}"
+            return f"values come out {size:.4g} times too {small}: state their `unit`, or `scale`, for the {what}"
+        return f"{read}: state {remedy}{'' if self.channel == 'time' else f' for the {what}'}"
 
-    def _counted(self, size: float) -> str:
+    def _counted(self, size: float, what: str) -> str:
         counts = size * 2 * np.pi
         if abs(counts - round(counts)) < _WHOLE and counts > min(COUNTS) / 2:
             return (
                 f"counts of {counts:.0f} per turn were read as rad: state `unit: counts` and"
-                f" `counts_per_turn: {counts:.0f}` for the {self.what}"
+                f" `counts_per_turn: {counts:.0f}` for the {what}"
             )
         more = "less" if self.inverse else "more"
-        return f"turns have {size:.4g} times {more} counts than was said: correct `counts_per_turn` of the {self.what}"
+        return f"turns have {size:.4g} times {more} counts than was said: correct `counts_per_turn` of the {what}"
 
 
 def read_scale(text: str) -> Scale:

@@ -167,7 +167,7 @@ def name_scales(hypotheses: Sequence[Hypothesis], told: Callable[[FloatArray], S
         cost = seen.cost(each.log)
         share, std = seen.share(each.log)
         is_inside = abs(share - 1) < _WITHIN * std and seen.farthest(each.log) < _FARTHEST
-        is_inside &= not each.exact or std * np.log(each.factor) < _EXACT
+        is_inside &= not each.exact or std * abs(np.log(each.factor)) < _EXACT
         if before - cost > _ACCUSED + each.penalty and cost < max(_LEFT * before, 1.0) and is_inside:
             found.append((cost + each.penalty + likely.cost(each.log), each, share, std))
     if not found:

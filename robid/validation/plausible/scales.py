@@ -300,10 +300,10 @@ def _slope(stated: FloatArray, logged: FloatArray, least: float) -> tuple[float,
 def named_doubt(named: Named, sources: str) -> Doubt:
     """Says what was seen, what it would mean and what to write."""
     first, (size, low, high) = named.alike[0], named.seen
-    what = " and ".join(scale.what for scale in first.scales)
-    meant = [" and ".join(scale.mistake(each.factor) for scale in each.scales) for each in named.alike]
+    words = [" and of the ".join(scale.what for scale in each.scales) for each in named.alike]
+    meant = [each.scales[0].mistake(each.factor, what) for each, what in zip(named.alike, words, strict=True)]
     told = (
-        f"values of the {what} are {size:.4g} [{low:.4g}, {high:.4g}] times what {sources}, as if {meant[0]}"
+        f"values of the {words[0]} are {size:.4g} [{low:.4g}, {high:.4g}] times what {sources}, as if {meant[0]}"
         f"{''.join(f'; or {other}' for other in meant[1:])}"
     )
     scales = tuple(scale for each in named.alike for scale in each.scales)
