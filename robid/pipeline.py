@@ -20,7 +20,7 @@ from robid.stages.stage import Job, Plan, Stage, check_room
 if TYPE_CHECKING:
     from robid.backends.map import Map
     from robid.backends.progress import Progress
-    from robid.families.family import Graded
+    from robid.models.family import Graded
     from robid.settings.load import LoadedExperiment
 
 _SMALL_BYTES = 1e6

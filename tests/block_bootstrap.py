@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.fit.rigid.rows import Rows, RowSource
+from robid.models.rigid.fit.rows import Rows, RowSource
 
 _MOST_BLOCKS = 200
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import signal
 
-from robid.fit.external.data import Shot, quantum_of
+from robid.models.external.fit.data import Shot, quantum_of
 from robid.signals.chirp import chirp
 from robid.signals.quantities import Channel
 

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.signal import lsim
 
-from robid.fit.external.data import Shot
-from robid.fit.external.transfer import TransferMatrix
+from robid.models.external.fit.data import Shot
+from robid.models.external.fit.transfer import TransferMatrix
 from robid.signals.chirp import chirp
 
 PERIOD_S = 0.012

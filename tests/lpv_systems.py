@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from robid.fit.lpv.basis import polynomial_basis
-from robid.fit.lpv.problem import Problem
-from robid.fit.lpv.responses import LocalResponses
-from robid.fit.lpv.state_space import Sizes, StateSpace, response, transform
+from robid.models.lpv.fit.basis import polynomial_basis
+from robid.models.lpv.fit.problem import Problem
+from robid.models.lpv.fit.responses import LocalResponses
+from robid.models.lpv.fit.state_space import Sizes, StateSpace, response, transform
 
 POSITIONS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None]
 LEFT_OUT = np.array([[-0.25]])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from robid.places.evidence import Evidence
+from robid.clusters.evidence import Evidence
 
 
 @dataclass(frozen=True)

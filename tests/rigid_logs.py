@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robid.fit.rigid.shots import Shot
+from robid.models.rigid.fit.shots import Shot
 from robid.robot.regressor.model import build_rigid_model
 
 PERIOD_S = 2e-3

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from robid.fit.rigid.rows import Rows
+from robid.models.rigid.fit.rows import Rows
 
 
 class Slide:

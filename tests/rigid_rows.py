@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from default_campaign import ROBOT
-from robid.fit.rigid.huber import huber
-from robid.fit.rigid.options import PreprocessingOptions
-from robid.fit.rigid.preprocessing import prepare
-from robid.fit.rigid.reading import Reading
-from robid.fit.rigid.reduction import reduce_rows
-from robid.fit.rigid.rows import Remembered
+from robid.models.rigid.fit.huber import huber
+from robid.models.rigid.fit.options import PreprocessingOptions
+from robid.models.rigid.fit.preprocessing import prepare
+from robid.models.rigid.fit.reading import Reading
+from robid.models.rigid.fit.reduction import reduce_rows
+from robid.models.rigid.fit.rows import Remembered
 from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.model import build_rigid_model
 

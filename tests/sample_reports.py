@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 
-from robid.families.elastic.page.content import FitContent, ResonanceRow
-from robid.families.elastic.page.report import fit_report
 from robid.frf.frf import Frf
+from robid.models.elastic.page.content import FitContent, ResonanceRow
+from robid.models.elastic.page.report import fit_report
 from robid.report.content import ReportContent, Verdict, fit_sections
 from robid.report.costs import CostRow, StartRow
 from robid.report.experiment import (

@@ -13,16 +13,16 @@ from pydantic import Field
 from robid.artifacts.artifact import Artifact, Dataset
 from robid.artifacts.model import estimate_from_artifact, model_to_artifact
 from robid.artifacts.validation import validation_to_artifact
-from robid.families.family import Data, Export, ExportTask, Family, Shown, Work
-from robid.families.parameters import parameter_rows, parameter_summary
-from robid.fit.estimate import Estimate
+from robid.models.family import Data, Export, ExportTask, Family, Shown, Work
+from robid.models.parameters import parameter_rows, parameter_summary
 from robid.report.content import FitReport, Headline, KeyNumber
 from robid.report.section import Section, Table
+from robid.results.estimate import Estimate
+from robid.results.grade import grade_alone, grade_held
+from robid.results.outcome import Outcome
+from robid.results.recovery import recover
 from robid.settings.fits import STRICT, FitSettings
 from robid.signals.record import Record
-from robid.validation.grade import grade_alone, grade_held
-from robid.validation.outcome import Outcome
-from robid.validation.recovery import recover
 
 
 @pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=STRICT)

@@ -10,7 +10,7 @@ from robid.artifacts.artifact import Artifact, Attribute, Dataset
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 
 if TYPE_CHECKING:
-    from robid.validation.grade import Grade
+    from robid.results.grade import Grade
 
 _DOUBT = ("doubt",)
 _COLUMNS = {
@@ -37,8 +37,8 @@ def grade_content(grade: Grade) -> tuple[dict[str, Dataset], dict[str, Attribute
 
 def grade_from_artifact(artifact: Artifact) -> Grade:
     """The grade that a model or a validation holds."""
-    from robid.validation.grade import Grade
-    from robid.validation.scale import read_scale
+    from robid.results.grade import Grade
+    from robid.results.scale import read_scale
 
     told = artifact.datasets[_SCALES].values.tolist() if _SCALES in artifact.datasets else []
     scales = tuple(tuple(read_scale(one) for one in text.split("; ") if one) for text in told)

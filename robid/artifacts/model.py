@@ -18,8 +18,8 @@ from robid.artifacts.grade import grade_content
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 
 if TYPE_CHECKING:
-    from robid.fit.estimate import Estimate
-    from robid.validation.grade import Grade
+    from robid.results.estimate import Estimate
+    from robid.results.grade import Grade
 
 MODEL = Kind("model", "2.3", "robid fit")
 
@@ -63,7 +63,7 @@ def estimate_content(estimate: Estimate) -> Parts:
 
 def estimate_from_artifact(artifact: Artifact) -> Estimate:
     """The inverse of `estimate_content`."""
-    from robid.fit.estimate import Estimate
+    from robid.results.estimate import Estimate
 
     return from_datasets(Estimate, artifact, "estimate/")
 

@@ -16,7 +16,7 @@ from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.artifacts.model import Parts
 
 if TYPE_CHECKING:
-    from robid.validation.outcome import Outcome
+    from robid.results.outcome import Outcome
 
 VALIDATION = Kind("validation", "3.2", "robid validate")
 
@@ -48,6 +48,6 @@ def validation_to_artifact(family: str, outcome: Outcome, own: Parts, provenance
 
 def outcome_from_artifact(artifact: Artifact) -> Outcome:
     """What every family says of a validated model."""
-    from robid.validation.outcome import Outcome
+    from robid.results.outcome import Outcome
 
     return from_datasets(Outcome, artifact, "outcome/", {"grade": grade_from_artifact(artifact)})

@@ -17,19 +17,19 @@ from robid.commands.inputs import choose_node, require_inputs
 from robid.commands.output import print_json
 from robid.commands.shared import make_shell
 from robid.errors import SettingsError
-from robid.families.family import Work
-from robid.families.parameters import parameter_rows
+from robid.models.family import Work
+from robid.models.parameters import parameter_rows
 from robid.pipeline import Run
 from robid.report.numbers import duration, percent, scale_for, significant
 from robid.report.parameters import ParameterRow, kind_title
 from robid.report.terminal import open_table
+from robid.results.grade import WORDS
 from robid.robot.parameters import NUISANCE
 from robid.stages.export import export_plan
 from robid.stages.fit_try import Trial, tried_experiment, try_fit, write_tried
 from robid.stages.freshness import input_hashes
 from robid.stages.replacing import check_outputs
 from robid.stages.stage import Job
-from robid.validation.grade import WORDS
 
 _MOVED = 1.0  # half-widths
 

@@ -17,6 +17,7 @@ from robid.commands.shared import PROBLEM, choose_backend
 from robid.errors import SettingsError
 from robid.fleet.due import Look, look
 from robid.fleet.ledger import Ledger
+from robid.fleet.outliers import FEWEST_ROBOTS
 from robid.fleet.page.found import listed
 from robid.fleet.rows import Fleet, load_fleet
 from robid.fleet.run import ROWS, Batch, Options, run_fleet
@@ -25,7 +26,6 @@ from robid.fleet.table import require_table
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.stages.stage import counted
 from robid.stages.terminal import Shell, make_console
-from robid.validation.fleet.outliers import FEWEST_ROBOTS
 
 _SHOWN_CAUSES = 10
 _SHOWN_NAMES = 5

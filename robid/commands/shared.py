@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from robid.artifacts.lock import FOLDER_LOCK
 from robid.errors import SettingsError, require_module
-from robid.families.family import Graded
+from robid.models.family import Graded
 from robid.pipeline import Result, Run, run_folder
 from robid.report.numbers import duration
 from robid.settings.checks.other_units import other_units

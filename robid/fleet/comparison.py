@@ -11,10 +11,10 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.fleet.collected import Collected, Key
+from robid.fleet.drift import Drift, find_drifts, followed
+from robid.fleet.outliers import Outlier, Trait, find_outliers, populations
+from robid.fleet.population import Population
 from robid.fleet.robots import Robots
-from robid.validation.fleet.drift import Drift, find_drifts, followed
-from robid.validation.fleet.outliers import Outlier, Trait, find_outliers, populations
-from robid.validation.fleet.population import Population
 
 _QUANTILE = 1.96
 

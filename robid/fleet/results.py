@@ -10,8 +10,8 @@ import numpy as np
 from robid.artifacts.model import MODEL, estimate_from_artifact
 from robid.artifacts.store import read_artifact, read_header
 from robid.artifacts.validation import VALIDATION
-from robid.families.family import family_of
-from robid.fit.estimate import Estimate
+from robid.models.family import family_of
+from robid.results.estimate import Estimate
 from robid.robot.parameters import owner_of
 from robid.settings.load import LoadedExperiment
 

@@ -15,12 +15,12 @@ from typing import Any
 
 from robid.artifacts.provenance import utc_now
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
-from robid.families.files import load_row
 from robid.fleet.folders import aside, begin, check_own, keep_files, new_attempt, put_in_place, remove, writing
 from robid.fleet.ledger import FileKey, Ledger, RowError, file_key, write_ledger
 from robid.fleet.results import misfits_of, results_of
 from robid.fleet.rows import chain_of, logs_of, settings_hash_of
 from robid.interrupts import stop_if_interrupted
+from robid.models.files import load_row
 from robid.pipeline import Node, Run, run_all
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.load import LoadedExperiment

@@ -15,9 +15,9 @@ import robid
 from robid.artifacts.atomic import json_text, read_json, write_json
 from robid.errors import ArtifactError
 from robid.fleet.comparison import Compared, Comparison
+from robid.fleet.drift import Drift
 from robid.fleet.ledger import Ledger
-from robid.validation.fleet.drift import Drift
-from robid.validation.fleet.outliers import LEVEL, Outlier
+from robid.fleet.outliers import LEVEL, Outlier
 
 SUMMARY_VERSION = "1.1"
 _KIND = "fleet"

@@ -22,8 +22,8 @@ from robid.artifacts.atomic import replacing
 from robid.artifacts.provenance import canonical_hash
 from robid.errors import ArtifactError, require_module
 from robid.fleet.manifest import GROUP, ID, ROBOT
+from robid.results.grade import WORDS
 from robid.settings.placeholders import read_as_yaml
-from robid.validation.grade import WORDS
 
 if TYPE_CHECKING:
     from robid.fleet.comparison import Comparison

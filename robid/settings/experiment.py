@@ -24,7 +24,6 @@ from robid.settings.base import STRICT, Name, Section
 from robid.settings.excitation import ExcitationSettings
 from robid.settings.fits import Families, FitSettings, part
 from robid.settings.robot import RobotFile
-from robid.settings.study import Study
 from robid.settings.truth import SimulateSettings
 
 Rows = Annotated[tuple[Annotated[tuple[float, ...], Field(min_length=1)], ...], Field(min_length=1)]
@@ -305,21 +304,27 @@ class Experiment(Section):
     campaigns: dict[Name, Campaign] = Field(description="Campaigns by name.", min_length=1)
     designs: dict[Name, Design] = Field(default_factory=dict, description="Choices of configurations by name.")
     fits: dict[Name, FitSettings] = Field(default_factory=dict, description="Fits by name.")
-    study: Study | None = Field(default=None, description="What `robid study` does beyond the campaigns and fits.")
+    study: Any = Field(default=None, description="What `robid study` does beyond the campaigns and fits.")
     execution: Execution = Field(default_factory=Execution, description="How it is computed.")
 
 
-def experiment_type(families: Families) -> type[Experiment]:
-    """Returns the type of an experiment file whose fits are of these families."""
-    return _experiment_type(tuple(family.settings for family in families.values()))
+def experiment_type(families: Families, study: Any = Any) -> type[Experiment]:  # noqa: ANN401
+    """Returns the type of an experiment file whose fits are of these families.
+
+    Args:
+        families: The families by name.
+        study: Type of the study; anything by default, as only `robid study` knows studies.
+    """
+    return _experiment_type(tuple(family.settings for family in families.values()), study)
 
 
 @cache
-def _experiment_type(fits: tuple[type[FitSettings], ...]) -> type[Experiment]:
+def _experiment_type(fits: tuple[type[FitSettings], ...], study: Any) -> type[Experiment]:  # noqa: ANN401
     union: Any = Union.__getitem__(fits)
     fit: Any = Annotated[union, Field(discriminator="family")] if len(fits) > 1 else union
     field: Any = Field(default_factory=dict, description=Experiment.model_fields["fits"].description)
-    fields: Any = {"fits": (dict[Name, fit], field)}
+    about: Any = Field(default=None, description=Experiment.model_fields["study"].description)
+    fields: Any = {"fits": (dict[Name, fit], field), "study": (study | None, about)}
     return create_model("Experiment", __base__=Experiment, __doc__=Experiment.__doc__, **fields)
 
 

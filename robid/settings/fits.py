@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Protocol, TypeAlias, TypeV
 import pydantic.dataclasses
 from pydantic import Field
 
+from robid.robot.parameters import ElasticKind
 from robid.settings.base import STRICT, Name
 
 if TYPE_CHECKING:
@@ -64,6 +65,16 @@ class FitSettings:
     def takes_payloads(self) -> bool:
         """Whether its campaigns may have different payloads."""
         return False
+
+    @property
+    def designed_for(self) -> tuple[ElasticKind, ...] | None:
+        """Kinds of parameters that configurations can be chosen for; None where none can be."""
+        return None
+
+    @property
+    def not_estimated(self) -> frozenset[str]:
+        """Names of parameters of these kinds that stay fixed or follow others."""
+        return frozenset()
 
 
 class SettingsOfFamily(Protocol):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from robid.errors import SettingsError
-from robid.settings.checks.experiment import StudyCheck, check_experiment
+from robid.settings.checks.experiment import Studies, check_experiment
 from robid.settings.checks.robot import check_robot
 from robid.settings.checks.robot_missing import missing_keys
 from robid.settings.experiment import Experiment, experiment_type
@@ -62,20 +62,20 @@ class LoadedExperiment:
         return {**found, "robot": plain_settings(self.robot)}
 
 
-def load_experiment_of(families: Families, path: Path, check_study: StudyCheck | None = None) -> LoadedExperiment:
+def load_experiment_of(families: Families, path: Path, studies: Studies | None = None) -> LoadedExperiment:
     """Loads an experiment file and the robot file it names, if it names one, and checks both.
 
     Args:
         families: The families that its fits may be of, by name.
         path: The experiment file.
-        check_study: Finds what is wrong with the study for the robot, where that could be read; studies lie above.
+        studies: What the file's study may be; what stands there is not looked at without.
 
     Raises:
         SettingsError: With every problem of both files, each with its line and field.
     """
     document = load_yaml(path)
     refuse_placeholders(document)
-    return _require(*_load(families, document, check_study, read_robot))
+    return _require(*_load(families, document, studies, read_robot))
 
 
 def load_row_of(
@@ -128,14 +128,16 @@ def _require(model: _Model | None, problems: list[SettingsProblem]) -> _Model:
 
 
 def _load(
-    families: Families, document: Document, check_study: StudyCheck | None, read: RobotReader
+    families: Families, document: Document, studies: Studies | None, read: RobotReader
 ) -> tuple[LoadedExperiment | None, list[SettingsProblem]]:
-    experiment, problems = validate_document(experiment_type(families), document)
+    experiment, problems = validate_document(
+        experiment_type(families, Any if studies is None else studies.settings), document
+    )
     robot, robot_problems = _named_robot(document, read)
     if experiment is not None and robot is not None:
         experiment = with_sides(experiment, robot)
     if experiment is not None:
-        problems += check_experiment(document, experiment, None if robot_problems else robot, families, check_study)
+        problems += check_experiment(document, experiment, None if robot_problems else robot, families, studies)
     problems = [*problems, *robot_problems]
     if problems or experiment is None or robot is None:
         return None, problems

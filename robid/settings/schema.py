@@ -11,9 +11,9 @@ from robid.settings.robot import RobotFile
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
-def experiment_schema_of(families: Families) -> dict[str, Any]:
-    """Returns the JSON schema of the experiment file whose fits are of these families."""
-    return {"$schema": _DIALECT, **experiment_type(families).model_json_schema(by_alias=True)}
+def experiment_schema_of(families: Families, study: Any = Any) -> dict[str, Any]:  # noqa: ANN401
+    """Returns the JSON schema of the experiment file whose fits are of these families, with this type of study."""
+    return {"$schema": _DIALECT, **experiment_type(families, study).model_json_schema(by_alias=True)}
 
 
 def robot_schema() -> dict[str, Any]:

@@ -12,9 +12,9 @@ from robid.arrays import FloatArray
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
 from robid.errors import DataError
+from robid.results.copies import Copy, find_copy, take_excerpt
 from robid.settings.fits import FitSettings
 from robid.signals.record import Record
-from robid.validation.copies import Copy, find_copy, take_excerpt
 
 _SAME_PLACE = 1e-3  # rad, or m
 _SAMPLES = ("inputs", "outputs", "reference")

@@ -18,12 +18,12 @@ from robid.design.configurations.measured import fitted_information, measured_in
 from robid.design.configurations.options import DesignWeights, InformationOptions
 from robid.design.configurations.stability import halves
 from robid.errors import DataError
-from robid.families.elastic.files import solution_from_artifact
-from robid.fit.elastic.fitted_robot import fitted_delay_s, fitted_robot
-from robid.fit.elastic.options import ElasticOptions
-from robid.fit.elastic.weights import assumed_error, make_whitening
 from robid.frf.frf import Frf
 from robid.frf.realization_subsets import by_realizations
+from robid.models.elastic.files import solution_from_artifact
+from robid.models.elastic.fit.fitted_robot import fitted_delay_s, fitted_robot
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.weights import assumed_error, make_whitening
 from robid.robot.description import Robot
 from robid.settings.experiment import Design
 from robid.settings.robot_parts import delay_s

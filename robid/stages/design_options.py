@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from robid.design.configurations.options import InformationOptions
-from robid.fit.elastic.options import ElasticOptions, Weights
+from robid.models.elastic.fit.options import ElasticOptions, Weights
 
 if TYPE_CHECKING:
     from robid.settings.experiment import Design, Experiment
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def fit_options(experiment: Experiment, design: Design) -> ElasticOptions | None:
     """Returns the options of the fit whose weights a design is for: the named one, else one by user weights."""
-    from robid.families.elastic.settings import elastic_fit
+    from robid.models.elastic.settings import elastic_fit
 
     if design.weights.mean != "fit":
         return None
@@ -27,7 +27,7 @@ def fit_options(experiment: Experiment, design: Design) -> ElasticOptions | None
 
 def about_options(experiment: Experiment, design: Design) -> InformationOptions:
     """Returns which information a design is made by, what is estimated along spelled out: as in the fit it names."""
-    from robid.families.elastic.settings import elastic_fit
+    from robid.models.elastic.settings import elastic_fit
 
     about, fit = design.about(), None if design.fit is None else elastic_fit(experiment, design.fit)
     along = about.along(None if fit is None else fit.kinds)

@@ -11,8 +11,8 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
-from robid.fit.elastic.options import ElasticOptions
-from robid.fit.elastic.weights import make_weights
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.weights import make_weights
 
 UNREAD = (
     "coherence",

@@ -16,7 +16,6 @@ from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
 from robid.errors import DataError
-from robid.families.friction import friction_from_artifact
 from robid.frf.checks import is_finding
 from robid.frf.compensation import shows_friction
 from robid.frf.estimate import estimate_frf
@@ -26,6 +25,8 @@ from robid.frf.options import IDENTIFYING, EstimateOptions
 from robid.frf.quality import dropped_lines, saturation_text
 from robid.frf.reading import READS_REFERENCE
 from robid.frf.silent import identify_laws, start_laws
+from robid.models.friction import friction_from_artifact
+from robid.results.plausible.evidence import Evidence, gather_evidence, join_evidence
 from robid.robot.description import Motor
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
@@ -35,7 +36,6 @@ from robid.signals.friction import TorqueLaw
 from robid.stages.chain.estimate_frf import STAGE
 from robid.stages.plausible import contradictions
 from robid.stages.stage import Job, counted
-from robid.validation.plausible.evidence import Evidence, gather_evidence, join_evidence
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from robid.artifacts.atomic import replacing
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact
 from robid.errors import ArtifactError, SettingsError
-from robid.families.family import Export, ExportTask, family_of
+from robid.models.family import Export, ExportTask, family_of
 from robid.settings.load import LoadedExperiment
 from robid.stages.chain.fit import data_inputs, taken_inputs
 from robid.stages.fit import read_data

@@ -13,7 +13,7 @@ from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.excitation.excitation import UNITS, CampaignExcitation, Excitation
 from robid.errors import ArtifactError, SettingsError
-from robid.families.encode import encode_mat, encode_table
+from robid.models.encode import encode_mat, encode_table
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.signals.positions import readable, readable_units

@@ -11,9 +11,9 @@ from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, write_artifact
-from robid.families.family import Data, Work, family_of
 from robid.frf.frf import Frf
 from robid.frf.joined import join
+from robid.models.family import Data, Work, family_of
 from robid.settings.fits import FitSettings, HandedOn
 from robid.settings.load import LoadedExperiment
 from robid.signals.record import Record

@@ -10,7 +10,7 @@ from robid.artifacts.artifact import Artifact
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.errors import SettingsError
-from robid.families.family import Work, family_of
+from robid.models.family import Work, family_of
 from robid.settings.load import LoadedExperiment
 from robid.stages.chain.fit import STAGE
 from robid.stages.fit import read_data

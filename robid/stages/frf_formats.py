@@ -8,9 +8,9 @@ import numpy as np
 
 import robid
 from robid.arrays import ComplexArray, FloatArray
-from robid.families.encode import Content, encode_json, encode_mat, encode_table
 from robid.frf.frf import Frf
 from robid.frf.quality import dropped_lines, known_response
+from robid.models.encode import Content, encode_json, encode_mat, encode_table
 from robid.signals.positions import readable, readable_units
 from robid.signals.quantities import Channel, response_unit
 

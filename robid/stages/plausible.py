@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from robid.errors import DataError, SettingsError
+from robid.results.plausible.doubts import evidence_doubts
+from robid.results.plausible.evidence import Evidence
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
-from robid.validation.plausible.doubts import evidence_doubts
-from robid.validation.plausible.evidence import Evidence
 
 
 def contradictions(loaded: LoadedExperiment, campaign: str, evidence: Evidence) -> tuple[str, ...]:

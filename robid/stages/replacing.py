@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from robid.artifacts.store import kind_of
 from robid.artifacts.truth import is_truth
 from robid.errors import ArtifactError
-from robid.families.encode import PARAMETER_COLUMNS
+from robid.models.encode import PARAMETER_COLUMNS
 from robid.stages.stage import Plan, Stage
 from robid.stages.stamp import read_stamp
 

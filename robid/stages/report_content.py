@@ -19,9 +19,9 @@ from robid.artifacts.truth import read_truth
 from robid.artifacts.validation import VALIDATION
 from robid.design.configurations.information import ConfigurationDesign
 from robid.design.excitation.excitation import UNITS, CampaignExcitation, ExcitationPlan
-from robid.families.family import Data, Shown, family_of
 from robid.frf.frf import Frf
 from robid.frf.quality import saturation_text
+from robid.models.family import Data, Shown, family_of
 from robid.report.content import FitReport, ReportContent, Verdict, fit_sections
 from robid.report.design import design_section
 from robid.report.experiment import (
@@ -40,6 +40,8 @@ from robid.report.responses import (
     responses_verdict,
 )
 from robid.report.section import Section
+from robid.results.grade import DO_NOT_USE, PREDICTS, TRUST
+from robid.results.plausible.evidence import gather_evidence
 from robid.robot.skeleton import skeleton
 from robid.settings.load import LoadedExperiment
 from robid.stages.chain.validate import truth_input
@@ -47,8 +49,6 @@ from robid.stages.fit import data_of
 from robid.stages.plausible import contradictions
 from robid.stages.report_stages import stage_rows
 from robid.stages.stage import Stage
-from robid.validation.grade import DO_NOT_USE, PREDICTS, TRUST
-from robid.validation.plausible.evidence import gather_evidence
 
 _LEVELS: dict[int, Literal["ok", "warn", "bad"]] = {TRUST: "ok", PREDICTS: "warn", DO_NOT_USE: "bad"}
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from robid.backends.map import Map
     from robid.backends.progress import Progress
-    from robid.families.family import Graded
+    from robid.models.family import Graded
     from robid.settings.experiment import Campaign, Experiment
     from robid.settings.load import LoadedExperiment
 

@@ -9,7 +9,7 @@ from robid.artifacts.model import MODEL
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.truth import read_truth
-from robid.families.family import Data, family_of
+from robid.models.family import Data, family_of
 from robid.stages.chain.validate import STAGE
 from robid.stages.copies import refuse_copies
 from robid.stages.fit import read_taken

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from robid.families.files import load_experiment
+from robid.models.files import load_experiment
+from robid.settings.checks.experiment import Studies
 from robid.settings.experiment import Experiment
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
@@ -15,6 +16,7 @@ from robid.studies.frf import FRF_STUDY
 from robid.studies.janot2009 import JANOT2009
 from robid.studies.mistakes import MISTAKES
 from robid.studies.oliveira2019 import OLIVEIRA2019
+from robid.studies.settings.study import Study as StudySettings
 from robid.studies.study import Study
 from robid.studies.trust import TRUST
 from robid.studies.turk2018 import TURK2018
@@ -40,7 +42,7 @@ def load_with_study(path: Path) -> LoadedExperiment:
     Raises:
         SettingsError: With every problem of both files, each with its line and field.
     """
-    return load_experiment(path, check_study=check_study)
+    return load_experiment(path, studies=Studies(StudySettings, check_study))
 
 
 def check_study(experiment: Experiment, robot: RobotFile | None) -> Iterator[tuple[FieldPath, str]]:

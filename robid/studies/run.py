@@ -22,13 +22,13 @@ from robid.report.numbers import duration, significant
 from robid.report.section import Section, Table
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
-from robid.settings.study import FrfStudy
 from robid.stages.replacing import check_replaceable, settings_files
 from robid.stages.report import write_page
 from robid.stages.stage import counted
 from robid.stages.stamp import read_stamp
 from robid.studies.conclusion import Conclusion
 from robid.studies.known import STUDIES
+from robid.studies.settings.study import FrfStudy
 from robid.studies.study import Earlier, Step
 from robid.studies.tasks import run_tasks
 

@@ -7,9 +7,9 @@ from mujoco import rollout
 
 from default_campaign import CONFIGURATION, DELAY_S, ROBOT, default_experiment
 from exact_systems import exact_frf
-from robid.fit.elastic.options import ElasticOptions
-from robid.fit.elastic.parameters import map_parameters
-from robid.fit.elastic.problem import make_problem
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.parameters import map_parameters
+from robid.models.elastic.fit.problem import make_problem
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters

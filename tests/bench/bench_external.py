@@ -5,8 +5,8 @@ from scipy.optimize import least_squares
 from scipy.signal import lsim
 
 from external_shots import CHANNELS, PERIOD_S, shot, sweep, transfer
-from robid.fit.external.output_error import fit_block
-from robid.fit.external.problem import Structure
+from robid.models.external.fit.output_error import fit_block
+from robid.models.external.fit.problem import Structure
 
 N_SAMPLE = 8333  # 100 s at 12 ms
 LEVELS = ((0.10, 0.6), (1.04, 0.05), (5.20, 0.002))

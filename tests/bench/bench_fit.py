@@ -9,11 +9,11 @@ from scipy.optimize import least_squares, minimize
 
 from default_campaign import CONFIGURATION, DELAY_S, ROBOT, default_experiment
 from exact_systems import exact_frf, with_spring_factors
-from robid.fit.elastic.fitting import fit_elastic, set_up
-from robid.fit.elastic.optimizers import optimise
-from robid.fit.elastic.options import ElasticOptions, Weights
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
+from robid.models.elastic.fit.fitting import fit_elastic, set_up
+from robid.models.elastic.fit.optimizers import optimise
+from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.simulate.experiment import simulate
 from robid.simulate.options import Imperfections, Truth
 from robid.simulate.truth import true_robot

@@ -5,13 +5,13 @@ import pytest
 
 from lpv_baseline import cvxpy_step
 from lpv_systems import POSITIONS, basis, local_responses, problem
-from robid.fit.lpv import penalised
-from robid.fit.lpv.alignment import align_neighbours
-from robid.fit.lpv.local import fit_local_models
-from robid.fit.lpv.options import SparsityOptions
-from robid.fit.lpv.problem import cost
-from robid.fit.lpv.smile import interpolate
-from robid.fit.lpv.sparse import fit_sparse
+from robid.models.lpv.fit import penalised
+from robid.models.lpv.fit.alignment import align_neighbours
+from robid.models.lpv.fit.local import fit_local_models
+from robid.models.lpv.fit.options import SparsityOptions
+from robid.models.lpv.fit.problem import cost
+from robid.models.lpv.fit.smile import interpolate
+from robid.models.lpv.fit.sparse import fit_sparse
 
 _GAMMA = 100.0
 _ROUNDS = 3

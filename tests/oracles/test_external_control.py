@@ -7,8 +7,8 @@ from scipy.optimize import least_squares
 from scipy.signal import lsim
 
 from external_shots import CHANNELS, PERIOD_S, shot, sweep, transfer
-from robid.fit.external.output_error import fit_block
-from robid.fit.external.problem import Structure
+from robid.models.external.fit.output_error import fit_block
+from robid.models.external.fit.problem import Structure
 
 
 @pytest.mark.parametrize("hold", ["zoh", "foh"])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from rigid_models import random_rows, stacked
-from robid.fit.rigid.huber import huber
-from robid.fit.rigid.options import HuberOptions
-from robid.fit.rigid.reduction import reduce_rows
+from robid.models.rigid.fit.huber import huber
+from robid.models.rigid.fit.options import HuberOptions
+from robid.models.rigid.fit.reduction import reduce_rows
 
 sm = pytest.importorskip("statsmodels.api")
 

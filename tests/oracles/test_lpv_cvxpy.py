@@ -6,11 +6,11 @@ import pytest
 
 from lpv_baseline import cvxpy_step
 from lpv_systems import POSITIONS, basis, local_responses, problem, true_parameters
-from robid.fit.lpv import penalised
-from robid.fit.lpv.blocks import list_blocks, measure
-from robid.fit.lpv.cone_program import minimise_model
-from robid.fit.lpv.penalised import Penalised, descend
-from robid.fit.lpv.problem import normal
+from robid.models.lpv.fit import penalised
+from robid.models.lpv.fit.blocks import list_blocks, measure
+from robid.models.lpv.fit.cone_program import minimise_model
+from robid.models.lpv.fit.penalised import Penalised, descend
+from robid.models.lpv.fit.problem import normal
 
 
 def _priced(gamma):

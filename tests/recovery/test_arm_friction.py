@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_mass_robot, with_arm_friction, with_spring_factors
-from robid.fit.elastic.fitting import fit_elastic
-from robid.fit.elastic.options import ElasticOptions, Weights
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
+from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.options import ElasticOptions, Weights
+from robid.models.elastic.judge.assessment import assess_fit
+from robid.models.elastic.judge.causes import explain
+from robid.models.elastic.judge.fitted import fitted_model
 from robid.robot.linearize import axial_inertia
 from robid.robot.model import build_model
 from robid.robot.parameters import viscous_scale
@@ -18,9 +21,6 @@ from robid.settings.load import load_robot
 from robid.signals.multisine import multisine, time_signal
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Controller, SimulateOptions
-from robid.validation.elastic.assessment import assess_fit
-from robid.validation.elastic.causes import explain
-from robid.validation.elastic.fitted import fitted_model
 from tolerances import RECOVERY, RECOVERY_SIGMA
 
 KR300 = Path(__file__).parents[2] / "configs/robots/kr300.yaml"

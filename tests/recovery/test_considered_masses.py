@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from exact_systems import certain, exact_frf, two_joint_robot
-from robid.fit.elastic.considered import DoubtfulRobot
-from robid.fit.elastic.fitting import fit_elastic
-from robid.fit.elastic.options import ElasticOptions
+from robid.models.elastic.fit.considered import DoubtfulRobot
+from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.options import ElasticOptions
 
 CONFIGURATIONS = np.array([[0.3, -0.7], [-0.5, 0.9], [0.9, 1.4], [-1.1, 0.3]])
 FREQUENCY_HZ = np.geomspace(2.0, 80.0, 25)

@@ -8,8 +8,8 @@ import pytest
 from default_campaign import LOADED
 from exact_systems import certain, exact_frf, two_joint_robot, two_mass_robot, with_spring_factors
 from realizations import averaged
-from robid.fit.elastic.fitting import fit_elastic
-from robid.fit.elastic.options import ElasticOptions, Weights
+from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.options import ElasticOptions, Weights
 
 BENCH_HZ = np.arange(11.0, 251.0, 3.0)
 ARM_HZ = np.unique(np.round(np.geomspace(1, 60, 40), 1))

@@ -10,11 +10,11 @@ from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.logs.importing import import_log
 from robid.logs.mapping import LogMapping
+from robid.models.elastic.judge.rational_model import rational_mode
+from robid.models.elastic.judge.scatter import line_scatter
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.log_options import TimeChannel
 from robid.signals.quantities import describe
-from robid.validation.elastic.rational_model import rational_mode
-from robid.validation.elastic.scatter import line_scatter
 
 N_SAMPLE, STEP_S, LINES = 8192, 0.02, np.arange(1, 820)  # 163.84 s; all lines to 5 Hz are excited
 CABLE_M = 0.4557

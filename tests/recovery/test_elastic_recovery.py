@@ -7,9 +7,9 @@ import pytest
 
 from exact_systems import certain, exact_frf, friction_frf, two_joint_robot, two_mass_robot, with_spring_factors
 from robid.errors import DataError, SettingsError
-from robid.fit.elastic.fitting import fit_elastic
-from robid.fit.elastic.options import ElasticOptions, Weights
-from robid.fit.elastic.result import distinct_minima
+from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.options import ElasticOptions, Weights
+from robid.models.elastic.fit.result import distinct_minima
 from robid.signals.quantities import motor_channels
 from tolerances import RECOVERY, RECOVERY_SIGMA
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf
-from robid.fit.elastic.fitting import fit_elastic
-from robid.fit.elastic.options import ElasticOptions
+from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.judge.candidates import with_gear_ratio
+from robid.models.elastic.judge.causes import explain
+from robid.models.elastic.judge.fitted import fitted_model
+from robid.models.elastic.judge.reversals import turned
 from robid.robot.description import Inertial
 from robid.settings.load import load_robot
-from robid.validation.elastic.candidates import with_gear_ratio
-from robid.validation.elastic.causes import explain
-from robid.validation.elastic.fitted import fitted_model
-from robid.validation.elastic.reversals import turned
 
 ROBOTS = Path(__file__).parents[2] / "configs" / "robots"
 FREQUENCY_HZ = np.geomspace(2, 80, 25)

@@ -7,13 +7,13 @@ import pytest
 
 from exact_systems import with_spring_factors
 from foreign_friction import LAWS, NAMES, NOMINAL, STATED, STEP, simulate_arm
-from robid.fit.elastic.fitting import fit_elastic
-from robid.fit.elastic.options import ElasticOptions
 from robid.frf.estimate import estimate_frf
 from robid.frf.joined import join
 from robid.frf.laws import combine_laws
 from robid.frf.options import EstimateOptions
 from robid.frf.silent import identify_laws, start_laws
+from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.options import ElasticOptions
 
 pytestmark = pytest.mark.slow
 

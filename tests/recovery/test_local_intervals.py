@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_mass_robot
-from robid.fit.elastic.fitting import fit_elastic
-from robid.fit.elastic.options import ElasticOptions, Weights
 from robid.frf.dropped import completed
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
+from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.signals.multisine import time_signal
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rigid_robots import random_body
-from robid.fit.rigid.fitting import fit_rigid
-from robid.fit.rigid.options import PreprocessingOptions, RigidFitOptions
-from robid.fit.rigid.shots import Shot
+from robid.models.rigid.fit.fitting import fit_rigid
+from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
+from robid.models.rigid.fit.shots import Shot
 from robid.robot.description import Joint, Motor, Robot
 from robid.robot.regressor.links import COMPONENTS
 from robid.robot.regressor.model import build_rigid_model

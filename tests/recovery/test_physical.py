@@ -9,12 +9,12 @@ import pytest
 
 from exact_systems import certain, exact_frf, stocky, two_joint_robot
 from realizations import averaged
-from robid.families.files import load_experiment
-from robid.families.known import FAMILIES
-from robid.fit.elastic.doubts.column import RobotMove
-from robid.fit.elastic.doubts.listing import list_doubts
-from robid.fit.elastic.fitting import fit_elastic
-from robid.fit.elastic.options import ElasticOptions
+from robid.models.elastic.fit.doubts.column import RobotMove
+from robid.models.elastic.fit.doubts.listing import list_doubts
+from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.files import load_experiment
+from robid.models.known import FAMILIES
 from robid.robot.doubts import Doubts
 
 KR300 = Path(__file__).parents[2] / "configs" / "kr300.yaml"

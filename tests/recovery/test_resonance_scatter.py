@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_mass_robot, with_arm_friction, with_spring_factors
-from robid.fit.elastic.fitting import fit_elastic
-from robid.fit.elastic.options import ElasticOptions
 from robid.frf.estimate import estimate_frf
 from robid.frf.frf import CONFIGURATION_WISE
 from robid.frf.options import EstimateOptions
-from robid.validation.elastic.extrema import Elements, pair_extrema
-from robid.validation.elastic.fitted import fitted_model
-from robid.validation.elastic.resonances import tabulate_resonances
+from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.judge.extrema import Elements, pair_extrema
+from robid.models.elastic.judge.fitted import fitted_model
+from robid.models.elastic.judge.resonances import tabulate_resonances
 from rubbing_drive import measure
 
 PLAIN = EstimateOptions(compensation="none")

@@ -5,10 +5,10 @@ import pytest
 
 from exact_sampling import exact_acceleration
 from exact_systems import linear_axis, two_joint_robot, two_mass_robot, with_spring_factors
-from robid.fit.elastic.fitting import fit_elastic
-from robid.fit.elastic.options import ElasticOptions, Weights
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
+from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters

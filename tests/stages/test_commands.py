@@ -12,7 +12,7 @@ from robid.artifacts.grade import grade_from_artifact
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.validation import VALIDATION
-from robid.families.elastic.files import (
+from robid.models.elastic.files import (
     model_of,
     new_resonances_from_artifact,
     resonances_from_artifact,
@@ -20,7 +20,7 @@ from robid.families.elastic.files import (
     validation_from_artifact,
     validation_of,
 )
-from robid.families.files import load_experiment
+from robid.models.files import load_experiment
 
 CHAIN = (
     ("design-configs",),

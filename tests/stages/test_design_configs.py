@@ -12,13 +12,13 @@ from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.measured import measured_information
-from robid.families.elastic.files import solution_from_artifact
-from robid.families.files import load_experiment
-from robid.fit.elastic.fitted_robot import fitted_delay_s, fitted_robot
-from robid.fit.elastic.fitting import set_up
-from robid.fit.elastic.options import ElasticOptions, Weights
-from robid.fit.elastic.uncertainty import sandwich
-from robid.fit.elastic.weights import make_weights
+from robid.models.elastic.files import solution_from_artifact
+from robid.models.elastic.fit.fitted_robot import fitted_delay_s, fitted_robot
+from robid.models.elastic.fit.fitting import set_up
+from robid.models.elastic.fit.options import ElasticOptions, Weights
+from robid.models.elastic.fit.uncertainty import sandwich
+from robid.models.elastic.fit.weights import make_weights
+from robid.models.files import load_experiment
 from tolerances import IDENTITY
 
 FILE = "design.yaml"

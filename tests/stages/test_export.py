@@ -13,8 +13,8 @@ from scipy.io import loadmat
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact, read_header
-from robid.families.elastic.files import solution_from_artifact
-from robid.families.encode import encode_mat
+from robid.models.elastic.files import solution_from_artifact
+from robid.models.encode import encode_mat
 from tolerances import MJCF
 
 FOLDER = "fits/elastic"
@@ -207,7 +207,7 @@ def test_values_that_make_no_mechanical_model(done, monkeypatch):
     def refuse(*_args, **_kwargs):
         raise ValueError("inertia must satisfy A + B >= C")
 
-    monkeypatch.setattr("robid.families.elastic.mechanics.build_model", refuse)
+    monkeypatch.setattr("robid.models.elastic.mechanics.build_model", refuse)
     answer = done.robid("export", "small.yaml", "--format", "mjcf")
     assert answer.code == 4
     assert "A + B >= C" in answer.flat

@@ -14,11 +14,11 @@ from robid.artifacts.model import MODEL, estimate_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
 from robid.errors import DataError
-from robid.families.elastic.fitting import nominal_robot
-from robid.families.files import load_experiment
-from robid.families.friction import friction_from_artifact
-from robid.families.standard import standard_from_artifact
-from robid.fit.elastic.fitting import fit_elastic
+from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fitting import nominal_robot
+from robid.models.files import load_experiment
+from robid.models.friction import friction_from_artifact
+from robid.models.standard import standard_from_artifact
 from robid.stages.chain import fit as fit_stage
 from robid.stages.fit import read_data
 

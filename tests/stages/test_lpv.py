@@ -9,8 +9,8 @@ from scipy.interpolate import BSpline
 from scipy.io import loadmat
 
 from robid.errors import ArtifactError, DataError
-from robid.families.lpv import evaluate
-from robid.fit.lpv.state_space import MATRICES
+from robid.models.lpv.family import evaluate
+from robid.models.lpv.fit.state_space import MATRICES
 
 OLD = "elastic: {family: elastic, from: estimation, validate_on: validation, starts: 2}"
 FIT = (

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from robid.families.lpv import evaluate
+from robid.models.lpv.family import evaluate
 
 RATE_HZ, N_SAMPLE, PERIODS = 200.0, 200, 4
 PLACES = {"near": 0.0, "middle": 0.2, "far": 0.5, "between": 0.35, "unseen": 0.1}

@@ -10,7 +10,7 @@ import pytest
 
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact
-from robid.families.external.files import solution_from_artifact
+from robid.models.external.files import solution_from_artifact
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 CABLE_M = 0.4557

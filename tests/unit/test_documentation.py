@@ -16,8 +16,8 @@ from robid.artifacts.record import RECORD
 from robid.artifacts.validation import VALIDATION
 from robid.cli import app
 from robid.errors import ArtifactError, DataError, SettingsError
-from robid.families.files import load_experiment
-from robid.fit.elastic.options import ElasticOptions
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.files import load_experiment
 from robid.pipeline import graph
 from robid.settings.load import load_robot
 from robid.simulate.truth import true_robot

@@ -9,6 +9,7 @@ import pytest
 
 _ROOT = Path(__file__).parents[2]
 _REPORT = "import json, sys; print(json.dumps(sorted(sys.modules)))"
+_SCIENCE = ("results", "design", "simulate", "robot", "frf", "clusters", "signals", "models/*/fit", "models/*/judge")
 HEAVY = ("scipy", "mujoco", "nlopt", "plotly", "jinja2", "matplotlib", "distributed", "dask")
 
 
@@ -38,13 +39,26 @@ def test_status_imports_nothing_that_only_computing_needs(tmp_path, experiment):
 
 
 def test_no_package_of_science_comes_with_the_settings_and_the_families():
-    found = modules_after("import robid.families.files")
+    found = modules_after("import robid.models.files")
     assert found.isdisjoint(
-        {"robid.robot.model", "robid.fit.elastic.fitting", "robid.design.excitation.excitation", "robid.frf.estimate"}
+        {
+            "robid.robot.model",
+            "robid.models.elastic.fit.fitting",
+            "robid.design.excitation.excitation",
+            "robid.frf.estimate",
+        }
     )
 
 
-@pytest.mark.parametrize("module", ["families.elastic.fitting", "stages.report"])
+@pytest.mark.parametrize("module", ["models.elastic.fitting", "stages.report"])
 def test_what_is_heavy_is_named_as_it_is_imported(module):
     """The names are right: what a family or a stage does needs some of them."""
     assert not modules_after(f"import robid.{module}").isdisjoint(HEAVY)
+
+
+def test_science_loads_no_settings_files_or_pages():
+    files = sorted(file for folder in _SCIENCE for file in (_ROOT / "robid").glob(f"{folder}/**/*.py"))
+    names = [".".join(file.relative_to(_ROOT).with_suffix("").parts).removesuffix(".__init__") for file in files]
+    assert len(names) > 100
+    found = modules_after("\n".join(f"import {name}" for name in names))
+    assert found.isdisjoint({"pydantic", "h5py", "typer", "rich", "ruamel.yaml", "plotly", "yaml", "robid.settings"})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from robid.fleet.page.found import MOST_SHOWN, Found, listed
 from robid.fleet.summary import causes
 from robid.report.section import ColumnStyle, Folded, Part, Section, Table
-from robid.validation.grade import WORDS
+from robid.results.grade import WORDS
 
 _MANY_CAUSES = 100
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 
 from robid.fleet.comparison import Compared
+from robid.fleet.outliers import FEWEST_ROBOTS, LEVEL
 from robid.fleet.page.found import MOST_SHOWN, Found, listed
 from robid.fleet.page.sentences import centre_and_spread, changes, known_to, outlier_sentence, short
 from robid.report.section import Cell, ColumnStyle, Row, Section, Table
-from robid.validation.fleet.outliers import FEWEST_ROBOTS, LEVEL
 
 _MANY_ROWS = 300
 _OTHERS = 6

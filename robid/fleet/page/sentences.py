@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from robid.fleet.comparison import Compared, Comparison
+from robid.fleet.drift import Drift
+from robid.fleet.outliers import Outlier
 from robid.report.numbers import percent, scale_for
-from robid.validation.fleet.drift import Drift
-from robid.validation.fleet.outliers import Outlier
 
 
 def outlier_sentence(comparison: Comparison, outlier: Outlier) -> str:

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import TypeAlias
 
 from robid.design.configurations.options import DesignWeights
-from robid.fit.elastic.options import ElasticOptions
 from robid.settings.checks.configurations import configuration_count
 from robid.settings.experiment import Design, Experiment
 from robid.settings.fits import FitSettings
@@ -75,7 +74,7 @@ def _fit(field: FieldPath, experiment: Experiment, design: Design) -> _Found:
     fit = experiment.fits.get(design.fit)
     if fit is None:
         yield (*field, "fit"), f"there is no fit `{design.fit}`; {suggest(design.fit, experiment.fits)}"
-    elif not isinstance(fit, ElasticOptions):
+    elif fit.designed_for is None:
         yield (*field, "fit"), _other_family(design.fit, fit)
     if design.weights != DesignWeights(mean="fit"):
         message = (
@@ -87,7 +86,7 @@ def _fit(field: FieldPath, experiment: Experiment, design: Design) -> _Found:
 
 def _parameters(field: FieldPath, experiment: Experiment, design: Design, robot: RobotFile) -> _Found:
     chosen_for = experiment.fits.get(design.fit or "")
-    freed = chosen_for.kinds if isinstance(chosen_for, ElasticOptions) else None
+    freed = None if chosen_for is None else chosen_for.designed_for
     known = parameter_names(robot, (*design.free, *design.along(freed)))
     for index, name in enumerate(design.fixed):
         if name not in known:
@@ -102,11 +101,10 @@ def _earlier(field: FieldPath, experiment: Experiment, name: str, wanted: list[s
     fit = experiment.fits.get(name)
     if fit is None:
         return
-    if not isinstance(fit, ElasticOptions):
+    if fit.designed_for is None:
         yield field, _other_family(name, fit)
         return
-    held = {*fit.fixed, *fit.tied}
-    estimated = [each for each in parameter_names(robot, fit.kinds) if each not in held]
+    estimated = [each for each in parameter_names(robot, fit.designed_for) if each not in fit.not_estimated]
     missing = [f"`{each}`" for each in wanted if each not in estimated]
     if missing:
         message = (

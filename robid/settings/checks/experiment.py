@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from itertools import chain
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from robid.design.excitation.arbitrary import ArbitraryOptions
 from robid.design.excitation.options import PoseChirpOptions, SignalOptions, TrajectoryOptions
@@ -27,8 +28,20 @@ from robid.settings.robot import RobotFile
 from robid.settings.yaml import Document, FieldPath
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
-StudyCheck: TypeAlias = Callable[[Experiment, RobotFile | None], _Found]
-"""Finds what is wrong with the study of an experiment, for its robot where that could be read."""
+
+
+@dataclass(frozen=True)
+class Studies:
+    """What loading a file asks of studies, which lie above.
+
+    Attributes:
+        settings: Type of the study in an experiment file.
+        check: Finds what is wrong with the study of an experiment, for its robot where that could be read.
+    """
+
+    settings: Any
+    check: Callable[[Experiment, RobotFile | None], _Found]
+
 
 _ARBITRARY = "`arbitrary` says what logs hold: add `source: {acquire: ...}`, or choose a signal that can be played"
 _FOUND = "lines are `found` in logs: add `source: {acquire: ...}`, or say which lines are played"
@@ -41,7 +54,7 @@ def check_experiment(
     experiment: Experiment,
     robot: RobotFile | None,
     families: Families,
-    check_study: StudyCheck | None = None,
+    studies: Studies | None = None,
 ) -> list[SettingsProblem]:
     """Returns everything that is wrong across an experiment; what needs the robot is left out without one."""
     found: list[Iterable[tuple[FieldPath, str]]] = [
@@ -50,7 +63,7 @@ def check_experiment(
         check_designs(experiment, robot),
         check_cycles(experiment),
         check_handed_on(experiment),
-        () if check_study is None else check_study(experiment, robot),
+        () if studies is None else studies.check(experiment, robot),
     ]
     for name, campaign in experiment.campaigns.items():
         found.append(_campaign(experiment, name, campaign))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robid.artifacts.frf import FRF
-from robid.families.family import family_of
+from robid.models.family import family_of
 from robid.settings.robot_parts import delay_s, robot_settings
 from robid.stages.stage import Job, Plan, Stage, responding_campaigns
 

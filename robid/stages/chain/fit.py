@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import inspect_artifact, read_artifact
-from robid.families.family import Graded, family_of
+from robid.models.family import Graded, family_of
 from robid.stages.stage import Job, Plan, Stage
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from robid.artifacts.store import read_artifact
 from robid.artifacts.validation import VALIDATION
-from robid.families.family import family_of
+from robid.models.family import family_of
 from robid.stages.chain.fit import data_inputs, payloads, read_grade, taken_inputs
 from robid.stages.stage import Job, Plan, Stage
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from robid.settings.experiment import Experiment
-from robid.settings.fleet_study import FleetStudy
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
 from robid.studies.campaign_check import campaign_problem
+from robid.studies.settings.fleet import FleetStudy
 
 KINDS = ("spring", "sign", "dead", "gap", "payload", "file")
 """Kinds of faults: a softened spring, a wrong sign, a dead channel, lost samples, a wrong payload, a damaged file."""

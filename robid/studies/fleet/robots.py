@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from robid.pipeline import Run
-from robid.settings.fleet_study import FleetStudy
 from robid.settings.load import LoadedExperiment
 from robid.studies.fleet.check import KINDS
+from robid.studies.settings.fleet import FleetStudy
 
 _WHERE = (0.1, 0.6)
 """Shares of the log between which faults lie: in its periods that are used, not in those that follow them."""

@@ -16,8 +16,8 @@ from robid.robot.response import nominal_parameters, response
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, require_controller
 from robid.simulate.truth import true_robot, with_imperfections
+from robid.studies.frf.estimators import elements, error_ratio, scatter
 from robid.studies.frf.study import campaign_of
-from robid.validation.estimators import elements, error_ratio, scatter
 
 
 @dataclass(frozen=True)

@@ -20,13 +20,13 @@ from robid.pipeline import Run
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
-from robid.settings.study import FrfStudy, choices
 from robid.signals.friction import TorqueLaw
 from robid.signals.quantities import units_text
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import SimulateOptions
 from robid.stages.simulate_or_acquire import simulated_experiment
+from robid.studies.settings.study import FrfStudy, choices
 from robid.studies.simulated import Estimator, make_estimator, simulate_options, simulation_settings
 from robid.studies.tasks import Content, Task
 

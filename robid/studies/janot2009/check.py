@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from robid.settings.experiment import Experiment
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
-from robid.settings.study import BranchCase, JanotStudy, SeededCase
 from robid.settings.yaml import FieldPath
 from robid.studies.janot2009.haptic.device import Bench
+from robid.studies.settings.study import BranchCase, JanotStudy, SeededCase
 
 _FEWEST_ROWS = 100
 _Found = Iterator[tuple[FieldPath, str]]

@@ -8,8 +8,8 @@ from typing import Any
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact
-from robid.families.rigid.files import solution_from_artifact
-from robid.fit.rigid.solution import RigidSolution
+from robid.models.rigid.files import solution_from_artifact
+from robid.models.rigid.fit.solution import RigidSolution
 from robid.pipeline import Run
 from robid.report.numbers import significant
 from robid.report.section import Section, Table

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robid.settings.load import LoadedExperiment
-from robid.settings.study import JanotStudy
+from robid.studies.settings.study import JanotStudy
 
 
 def study_of(loaded: LoadedExperiment) -> JanotStudy:

@@ -12,27 +12,27 @@ from robid.artifacts.artifact import Artifact, Attribute, Dataset
 from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
 from robid.errors import DataError
-from robid.families.elastic.files import solution_content, solution_from_artifact
-from robid.families.elastic.settings import elastic_fit, model_settings
-from robid.fit.elastic.fitting import fit_elastic
-from robid.fit.elastic.options import ElasticOptions
-from robid.fit.elastic.solution import ElasticSolution
 from robid.frf.frf import Frf
+from robid.models.elastic.files import solution_content, solution_from_artifact
+from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.solution import ElasticSolution
+from robid.models.elastic.judge.assessment import assess_fit
+from robid.models.elastic.judge.grading import telling_shares
+from robid.models.elastic.judge.validating import Validation, validate_elastic
+from robid.models.elastic.settings import elastic_fit, model_settings
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
-from robid.settings.study import Mistake
 from robid.studies.mistakes.grades import GRADING, Against, against_truth, refused_causes
 from robid.studies.mistakes.mistaken import mistaken_robot, mistaken_truth
 from robid.studies.mistakes.responses import read_response, read_true_values
 from robid.studies.mistakes.study import Case, campaigns_of, cases, study_of
+from robid.studies.settings.study import Mistake
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
-from robid.validation.elastic.assessment import assess_fit
-from robid.validation.elastic.grading import telling_shares
-from robid.validation.elastic.validating import Validation, validate_elastic
 
 
 @dataclass(frozen=True)

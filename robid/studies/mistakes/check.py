@@ -6,14 +6,14 @@ from collections.abc import Iterator, Sequence
 
 from pydantic import ValidationError
 
+from robid.results.doubt import CAUSES
 from robid.settings.checks.truth import check_truth
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
-from robid.settings.study import Mistake, MistakesStudy
 from robid.settings.yaml import FieldPath
 from robid.studies.changed import changed_simulation
-from robid.validation.doubt import CAUSES
+from robid.studies.settings.study import Mistake, MistakesStudy
 
 
 def check_mistakes(experiment: Experiment, robot: RobotFile | None) -> Iterator[tuple[FieldPath, str]]:

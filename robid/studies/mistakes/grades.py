@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.fit.elastic.solution import ElasticSolution
 from robid.frf.frf import Frf
+from robid.models.elastic.fit.solution import ElasticSolution
+from robid.models.elastic.judge.validating import Validation
+from robid.results.doubt import CAUSES
+from robid.results.plausible.doubts import data_doubts
 from robid.robot.description import Robot
-from robid.validation.doubt import CAUSES
-from robid.validation.elastic.validating import Validation
-from robid.validation.plausible.doubts import data_doubts
 
 GRADING = 4
 """Raised when the rules of the grade change, so that the cases are graded anew."""

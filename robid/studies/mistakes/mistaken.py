@@ -10,8 +10,8 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import JointSection, given
-from robid.settings.study import Mistake
 from robid.signals.record import Record
+from robid.studies.settings.study import Mistake
 
 
 def mistaken_record(record: Record, mistake: Mistake, configurations: FloatArray, index: int, campaign: str) -> Record:

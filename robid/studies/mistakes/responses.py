@@ -16,21 +16,21 @@ from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.errors import DataError
-from robid.families.elastic.truth import true_values
 from robid.frf.estimate import estimate_frf
 from robid.frf.frf import Frf
 from robid.frf.joined import join
+from robid.models.elastic.truth import true_values
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
-from robid.settings.study import Mistake
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment, simulated_truth
 from robid.studies.changed import changed_simulation
 from robid.studies.mistakes.mistaken import mistaken_record, mistaken_robot
 from robid.studies.mistakes.study import Case, campaigns_of, cases, read_with, study_of, subjects
+from robid.studies.settings.study import Mistake
 from robid.studies.simulated import Estimator, make_estimator, simulation_settings
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task

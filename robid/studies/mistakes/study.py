@@ -7,13 +7,13 @@ from typing import Any
 
 from robid.artifacts.provenance import canonical_hash
 from robid.errors import SettingsError
-from robid.families.files import load_experiment
+from robid.models.files import load_experiment
 from robid.pipeline import Run
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
 from robid.settings.problems import format_field
-from robid.settings.study import Mistake, MistakesStudy
 from robid.studies.mistakes.check import fit_problem, mistake_problems
+from robid.studies.settings.study import Mistake, MistakesStudy
 
 SOUND = "sound"
 """Name of a robot with which nothing is wrong."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from robid.settings.experiment import Experiment
-from robid.settings.external_study import CartesianCase, OliveiraStudy, PlantsCase
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
+from robid.studies.settings.oliveira2019 import CartesianCase, OliveiraStudy, PlantsCase
 
 _PLANTS: FieldPath = ("study", "plants")
 

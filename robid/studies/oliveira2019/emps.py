@@ -9,8 +9,8 @@ import numpy as np
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact
-from robid.families.external.files import solution_from_artifact
-from robid.fit.external.solution import ExternalSolution
+from robid.models.external.files import solution_from_artifact
+from robid.models.external.fit.solution import ExternalSolution
 from robid.pipeline import Run
 from robid.report.numbers import significant
 from robid.report.section import Section, Table

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.signal import cont2discrete, dlsim, zpk2ss
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.fit.external.choice import choose_structure
-from robid.fit.external.data import Shot
-from robid.fit.external.options import ExternalOptions
+from robid.models.external.fit.choice import choose_structure
+from robid.models.external.fit.data import Shot
+from robid.models.external.fit.options import ExternalOptions
 from robid.signals.chirp import chirp
 
 SAMPLING_PERIOD_S = 0.012

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from robid.settings.external_study import OliveiraStudy
 from robid.settings.load import LoadedExperiment
+from robid.studies.settings.oliveira2019 import OliveiraStudy
 
 
 def study_of(loaded: LoadedExperiment) -> OliveiraStudy:

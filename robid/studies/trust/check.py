@@ -7,16 +7,16 @@ from typing import Literal
 
 from pydantic import ValidationError
 
+from robid.results.doubt import CAUSES
 from robid.settings.checks.truth import check_truth
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
-from robid.settings.trust_study import TrustStudy
 from robid.settings.yaml import FieldPath
 from robid.studies.changed import changed_simulation
 from robid.studies.mistakes.check import fit_problem
+from robid.studies.settings.trust import TrustStudy
 from robid.studies.trust.individuals import Individual, individuals
-from robid.validation.doubt import CAUSES
 
 _Found = Iterator[tuple[FieldPath, str]]
 

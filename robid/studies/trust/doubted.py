@@ -9,13 +9,13 @@ from typing import TypeVar
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.fit.elastic.doubts.column import DoubtColumn, RobotMove
-from robid.fit.elastic.doubts.drives import LaterTorque, MotorFriction, RotorShare, TorqueScale, ViscousFriction
-from robid.fit.elastic.doubts.gears import NO_LOAD_RAD, Hysteresis, LoadStiffness, bristle_share
-from robid.fit.elastic.doubts.held import HeldSpring
-from robid.fit.elastic.doubts.listing import list_doubts
-from robid.fit.elastic.doubts.springs import Compliance
-from robid.fit.elastic.options import ElasticOptions
+from robid.models.elastic.fit.doubts.column import DoubtColumn, RobotMove
+from robid.models.elastic.fit.doubts.drives import LaterTorque, MotorFriction, RotorShare, TorqueScale, ViscousFriction
+from robid.models.elastic.fit.doubts.gears import NO_LOAD_RAD, Hysteresis, LoadStiffness, bristle_share
+from robid.models.elastic.fit.doubts.held import HeldSpring
+from robid.models.elastic.fit.doubts.listing import list_doubts
+from robid.models.elastic.fit.doubts.springs import Compliance
+from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.description import Joint, Robot
 from robid.robot.linearize import LinearModel, axial_inertia, linearize, solve_statics
 from robid.robot.model import build_model

@@ -9,8 +9,8 @@ from typing import TypeVar
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
-from robid.fit.elastic.solution import ElasticSolution
-from robid.fit.estimate import Estimate
+from robid.models.elastic.fit.solution import ElasticSolution
+from robid.results.estimate import Estimate
 from robid.studies.trust.coverage import Held, Intervals, effective, physical, worst_half_widths
 
 _HALF_WIDTHS = 3.0

@@ -12,16 +12,16 @@ from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
 from robid.errors import DataError
 from robid.frf.frf import Frf
+from robid.models.elastic.judge.assessment import assess_fit
+from robid.models.elastic.judge.validating import validate_elastic
 from robid.pipeline import Run
+from robid.results.doubt import Doubt
 from robid.studies.mistakes.grades import GRADING, refused_causes
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
 from robid.studies.trust.models import Fitting, make_fitting, model_name, read_model
 from robid.studies.trust.responses import REFUSAL, files_of, read_responses, simulated
 from robid.studies.trust.study import FRESH, RANDOM, machines, study_of
-from robid.validation.doubt import Doubt
-from robid.validation.elastic.assessment import assess_fit
-from robid.validation.elastic.validating import validate_elastic
 
 
 @dataclass(frozen=True)

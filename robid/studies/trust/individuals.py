@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from robid.settings.trust_study import Defects, TrustStudy
 from robid.simulate.options import Imperfections
+from robid.studies.settings.trust import Defects, TrustStudy
 
 _DEFECT_DRAWS = 2  # keeps these draws apart from those of springs and masses
 _SIZES = frozenset(field.name for field in fields(Imperfections) if field.type == "float")

@@ -9,12 +9,12 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.families.elastic.files import solution_content
-from robid.families.elastic.settings import elastic_fit, model_settings
-from robid.families.elastic.truth import true_values
-from robid.fit.elastic.fitting import fit_elastic
-from robid.fit.elastic.options import ElasticOptions
 from robid.frf.frf import Frf
+from robid.models.elastic.files import solution_content
+from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.settings import elastic_fit, model_settings
+from robid.models.elastic.truth import true_values
 from robid.pipeline import Run
 from robid.robot.description import Joint, Robot
 from robid.settings.plain import plain_settings

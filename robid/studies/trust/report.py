@@ -11,8 +11,8 @@ from robid.pipeline import Run
 from robid.report.content import Verdict
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Section, Table
-from robid.settings.trust_study import TrustStudy
 from robid.studies.conclusion import Conclusion
+from robid.studies.settings.trust import TrustStudy
 from robid.studies.study import Earlier
 from robid.studies.tasks import Results
 from robid.studies.trust.figures import (

@@ -21,10 +21,10 @@ from robid.frf.frf import Frf
 from robid.frf.joined import join
 from robid.pipeline import Run
 from robid.settings.plain import plain_settings
-from robid.settings.trust_study import TrustStudy
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.changed import changed_simulation
+from robid.studies.settings.trust import TrustStudy
 from robid.studies.simulated import Estimator, make_estimator, simulation_settings
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Results, Task

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from robid.settings.experiment import Experiment
-from robid.settings.lpv_study import TurkStudy
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
+from robid.studies.settings.turk2018 import TurkStudy
 from robid.studies.turk2018.moving.check import check_travel
 
 _Found = Iterator[tuple[FieldPath, str]]

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.fit.lpv.basis import Basis, polynomial_basis
-from robid.fit.lpv.blocks import block_names
-from robid.fit.lpv.estimation import LpvResult, estimate_lpv
-from robid.fit.lpv.options import LpvOptions
-from robid.fit.lpv.responses import LocalResponses
-from robid.fit.lpv.state_space import StateSpace, response, transform
+from robid.models.lpv.fit.basis import Basis, polynomial_basis
+from robid.models.lpv.fit.blocks import block_names
+from robid.models.lpv.fit.estimation import LpvResult, estimate_lpv
+from robid.models.lpv.fit.options import LpvOptions
+from robid.models.lpv.fit.responses import LocalResponses
+from robid.models.lpv.fit.state_space import StateSpace, response, transform
 
 POSITIONS: FloatArray = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None]
 LEFT_OUT: FloatArray = np.array([[-0.25]])

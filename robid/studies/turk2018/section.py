@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robid.settings.load import LoadedExperiment
-from robid.settings.lpv_study import TurkStudy
+from robid.studies.settings.turk2018 import TurkStudy
 
 
 def study_of(loaded: LoadedExperiment) -> TurkStudy:

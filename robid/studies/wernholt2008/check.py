@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from robid.settings.experiment import Experiment
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
-from robid.settings.study import WernholtStudy
 from robid.settings.yaml import FieldPath
 from robid.studies.campaign_check import campaign_problem
+from robid.studies.settings.study import WernholtStudy
 
 
 def check_wernholt2008(experiment: Experiment, _robot: RobotFile | None) -> Iterator[tuple[FieldPath, str]]:

@@ -10,11 +10,11 @@ from scipy.stats import spearmanr
 
 from robid.arrays import BoolArray, FloatArray
 from robid.report.numbers import MISSING, percent, significant
-from robid.settings.study import EstimatorChoice
 from robid.studies.over_individuals import ratio_interval
+from robid.studies.settings.study import EstimatorChoice
 from robid.studies.wernholt2008.figures import Found, Models
 from robid.studies.wernholt2008.individuals import Individuals, sizes_of
-from robid.validation.starts import shares_differ
+from robid.studies.wernholt2008.starts import shares_differ
 
 _HONEST_FACTOR = 3.0
 _LEAST_CORRELATION = 0.5

@@ -10,16 +10,16 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.artifacts.artifact import Artifact
-from robid.fit.elastic.fitting import set_up
-from robid.fit.elastic.problem import Problem
-from robid.fit.elastic.uncertainty import sandwich
+from robid.models.elastic.fit.fitting import set_up
+from robid.models.elastic.fit.problem import Problem
+from robid.models.elastic.fit.uncertainty import sandwich
+from robid.models.elastic.judge.extrema import own_resonance_errors
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.simulate.truth import true_robot
+from robid.studies.wernholt2008.starts import within_factor
 from robid.studies.wernholt2008.study import ALL, measured, robot_and_delay, score_options, sets, study_of
-from robid.validation.elastic.extrema import own_resonance_errors
-from robid.validation.starts import within_factor
 
 COST_LIMIT = 1.5
 NEAR_BEST = 1.05

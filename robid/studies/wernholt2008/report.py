@@ -19,8 +19,8 @@ from robid.studies.wernholt2008.conclusions import Claim, claims
 from robid.studies.wernholt2008.curves import parameter_sections, response_sections, start_cost_section
 from robid.studies.wernholt2008.figures import COST_LIMIT, NEAR_BEST, Found, gather, summarise
 from robid.studies.wernholt2008.individuals import Individuals, gather_individuals, sizes_of
+from robid.studies.wernholt2008.starts import spread
 from robid.studies.wernholt2008.study import robot_and_delay, study_of
-from robid.validation.starts import spread
 
 _STATISTICS = ("min", "median", "max", "mean", "std", "std_th")
 _REPRESENTATIVE = 4

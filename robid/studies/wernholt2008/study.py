@@ -12,21 +12,21 @@ import numpy as np
 from robid.artifacts.artifact import Dataset
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact, read_header
-from robid.families.elastic.settings import model_settings
-from robid.fit.elastic.fitting import draw_starts, set_up
-from robid.fit.elastic.options import ElasticOptions, WeightsKind
-from robid.fit.elastic.problem import Problem
-from robid.fit.elastic.strategy import make_strategy
-from robid.fit.elastic.uncertainty import sandwich
 from robid.frf.frf import Frf
 from robid.frf.residual import EstimatorKind
+from robid.models.elastic.fit.fitting import draw_starts, set_up
+from robid.models.elastic.fit.options import ElasticOptions, WeightsKind
+from robid.models.elastic.fit.problem import Problem
+from robid.models.elastic.fit.strategy import make_strategy
+from robid.models.elastic.fit.uncertainty import sandwich
+from robid.models.elastic.settings import model_settings
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
-from robid.settings.study import WernholtStudy
 from robid.studies.paper import paper_figures
+from robid.studies.settings.study import WernholtStudy
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
 

@@ -8,9 +8,9 @@ from robid.settings.checks.configurations import configuration_count
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
-from robid.settings.study import ZimmermannStudy
 from robid.settings.yaml import FieldPath
 from robid.simulate.options import SimulateOptions
+from robid.studies.settings.study import ZimmermannStudy
 
 
 def check_zimmermann2023(experiment: Experiment, robot: RobotFile | None) -> Iterator[tuple[FieldPath, str]]:

@@ -9,12 +9,12 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.pipeline import Run
 from robid.report.design import design_section
-from robid.report.design_figures import deviation_figures, step_response_figures
 from robid.report.numbers import significant
 from robid.report.section import Beside, Curve, Figure, Section, Table
 from robid.robot.skeleton import skeleton
 from robid.studies.zimmermann2023.effort import EffortCurves
 from robid.studies.zimmermann2023.figures import Found
+from robid.studies.zimmermann2023.step_responses import StepResponses
 from robid.studies.zimmermann2023.study import chosen_designs
 
 _MOST = 7
@@ -132,3 +132,71 @@ def step_section(found: Found, summary: Mapping[str, float]) -> tuple[Section, .
     )
     figures = step_response_figures(steps, 0, 0, shown)
     return (Section("Fig. 6: steps", lead, (Table(heads, tuple(rows), caption=caption), Beside(figures, 2))),)
+
+
+def deviation_figures(
+    experiments: FloatArray, average: Mapping[str, FloatArray], worst: Mapping[str, FloatArray]
+) -> tuple[Figure, Figure]:
+    """Shows how the parameters' deviations fall with the number of experiments, one curve for each set.
+
+    Args:
+        experiments (n_count,): Numbers of experiments.
+        average: Average relative standard deviation (n_count,) by set.
+        worst: Worst relative standard deviation (n_count,) by set.
+
+    Returns:
+        The figures of the average and of the worst, to stand beside each other.
+    """
+    x = tuple(float(count) for count in experiments)
+    average_figure, worst_figure = (
+        Figure(
+            title=f"{what} standard deviation",
+            x_title="Experiments",
+            y_title="Relative standard deviation [%]",
+            curves=tuple(Curve(name, x, tuple((100 * values).tolist())) for name, values in sets.items()),
+        )
+        for what, sets in (("Average", average), ("Worst", worst))
+    )
+    return average_figure, worst_figure
+
+
+def step_response_figures(responses: StepResponses, configuration: int, axis: int, shown: str) -> tuple[Figure, ...]:
+    """Shows one step: displacement and torque of one model, errors of all.
+
+    Args:
+        responses: All steps.
+        configuration: Index of the configuration.
+        axis: Index of the stepped axis.
+        shown: Name of the model whose displacement and torque are drawn.
+
+    Returns:
+        Four figures, to stand in two columns: displacement, torque, error of the prediction, deviation from the path.
+    """
+    time, at = tuple(responses.time_s.tolist()), (responses.models.index(shown), configuration, axis)
+    reached = {
+        "rigid robot": responses.path[configuration, axis],
+        "true robot": responses.tool_true[at],
+        f"predicted by {shown}": responses.tool_model[at],
+    }
+    lengths = {name: _MM * np.linalg.norm(values, axis=-1) for name, values in reached.items()}
+    torques = {"true robot": responses.torque_true[at], f"predicted by {shown}": responses.torque_model[at]}
+    errors = {name: responses.tool_error_m[index, configuration, axis] for index, name in enumerate(responses.models)}
+    paths = {name: responses.path_error_m[index, configuration, axis] for index, name in enumerate(responses.models)}
+    motor = responses.axes[axis]
+    drawn = (
+        ("Tool displacement", "Displacement [mm]", lengths),
+        (f"Motor torque of {motor}", "Torque [N m]", torques),
+        ("Error of the predicted displacement", "Distance [mm]", {name: _MM * each for name, each in errors.items()}),
+        ("Deviation from the path", "Distance [mm]", {name: _MM * each for name, each in paths.items()}),
+    )
+    return tuple(
+        Figure(
+            title,
+            "Time [s]",
+            unit,
+            tuple(Curve(name, time, tuple(values.tolist())) for name, values in curves.items()),
+            log_x=False,
+            log_y=False,
+        )
+        for title, unit, curves in drawn
+    )

@@ -14,14 +14,14 @@ from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.information import ConfigurationDesign
 from robid.pipeline import Run
-from robid.settings.study import ZimmermannStudy
+from robid.studies.settings.study import ZimmermannStudy
 from robid.studies.study import Earlier
 from robid.studies.zimmermann2023.effort import EffortCurves, effort_curves
 from robid.studies.zimmermann2023.scatter import Mean, over_springs, scatter, scatter_error
 from robid.studies.zimmermann2023.sets import owners_of_sets
+from robid.studies.zimmermann2023.step_responses import StepResponses, step_figures
 from robid.studies.zimmermann2023.steps import read_steps
 from robid.studies.zimmermann2023.study import pairs, study_of
-from robid.validation.steps import StepResponses, step_figures
 
 MISSED = 0.03
 """Relative error from which a first resonance counts as missed."""

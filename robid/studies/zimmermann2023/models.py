@@ -15,15 +15,18 @@ from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
 from robid.design.configurations.measured import measured_information
 from robid.design.configurations.options import ALONG
-from robid.families.elastic.settings import model_settings
-from robid.fit.elastic.fitted_robot import fitted_robot
-from robid.fit.elastic.fitting import fit_elastic
-from robid.fit.elastic.options import ElasticOptions
-from robid.fit.elastic.problem import make_problem
-from robid.fit.elastic.solution import ElasticSolution
-from robid.fit.elastic.uncertainty import sandwich
 from robid.frf.frf import Frf
 from robid.frf.joined import join
+from robid.models.elastic.fit.fitted_robot import fitted_robot
+from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.problem import make_problem
+from robid.models.elastic.fit.solution import ElasticSolution
+from robid.models.elastic.fit.uncertainty import sandwich
+from robid.models.elastic.judge.extrema import first_resonances
+from robid.models.elastic.judge.fitted import FittedModel, fitted_model
+from robid.models.elastic.judge.validating import weighted_costs
+from robid.models.elastic.settings import model_settings
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.robot.linearize import solve_statics
@@ -31,17 +34,14 @@ from robid.robot.model import build_model
 from robid.robot.rest import settle_springs
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
-from robid.settings.study import ModelChoice, ZimmermannStudy
 from robid.settings.truth import true_robot_of
 from robid.simulate.truth import with_imperfections
 from robid.studies.over_individuals import stated_std
+from robid.studies.settings.study import ModelChoice, ZimmermannStudy
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
 from robid.studies.zimmermann2023.study import Pair, pairs, study_of
-from robid.validation.elastic.extrema import first_resonances
-from robid.validation.elastic.fitted import FittedModel, fitted_model
-from robid.validation.elastic.validating import weighted_costs
 
 _NOTHING_KNOWN = 1e9
 _RESULT = 5

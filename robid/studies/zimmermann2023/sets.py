@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid.fit.elastic.fitting import fit_elastic
+from robid.models.elastic.fit.fitting import fit_elastic
 from robid.pipeline import Run
-from robid.settings.study import ModelChoice, ZimmermannStudy
+from robid.studies.settings.study import ModelChoice, ZimmermannStudy
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
 from robid.studies.zimmermann2023.models import Fitting, fitted_parameters, model_set, model_task, read_responses

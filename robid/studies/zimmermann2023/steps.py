@@ -10,7 +10,7 @@ from robid.artifacts.artifact import Artifact
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
-from robid.fit.elastic.fitted_robot import with_estimates
+from robid.models.elastic.fit.fitted_robot import with_estimates
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import RandomConfigurations
@@ -22,9 +22,9 @@ from robid.stages.configurations import draw_in_reach
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
+from robid.studies.zimmermann2023.step_options import StepOptions
+from robid.studies.zimmermann2023.step_responses import StepResponses, step_responses
 from robid.studies.zimmermann2023.study import study_of
-from robid.validation.step_options import StepOptions
-from robid.validation.steps import StepResponses, step_responses
 
 NOMINAL = "robot file"
 _BEHIND = ("model", "configuration", "axis")

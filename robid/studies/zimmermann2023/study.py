@@ -19,10 +19,10 @@ from robid.frf.estimate import estimate_frf
 from robid.pipeline import Run
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
-from robid.settings.study import ZimmermannStudy
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.paper import paper_figures
+from robid.studies.settings.study import ZimmermannStudy
 from robid.studies.simulated import Estimator, make_estimator, simulate_options, simulation_settings
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task

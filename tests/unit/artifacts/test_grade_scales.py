@@ -3,9 +3,9 @@
 from robid.artifacts.artifact import Artifact, Provenance
 from robid.artifacts.grade import grade_content, grade_from_artifact
 from robid.artifacts.model import MODEL
-from robid.validation.doubt import Doubt
-from robid.validation.grade import grade_alone
-from robid.validation.scale import Scale
+from robid.results.doubt import Doubt
+from robid.results.grade import grade_alone
+from robid.results.scale import Scale
 
 SCALES = (Scale("torque", "1000", joints=("axis_1", "axis-2")), Scale("motor_angle", "1000", inverse=True))
 

@@ -9,13 +9,13 @@ from robid.artifacts.artifact import Provenance
 from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.errors import DataError
-from robid.fit.elastic.options import Weights
-from robid.fit.elastic.weights import make_weights
 from robid.frf.dropped import completed, weak_inputs
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.frf.residual import LOGARITHM
 from robid.frf.residual import PLAIN as DIFFERENCE
+from robid.models.elastic.fit.options import Weights
+from robid.models.elastic.fit.weights import make_weights
 from robid.signals.multisine import multisine, time_signal
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record

@@ -108,10 +108,10 @@ def test_lines_without_a_common_grid_are_refused():
 
 
 def test_a_fit_takes_of_each_campaign_the_lines_that_it_has():
-    from robid.fit.elastic.fitting import fit_elastic
-    from robid.fit.elastic.options import ElasticOptions
-    from robid.fit.elastic.weights import make_weights
     from robid.frf.residual import LOGARITHM
+    from robid.models.elastic.fit.fitting import fit_elastic
+    from robid.models.elastic.fit.options import ElasticOptions
+    from robid.models.elastic.fit.weights import make_weights
 
     nominal = with_spring_factors(two_joint_robot(), 1.3)
     low, high = on_grid(np.arange(4, 60), 2.0), on_grid(np.arange(40, 400, 5), 3.0, CONFIGURATIONS + 0.2)

@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from robid.families.elastic.page.sections import headline
+from robid.models.elastic.page.sections import headline
 from robid.report.bode import BodeResponse, band_radius
 from robid.report.content import ReportContent, Verdict
 from robid.report.numbers import MINUS, MISSING, percent

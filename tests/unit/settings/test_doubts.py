@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from robid.errors import SettingsError
-from robid.families.elastic.settings import model_settings
-from robid.families.files import load_experiment
+from robid.models.elastic.settings import model_settings
+from robid.models.files import load_experiment
 from robid.robot.doubts import Doubts
 from robid.settings.load import load_robot
 

@@ -9,8 +9,8 @@ import pytest
 from ruamel.yaml import YAML
 
 from robid.errors import SettingsError
-from robid.families.files import load_experiment
-from robid.fit.elastic.fitted_robot import with_estimates
+from robid.models.elastic.fit.fitted_robot import with_estimates
+from robid.models.files import load_experiment
 from robid.robot.model import build_model
 from robid.settings.load import load_robot
 from robid.settings.robot_values import robot_text, with_values

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_mass_robot
-from robid.families.elastic.page.content import FitContent
-from robid.families.elastic.page.report import fit_report
-from robid.families.elastic.page.summary import comparison
+from robid.models.elastic.page.content import FitContent
+from robid.models.elastic.page.report import fit_report
+from robid.models.elastic.page.summary import comparison
 from robid.report.costs import CostRow
 from robid.report.parameters import Estimates, ParameterRow
 from robid.stages.summary import summarize

@@ -6,15 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from robid.results.doubt import Doubt
 from robid.settings.load import load_robot
-from robid.settings.study import Mistake
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
 from robid.studies.mistakes.grades import Against, against_truth, refused_causes
 from robid.studies.mistakes.mistaken import mistaken_record, mistaken_robot, mistaken_truth
 from robid.studies.mistakes.report import CaseRow, summarise
 from robid.studies.mistakes.study import Case
-from robid.validation.doubt import Doubt
+from robid.studies.settings.study import Mistake
 from tolerances import IDENTITY
 
 ROBOT = load_robot(Path(__file__).parents[2] / "stages" / "arm.yaml")

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.families.files import load_experiment
 from robid.logs.formats.load import load_variables
 from robid.logs.formats.variables import find_variable
+from robid.models.files import load_experiment
+from robid.results.doubt import CAUSES
+from robid.results.scale import Scale, read_scale
 from robid.settings.load import load_robot
-from robid.settings.unit_mistakes import Rough, UnitMistake
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
 from robid.studies.known import load_with_study
@@ -19,8 +20,7 @@ from robid.studies.mistakes.units.figures import UnitRow, summarise_units, unit_
 from robid.studies.mistakes.units.logs import Sizes, log_of, mapping_of, mistaken_log, stamps, write_log
 from robid.studies.mistakes.units.rough import rough_robot, rough_torque_constants
 from robid.studies.mistakes.units.scales import Said, group_of, is_named, said_of
-from robid.validation.doubt import CAUSES
-from robid.validation.scale import Scale, read_scale
+from robid.studies.settings.unit_mistakes import Rough, UnitMistake
 from tolerances import IDENTITY
 
 ROOT = Path(__file__).parents[3]

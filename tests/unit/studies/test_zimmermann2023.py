@@ -7,8 +7,8 @@ import pytest
 
 from exact_systems import two_joint_robot
 from robid.design.configurations.information import ConfigurationDesign
-from robid.settings.study import ModelChoice, ZimmermannStudy
 from robid.studies.over_individuals import differs
+from robid.studies.settings.study import ModelChoice, ZimmermannStudy
 from robid.studies.zimmermann2023.effort import crossing, deviations, effort_curves
 from robid.studies.zimmermann2023.figures import Found, Model, explained_springs, summarise
 from robid.studies.zimmermann2023.models import model_sets, options_of, transmission_torque

@@ -10,8 +10,8 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.description import Robot
 from robid.robot.regressor.model import RigidModel
-from robid.settings.study import BranchCase
 from robid.simulate.options import Controller
+from robid.studies.settings.study import BranchCase
 
 _COARSE = 200  # samples by which a series is chosen
 

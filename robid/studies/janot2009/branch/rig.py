@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.fit.rigid.result import first_moments
+from robid.models.rigid.fit.result import first_moments
 from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.model import RigidModel, build_rigid_model
 from robid.robot.regressor.options import RigidOptions

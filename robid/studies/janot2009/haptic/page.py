@@ -12,7 +12,6 @@ from robid.artifacts.artifact import Artifact
 from robid.pipeline import Run
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Beside, Section, Table
-from robid.settings.study import SeededCase
 from robid.studies.janot2009.section import study_of
 from robid.studies.janot2009.seeded.chunks import BENDS, FILTERS, Judged, gather
 from robid.studies.janot2009.seeded.figures import (
@@ -28,6 +27,7 @@ from robid.studies.janot2009.seeded.figures import (
 )
 from robid.studies.paper import paper_figures
 from robid.studies.part import Asked, PartFound
+from robid.studies.settings.study import SeededCase
 
 _PLAIN, _HUBER, _PAPERS_BEND = range(3)
 _SIGMA = "sigma"

@@ -6,11 +6,11 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.pipeline import Run
-from robid.settings.study import SeededCase
 from robid.studies.janot2009.haptic.device import NOMINAL, Bench, Device, measured, simulate
 from robid.studies.janot2009.section import study_of
 from robid.studies.janot2009.seeded.chunks import Chunk, chunk_tasks, judge_chunk
 from robid.studies.janot2009.seeded.identification import Machine, Recording
+from robid.studies.settings.study import SeededCase
 from robid.studies.tasks import Content, Task
 
 FIRST_MOMENTS = ((1, 2),)

@@ -10,10 +10,10 @@ from robid.artifacts.artifact import Dataset
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.store import read_artifact, read_header
 from robid.design.excitation.excitation import Excitation
-from robid.families.rigid.settings import rigid_fit
-from robid.fit.rigid.fitting import fit_rigid
-from robid.fit.rigid.options import RigidFitOptions
-from robid.fit.rigid.shots import shots_of
+from robid.models.rigid.fit.fitting import fit_rigid
+from robid.models.rigid.fit.options import RigidFitOptions
+from robid.models.rigid.fit.shots import shots_of
+from robid.models.rigid.settings import rigid_fit
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.robot.regressor.base import find_base_parameters

@@ -11,14 +11,14 @@ import numpy as np
 from robid.arrays import FloatArray, IntArray
 from robid.artifacts.artifact import Artifact, Attribute, Dataset
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
-from robid.fit.rigid.huber import huber_weights, sweep_bend
-from robid.fit.rigid.least_squares import Regression, ordinary_least_squares
-from robid.fit.rigid.options import HuberOptions, PreprocessingOptions
-from robid.fit.rigid.reduction import reduce_rows, residuals
-from robid.fit.rigid.verdict import Verdict
+from robid.models.rigid.fit.huber import huber_weights, sweep_bend
+from robid.models.rigid.fit.least_squares import Regression, ordinary_least_squares
+from robid.models.rigid.fit.options import HuberOptions, PreprocessingOptions
+from robid.models.rigid.fit.reduction import reduce_rows, residuals
+from robid.models.rigid.fit.verdict import Verdict
 from robid.settings.plain import plain_settings
-from robid.settings.study import SeededCase
 from robid.studies.janot2009.seeded.identification import Identified, Machine, Recording, identify, read
+from robid.studies.settings.study import SeededCase
 from robid.studies.tasks import Content, Task
 
 FILTERS = ("good", "bad")

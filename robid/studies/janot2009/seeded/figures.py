@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.families.rigid.page.charts import course, histogram, weights
-from robid.fit.rigid.solution import RowResiduals
+from robid.models.rigid.fit.solution import RowResiduals
+from robid.models.rigid.page.charts import course, histogram, weights
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Beside, Figure, Notes, Part, Table
-from robid.settings.study import SeededCase
 from robid.studies.janot2009.seeded.chunks import FILTERS, TESTS, Judged
 from robid.studies.part import Asked
+from robid.studies.settings.study import SeededCase
 
 VERDICTS = {"good": Asked(lower=0.95), "bad": Asked(lower=0.95)}
 _BIAS_ALLOWED = 2.0  # per cent

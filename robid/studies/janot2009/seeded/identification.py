@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.fit.rigid.conclusion import Conclusion, conclude
-from robid.fit.rigid.instruments import solve_instruments
-from robid.fit.rigid.least_squares import Regression, ordinary_least_squares, weighted_least_squares
-from robid.fit.rigid.options import ConclusionOptions, PreprocessingOptions
-from robid.fit.rigid.preprocessing import prepare
-from robid.fit.rigid.reading import Reading
-from robid.fit.rigid.reduction import reduce_rows
-from robid.fit.rigid.rows import Regressor, Remembered
-from robid.fit.rigid.uncertainty import Influence
+from robid.models.rigid.fit.conclusion import Conclusion, conclude
+from robid.models.rigid.fit.instruments import solve_instruments
+from robid.models.rigid.fit.least_squares import Regression, ordinary_least_squares, weighted_least_squares
+from robid.models.rigid.fit.options import ConclusionOptions, PreprocessingOptions
+from robid.models.rigid.fit.preprocessing import prepare
+from robid.models.rigid.fit.reading import Reading
+from robid.models.rigid.fit.reduction import reduce_rows
+from robid.models.rigid.fit.rows import Regressor, Remembered
+from robid.models.rigid.fit.uncertainty import Influence
 
 _SIMULATIONS = 5
 _SETTLED = 1.0  # standard deviations; a further simulation moves the parameters by a hundredth of the step before

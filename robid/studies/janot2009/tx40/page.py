@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact
-from robid.families.rigid.files import solution_from_artifact
+from robid.models.rigid.files import solution_from_artifact
 from robid.pipeline import Run
 from robid.report.numbers import significant
 from robid.report.section import Section, Table

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from robid.fit.rigid.solution import RigidSolution
+from robid.models.rigid.fit.solution import RigidSolution
 from robid.robot.description import Robot
 
 PUBLISHED: Mapping[str, float] = {

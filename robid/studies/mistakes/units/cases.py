@@ -18,16 +18,16 @@ from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact, read_header
 from robid.artifacts.validation import VALIDATION
 from robid.errors import DataError, SettingsError
-from robid.families.files import load_experiment
 from robid.fleet.row import Told
+from robid.models.files import load_experiment
 from robid.pipeline import Run, run_all
+from robid.results.scale import read_scale
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign, Source
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
 from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import require_controller
-from robid.settings.unit_mistakes import Rough, UnitMistake, UnitRobot
 from robid.simulate.experiment import simulate
 from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.changed import changed_simulation
@@ -36,9 +36,9 @@ from robid.studies.mistakes.units.logs import Log, Sizes, log_of, mapping_of, mi
 from robid.studies.mistakes.units.robots import Individual, individuals, unit_subjects
 from robid.studies.mistakes.units.rough import rough_robot, rough_torque_constants
 from robid.studies.mistakes.units.scales import Said
+from robid.studies.settings.unit_mistakes import Rough, UnitMistake, UnitRobot
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
-from robid.validation.scale import read_scale
 
 ROUGH = "rough"
 """Name of the case in which nothing is wrong but the robot file."""

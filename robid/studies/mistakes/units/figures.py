@@ -10,10 +10,10 @@ from robid.artifacts.artifact import Artifact
 from robid.pipeline import Run
 from robid.report.numbers import percent
 from robid.report.section import Section, Table
-from robid.settings.unit_mistakes import UnitMistake
 from robid.studies.mistakes.study import study_of
 from robid.studies.mistakes.units.robots import UnitSubject, unit_subjects
 from robid.studies.mistakes.units.scales import is_named, said_of
+from robid.studies.settings.unit_mistakes import UnitMistake
 
 POOLED, EACH, FALSE = 0.9, 0.85, 2
 """What is asked: at least, over all robots; at least, on each; records that may be accused for nothing, at most."""

@@ -11,12 +11,12 @@ import numpy as np
 from scipy.io import savemat
 
 from robid.arrays import FloatArray
+from robid.results.scale import OWN_SCALES, SCALES, Scale
 from robid.settings.acquire import Acquire
-from robid.settings.unit_mistakes import LogSignal
 from robid.signals.log_channels import InputChannel, OutputChannel, UnitName
 from robid.signals.log_options import TimeChannel
 from robid.signals.record import Record
-from robid.validation.scale import OWN_SCALES, SCALES, Scale
+from robid.studies.settings.unit_mistakes import LogSignal
 
 Log: TypeAlias = dict[str, dict[str, FloatArray]]
 """Variables of each experiment, by its name."""

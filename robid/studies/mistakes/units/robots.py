@@ -9,16 +9,16 @@ from typing import Any
 from pydantic import ValidationError
 
 from robid.errors import SettingsError
-from robid.families.files import load_experiment
+from robid.models.files import load_experiment
 from robid.pipeline import Run
 from robid.settings.load import LoadedExperiment
 from robid.settings.problems import format_field
-from robid.settings.study import MistakesStudy
-from robid.settings.unit_mistakes import UnitRobot
 from robid.settings.yaml import FieldPath
 from robid.studies.changed import changed_simulation
 from robid.studies.mistakes.check import fit_problem
 from robid.studies.mistakes.study import campaigns_of, study_of
+from robid.studies.settings.study import MistakesStudy
+from robid.studies.settings.unit_mistakes import UnitRobot
 
 
 @dataclass(frozen=True)

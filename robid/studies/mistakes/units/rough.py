@@ -11,7 +11,7 @@ from robid.arrays import FloatArray
 from robid.settings.base import Section
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import Body, JointSection
-from robid.settings.unit_mistakes import Rough
+from robid.studies.settings.unit_mistakes import Rough
 
 _DRAWS, _CONSTANT_DRAWS = 3, 4  # keep these draws apart from those of the true robot
 _FRICTION = ("viscous_nms_rad", "coulomb_nm", "static_nm")

@@ -6,9 +6,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robid.settings.unit_mistakes import UnitMistake
-from robid.validation.doubt import CAUSES
-from robid.validation.scale import SCALES, Scale, read_scale
+from robid.results.doubt import CAUSES
+from robid.results.scale import SCALES, Scale, read_scale
+from robid.studies.settings.unit_mistakes import UnitMistake
 
 UNITS = "units"
 """The cause that must be blamed."""

@@ -13,14 +13,14 @@ from robid.artifacts.artifact import Artifact
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_header
-from robid.families.external.settings import external_fit
-from robid.fit.external.channels import blocks_of
-from robid.fit.external.coupling import CouplingMap, Pairs, map_coupling
-from robid.fit.external.data import commands_of, shots_of
-from robid.fit.external.etfe import Etfe, estimate_etfe
-from robid.fit.external.fitting import own_pairs, ports_of
-from robid.fit.external.options import ExternalOptions
-from robid.fit.external.solution import Ports
+from robid.models.external.fit.channels import blocks_of
+from robid.models.external.fit.coupling import CouplingMap, Pairs, map_coupling
+from robid.models.external.fit.data import commands_of, shots_of
+from robid.models.external.fit.etfe import Etfe, estimate_etfe
+from robid.models.external.fit.fitting import own_pairs, ports_of
+from robid.models.external.fit.options import ExternalOptions
+from robid.models.external.fit.solution import Ports
+from robid.models.external.settings import external_fit
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.robot.kinematics import ToolArm

@@ -12,10 +12,11 @@ from robid.artifacts.artifact import Artifact
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact
 from robid.artifacts.validation import VALIDATION
-from robid.families.external.files import solution_from_artifact, validation_from_artifact
-from robid.families.external.page.coupling import coupling_section
-from robid.families.external.settings import external_fit
-from robid.fit.external.solution import ExternalSolution
+from robid.models.external.files import solution_from_artifact, validation_from_artifact
+from robid.models.external.fit.solution import ExternalSolution
+from robid.models.external.judge.validating import ExternalValidation
+from robid.models.external.page.coupling import coupling_section
+from robid.models.external.settings import external_fit
 from robid.pipeline import Run
 from robid.report.numbers import MISSING, significant
 from robid.report.section import Beside, Figure, Section, Table
@@ -24,7 +25,6 @@ from robid.studies.oliveira2019.plants.charts import curve
 from robid.studies.oliveira2019.section import study_of
 from robid.studies.paper import paper_figures
 from robid.studies.part import Asked, PartFound
-from robid.validation.external.validating import ExternalValidation
 
 _CLEAR = 1.5
 """How far from the threshold the linearised loop leaves no doubt whether a pair is coupled."""

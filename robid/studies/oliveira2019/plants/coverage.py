@@ -9,10 +9,10 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact, Dataset
-from robid.fit.external.graphs import Fitted
-from robid.fit.external.output_error import fit_block
-from robid.fit.external.problem import Structure
-from robid.fit.external.transfer import TransferMatrix
+from robid.models.external.fit.graphs import Fitted
+from robid.models.external.fit.output_error import fit_block
+from robid.models.external.fit.problem import Structure
+from robid.models.external.fit.transfer import TransferMatrix
 from robid.pipeline import Run
 from robid.report.numbers import percent, significant
 from robid.report.section import Section, Table

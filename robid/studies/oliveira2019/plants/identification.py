@@ -9,17 +9,17 @@ import numpy as np
 from scipy.stats import norm
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.fit.external.comparison import nrmse, predict
-from robid.fit.external.data import Shot
-from robid.fit.external.fitting import fit_external
-from robid.fit.external.graphs import Fitted
-from robid.fit.external.options import ExternalOptions
-from robid.fit.external.solution import ExternalSolution
-from robid.settings.external_study import PlantsCase
+from robid.models.external.fit.comparison import nrmse, predict
+from robid.models.external.fit.data import Shot
+from robid.models.external.fit.fitting import fit_external
+from robid.models.external.fit.graphs import Fitted
+from robid.models.external.fit.options import ExternalOptions
+from robid.models.external.fit.solution import ExternalSolution
 from robid.signals.quantities import Channel
 from robid.studies.oliveira2019.plants.bench import PRINTED, Bench, Plant
 from robid.studies.oliveira2019.plants.identified import CONFIDENCE, Identified, Quality, Tried
 from robid.studies.oliveira2019.plants.judging import RootValue
+from robid.studies.settings.oliveira2019 import PlantsCase
 
 _PER_DECADE, _BEYOND = 40, 2.0
 _STEP_SAMPLES = 120

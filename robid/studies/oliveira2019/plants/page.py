@@ -8,7 +8,6 @@ import numpy as np
 
 from robid.artifacts.artifact import Artifact
 from robid.pipeline import Run
-from robid.settings.external_study import PlantsCase
 from robid.studies.oliveira2019.plants.bench import Bench, Plant, bench_of, plants_of
 from robid.studies.oliveira2019.plants.identified import Identified, from_content
 from robid.studies.oliveira2019.plants.judging import RootError, band_errors, judge_roots, undershoot
@@ -17,6 +16,7 @@ from robid.studies.oliveira2019.plants.tables import table_section
 from robid.studies.oliveira2019.section import study_of
 from robid.studies.paper import paper_figures
 from robid.studies.part import Asked, PartFound
+from robid.studies.settings.oliveira2019 import PlantsCase
 
 _LEAST_NRMSE = 0.99
 _ASKED = {

@@ -8,10 +8,10 @@ import numpy as np
 
 from robid.arrays import ComplexArray
 from robid.report.section import Beside, Figure, Part, Section
-from robid.settings.external_study import PlantsCase
 from robid.studies.oliveira2019.plants.bench import ROTATIONS, Bench, Plant
 from robid.studies.oliveira2019.plants.charts import magnitude, over_time, phase, roots, spectra, stretch
 from robid.studies.oliveira2019.plants.identified import CONFIDENCE, Identified
+from robid.studies.settings.oliveira2019 import PlantsCase
 
 _WINDOW_S = (20.0, 26.0)
 _NEAR_RAD_S = 120.0

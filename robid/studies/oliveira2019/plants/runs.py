@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from robid.pipeline import Run
-from robid.settings.external_study import PlantsCase
 from robid.settings.plain import plain_settings
 from robid.studies.oliveira2019.plants.bench import Bench, Plant, bench_of, plants_of
 from robid.studies.oliveira2019.plants.identification import identify_channel
 from robid.studies.oliveira2019.plants.identified import to_content
 from robid.studies.oliveira2019.section import study_of
 from robid.studies.paper import paper_figures
+from robid.studies.settings.oliveira2019 import PlantsCase
 from robid.studies.tasks import Content, Task
 
 _SEEDS = ("first_seed", "seeds", "seeds_per_task")

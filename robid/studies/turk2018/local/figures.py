@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
-from robid.fit.lpv.agreement import expected_share
-from robid.fit.lpv.responses import smooth_variance
-from robid.fit.lpv.solution import Held, LpvSolution
+from robid.models.lpv.fit.agreement import expected_share
+from robid.models.lpv.fit.responses import smooth_variance
+from robid.models.lpv.fit.solution import Held, LpvSolution
 from robid.report.numbers import MINUS
 
 

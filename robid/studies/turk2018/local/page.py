@@ -9,8 +9,8 @@ from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact
 from robid.artifacts.validation import VALIDATION
-from robid.families.lpv.files import solution_from_artifact, validation_from_artifact
-from robid.families.lpv.settings import lpv_fit
+from robid.models.lpv.files import solution_from_artifact, validation_from_artifact
+from robid.models.lpv.settings import lpv_fit
 from robid.pipeline import Run
 from robid.studies.paper import paper_figures
 from robid.studies.part import Asked, PartFound

@@ -7,8 +7,8 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
-from robid.fit.lpv.solution import Held, LpvSolution
 from robid.frf.frf import Frf
+from robid.models.lpv.fit.solution import Held, LpvSolution
 from robid.report.charts import Layer, Waterfall
 from robid.report.numbers import MINUS, pretty_unit
 from robid.report.section import Beside, Curve, Figure, Part, Section

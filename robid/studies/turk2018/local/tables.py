@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from robid.fit.lpv.agreement import expected_share
-from robid.fit.lpv.blocks import block_names, measure
-from robid.fit.lpv.model import LpvModel
-from robid.fit.lpv.solution import Held, LpvSolution
-from robid.fit.lpv.state_space import MATRICES
+from robid.models.lpv.fit.agreement import expected_share
+from robid.models.lpv.fit.blocks import block_names, measure
+from robid.models.lpv.fit.model import LpvModel
+from robid.models.lpv.fit.solution import Held, LpvSolution
+from robid.models.lpv.fit.state_space import MATRICES
 from robid.report.numbers import MISSING, percent, pretty_unit, significant
 from robid.report.section import Row, Section, Table
 from robid.studies.turk2018.local.figures import deviations, error_ratio, places, share_within

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from robid.families.lpv.settings import LpvFit
+from robid.models.lpv.settings import LpvFit
 from robid.settings.experiment import Campaign, Experiment
-from robid.settings.lpv_study import TravelCase
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
 from robid.studies.campaign_check import campaign_problem
+from robid.studies.settings.turk2018 import TravelCase
 
 _Found = Iterator[tuple[FieldPath, str]]
 _ARM = ".arm"

@@ -8,14 +8,14 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
-from robid.fit.lpv.solution import LpvSolution
 from robid.frf.frf import Frf
 from robid.frf.spectra import output_factor
+from robid.models.lpv.fit.solution import LpvSolution
 from robid.signals.record import Record
 from robid.simulate.truth import TrueRobot
 from robid.studies.turk2018.moving.check import position_output
 from robid.studies.turk2018.moving.frozen import drive_amplitudes, freeze_drive
-from robid.validation.lpv.moving import (
+from robid.studies.turk2018.moving.prediction import (
     ErrorParts,
     deviation,
     error_excess,

@@ -14,7 +14,7 @@ from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters
 from robid.robot.statespace import discretise, state_space
 from robid.simulate.truth import TrueRobot, recorded_torque_factor, with_imperfections
-from robid.validation.lpv.moving import LEAD, led_in
+from robid.studies.turk2018.moving.prediction import LEAD, led_in
 
 _POINTS = 401
 _RESTING = 1e-9  # rad, or m

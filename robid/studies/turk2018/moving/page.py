@@ -14,8 +14,8 @@ from robid.artifacts.model import MODEL
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
-from robid.families.lpv.files import solution_from_artifact
-from robid.fit.lpv.solution import LpvSolution
+from robid.models.lpv.files import solution_from_artifact
+from robid.models.lpv.fit.solution import LpvSolution
 from robid.pipeline import Run
 from robid.report.numbers import MISSING, significant
 from robid.report.section import Beside, Curve, Figure, Notes, Section, Table
@@ -28,8 +28,8 @@ from robid.studies.turk2018.moving.figures import (
     travel_figures,
     uncompensated_figures,
 )
+from robid.studies.turk2018.moving.prediction import split_errors
 from robid.studies.turk2018.section import study_of
-from robid.validation.lpv.moving import split_errors
 
 _MOST_PERCENT = 15.0
 _DIGITS = 3

@@ -14,11 +14,11 @@ from robid.design.configurations.information import design_configurations
 from robid.design.configurations.measured import fitted_information, measured_information
 from robid.design.configurations.options import DesignOptions
 from robid.errors import DataError, SettingsError
-from robid.fit.elastic.fitting import set_up
-from robid.fit.elastic.options import ElasticOptions, Weights
-from robid.fit.elastic.problem import make_problem
-from robid.fit.elastic.uncertainty import sandwich
-from robid.fit.elastic.weights import make_weights
+from robid.models.elastic.fit.fitting import set_up
+from robid.models.elastic.fit.options import ElasticOptions, Weights
+from robid.models.elastic.fit.problem import make_problem
+from robid.models.elastic.fit.uncertainty import sandwich
+from robid.models.elastic.fit.weights import make_weights
 
 ROBOT = two_joint_robot()
 CONFIGURATIONS = np.array([[0.3, 0.4], [0.1, -1.2], [0.7, 1.0]])

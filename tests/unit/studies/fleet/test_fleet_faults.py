@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from robid.families.files import load_experiment
-from robid.settings.fleet_study import FleetFaults, FleetStudy
+from robid.models.files import load_experiment
 from robid.studies.fleet.check import KINDS
 from robid.studies.fleet.faults import faulty_bytes, faulty_log
 from robid.studies.fleet.logs import log_bytes, softened
 from robid.studies.fleet.robots import Fault, plan_robots
+from robid.studies.settings.fleet import FleetFaults, FleetStudy
 
 JOINTS = ("turn", "lift")
 SIGNALS = Fault("", "", 1, "angle", 0.3, 7, 5)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.fit.rigid.options import PreprocessingOptions
+from robid.models.rigid.fit.options import PreprocessingOptions
 from robid.settings.load import load_robot
-from robid.settings.study import BranchCase
 from robid.signals.filters import central_differences
 from robid.studies.janot2009.branch.motion import Branch
 from robid.studies.janot2009.branch.rig import make_rig, record_branch
 from robid.studies.janot2009.seeded.identification import identify
+from robid.studies.settings.study import BranchCase
 
 FILE = load_robot(Path(__file__).parents[4] / "configs/robots/branch.yaml")
 MIDDLE = np.deg2rad([0.0, 25, -90])

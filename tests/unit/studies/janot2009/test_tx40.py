@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.families.files import load_experiment
-from robid.families.rigid.settings import rigid_fit
-from robid.fit.rigid.fitting import fit_rigid
-from robid.fit.rigid.shots import shots_of
+from robid.models.files import load_experiment
+from robid.models.rigid.fit.fitting import fit_rigid
+from robid.models.rigid.fit.shots import shots_of
+from robid.models.rigid.settings import rigid_fit
 from robid.robot.description import Inertial, Joint, Motor, Robot
 from robid.stages.acquire import acquire_shots
 from robid.studies.janot2009.tx40.published import PUBLISHED, arm_side, published_rows, tx40_figures

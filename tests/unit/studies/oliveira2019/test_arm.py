@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robid.fit.external.coupling import CouplingMap
+from robid.models.external.fit.coupling import CouplingMap
 from robid.studies.oliveira2019.arm.homes import Mapped
 from robid.studies.oliveira2019.arm.page import home_figures, resonance, resonant_channel
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot
-from robid.families.files import load_experiment
-from robid.fit.elastic.doubts.gears import Hysteresis
-from robid.fit.elastic.doubts.listing import list_doubts
-from robid.fit.elastic.doubts.scene import Scene
-from robid.fit.elastic.fitting import set_up
-from robid.fit.elastic.options import ElasticOptions
+from robid.models.elastic.fit.doubts.gears import Hysteresis
+from robid.models.elastic.fit.doubts.listing import list_doubts
+from robid.models.elastic.fit.doubts.scene import Scene
+from robid.models.elastic.fit.fitting import set_up
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.files import load_experiment
 from robid.studies.trust.doubted import Doubted, as_file, doubted_responses, draw_doubted, load_shares
 
 CONFIGS = Path(__file__).parents[4] / "configs"

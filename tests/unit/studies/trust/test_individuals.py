@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.settings.trust_study import Defects, TrustStudy
 from robid.studies.known import load_with_study
+from robid.studies.settings.trust import Defects, TrustStudy
 from robid.studies.trust.individuals import drawn_physics, individuals
 
 ROOT = Path(__file__).parents[4]

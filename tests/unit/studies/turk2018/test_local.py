@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from lpv_systems import LEFT_OUT, POSITIONS, local_responses
-from robid.fit.lpv.fitting import fit_lpv, hold
-from robid.fit.lpv.options import BasisOptions, LpvOptions, PathOptions
-from robid.fit.lpv.solution import Ports
+from robid.models.lpv.fit.fitting import fit_lpv, hold
+from robid.models.lpv.fit.options import BasisOptions, LpvOptions, PathOptions
+from robid.models.lpv.fit.solution import Ports
 from robid.report.charts import Waterfall
 from robid.report.numbers import MINUS, MISSING
 from robid.studies.turk2018.local.figures import below_response_db, deviations, error_ratio, rest_figures, share_within

@@ -20,7 +20,7 @@ from robid.simulate.options import Controller, Imperfections, SimulateOptions, T
 from robid.simulate.truth import TrueRobot
 from robid.studies.turk2018.moving.figures import Travelled, total_over_noise, travel_figures
 from robid.studies.turk2018.moving.frozen import drive_amplitudes, freeze_drive
-from robid.validation.lpv.moving import deviation, measured_amplitudes, split_errors
+from robid.studies.turk2018.moving.prediction import deviation, measured_amplitudes, split_errors
 
 STEP, COUNT = 2.5e-4, 4096
 LINES = np.arange(11, 150, 2)

@@ -1,1 +1,0 @@
-"""Families of models. Read `family.py` for what one is, `known.py` for which there are, then `elastic/`."""

@@ -1,0 +1,1 @@
+"""Kinds of models, one room each. Read `family` for what one is, `known` for which there are, then `elastic/`."""

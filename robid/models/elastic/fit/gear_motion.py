@@ -1,0 +1,150 @@
+"""What load and hysteresis do to the gears of a robot under the motion of a measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.fft
+from scipy.special import erf
+
+from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.errors import DataError
+from robid.frf.frf import Frf
+from robid.models.elastic.fit.doubts.column import DoubtColumn
+from robid.models.elastic.fit.doubts.gear_kinds import LoadDamping, SlipTorque
+from robid.robot.gear_effects import BristleTable, GearEffects
+from robid.robot.model import HYSTERESIS_SHARE
+
+_SLIPS = np.geomspace(0.03, 30, 13)  # over the swing
+_PER_CYCLE, _LEAST_SAMPLES = 10, 512  # samples of a cycle of the highest line, and at all
+_MOST_BLOCKS = 8
+_ROUNDS = 8
+_LEAST_GAIN, _LEAST_CORNER = 1e-3, 1e-6
+_FAR = 30.0  # deviations: nothing is left of a normal variable's tail
+
+
+def gear_effects(
+    freed: Sequence[DoubtColumn],
+    frf: Frf,
+    stiffness: FloatArray,
+    deflection: FloatArray,
+    power: FloatArray,
+    moved: ComplexArray | None,
+    gears: IntArray,
+) -> GearEffects | None:
+    """Returns what freed doubts of gears do; None where none is freed.
+
+    Args:
+        freed: The doubts that a fit estimates.
+        frf: The response.
+        stiffness (n_spring,): Stiffness of the springs.
+        deflection (n_conf, n_spring): Their deflections at rest.
+        power (n_conf, n_spring): Mean squares of their swing.
+        moved (n_conf, n_freq, n_gear, n_block): Swing of the transmissions at the excited lines, DFT means over
+            samples; None where nothing tells.
+        gears (n_gear,): Indices of the transmissions.
+
+    Raises:
+        DataError: If a hysteresis is freed and nothing tells how far the gears swing.
+    """
+    rows = list(enumerate(doubt.direction for doubt in freed))
+    damped = [(row, each.spring) for row, each in rows if isinstance(each, LoadDamping)]
+    slipping = [(row, each.spring) for row, each in rows if isinstance(each, SlipTorque)]
+    if not damped and not slipping:
+        return None
+    order, omega = gears.tolist(), 2 * np.pi * frf.frequency_hz
+    bristles = tuple(
+        bristle_table(
+            HYSTERESIS_SHARE * float(stiffness[spring]), _known(moved)[:, :, order.index(spring)], frf.lines, omega
+        )
+        for _, spring in slipping
+    )
+    names = (tuple(freed[row].name for row, _ in each) for each in (damped, slipping))
+    of_dampers, of_bristles = (np.array(each, int).reshape(-1, 2) for each in (damped, slipping))
+    return GearEffects(mean_size(deflection, power), of_dampers, of_bristles, bristles, *names)
+
+
+def swings_known(frf: Frf) -> bool:
+    """Whether a response tells how far the gears swing: its torques are known, and all motors are among its outputs."""
+    return frf.input_amplitude is not None and all(name in frf.output_names for name in frf.input_names)
+
+
+def _known(moved: ComplexArray | None) -> ComplexArray:
+    if moved is None:
+        message = "hysteresis depends on how far the gears swing, and the response lacks its torques or its motors"
+        remedy = (
+            "estimate the response from its records, all motors among its outputs, or leave hysteresis out of `free`"
+        )
+        raise DataError(message, where="fit", remedy=remedy)
+    return moved
+
+
+def bristle_table(stiffness: float, moved: ComplexArray, lines: IntArray, omega: FloatArray) -> BristleTable:
+    """Tabulates what bristles do to a gear that swings as it was measured.
+
+    Bristles obey `dz/dt = dx/dt - |dx/dt| z / h`: from sample to sample of the swing they approach the deflection at
+    which they slip as an exponential of the way. What follows the swing at each excited line is the linear part of
+    that; a spring in series with a damper is fitted to it.
+
+    Args:
+        stiffness: Stiffness of the bristles [N m/rad, or N/m].
+        moved (n_conf, n_freq, n_block): Swing at the excited lines, DFT means over samples [rad, or m].
+        lines (n_freq,): The excited lines.
+        omega (n_freq,): Their angular frequencies [rad/s].
+
+    Source:
+        Dahl (1968); Sanathanan and Koerner (1963) for the fit.
+    """
+    known = np.isfinite(moved).all(axis=(0, 1))
+    swing = np.moveaxis(moved[..., known][..., :_MOST_BLOCKS], -1, 1)
+    lines = lines // np.gcd.reduce(lines)
+    size = np.sqrt((2 * np.abs(swing) ** 2).sum(axis=-1).mean())
+    count = scipy.fft.next_fast_len(max(_PER_CYCLE * int(lines.max()), _LEAST_SAMPLES), real=True)
+    spectrum = np.zeros((*swing.shape[:2], count // 2 + 1), complex)
+    spectrum[..., lines] = swing
+    deflection = scipy.fft.irfft(spectrum, count) * count
+    slip = size * _SLIPS
+    followed = scipy.fft.rfft(_bristles(deflection, slip))[..., lines] / count
+    total = (np.abs(swing) ** 2).sum(axis=1)
+    share = (followed * swing.conj()).sum(axis=2) / total
+    gain, corner = _series(share, total, omega)
+    return BristleTable(stiffness, np.log(slip), np.log(gain), np.log(corner), float(size))
+
+
+def _bristles(deflection: FloatArray, slip: FloatArray) -> FloatArray:
+    """Deflections (n_slip, n_conf, n_block, n_sample) of bristles beside periodic ones (n_conf, n_block, n_sample)."""
+    way = np.diff(deflection, append=deflection[..., :1])
+    turns, fades = np.sign(way), np.exp(-np.abs(way) / slip[:, None, None, None])
+    found = np.zeros_like(fades)
+    # The first period is for the beginning to be forgotten, which those that stick never do.
+    state = np.clip(deflection[..., 0], *(side * slip[:, None, None] for side in (-1, 1)))
+    for sample in (*range(way.shape[-1]), *range(way.shape[-1])):
+        found[..., sample] = state
+        end = turns[..., sample] * slip[:, None, None]
+        state = end + (state - end) * fades[..., sample]
+    return found
+
+
+def _series(share: ComplexArray, weight: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Gain and corner (n_slip, n_conf) of `g jw / (jw + w_h)` nearest to shares (n_slip, n_conf, n_freq)."""
+    corner = np.full(share.shape[:2], omega.mean())
+    gain = np.ones_like(corner)
+    rate = np.broadcast_to(1j * omega, share.shape)
+    for _ in range(_ROUNDS):
+        root = np.sqrt(weight) / np.abs(rate + corner[..., None])
+        matrix = np.stack([rate, -share], axis=-1) * root[..., None]
+        target = share * rate * root
+        normal = np.real(np.einsum("scfi,scfj->scij", matrix.conj(), matrix))
+        right = np.real(np.einsum("scfi,scf->sci", matrix.conj(), target))
+        gain, corner = np.moveaxis(np.linalg.solve(normal, right[..., None])[..., 0], -1, 0)
+        gain, corner = np.clip(gain, _LEAST_GAIN, 1.0), np.maximum(corner, _LEAST_CORNER * omega[0])
+    return gain, corner
+
+
+def mean_size(mean: FloatArray, variance: FloatArray) -> FloatArray:
+    """Mean size of normal variables of some mean and variance."""
+    deviation = np.sqrt(np.maximum(variance, np.finfo(float).tiny))
+    ratio = np.abs(mean) / deviation
+    swing = np.sqrt(2 / np.pi) * np.exp(-0.5 * np.minimum(ratio, _FAR) ** 2)
+    return np.asarray(deviation * (swing + ratio * erf(ratio / np.sqrt(2))))

@@ -1,0 +1,272 @@
+"""Parameters and doubts estimated together: the robot is as far off as they say, in each place of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.clusters.grouping import spread_over
+from robid.errors import DataError
+from robid.models.elastic.fit.doubts.column import RobotMove
+from robid.models.elastic.fit.doubts.columns import doubt_columns, find_shifts
+from robid.models.elastic.fit.doubts.off import LEAST_COMPLIANCE, OffRobot, are_put_in, may_differ, put_in
+from robid.models.elastic.fit.doubts.refit import expected_cost
+from robid.models.elastic.fit.doubts.scene import Scene, moves_matrices_alone
+from robid.models.elastic.fit.doubts.springs import Compliance
+from robid.models.elastic.fit.named import Listed, Named, Suspicion, linearise
+from robid.results.levenberg import Normal, minimise
+from robid.robot.linearize import Shifts
+
+_STEPS = 60
+_ENOUGH, _ROUGHLY = 5e-4, 1e-2  # of the cost
+_SHARES = (0.01, 0.1, 1.0)
+_FARTHEST = 1.0  # of a logarithm, where it begins: what a fit without doubts ran away with says nothing
+_LONGEST = 0.5  # of an internal parameter, in a step
+_LONGEST_STD = 2.0  # of a doubt's deviation
+_SURPRISING = 3.0  # deviations
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Parameters and doubts that fit best together.
+
+    Attributes:
+        named: The doubts, linearised there.
+        cost: What is left, without what is known beforehand.
+    """
+
+    named: Named
+    cost: float
+
+    @property
+    def explains(self) -> bool:
+        """Whether no more is left than noise and assumed model error give."""
+        return self.cost <= expected_cost(self.named.problem)
+
+    @property
+    def lacks_springs(self) -> bool:
+        """Whether a spring that the file lacks is softer than it is known to be beforehand."""
+        missing = np.array([isinstance(doubt.direction, Compliance) for doubt in self.named.doubts])
+        return bool((self.named.amounts > _SURPRISING * self.named.common_std)[missing].any())
+
+
+def descend(listed: Listed, given: Suspicion, placed: Sequence[str] = ()) -> Joint:
+    """Estimates parameters and doubts together, places with what each adds to the doubts that differ between them.
+
+    A robot's resonances are narrow: some percent of a spring, a mass or a bristle move them by more than their width,
+    and their columns say nothing any more. So the robot is put together anew at each point.
+
+    Args:
+        listed: The doubts, and where the descent begins.
+        given: What is taken for granted.
+        placed: Names of springs that were put in place: where they were found says something, however far.
+
+    Returns:
+        Where it ends.
+
+    Raises:
+        DataError: If a robot near that does not rest.
+    """
+    problem, space = listed.problem, Space.of(listed)
+    descent = Descent(listed, given, space)
+    near = np.clip(listed.point, -_FARTHEST, _FARTHEST)
+    found = np.isin([name.rpartition(".")[0] for name in problem.parameters.names], placed)
+    point = np.where(problem.parameters.logarithmic & ~found, near, listed.point)
+    explained = problem.cost(listed.point) <= expected_cost(problem)
+    best, cost = _lowest(descent, space, point, _SHARES[-1:] if explained else _SHARES)
+    if cost > expected_cost(problem):
+        with suppress(DataError):
+            best, cost = min(
+                (best, cost), _lowest(descent, space, np.zeros_like(point), _SHARES), key=lambda end: end[1]
+            )
+    state = space.state(best)
+    where = problem, listed.doubts, state.point, given, state.amounts, space.added(state)
+    shifts = descent.shifts if moves_matrices_alone(problem, state.point) else None
+    return Joint(linearise(*where, all_rest=False, shifts=shifts), cost)
+
+
+def _lowest(descent: Descent, space: Space, point: FloatArray, shares: tuple[float, ...]) -> tuple[FloatArray, float]:
+    """Where a descent from a point (n_param,) with growing weights ends, and the squares left there."""
+    now = space.internal(State(point, space.floor, np.zeros((space.places, space.differing.size))))
+    for share in shares:
+        descent.share = share
+        now = minimise(
+            descent.cost,
+            descent.normal,
+            now,
+            max_iterations=_STEPS,
+            cost_tolerance=_ENOUGH if share == _SHARES[-1] else _ROUGHLY,
+            lower=space.lower,
+            upper=space.upper,
+        ).parameters
+    return now, descent.data_cost(now)
+
+
+@dataclass(frozen=True)
+class State:
+    """Internal parameters (n_param,), amounts (n_doubt,), and what places add (n_place, n_differing)."""
+
+    point: FloatArray
+    amounts: FloatArray
+    each: FloatArray
+
+
+@dataclass(frozen=True)
+class Space:
+    """Parameters, amounts and what places add as one vector, in units of the longest step.
+
+    Attributes:
+        unit (n,): The units.
+        precision (n,): Half of what is known beforehand of each, inverse variances in these units.
+        lower (n,): Smallest values.
+        upper (n,): Largest values.
+        floor (n_doubt,): Least amounts: springs that may be missing stay in the model, however stiff.
+        differing (n_differing,): Doubts to which places add something.
+        size: Number of parameters.
+        places: Number of places.
+    """
+
+    unit: FloatArray
+    precision: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    floor: FloatArray
+    differing: IntArray
+    size: int
+    places: int
+
+    @classmethod
+    def of(cls, listed: Listed) -> Space:
+        """Returns the space of doubts with their parameters."""
+        parameters, doubts = listed.problem.parameters, listed.doubts
+        missing = np.array([isinstance(doubt.direction, Compliance) for doubt in doubts])
+        floor = np.where(missing, 2 * LEAST_COMPLIANCE, 0.0)
+        differing = np.flatnonzero(listed.place_std)
+        added = np.tile(listed.place_std[differing], len(listed.places))
+        std = np.concatenate([parameters.prior_std, listed.common_std, added])
+        unit = np.concatenate([np.full(listed.point.size, _LONGEST), _LONGEST_STD * std[listed.point.size :]])
+        least = np.maximum([doubt.least for doubt in doubts], np.where(missing, floor, -np.inf))
+        most = np.array([doubt.most for doubt in doubts])
+        free = np.full(added.size, np.inf)
+        return cls(
+            unit=unit,
+            precision=0.5 * (unit / std) ** 2,
+            lower=np.concatenate([parameters.lower, least, -free]) / unit,
+            upper=np.concatenate([parameters.upper, most, free]) / unit,
+            floor=floor,
+            differing=differing,
+            size=listed.point.size,
+            places=len(listed.places),
+        )
+
+    def internal(self, state: State) -> FloatArray:
+        """Returns the vector (n,) of a state."""
+        return np.concatenate([state.point, state.amounts, state.each.ravel()]) / self.unit
+
+    def state(self, internal: FloatArray) -> State:
+        """Returns the state that a vector (n,) is."""
+        values = internal * self.unit
+        point, amounts, each = np.split(values, [self.size, self.size + self.floor.size])
+        return State(point, amounts, each.reshape(self.places, self.differing.size))
+
+    def added(self, state: State) -> FloatArray:
+        """What places add (n_place, n_doubt), zero for doubts that are the same in all."""
+        added = np.zeros((len(state.each), self.floor.size))
+        added[:, self.differing] = state.each
+        return added
+
+
+class Descent:
+    """Cost and normal equations of the whole; columns are those of the last point that was linearised.
+
+    Attributes:
+        share: Weight of what is measured, 1 for that of the problem.
+        shifts: How the robot's matrices move with its doubts; None before the first derivative, or without moves.
+    """
+
+    def __init__(self, listed: Listed, given: Suspicion, space: Space) -> None:
+        """Begins a descent.
+
+        Args:
+            listed: The doubts.
+            given: What is taken for granted.
+            space: What is estimated.
+        """
+        self._listed, self._space = listed, space
+        self._given = replace(given, options=replace(given.options, statics="updates"))
+        self._within, self._differing = are_put_in(listed.doubts), may_differ(listed.doubts)
+        self.share = 1.0
+        self.shifts: Shifts | None = None
+        self._columns: FloatArray = np.empty(0)
+        self._seen: tuple[FloatArray, OffRobot] | None = None
+
+    def cost(self, internal: FloatArray) -> float:
+        """Squares that are left, with what is known beforehand; infinite where the robot does not rest."""
+        try:
+            off = self._off(internal)
+        except DataError:
+            return np.inf
+        with np.errstate(all="ignore"):
+            left = self._left(internal, off)
+            total = float(self.share * (left**2).sum() + (self._space.precision * internal**2).sum())
+        return total if np.isfinite(total) else np.inf
+
+    def data_cost(self, internal: FloatArray) -> float:
+        """Squares that are left."""
+        return float((self._left(internal, self._off(internal)) ** 2).sum())
+
+    def normal(self, internal: FloatArray) -> Normal:
+        """The same with half its gradient and half its Gauss-Newton Hessian."""
+        state, off = self._space.state(internal), self._off(internal)
+        self._columns = off.problem.rows(self._doubt_columns(state, off))
+        left = self._left(internal, off)
+        derivative = np.concatenate([off.problem.rows(off.problem.linear(state.point)[1]), self._columns], axis=-1)
+        places = self._listed.places
+        whole = derivative.shape[-1]
+        own = self._space.size + self._space.differing
+        hessian, score = np.diag(self._space.precision), np.zeros(internal.size)
+        for number, place in enumerate(places):
+            rows = derivative[place].reshape(-1, whole)
+            inner, pull = self.share * (rows.T @ rows), self.share * (rows.T @ left[place].ravel())
+            at = whole + number * own.size + np.arange(own.size)
+            every, kept = np.concatenate([np.arange(whole), at]), np.concatenate([np.arange(whole), own])
+            unit = self._space.unit[every]
+            hessian[np.ix_(every, every)] += inner[np.ix_(kept, kept)] * np.outer(unit, unit)
+            score[every] += pull[kept] * unit
+        known = self._space.precision * internal
+        return Normal(float(self.share * (left**2).sum() + known @ internal), known - score, hessian)
+
+    def _off(self, internal: FloatArray) -> OffRobot:
+        if self._seen is None or not np.array_equal(self._seen[0], internal):
+            state = self._space.state(internal)
+            listed, given = self._listed, self._given
+            each = spread_over(listed.places, self._space.added(state))
+            known = listed.problem, state.point, given.robot, given.options
+            self._seen = internal.copy(), put_in(*known, listed.doubts, state.amounts, each)
+        return self._seen[1]
+
+    def _left(self, internal: FloatArray, off: OffRobot) -> FloatArray:
+        """Weighted residuals (n_conf, n_row), what is not put into the robot by its columns."""
+        state = self._space.state(internal)
+        point = state.point
+        error = off.problem.residual(point, off.problem.model_response(point))
+        left = off.problem.rows(error)
+        if not self._columns.size:
+            return left
+        added = self._space.added(state)
+        beside = state.amounts * ~self._within + added * ~self._differing
+        for place, amounts in zip(self._listed.places, beside, strict=True):
+            left[place] -= self._columns[place] @ amounts
+        return left
+
+    def _doubt_columns(self, state: State, off: OffRobot) -> ComplexArray:
+        """Columns (n_conf, n_freq, n_out, n_in, n_doubt); how matrices move with a doubt is found once."""
+        arguments = off.problem, state.point, off.robot, off.options
+        moves = [doubt for doubt in self._listed.doubts if isinstance(doubt.direction, RobotMove)]
+        if moves and self.shifts is None:
+            self.shifts = find_shifts(Scene(*arguments), moves)
+        return doubt_columns(*arguments, self._listed.doubts, all_rest=False, shifts=self.shifts)

@@ -1,0 +1,159 @@
+"""Model error: what the residual holds beyond the response's covariance, per element and configuration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import f, norm
+
+from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.frf.overlap import mean_correlation
+from robid.models.elastic.fit.problem import Problem
+from robid.models.elastic.fit.uncertainty import Influence, influence, structured_covariance
+
+_LEVEL = 0.95
+_BISECTIONS = 60
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """The residual of every element against its expectation.
+
+    Attributes:
+        ratio (n_conf, n_out, n_in): Cost with weights of the covariance alone, over its expectation; NaN where an
+            element has no line with a weight.
+        limit (n_conf, n_out, n_in): End of the band that an exact model's ratio leaves in 5 % of all cases.
+        level (n_conf, n_out, n_in): Relative model error that brings the cost to its expectation; 0 within the band.
+        correlation (n_conf, n_out, n_in): Correlation of the residuals of neighbouring lines.
+        correlation_limit (n_conf, n_out, n_in): What white residuals exceed in 5 % of all cases.
+    """
+
+    ratio: FloatArray
+    limit: FloatArray
+    level: FloatArray
+    correlation: FloatArray
+    correlation_limit: FloatArray
+
+    @property
+    def share_above(self) -> float:
+        """Share of the elements above their band; 0.05 is expected of an exact model."""
+        return _share(self.ratio > self.limit, np.isfinite(self.ratio))
+
+    @property
+    def share_correlated(self) -> float:
+        """Share of the elements whose residuals are correlated over frequency; 0.05 is expected of an exact model."""
+        return _share(self.correlation > self.correlation_limit, np.isfinite(self.ratio))
+
+
+def estimate_model_error(problem: Problem, internal: FloatArray, found: Influence) -> ModelError | None:
+    """Compares each element's residual with what the response's covariance lets expect.
+
+    Args:
+        problem: The problem, at its minimum; its weights choose the lines that count.
+        internal (n_param,): The minimum.
+        found: The estimator linearised there.
+
+    Returns:
+        Ratios, bands, and the model error that inflated weights need; None without a covariance.
+
+    Source:
+        METHODS sec. 5; the level is the moment estimator of Paule and Mandel (1982).
+    """
+    frf = problem.frf
+    modelled = problem.model_response(internal)
+    shown = np.where(modelled == 0, 1.0, modelled)  # nothing is relative to zero: such elements do not count
+    variance = frf.element_variance() / np.abs(shown) ** 2
+    used = (problem.weight > 0) & (variance > 0) & (modelled != 0)
+    if not used.any():
+        return None
+    kind = problem.residual_kind
+    residual = np.sqrt(2 / kind.parts) * problem.residual(internal, modelled) / kind.per_relative(shown)
+    variance = np.where(used, variance, 1.0)
+    square = np.where(used, np.abs(residual) ** 2, 0.0)
+    kept, freedom = _expected(problem, internal, found, np.where(used, 1 / variance, 0.0), shown)
+    bias = _inverse_bias(frf.degrees_of_freedom)
+    ratio = bias * _ratio(square, variance, kept)
+    n_line = used.sum(axis=1)
+    known = frf.degrees_of_freedom if frf.realization_error is None else n_line * (frf.realization_error.shape[1] - 1)
+    limit = f.ppf(_LEVEL, np.maximum(freedom, 0.5), 2 * np.maximum(known, 0.5))
+    level = np.where(ratio > limit, _level(square, variance / bias, kept), 0.0)
+    correlation, pairs = _correlation(np.where(used, residual / np.sqrt(variance), 0.0), used)
+    if frf.line_correlation is not None:
+        # Windows that overlap correlate residuals without any error of the model.
+        alike = mean_correlation(frf.line_correlation, used.any(axis=(2, 3)))
+        correlation = correlation - alike[:, :1, None]
+        pairs = pairs / (1 + 2 * (alike**2).sum(axis=1))[:, None, None]
+    return ModelError(ratio, limit, level, correlation, norm.ppf(_LEVEL) / np.sqrt(kind.parts * np.maximum(pairs, 1)))
+
+
+def _expected(
+    problem: Problem, internal: FloatArray, found: Influence, precision: FloatArray, shown: ComplexArray
+) -> tuple[FloatArray, FloatArray]:
+    """Cost of each element (n_conf, n_out, n_in) that an exact model leaves, and the degrees of freedom behind it.
+
+    A fit takes away a share of an element's own noise and adds what the noise of all others does to its parameters:
+    weights that allow for a model error leave more than the noise in elements that are better than that.
+
+    Args:
+        problem: The problem, at its minimum.
+        internal (n_param,): The minimum.
+        found: The estimator linearised there.
+        precision (n_conf, n_freq, n_out, n_in): One over the relative variance; 0 where a line does not count.
+        shown (n_conf, n_freq, n_out, n_in): The model's response.
+
+    Source:
+        The residual covariance `(I - H) S (I - H)'` of a linear estimator; Satterthwaite (1946).
+    """
+    rows = problem.residual_kind.parts
+    derivative = problem.linear(internal)[1]
+    derivative = derivative / problem.residual_kind.per_relative(shown)[..., None]
+    noise = structured_covariance(replace(problem, model_error=np.zeros(())), found)
+    count = (precision > 0).sum(axis=1)
+    own = np.maximum(np.where(precision > 0, 1 - 2 * found.leverage / rows, 0.0).sum(axis=1), 0.0)
+    scaled = np.sqrt(precision)[..., None] * derivative
+    scaled = np.concatenate([scaled.real, scaled.imag], axis=1).transpose(0, 2, 3, 1, 4)
+    moved = np.swapaxes(scaled, -1, -2) @ scaled @ noise * (2 / rows)
+    added = np.trace(moved, axis1=-2, axis2=-1)
+    spread = np.einsum("coipq,coiqp->coi", moved, moved)
+    share = np.divide(own**2, rows * count, out=np.zeros_like(own), where=count > 0) + spread
+    total = own + added
+    return total, np.divide(total**2, share, out=np.zeros_like(total), where=share > 0)
+
+
+def element_level(problem: Problem, internal: FloatArray) -> FloatArray | None:
+    """Relative model error (n_conf, n_out, n_in) that weights `estimated` allow for after a fit; None if unknown."""
+    error = estimate_model_error(problem, internal, influence(problem, internal))
+    return None if error is None else error.level
+
+
+def _share(above: BoolArray, known: BoolArray) -> float:
+    return float(above[known].mean()) if known.any() else 0.0
+
+
+def _inverse_bias(freedom: float) -> float:
+    return (freedom - 1) / freedom if freedom > 1 else 1.0
+
+
+def _ratio(square: FloatArray, variance: FloatArray, kept: FloatArray) -> FloatArray:
+    total = (square / variance).sum(axis=1)
+    return np.asarray(np.divide(total, kept, out=np.full_like(total, np.nan), where=kept > 0))
+
+
+def _level(square: FloatArray, variance: FloatArray, kept: FloatArray) -> FloatArray:
+    """Solves `sum square / (variance + level^2) = kept` by bisection over the logarithm of the level."""
+    low = np.full(kept.shape, -50.0)
+    high = 0.5 * np.log(square.sum(axis=1) / np.maximum(kept, 1e-300) + 1e-300) + 1.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        above = (square / (variance + np.exp(2 * middle)[:, None])).sum(axis=1) > kept
+        low, high = np.where(above, middle, low), np.where(above, high, middle)
+    return np.asarray(np.exp(0.5 * (low + high)))
+
+
+def _correlation(whitened: FloatArray, used: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Correlation of neighbouring lines (n_conf, n_out, n_in) and the number of pairs behind it."""
+    pairs = (used[:, 1:] & used[:, :-1]).sum(axis=1)
+    product = np.real(whitened[:, 1:] * whitened[:, :-1].conj()).sum(axis=1)
+    power = (np.abs(whitened) ** 2).sum(axis=1) * pairs / np.maximum(used.sum(axis=1), 1)
+    return np.divide(product, power, out=np.zeros_like(product), where=power > 0), pairs

@@ -1,0 +1,267 @@
+"""Which parameters are estimated, and their map to the optimizer's internal values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.errors import SettingsError
+from robid.models.elastic.fit.doubts.column import DoubtColumn
+from robid.models.elastic.fit.doubts.freed import DOUBT, PRIOR_FACTOR, freed_doubts, unknown_names
+from robid.models.elastic.fit.names import check_names, estimable_names
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.robot.description import Robot
+from robid.robot.parameters import (
+    LOGARITHMIC,
+    NUISANCE,
+    PARAMETER_KINDS,
+    coefficient_unit,
+    element_units,
+    viscous_scale,
+)
+from robid.robot.response import ElasticParameters, with_values
+
+_LOCATION_SCALE_M = 0.1
+_MOST_DECADES = 30.0
+_NOT_ALL = 0.95  # of a mass that a doubt may take away
+
+
+@dataclass(frozen=True)
+class ParameterMap:
+    """Internal parameters `x`: `value = nominal exp(x)` or `value = nominal + scale x`.
+
+    An element is one number of `ElasticParameters`; tied elements share the internal parameter of their leader,
+    whose name it bears. Friction scales, the distances of the compensated friction from the robot file's, come
+    last; their internal value is the distance from what was compensated.
+
+    Attributes:
+        nominal: Values of the robot file.
+        kinds: Kinds that are estimated, in order.
+        masks: Estimated elements of each kind.
+        elements: Name of each estimated element.
+        member (n_element,): Internal parameter of each.
+        element_scale (n_element,): Its scale where it is linear, 1 for the others.
+        names: Name of each internal parameter.
+        kind_of: Kind of each internal parameter.
+        units: Unit of each.
+        logarithmic (n_param,): Which internal parameters are logarithmic.
+        prior_std (n_param,): Standard deviation known beforehand; infinite where nothing is known.
+        lower (n_param,): Lower bounds, minus infinity where there is none.
+        upper (n_param,): Upper bounds.
+        friction_offset (n_friction,): Friction scales as they were compensated.
+        stated (n_param,): What the robot file says of each doubt, to which its amount adds; zero for the others.
+        natural (n_param,): Amount from which each doubt matters; one for the others.
+    """
+
+    nominal: ElasticParameters
+    kinds: tuple[str, ...]
+    masks: tuple[BoolArray, ...]
+    elements: tuple[str, ...]
+    member: IntArray
+    element_scale: FloatArray
+    names: tuple[str, ...]
+    kind_of: tuple[str, ...]
+    units: tuple[str, ...]
+    logarithmic: BoolArray
+    prior_std: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    friction_offset: FloatArray = field(default_factory=lambda: np.zeros(0))
+    stated: FloatArray | None = None
+    natural: FloatArray | None = None
+
+    @property
+    def n_friction(self) -> int:
+        """Number of friction scales."""
+        return self.kind_of.count(NUISANCE)
+
+    @property
+    def leaders(self) -> IntArray:
+        """Element (n_param - n_friction,) that each internal parameter is named after."""
+        return np.array([self.elements.index(name) for name in self.names[: len(self.names) - self.n_friction]], int)
+
+    @property
+    def tied(self) -> dict[str, str]:
+        """Leader of each tied element, by name."""
+        pairs = zip(self.elements, self.member.tolist(), strict=True)
+        return {name: self.names[index] for name, index in pairs if name != self.names[index]}
+
+    @property
+    def scale(self) -> FloatArray:
+        """Scale (n_param,) of each linear internal parameter, 1 for the others."""
+        return np.concatenate([self.element_scale[self.leaders], np.ones(self.n_friction)])
+
+    def nominal_values(self) -> FloatArray:
+        """Nominal value (n_param,) of each parameter in its own unit."""
+        own = np.concatenate([self._nominal_elements()[self.leaders], self.friction_offset])
+        return own if self.stated is None else own + self.stated
+
+    def values(self, internal: FloatArray) -> FloatArray:
+        """Values (n_param,) in their own units; infinite where an interval's end is beyond all numbers."""
+        nominal = self.nominal_values()
+        with np.errstate(over="ignore"):
+            factor = np.exp(internal * self.logarithmic)
+            return np.where(self.logarithmic, nominal * factor, nominal + self.scale * internal)
+
+    def slopes(self, internal: FloatArray) -> FloatArray:
+        """Derivative (n_param,) of each value with respect to its internal parameter."""
+        return np.where(self.logarithmic, self.values(internal), self.scale)
+
+    def element_values(self, internal: FloatArray) -> FloatArray:
+        """Values (n_element,) of all estimated elements."""
+        nominal, logarithmic, own = self._nominal_elements(), self.logarithmic[self.member], internal[self.member]
+        with np.errstate(over="ignore"):
+            return np.where(logarithmic, nominal * np.exp(own * logarithmic), nominal + self.element_scale * own)
+
+    def chain(self, internal: FloatArray) -> FloatArray:
+        """Derivative (n_element + n_friction, n_param) of all elements, then friction scales, by internal values."""
+        n_element, n_friction = self.member.size, self.n_friction
+        derivative = np.zeros((n_element + n_friction, len(self.names)))
+        slopes = np.where(self.logarithmic[self.member], self.element_values(internal), self.element_scale)
+        derivative[np.arange(n_element), self.member] = slopes
+        derivative[n_element:, len(self.names) - n_friction :] = np.eye(n_friction)
+        return derivative
+
+    def parameters(self, internal: FloatArray) -> ElasticParameters:
+        """Returns all parameter values, fixed ones at nominal."""
+        values, result, begin = self.element_values(internal), self.nominal, 0
+        for kind, mask in zip(self.kinds, self.masks, strict=True):
+            full = getattr(self.nominal, kind).copy()
+            count = int(mask.sum())
+            full[mask] = values[begin : begin + count]
+            result, begin = with_values(result, kind, full), begin + count
+        return result
+
+    def columns(self) -> IntArray:
+        """Indices of the estimated elements among all elements of the estimated kinds."""
+        return np.flatnonzero(np.concatenate(self.masks))
+
+    def at_bound(self, internal: FloatArray) -> tuple[str, ...]:
+        """Names of the parameters that lie at one of their bounds."""
+        at = (internal <= self.lower) | (internal >= self.upper)
+        return tuple(name for name, there in zip(self.names, at, strict=True) if there)
+
+    def _nominal_elements(self) -> FloatArray:
+        parts = [getattr(self.nominal, kind)[mask] for kind, mask in zip(self.kinds, self.masks, strict=True)]
+        return np.concatenate(parts)
+
+
+def map_parameters(
+    robot: Robot,
+    nominal: ElasticParameters,
+    options: ElasticOptions,
+    friction_names: tuple[str, ...],
+    friction_std: FloatArray,
+    friction_offset: FloatArray | None = None,
+) -> ParameterMap:
+    """Selects the estimated parameters.
+
+    Args:
+        robot: The robot, for names.
+        nominal: Nominal values.
+        options: Kinds that are free, single names that are fixed, tied or bounded.
+        friction_names: Names of the compensated friction coefficients.
+        friction_std (n_friction,): Their relative standard deviations.
+        friction_offset (n_friction,): Their values as they were compensated; None for zero.
+
+    Raises:
+        SettingsError: If a name is unknown, a logarithmic parameter's nominal value is not positive, or a
+            parameter starts at a bound or outside; all at once.
+    """
+    freed = freed_doubts(robot, options)
+    every = estimable_names(robot, options) | ({DOUBT: [doubt.name for doubt in freed]} if freed else {})
+    kinds = tuple(every)
+    masks = tuple(np.array([n is not None and n not in options.fixed for n in every[kind]], bool) for kind in kinds)
+    free = {name: kind for kind in kinds for name in every[kind] if name is not None and name not in options.fixed}
+    elements = tuple(free)
+    check_names(options, every, nominal, unknown_names(robot, options))
+    names = [name for name in elements if name not in options.tied]
+    member = [names.index(options.tied.get(name, name)) for name in elements]
+    kind_of = [free[name] for name in names]
+    units = {kind: element_units(robot, kind) for kind in kinds if kind != DOUBT}
+    units |= {DOUBT: [doubt.unit for doubt in freed]}
+    unit_of = {name: unit for kind in kinds for name, unit in zip(every[kind], units[kind], strict=True)}
+    scales = _scales(robot, nominal) | {DOUBT: np.array([doubt.common_std for doubt in freed])}
+    n_friction = len(friction_names)
+    decades = options.prior_decades
+    # At its largest torque a cubic gear's slope is known as its linear one is.
+    known = {**dict.fromkeys(LOGARITHMIC, np.log(10) * decades), "cubic": 10 ** min(decades, _MOST_DECADES) / 3}
+    known |= {DOUBT: PRIOR_FACTOR}
+    known |= {f"{joint.name}.motor_inertia": joint.motor.inertia_relative_std for joint in robot.joints}
+    found = ParameterMap(
+        nominal=nominal,
+        kinds=kinds,
+        masks=masks,
+        elements=elements,
+        member=np.array(member, int),
+        element_scale=np.concatenate(
+            [
+                scales[kind][mask] if kind in scales else np.ones(int(mask.sum()))
+                for kind, mask in zip(kinds, masks, strict=True)
+            ]
+        ),
+        names=(*names, *friction_names),
+        kind_of=(*kind_of, *[NUISANCE] * n_friction),
+        units=(*(unit_of[name] for name in names), *map(coefficient_unit, friction_names)),
+        logarithmic=np.array([PARAMETER_KINDS[kind].logarithmic for kind in kind_of] + [False] * n_friction, bool),
+        prior_std=np.concatenate(
+            [
+                [known.get(name, known.get(kind, np.inf)) for name, kind in zip(names, kind_of, strict=True)],
+                friction_std,
+            ]
+        ),
+        lower=np.full(len(names) + n_friction, -np.inf),
+        upper=np.full(len(names) + n_friction, np.inf),
+        friction_offset=np.zeros(n_friction) if friction_offset is None else friction_offset,
+    )
+    return _bounded(_sensible(found, freed), options.bounds)
+
+
+def _sensible(found: ParameterMap, freed: Sequence[DoubtColumn]) -> ParameterMap:
+    """Keeps doubts within what makes sense, and tells what the robot file says of them."""
+    if not freed:
+        return found
+    lower, upper, stated = found.lower.copy(), found.upper.copy(), np.zeros(len(found.names))
+    natural = np.ones(len(found.names))
+    for doubt in freed:
+        if doubt.name in found.names:
+            index = found.names.index(doubt.name)
+            lower[index], upper[index] = (_NOT_ALL * end / doubt.common_std for end in (doubt.least, doubt.most))
+            stated[index], natural[index] = doubt.stated, doubt.natural
+    return replace(found, lower=lower, upper=upper, stated=stated, natural=natural)
+
+
+def _scales(robot: Robot, nominal: ElasticParameters) -> dict[str, FloatArray]:
+    """Scale of each element of the linear kinds; a cubic gear's doubles the torque at the motor's limit."""
+    limit = np.array([robot.joints[s.joint].motor.max_torque_nm for s in robot.springs])
+    ratio = np.array([robot.joints[s.joint].motor.gear_ratio for s in robot.springs])
+    return {
+        "viscous": viscous_scale(nominal.motor_inertia),
+        "arm_viscous": viscous_scale(nominal.link_inertia),
+        "delay": np.array([1e-3]),
+        "cubic": nominal.stiffness**3 / (limit * ratio) ** 2,
+        "location": np.full(nominal.location.size, _LOCATION_SCALE_M),
+    }
+
+
+def _bounded(found: ParameterMap, bounds: Mapping[str, tuple[float, float]]) -> ParameterMap:
+    """Puts bounds, given in the parameters' own units, on the internal values."""
+    ends = np.array([found.lower, found.upper])
+    nominal, scale = found.nominal_values(), found.scale
+    problems = []
+    for name, (low, high) in bounds.items():
+        index = found.names.index(name)
+        if not low < nominal[index] < high:
+            where = "at a bound of" if nominal[index] in (low, high) else "outside"
+            problems.append(f"`{name}` starts {where} {low:g} to {high:g}, at {nominal[index]:g}")
+        elif found.logarithmic[index]:
+            ends[:, index] = np.log(np.maximum([low, high], np.finfo(float).tiny) / nominal[index])
+        else:
+            ends[:, index] = (np.array([low, high]) - nominal[index]) / scale[index]
+    if problems:
+        remedy = "widen `bounds`, change the robot file's value, or put the parameter in `fixed`"
+        raise SettingsError("; ".join(problems), where="fit", remedy=remedy)
+    return replace(found, lower=ends[0], upper=ends[1])

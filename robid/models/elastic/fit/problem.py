@@ -1,0 +1,187 @@
+"""The elastic least-squares problem: residual, cost and normal equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.frf.frf import Frf
+from robid.frf.friction import FrictionMove, friction_move
+from robid.frf.residual import Residual
+from robid.models.elastic.fit.normal import SymmetricNormal
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.parameters import ParameterMap
+from robid.models.elastic.fit.weights import assumed_error, make_weights, make_whitening
+from robid.results.levenberg import Normal
+from robid.robot.derivatives import jacobian
+from robid.robot.linearize import LinearModel
+from robid.robot.response import response
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Measured against parametric response.
+
+    Attributes:
+        frf: Measured response.
+        model: Linearised robot in the same configurations.
+        parameters: What is estimated.
+        residual_kind: How measured and modelled response are compared.
+        weight (n_conf, n_freq, n_out, n_in): Weight of each squared residual.
+        model_error: Relative model error that the weights assume: one number or (n_conf, 1, n_out, n_in).
+        whitening (n_conf, n_freq, n_element, n_element): What multiplies the residuals of a line, rows of the
+            response one after the other, where errors of its elements are correlated; None for `weight` alone.
+    """
+
+    frf: Frf
+    model: LinearModel
+    parameters: ParameterMap
+    residual_kind: Residual
+    weight: FloatArray
+    model_error: FloatArray
+    whitening: ComplexArray | None = None
+
+    @cached_property
+    def _symmetric(self) -> SymmetricNormal | None:
+        return SymmetricNormal(self) if self.whitening is None and SymmetricNormal.serves(self) else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leaves the working memory of `_symmetric` behind."""
+        return {name: value for name, value in self.__dict__.items() if name != "_symmetric"}
+
+    @cached_property
+    def friction(self) -> FrictionMove:
+        """How the measured response follows the friction scales."""
+        return friction_move(self.frf)
+
+    def model_response(self, internal: FloatArray) -> ComplexArray:
+        """Parametric response (n_conf, n_freq, n_out, n_in)."""
+        values = self.parameters.parameters(internal)
+        return response(self.model, values, self.frf.frequency_hz, self.frf.hold_period_s).sampled
+
+    def measured(self, internal: FloatArray) -> ComplexArray:
+        """Measured response, friction compensation moved by the estimated friction scales."""
+        count = self.parameters.n_friction
+        return self.friction.moved(internal[-count:]) if count else self.frf.response
+
+    def measured_slopes(self, internal: FloatArray) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_out, n_in, n_friction) of the measured response by the friction scales."""
+        return self.friction.slopes(internal[-self.parameters.n_friction :])
+
+    def residual(self, internal: FloatArray, modelled: ComplexArray) -> ComplexArray:
+        """Residual (n_conf, n_freq, n_out, n_in)."""
+        return self.residual_kind.compare(self.measured(internal), modelled)
+
+    def weighted(self, values: ComplexArray) -> ComplexArray:
+        """Residuals or derivatives (n_conf, n_freq, n_out, n_in, ...) times the root of the weights."""
+        trailing = (1,) * (values.ndim - 4)
+        if self.whitening is None:
+            return np.asarray(np.sqrt(self.weight).reshape(*self.weight.shape, *trailing) * values)
+        stacked = values.reshape(*values.shape[:2], self.whitening.shape[-1], -1)
+        return np.asarray((self.whitening @ stacked).reshape(values.shape))
+
+    def rows(self, values: ComplexArray) -> FloatArray:
+        """The same as real rows (n_conf, n_row, ...) of each configuration."""
+        flat = self.weighted(values).reshape(len(values), -1, *values.shape[4:])
+        return np.concatenate([flat.real, flat.imag], axis=1)
+
+    def fully_weighted(self, values: ComplexArray) -> ComplexArray:
+        """The same times the weights themselves."""
+        trailing = (1,) * (values.ndim - 4)
+        if self.whitening is None:
+            return np.asarray(self.weight.reshape(*self.weight.shape, *trailing) * values)
+        adjoint = np.swapaxes(self.whitening.conj(), -1, -2)
+        stacked = self.weighted(values).reshape(*values.shape[:2], adjoint.shape[-1], -1)
+        return np.asarray((adjoint @ stacked).reshape(values.shape))
+
+    def cost(self, internal: FloatArray) -> float:
+        """Weighted cost, eq. 4b or 7b, with half the squared deviations from what is known beforehand."""
+        with np.errstate(all="ignore"):
+            if self._symmetric is not None:
+                total = self._symmetric.cost(internal)
+            else:
+                total = float(self.configuration_cost(self.model_response(internal), internal).sum())
+            total += self._prior_cost(internal)
+        return total if np.isfinite(total) else np.inf
+
+    def configuration_cost(self, modelled: ComplexArray, internal: FloatArray) -> FloatArray:
+        """Weighted cost of each configuration (n_conf,)."""
+        error = self.weighted(self.residual(internal, modelled))
+        return np.asarray((np.abs(error) ** 2).sum(axis=(1, 2, 3)))
+
+    def linear(self, internal: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Residual and its negative derivative (n_conf, n_freq, n_out, n_in, n_param)."""
+        values = self.parameters.parameters(internal)
+        result = response(self.model, values, self.frf.frequency_hz, self.frf.hold_period_s)
+        plain = jacobian(self.model, values, result, self.parameters.kinds)[..., self.parameters.columns()]
+        count = self.parameters.n_friction
+        element = plain.shape[-1]
+        derivative = plain @ self.parameters.chain(internal)[:element, : len(self.parameters.names) - count]
+        derivative /= self.residual_kind.divisor(result.sampled)[..., None]
+        if count:
+            moved = -self.measured_slopes(internal) / self.residual_kind.divisor(self.measured(internal))[..., None]
+            derivative = np.concatenate([derivative, moved], axis=-1)
+        return self.residual(internal, result.sampled), self.residual_kind.part(derivative)
+
+    def normal(self, internal: FloatArray) -> Normal:
+        """Cost, half gradient and half Gauss-Newton Hessian."""
+        if self._symmetric is None:
+            return self.stacked_normal(internal)
+        with np.errstate(all="ignore"):
+            sums = self._symmetric.normal(internal)
+        precision = 0.5 / self.parameters.prior_std**2
+        return Normal(
+            sums.cost + self._prior_cost(internal),
+            sums.gradient + precision * internal,
+            sums.hessian + np.diag(precision),
+        )
+
+    def stacked(self, internal: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """All weighted residuals as real numbers, what is known beforehand last, and their derivative."""
+        error, derivative = self.linear(internal)
+        rows = self.weighted(derivative).reshape(-1, derivative.shape[-1])
+        target = self.weighted(error).ravel()
+        known = np.sqrt(0.5) / self.parameters.prior_std
+        residual = np.concatenate([target.real, target.imag, known * internal])
+        return residual, np.concatenate([-rows.real, -rows.imag, np.diag(known)])
+
+    def stacked_normal(self, internal: FloatArray) -> Normal:
+        """The same as `normal` from all residuals and derivatives, whatever the problem."""
+        residual, derivative = self.stacked(internal)
+        return Normal(float(residual @ residual), derivative.T @ residual, derivative.T @ derivative)
+
+    def _prior_cost(self, internal: FloatArray) -> float:
+        return float((0.5 * (internal / self.parameters.prior_std) ** 2).sum())
+
+
+def make_problem(
+    frf: Frf,
+    model: LinearModel,
+    parameters: ParameterMap,
+    options: ElasticOptions,
+    internal: FloatArray | None = None,
+    level: FloatArray | None = None,
+) -> tuple[Problem, int]:
+    """Sets up the problem; where fitted internal values are known, the weights follow the fitted response.
+
+    Weights `estimated` allow for the relative model error `level` (n_conf, n_out, n_in) of each element.
+
+    Returns:
+        The problem and the number of elements that the logarithm drops.
+    """
+    values = parameters.parameters(np.zeros(len(parameters.names)) if internal is None else internal)
+    modelled = response(model, values, frf.frequency_hz, frf.hold_period_s).sampled
+    fitted = None if internal is None else modelled
+    size = None if fitted is None else np.abs(fitted)
+    weight, dropped = make_weights(frf, options.weights, options.residual, size, level)
+    if options.residual.drops_noise:
+        weight[modelled == 0] = 0.0  # no parameter moves what the model cannot have
+    whitening = None
+    if options.weights.kind == "optimal_full":
+        whitening = make_whitening(frf, weight > 0, options.residual, fitted)
+    model_error = assumed_error(options.weights, level, known=bool(frf.element_variance().any()))
+    return Problem(frf, model, parameters, options.residual, weight, model_error, whitening), dropped

@@ -1,0 +1,239 @@
+"""The linearised robot where its springs rest under gravity and the excitation of a measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.errors import DataError
+from robid.frf.frf import Frf
+from robid.models.elastic.fit.doubts.column import DoubtColumn, RobotMove
+from robid.models.elastic.fit.doubts.freed import freed_doubts, moved_robot, torque_slopes
+from robid.models.elastic.fit.doubts.gear_kinds import LoadDamping, SlipTorque
+from robid.models.elastic.fit.gear_motion import gear_effects, swings_known
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.swing_distribution import Swinging, line_frequencies, spring_compliance, swing_shape
+from robid.models.elastic.fit.weights import make_weights
+from robid.robot.derivatives import jacobian
+from robid.robot.description import Robot
+from robid.robot.expand import expand, shifts_between, with_springs_at
+from robid.robot.gear_effects import GearEffects
+from robid.robot.linearize import LinearModel, linearize, solve_statics
+from robid.robot.model import build_model
+from robid.robot.parameters import element_names
+from robid.robot.response import ElasticParameters, motion_matrices, nominal_parameters, response
+from robid.robot.rest import SpringValues, settle_springs, swing_of
+from robid.robot.sampling import hold_factor
+
+_PASSES = 3
+_DOUBT_STEP = 0.01  # of its deviation
+
+
+def rest_model(
+    robot: Robot, frf: Frf, options: ElasticOptions, delay_s: float, values: ElasticParameters | None = None
+) -> LinearModel:
+    """Linearises a robot in a response's configurations.
+
+    What the options free of the robot file's doubts is as the values say, and the model moves with it to first order.
+
+    Args:
+        robot: The robot file.
+        frf: The response; where transmissions are cubic, its torque decides how far they swing.
+        options: Options of the fit.
+        delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
+        values: Values in place of the robot file's.
+
+    Raises:
+        DataError: If a configuration has no equilibrium, or the response lacks what cubic springs need.
+    """
+    freed = freed_doubts(robot, options)
+    if not freed:
+        return _rested(robot, frf, options, delay_s, values)
+    amounts = np.zeros(len(freed)) if values is None else values.doubt
+    balanced = all(joint.counterbalance is None for joint in robot.joints)
+    still = replace(options, statics="updates", free=())
+    pairs, steps = [], []
+    model = _rested(moved_robot(robot, freed, amounts), frf, options, delay_s, values, balanced=balanced)
+    for index, doubt in enumerate(freed):
+        steps.append(2 * _DOUBT_STEP * doubt.common_std)
+        if not isinstance(doubt.direction, RobotMove):
+            pairs.append((model, model))
+            continue
+        step = _DOUBT_STEP * doubt.common_std * np.eye(len(freed))[index]
+        sides = (moved_robot(robot, freed, amounts + side * step) for side in (-1, 1))
+        behind, ahead = (_rested(side, frf, still, delay_s, values, balanced=balanced) for side in sides)
+        pairs.append((behind, ahead))
+    torque = torque_slopes(freed, len(robot.joints))
+    shifts = shifts_between(pairs, np.array(steps), amounts, torque)
+    if not any(isinstance(doubt.direction, (LoadDamping, SlipTorque)) for doubt in freed):
+        return replace(model, shifts=shifts)
+    now = replace(nominal_parameters(robot, model, delay_s), doubt=amounts) if values is None else values
+    return replace(model, shifts=shifts, effects=_effects(robot, frf, now, model, freed))
+
+
+def _effects(
+    robot: Robot, frf: Frf, values: ElasticParameters, model: LinearModel, freed: Sequence[DoubtColumn]
+) -> GearEffects | None:
+    """What freed doubts of gears do as the measurement moves them."""
+    power, moved = np.zeros_like(model.rest.deflection), None
+    gears = np.array([index for index, spring in enumerate(robot.springs) if spring.place == "transmission"])
+    if not swings_known(frf):
+        return gear_effects(freed, frf, values.stiffness, model.rest.deflection, power, moved, gears)
+    load, omega = spring_load(robot, frf, values), 2 * np.pi * frf.frequency_hz
+    dynamic = (model.rest.factor * values.stiffness)[:, None] + 1j * omega[:, None] * values.damping
+    found = None
+    for _ in range(_PASSES):
+        power = (np.nan_to_num(load.power) / np.abs(dynamic) ** 2).sum(axis=1)
+        moved = load.through / dynamic[:, :, gears, None]
+        found = gear_effects(freed, frf, values.stiffness, model.rest.deflection, power, moved, gears)
+        if found is None or not values.doubt.any():
+            break
+        # What bristles carry does not bend the gear.
+        grown = (found.growth(values.doubt) * values.damping)[:, None]
+        dynamic = (model.rest.factor * values.stiffness)[:, None] + 1j * omega[:, None] * grown
+        dynamic = dynamic + found.stiffness(values.doubt, omega)
+    return found
+
+
+def _rested(
+    robot: Robot,
+    frf: Frf,
+    options: ElasticOptions,
+    delay_s: float,
+    values: ElasticParameters | None,
+    *,
+    balanced: bool = False,
+) -> LinearModel:
+    """The same of a robot as it is, all doubts aside; its counterbalances are taken where its file has none."""
+    springs = _nominal_springs(robot) if values is None else values.springs
+    points = springs.location.reshape(-1, 3)
+    placed = with_springs_at(robot, {s.name: point for s, point in zip(robot.springs, points, strict=True)})
+    elastic = build_model(placed, balanced=balanced)
+    names = frf.output_names
+    equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic)
+    model = replace(linearize(elastic, equilibrium, names), rates=frf.output_rates)
+    if springs.cubic.any() or "cubic" in options.kinds:
+        nominal = nominal_parameters(placed, model, delay_s) if values is None else values
+        load = spring_load(robot, frf, nominal)
+        for _ in range(_PASSES if springs.cubic.any() else 0):
+            rest = replace(model.rest, power=load.power, omega=2 * np.pi * frf.frequency_hz)
+            swing = swing_of(rest, springs, settle_springs(rest, springs).stiffness)
+            equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic, swing.variance)
+            model = replace(linearize(elastic, equilibrium, names), rates=frf.output_rates)
+        model = _loaded(model, frf, load, nominal, options)
+    movable = element_names(robot, "location") if "location" in options.kinds else []
+    located = np.array([index for index, name in enumerate(movable) if name is not None], int)
+    if options.statics == "updates" and located.size == 0:
+        return model
+    return expand(elastic, equilibrium, model, names, located)
+
+
+@dataclass(frozen=True)
+class SpringLoad:
+    """What an excitation sends through each transmission; other springs get none.
+
+    Attributes:
+        power (n_conf, n_freq, n_spring): Mean square torque per excited line [(N m)^2].
+        through (n_conf, n_freq, n_gear, n_block): Torque through each transmission, DFT sums over samples [N m].
+        gears (n_gear,): Indices of the transmissions.
+    """
+
+    power: FloatArray
+    through: ComplexArray
+    gears: IntArray
+
+
+def spring_load(robot: Robot, frf: Frf, values: ElasticParameters) -> SpringLoad:
+    """Finds the torque through each transmission from the motors' torques and motion.
+
+    What a motor's torque does not spend on its own rotor and viscous friction goes through the transmissions; both
+    are measured, so the elastic model is not asked.
+
+    Args:
+        robot: The robot file.
+        frf: The response with the torques of its experiments.
+        values: Parameter values.
+
+    Raises:
+        DataError: If the response lacks its torque, or a motor's angle is not among its outputs.
+    """
+    missing = [name for name in frf.input_names if name not in frf.output_names]
+    if frf.input_amplitude is None or missing:
+        lack = f"the angle of motor {', '.join(missing)}" if missing else "the torques of its experiments"
+        message = f"cubic stiffness needs {lack}, which the response lacks"
+        remedy = "estimate the response again, all motors among its outputs, or leave `cubic` out of `free`"
+        raise DataError(message, where=robot.name, remedy=remedy)
+    omega = 2 * np.pi * frf.frequency_hz
+    spent = values.motor_inertia + values.viscous / (1j * omega[:, None])
+    rows = [frf.output_names.index(name) for name in frf.input_names]
+    held = hold_factor(omega, values.delay[0], frf.hold_period_s)
+    left = held[:, None, None] * np.eye(len(robot.joints)) - spent[:, :, None] * frf.response[:, :, rows]
+    through = np.linalg.inv(robot.arm_per_motor.T) @ left @ frf.input_amplitude
+    gears = [index for index, spring in enumerate(robot.springs) if spring.place == "transmission"]
+    through = through[:, :, [robot.springs[index].joint for index in gears]]
+    power = np.zeros((*through.shape[:2], len(robot.springs)))
+    power[:, :, gears] = np.nanmean(2 * np.abs(through) ** 2, axis=-1)
+    return SpringLoad(power, through, np.array(gears))
+
+
+def _sensitivity(frf: Frf, model: LinearModel, values: ElasticParameters, options: ElasticOptions) -> FloatArray:
+    """How much each line of the response tells a fit of each spring (n_conf, n_freq, n_spring)."""
+    found = response(model, values, frf.frequency_hz, frf.hold_period_s)
+    moved = jacobian(model, values, found, ("stiffness",))
+    slopes = np.abs(moved / options.residual.divisor(found.sampled)[..., None]) ** 2
+    weight, _ = make_weights(frf, options.weights, options.residual, np.abs(found.sampled))
+    told = (weight[..., None] * slopes).sum(axis=(2, 3))
+    return np.asarray(np.where(told.any(axis=1, keepdims=True), told, slopes.sum(axis=(2, 3))))
+
+
+def _loaded(
+    model: LinearModel, frf: Frf, load: SpringLoad, values: ElasticParameters, options: ElasticOptions
+) -> LinearModel:
+    """The model with what the excitation does to its springs.
+
+    Stiffening moves the resonances, and with them the lines that tell of a spring, so shapes are found more than once.
+    """
+    omega = 2 * np.pi * frf.frequency_hz
+    model = replace(model, rest=replace(model.rest, power=load.power, omega=omega))
+    for _ in range(_PASSES if values.springs.cubic.any() else 1):
+        shape = _shapes(model, frf, load, values, options)
+        # Where a softening spring gives way, later iterates may hold.
+        shape = np.where(np.isfinite(shape), shape, 1.0)
+        model = replace(model, rest=replace(model.rest, shape=shape))
+    return model
+
+
+def _shapes(
+    model: LinearModel, frf: Frf, load: SpringLoad, values: ElasticParameters, options: ElasticOptions
+) -> FloatArray:
+    """`Rest.shape` (n_conf, n_spring) of the transmissions as they swing with the model's present shapes."""
+    springs, omega = settle_springs(model.rest, values.springs), model.rest.omega
+    told = _sensitivity(frf, model, values, options)
+    every = line_frequencies(frf.frequency_hz, frf.lines)
+    shape = np.ones(springs.stiffness.shape)
+    for c in range(len(shape)):
+        compliance = spring_compliance(motion_matrices(model, values, c), model.n_motor + load.gears, every)
+        for gear, spring in enumerate(load.gears.tolist()):
+            dynamic = springs.stiffness[c, spring] + 1j * omega * values.damping[spring]
+            amplitude = load.through[c, :, gear] / dynamic[:, None]
+            swinging = Swinging(
+                rest=springs.deflection[c, spring],
+                cubic=values.cubic[spring],
+                amplitude=amplitude[:, np.isfinite(amplitude).all(axis=0)],
+                lines=frf.lines,
+                compliance=compliance[:, gear],
+            )
+            shape[c, spring] = swing_shape(swinging, told[c, :, spring])
+    return shape
+
+
+def _nominal_springs(robot: Robot) -> SpringValues:
+    return SpringValues(
+        stiffness=np.array([spring.stiffness for spring in robot.springs]),
+        cubic=np.array([spring.cubic for spring in robot.springs]),
+        damping=np.array([spring.damping for spring in robot.springs]),
+        location=robot.spring_points_m,
+    )

@@ -1,0 +1,286 @@
+"""The solution of an elastic fit: its best minimum with everything that tells how far to trust it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypedDict
+
+import numpy as np
+
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.clusters.grouping import group_places
+from robid.models.elastic.fit.bootstrap import Map, bootstrap
+from robid.models.elastic.fit.intervals import FEWEST_PLACES, LEARNT_SHARE, Spread, Spreads, find_spreads
+from robid.models.elastic.fit.model_error import ModelError, estimate_model_error
+from robid.models.elastic.fit.named import Suspicion
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.parameters import ParameterMap
+from robid.models.elastic.fit.problem import Problem
+from robid.models.elastic.fit.solution import Costs, ElasticSolution, Internal, Resampled, Responses, Starts
+from robid.models.elastic.fit.uncertainty import (
+    Influence,
+    influence,
+    realization_covariance,
+    realization_shifts,
+)
+from robid.models.elastic.fit.untold import untold
+from robid.results.estimate import Estimate, Tied
+from robid.results.levenberg import Minimum
+from robid.results.undetermined import undetermined_combinations
+from robid.robot.parameters import DOUBT
+
+_SAME_MINIMUM = 1e-3
+_NEEDLESS_FACTOR = 1e3
+_MANY_DROPPED = 0.2
+_POOR_MODEL = 1.5
+_MANY_ABOVE = 0.25
+"""Share of the elements beyond their covariance from which a model lacks something; 0.05 is expected."""
+
+
+def make_solution(
+    problem: Problem,
+    options: ElasticOptions,
+    best: Minimum,
+    ends: list[Minimum],
+    predicted: FloatArray,
+    dropped: int,
+    parallel_map: Map,
+    suspicion: Suspicion | None,
+) -> ElasticSolution:
+    """Puts together what a fit found.
+
+    Args:
+        problem: The problem with the weights of the final fit.
+        options: Its options.
+        best: Its best minimum.
+        ends: Where each start ended.
+        predicted (n_param,): Deviations of the internal parameters, predicted before the fit.
+        dropped: Response elements that the logarithm dropped.
+        parallel_map: Ordered map that runs the bootstrap.
+        suspicion: What the robot file may have wrong; nothing when not given.
+    """
+    parameters, internal = problem.parameters, best.parameters
+    modelled = problem.model_response(internal)
+    excess = misfit(problem, modelled, best.cost)
+    found = influence(problem, internal)
+    error = estimate_model_error(problem, internal, found)
+    spreads = find_spreads(problem, internal, found, excess, options.confidence, suspicion)
+    costs = np.array([end.cost for end in ends])
+    estimate = _estimate(
+        parameters, internal, spreads, predicted, options, _ending(problem, best, dropped, excess, error)
+    )
+    return ElasticSolution(
+        estimate=replace(estimate, undetermined=(*estimate.undetermined, *untold(problem, estimate))),
+        internal=_internal(problem, internal, spreads.effective),
+        costs=Costs(
+            best.cost,
+            problem.configuration_cost(modelled, internal),
+            expected_cost(problem, modelled),
+            dropped,
+            _told(problem),
+        ),
+        misfit=excess,
+        starts=Starts(
+            cost=costs,
+            iterations=np.array([end.iterations for end in ends]),
+            evaluations=np.array([end.evaluations for end in ends]),
+            status=tuple(end.status for end in ends),
+            minimum=distinct_minima(costs),
+        ),
+        responses=Responses(problem.frf.configurations, problem.frf.frequency_hz, problem.measured(internal), modelled),
+        model_error=error,
+        effective=spreads.between,
+        doubts=spreads.doubts,
+        **_from_realizations(problem, options, internal, found, parallel_map),
+    )
+
+
+def _ending(problem: Problem, best: Minimum, dropped: int, excess: float, error: ModelError | None) -> tuple[str, str]:
+    return best.status, _advice(problem, best, dropped, excess, error)
+
+
+def _estimate(
+    parameters: ParameterMap,
+    internal: FloatArray,
+    spreads: Spreads,
+    predicted: FloatArray,
+    options: ElasticOptions,
+    ending: tuple[str, str],
+) -> Estimate:
+    """The parameters at the minimum, with status and advice of the fit."""
+    spread, predicting = spreads.physical, spreads.effective
+    reach = spread.reach(options.confidence)
+    ends, near = (each.ends(options.confidence, parameters.prior_std) for each in (spread, predicting))
+    relative, slopes = _relative(parameters, internal), parameters.slopes(internal)
+    predicted_relative = predicted * _predicted_relative(parameters)
+    told = (np.array(parameters.kind_of) != "friction") & ~_is_amount(parameters)
+    structural = np.minimum(relative, 1.0) * told
+    limit = options.identifiable_relative_std
+    return Estimate(
+        names=parameters.names,
+        kinds=parameters.kind_of,
+        units=parameters.units,
+        nominal=parameters.nominal_values(),
+        value=parameters.values(internal),
+        lower=parameters.values(ends[0]),
+        upper=parameters.values(ends[1]),
+        covariance=spread.covariance * np.outer(slopes, slopes),
+        degrees_of_freedom=spread.degrees_of_freedom,
+        confidence=options.confidence,
+        interval_rule=spread.rule,
+        relative_std=spread.std * relative,
+        predicted_relative_std=predicted_relative,
+        prior_relative_std=parameters.prior_std * _predicted_relative(parameters),
+        relative_half_width=reach * _judged_relative(parameters, internal),
+        identifiable=(predicted_relative <= limit) & (predicted <= LEARNT_SHARE * parameters.prior_std),
+        identifiable_relative_std=limit,
+        undetermined=undetermined_combinations(parameters.names, spreads.assumed, structural, limit),
+        status=ending[0],
+        advice=ending[1],
+        tied=_tied(parameters, internal, ends),
+        physical_value=parameters.values(spread.values),
+        effective_value=parameters.values(predicting.values),
+        effective_lower=parameters.values(near[0]),
+        effective_upper=parameters.values(near[1]),
+    )
+
+
+def _is_amount(parameters: ParameterMap) -> BoolArray:
+    """Which parameters (n_param,) are amounts by which the file is off: no factor says how far they may be."""
+    return np.asarray((np.array(parameters.kind_of) == DOUBT) & (parameters.nominal_values() == 0))
+
+
+def _internal(problem: Problem, internal: FloatArray, spread: Spread) -> Internal:
+    values = _singular_values(problem, internal)
+    return Internal(internal, spread.covariance, values, spread.degrees_of_freedom)
+
+
+def _singular_values(problem: Problem, internal: FloatArray) -> FloatArray:
+    scaled = problem.normal(internal).hessian
+    root = np.sqrt(np.maximum(np.diag(scaled), 1e-300))
+    return np.asarray(np.linalg.svd(scaled / np.outer(root, root), compute_uv=False))
+
+
+class _Realized(TypedDict, total=False):
+    realization_relative_std: FloatArray
+    bootstrap: Resampled
+
+
+def _from_realizations(
+    problem: Problem, options: ElasticOptions, internal: FloatArray, found: Influence, parallel_map: Map
+) -> _Realized:
+    """What the single realizations say of the parameters' uncertainty; nothing where there are none."""
+    shifts = realization_shifts(problem, found)
+    if shifts is None:
+        return {}
+    relative, values = _relative(problem.parameters, internal), problem.parameters.values
+    std = np.sqrt(np.diag(realization_covariance(found, shifts)))
+    result = _Realized(realization_relative_std=std * relative)
+    if options.bootstrap:
+        level, count = options.confidence, options.bootstrap
+        repeated = bootstrap(problem, internal, found, shifts, count, level, options.seed, parallel_map)
+        result["bootstrap"] = Resampled(repeated.std * relative, values(repeated.lower), values(repeated.upper))
+    return result
+
+
+def _tied(parameters: ParameterMap, internal: FloatArray, ends: tuple[FloatArray, FloatArray]) -> Tied:
+    rows = [parameters.elements.index(name) for name in parameters.tied]
+    points = np.zeros_like(internal), internal, *ends
+    at = [parameters.element_values(point)[rows] for point in points]
+    return Tied(tuple(parameters.tied), tuple(parameters.tied.values()), *at)
+
+
+def _relative(parameters: ParameterMap, internal: FloatArray) -> FloatArray:
+    """Relative change (n_param,) of each value per unit of its internal parameter; the change itself for friction."""
+    friction = np.array(parameters.kind_of) == "friction"
+    size = np.where(friction, 1.0, np.maximum(np.abs(parameters.values(internal)), 1e-300))
+    return np.asarray(np.abs(parameters.slopes(internal)) / size)
+
+
+def _predicted_relative(parameters: ParameterMap) -> FloatArray:
+    """The same at the nominal values; of what may be zero there, related to what it could be beforehand."""
+    start, nominal = np.zeros(len(parameters.names)), parameters.nominal_values()
+    friction = np.array(parameters.kind_of) == "friction"
+    natural = 1.0 if parameters.natural is None else parameters.natural
+    size = np.where(friction | (nominal == 0), natural, np.abs(nominal))
+    kinds = np.array(parameters.kind_of)
+    size = np.where(kinds == "cubic", parameters.scale * parameters.prior_std, size)
+    size = np.where(kinds == "location", parameters.scale, size)
+    return np.asarray(np.abs(parameters.slopes(start)) / size)
+
+
+def _judged_relative(parameters: ParameterMap, internal: FloatArray) -> FloatArray:
+    """As `_relative`, but what may be zero is related to its natural scale where that is larger."""
+    natural = parameters.scale * np.where(np.array(parameters.kind_of) == "cubic", parameters.prior_std, 1.0)
+    friction, kinds = np.array(parameters.kind_of) == "friction", np.array(parameters.kind_of)
+    may_vanish = (parameters.nominal_values() == 0) | np.isin(kinds, ("cubic", "location"))
+    size = np.maximum(np.abs(parameters.values(internal)), np.where(may_vanish, natural, 1e-300))
+    return np.asarray(np.abs(parameters.slopes(internal)) / np.where(friction, 1.0, size))
+
+
+def expected_cost(problem: Problem, modelled: ComplexArray) -> FloatArray:
+    """Cost (n_conf,) that the measured response's covariance alone gives around the modelled response."""
+    kind = problem.residual_kind
+    variance = 0.5 * kind.parts * problem.frf.element_variance() / np.abs(kind.divisor(modelled)) ** 2
+    counted = np.multiply(problem.weight, variance, out=np.zeros_like(variance), where=problem.weight > 0)
+    return np.asarray(counted.sum(axis=(1, 2, 3)))
+
+
+def misfit(problem: Problem, modelled: ComplexArray, cost: float) -> float:
+    """Cost over what the response's covariance and the assumed model error give together; 0 without either."""
+    kind = problem.residual_kind
+    assumed = 0.5 * kind.parts * problem.model_error**2 * np.abs(kind.per_relative(modelled)) ** 2
+    total = float(expected_cost(problem, modelled).sum() + (problem.weight * assumed).sum())
+    return cost / total if total > 0 else 0.0
+
+
+def distinct_minima(costs: FloatArray) -> IntArray:
+    """Numbers the minima by cost, 0 the best; costs within 0.1 % are one minimum."""
+    labels = np.zeros(costs.size, int)
+    order = np.argsort(costs)
+    reference, label = costs[order[0]], 0
+    for index in order:
+        if costs[index] > reference * (1 + _SAME_MINIMUM) + 1e-12:
+            reference, label = costs[index], label + 1
+        labels[index] = label
+    return labels
+
+
+def _told(problem: Problem) -> int:
+    """Number of elements that their lines tell of; a line that was not excited says nothing of its noise."""
+    return int(np.isfinite(problem.frf.element_variance()).sum())
+
+
+def _advice(problem: Problem, best: Minimum, dropped: int, excess: float, error: ModelError | None) -> str:
+    parameters = problem.parameters
+    advice = []
+    if best.status != "converged":
+        advice.append("raise `max_iterations`, add starts, or fix the parameters with the largest deviations")
+    factor = np.exp(best.parameters * parameters.logarithmic)
+    needless = [
+        name
+        for name, kind, ratio in zip(parameters.names, parameters.kind_of, factor, strict=True)
+        if kind == "stiffness" and ratio > _NEEDLESS_FACTOR
+    ]
+    if needless:
+        advice.append(f"springs that ran to infinity are not needed: {', '.join(needless)}")
+    held = parameters.at_bound(best.parameters)
+    if held:
+        advice.append(f"parameters ended at a bound, where their intervals do not hold: {', '.join(held)}")
+    dropped_share = dropped / _told(problem)
+    if dropped_share > _MANY_DROPPED:
+        advice.append(f"{100 * dropped_share:.0f} % of the response lies below 10 dB: excite more, or average more")
+    if excess > _POOR_MODEL:
+        few = len(group_places(problem.frf.configurations)) < FEWEST_PLACES
+        held_of_it = "it as if it were noise" if few else "only what places differ by, and the doubts"
+        advice.append(
+            f"the residual is {np.sqrt(excess):.1f} times what noise and assumed model error give: the model lacks "
+            f"something, and intervals hold {held_of_it}"
+        )
+    level = 0.0 if error is None or error.share_above <= _MANY_ABOVE else float(np.median(error.level[error.level > 0]))
+    if error is not None and level > float(np.median(problem.model_error)):
+        advice.append(
+            f"{100 * error.share_above:.0f} % of the response's elements miss the model by more than their covariance "
+            f"explains, by {100 * level:.2g} % in the median: the intervals of weights `inflated` allow for it"
+        )
+    return "; ".join(advice)

@@ -1,0 +1,179 @@
+"""Parameter covariance: the sandwich of the weighted estimator, from the structured covariance or from realizations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.clusters.grouping import group_places, spread_over
+from robid.models.elastic.fit.problem import Problem
+from robid.robot.collocated import motor_rows
+
+
+@dataclass(frozen=True)
+class Influence:
+    """How errors of the response's elements move the internal parameters, to first order.
+
+    An error `e` of the response moves the parameters by `inverse Re(sum conj(gain) e)`.
+
+    Attributes:
+        gain (n_conf, n_freq, n_out, n_in, n_param): Weighted derivative over the residual's divisor of the response.
+        weighted (n_conf, n_freq, n_out, n_in, n_param): Weighted derivative of the residual.
+        inverse (n_param, n_param): Inverse of half the Gauss-Newton Hessian, what is known beforehand included.
+        prior (n_param,): What is known beforehand, as it adds to half the Hessian's diagonal.
+        leverage (n_conf, n_freq, n_out, n_in): Share of each residual that the fit takes away.
+    """
+
+    gain: ComplexArray
+    weighted: ComplexArray
+    inverse: FloatArray
+    prior: FloatArray
+    leverage: FloatArray
+
+    def shifts(self, errors: ComplexArray) -> FloatArray:
+        """Moves (n_conf, ..., n_param) by errors (n_conf, ..., n_freq, n_out, n_in), each configuration's alone."""
+        size = len(errors), -1, int(np.prod(self.gain.shape[1:4]))
+        moved = np.real(errors.reshape(size) @ self.gain.reshape(size[0], size[2], -1).conj()) @ self.inverse
+        return np.asarray(moved.reshape(*errors.shape[:-3], -1))
+
+
+def influence(problem: Problem, internal: FloatArray) -> Influence:
+    """Linearises the estimator.
+
+    Args:
+        problem: The problem with its weights.
+        internal (n_param,): Where to linearise.
+
+    Source:
+        Wernholt and Moberg (2008), eq. 5; of the magnitude alone the real parts of the logarithm's derivatives.
+    """
+    _, derivative = problem.linear(internal)
+    weighted = problem.fully_weighted(derivative)
+    n_param = derivative.shape[-1]
+    prior = 0.5 / problem.parameters.prior_std**2
+    bread = np.real(derivative.reshape(-1, n_param).conj().T @ weighted.reshape(-1, n_param))
+    inverse = np.linalg.pinv(bread + np.diag(prior), rcond=1e-14, hermitian=True)
+    leverage = np.real(np.einsum("cfoip,cfoip->cfoi", weighted.conj() @ inverse, derivative))
+    gain = weighted / problem.residual_kind.divisor(problem.measured(internal)).conj()[..., None]
+    return Influence(gain, weighted, inverse, prior, leverage)
+
+
+def sandwich(problem: Problem, internal: FloatArray) -> FloatArray:
+    """Covariance of the internal parameters, a model error assumed by the weights included.
+
+    Args:
+        problem: The problem, whose response carries the structured covariance.
+        internal (n_param,): Where to evaluate.
+
+    Returns:
+        Covariance (n_param, n_param); directions the data do not determine come out large, not infinite.
+
+    Source:
+        Wernholt and Moberg (2008), eq. 5 divided by the number of lines, and its logarithmic forms.
+    """
+    return structured_covariance(problem, influence(problem, internal))
+
+
+def structured_covariance(problem: Problem, found: Influence) -> FloatArray:
+    """The sandwich (n_param, n_param) of an estimator that is linearised already.
+
+    The assumed model error is the model's, which is reciprocal: element (i, j) of motors has the same one as (j, i).
+    """
+    meat = 0.5 * score_covariance(problem, found).sum(axis=0)
+    return np.asarray(0.5 * found.inverse @ (meat + np.diag(found.prior)) @ found.inverse)
+
+
+def score_covariance(problem: Problem, found: Influence) -> FloatArray:
+    """Covariance (n_conf, n_param, n_param) of what the errors of each configuration pull at the parameters.
+
+    The pull is twice the weighted residuals' real product with their derivative: the slope of the log-likelihood
+    where the weights are right. Noise is each configuration's own; the assumed model error is the model's, the same
+    however often a place is measured, so what a configuration shares with others in its place is in it too.
+    """
+    n_conf, n_param = len(found.gain), found.gain.shape[-1]
+    relative = problem.residual_kind.per_relative(problem.frf.response)
+    error = problem.model_error[..., None] * found.weighted * relative.conj()[..., None]
+    assumed = _reciprocal(error, motor_rows(problem.model)).reshape(n_conf, -1, n_param)
+    places = group_places(problem.frf.configurations)
+    shared = spread_over(places, np.array([assumed[place].sum(axis=0) for place in places]))
+    scaled = found.gain * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
+    rows = np.einsum("cfop,cfpiq->cfoiq", _root(problem.frf.covariance), scaled, optimize=True)
+    rows = np.einsum("cfij,cfojq->cfoiq", _root(problem.frf.input_factor), rows, optimize=True)
+    if problem.frf.line_correlation is not None:
+        rows = np.einsum("cfg,cgoiq->cfoiq", _root(_whole(problem.frf.line_correlation)), rows, optimize=True)
+    rows = rows.reshape(n_conf, -1, n_param)
+    return np.asarray(2 * np.real(_adjoint(rows) @ rows + _adjoint(assumed) @ shared))
+
+
+def _adjoint(rows: ComplexArray) -> ComplexArray:
+    return np.swapaxes(rows.conj(), 1, 2)
+
+
+def _root(covariance: ComplexArray) -> ComplexArray:
+    """Matrices R (..., n, n) whose `R^H R` is a covariance; what truncation made negative counts as nothing."""
+    size = np.sqrt(np.real(np.diagonal(covariance, axis1=-2, axis2=-1)))
+    divisor = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(covariance / (divisor[..., :, None] * divisor[..., None, :]))
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]) @ vectors.conj().swapaxes(-1, -2)
+    return np.asarray(root * size[..., None, :])
+
+
+def _whole(correlation: FloatArray) -> ComplexArray:
+    """Correlation (n_conf, n_freq, n_freq) of all lines' errors, from that with the next ones."""
+    n_conf, n_freq, n_next = correlation.shape
+    whole = np.zeros((n_conf, n_freq, n_freq)) + 0.5 * np.eye(n_freq)
+    for ahead in range(1, min(n_next, n_freq - 1) + 1):
+        here = np.arange(n_freq - ahead)
+        whole[:, here, here + ahead] = correlation[:, : n_freq - ahead, ahead - 1]
+    return (whole + whole.swapaxes(1, 2)).astype(complex)
+
+
+def _reciprocal(effect: ComplexArray, rows: dict[int, int]) -> ComplexArray:
+    """Adds what one error does at two elements (n_conf, n_freq, n_out, n_in, n_param) that share it, into one of both.
+
+    Args:
+        effect: What each element's own error does.
+        rows: Output of each motor that is measured at itself.
+    """
+    shared = effect.copy()
+    for first, second in combinations(rows, 2):
+        shared[:, :, rows[first], second] += shared[:, :, rows[second], first]
+        shared[:, :, rows[second], first] = 0.0
+    return shared
+
+
+def realization_shifts(problem: Problem, found: Influence) -> FloatArray | None:
+    """What each realization's own error does to the parameters.
+
+    Their squares sum to the covariance without any assumption about how a realization's errors are correlated over
+    lines and elements; few realizations of few configurations make it uncertain instead.
+
+    Returns:
+        Moves (n_conf, n_real, n_param), scaled for the freedom that the mean took; None without realizations.
+    """
+    errors = problem.frf.realization_error
+    if errors is None:
+        return None
+    n_real = errors.shape[1]
+    return np.asarray(np.sqrt(n_real / (n_real - 1)) * found.shifts(errors))
+
+
+def realization_covariance(found: Influence, shifts: FloatArray) -> FloatArray:
+    """Covariance (n_param, n_param) that the moves of `realization_shifts` and what was known beforehand give."""
+    flat = shifts.reshape(-1, shifts.shape[-1])
+    return np.asarray(flat.T @ flat + 0.5 * (found.inverse * found.prior) @ found.inverse)
+
+
+def realization_freedom(shifts: FloatArray) -> FloatArray:
+    """Degrees of freedom (n_param,) behind the variance of each parameter that moves of realizations give.
+
+    Source:
+        Satterthwaite (1946), each configuration a variance with one freedom less than it has realizations.
+    """
+    variance = (shifts**2).sum(axis=1)
+    own = (variance**2).sum(axis=0) / (shifts.shape[1] - 1)
+    total = variance.sum(axis=0) ** 2
+    return np.asarray(np.divide(total, own, out=np.full_like(total, np.inf), where=own > 0))

@@ -1,0 +1,82 @@
+"""What an experiment file frees of what its robot file may have wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+from robid.errors import SettingsError
+from robid.models.elastic.fit.doubts.freed import DOUBT, free_with, freed_doubts, movable_doubts, unknown_names
+from robid.models.elastic.fit.doubts.further import with_freed_springs
+from robid.models.elastic.fit.names import estimable_names, free_problem
+from robid.models.elastic.fit.options import BY_SPRING, spring_of
+from robid.models.elastic.settings import ElasticFit, elastic_fit
+from robid.robot.description import Robot
+from robid.settings.experiment import Experiment
+from robid.settings.load import LoadedExperiment
+from robid.settings.robot import RobotFile
+from robid.settings.yaml import FieldPath
+
+
+def freed_problems(experiment: Experiment, fit: ElasticFit, robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    """Yields what is wrong with what a fit frees by name: what the robot does not have, and what is free anyway."""
+    start = _robot(experiment, fit, robot)
+    for name, meant in unknown_names(start, fit.options()):
+        yield ("free", fit.free.index(name)), free_problem(name, meant)
+    for name in fit.freed:
+        if _is_free_anyway(start, fit, name):
+            message = f"stiffness and damping of `{spring_of(name)}` are free anyway; {_more(start, name)}"
+            yield ("free", fit.free.index(name)), message
+
+
+def freed_names(experiment: Experiment, fit: ElasticFit, robot: RobotFile) -> dict[str, str]:
+    """Returns every parameter that freed doubts and springs add, with its kind."""
+    start, options = _robot(experiment, fit, robot), fit.options()
+    every = estimable_names(with_freed_springs(start, options), options)
+    of_springs = {name: kind for kind, names in every.items() for name in names if name is not None}
+    return of_springs | {doubt.name: DOUBT for doubt in freed_doubts(start, options)}
+
+
+def free_too(loaded: LoadedExperiment, name: str, more: Sequence[str]) -> LoadedExperiment:
+    """Returns an experiment one of whose fits frees more, as if its `free` named it.
+
+    Raises:
+        SettingsError: If the robot has nothing of that name, or the fit estimates it already.
+    """
+    fit = elastic_fit(loaded.experiment, name)
+    start = _robot(loaded.experiment, fit, loaded.robot)
+    twice = [each for each in more if _is_estimated(start, fit, each)]
+    if twice:
+        message = f"fit `{name}` estimates `{twice[0]}` already"
+        raise SettingsError(message, where="--try", remedy="name something else, or leave it out")
+    values: dict[str, Any] = {each.name: getattr(fit, each.name) for each in fields(fit)}
+    tried = ElasticFit(**{"from": values.pop("reads"), **values, "free": free_with(fit.free, more)})
+    unknown = [free_problem(*each) for each in unknown_names(start, tried.options())]
+    if unknown:
+        raise SettingsError("; ".join(unknown), where="--try", remedy="name what can be freed, as in `free`")
+    fits = {**loaded.experiment.fits, name: tried}
+    return replace(loaded, experiment=loaded.experiment.model_copy(update={"fits": fits}))
+
+
+def _is_estimated(robot: Robot, fit: ElasticFit, name: str) -> bool:
+    options = fit.options()
+    doubts = {doubt.name for doubt in freed_doubts(robot, replace(options, free=(name,)))}
+    known = doubts and doubts <= {doubt.name for doubt in freed_doubts(robot, options)}
+    return name in (*fit.free, *fit.kinds) or bool(known) or _is_free_anyway(robot, fit, name)
+
+
+def _is_free_anyway(robot: Robot, fit: ElasticFit, name: str) -> bool:
+    """Whether a name is that of a spring of the robot file, where the kinds of all springs are free."""
+    return spring_of(name) in {spring.name for spring in robot.springs} and set(BY_SPRING) <= set(fit.kinds)
+
+
+def _more(robot: Robot, name: str) -> str:
+    """What else of a spring can be freed, as the end of a sentence."""
+    doubts = [doubt.name for doubt in movable_doubts(robot) if doubt.name.startswith(f"{spring_of(name)}.")]
+    other = f", or name what else is meant: {', '.join(f'`{each}`' for each in doubts)}" if doubts else ""
+    return f"leave it out{other}"
+
+
+def _robot(experiment: Experiment, fit: ElasticFit, robot: RobotFile) -> Robot:
+    return robot.to_robot(experiment.campaigns[fit.campaign].payload_kg)

@@ -1,0 +1,241 @@
+"""Resonances and antiresonances of the motors' own responses, measured against the model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm, t
+
+from robid.arrays import FloatArray, IntArray
+from robid.frf.frf import Frf
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.solution import ElasticSolution
+from robid.models.elastic.judge.extrema import KINDS, MATCH, Element, Elements, ExtremumPair, pair_extrema
+from robid.models.elastic.judge.fitted import FittedModel, fitted_model
+from robid.models.elastic.judge.local_model import Kind
+from robid.models.elastic.judge.modes import Modes, damping_ratio, frequency_std, poles, zeros
+from robid.models.elastic.judge.scatter import half_width, jackknife_variance, leaving_out
+from robid.robot.description import Robot
+
+SAME_CONFIGURATION = 1e-3
+"""Largest distance of joints' positions in configurations that repeat each other [rad, or m]."""
+SAME_EXTREMUM = 0.05
+"""Largest relative distance between repeats of one extremum."""
+
+
+@dataclass(frozen=True)
+class ResonanceTable:
+    """Resonances and antiresonances, one per row: a peak beside a peak, a pole beside a pole.
+
+    Attributes:
+        configuration (n_row,): Index of the configuration.
+        channel: Name of the motor.
+        kind: `resonance` or `antiresonance`.
+        measured_hz (n_row,): Where the measured magnitude has its peak, or dip [Hz].
+        lower_hz (n_row,): Lower end of its interval [Hz].
+        upper_hz (n_row,): Upper end of its interval [Hz].
+        model_hz (n_row,): The model's peak, read as the measured one; NaN where it has none near [Hz].
+        mode_hz (n_row,): The model's own pole or zero there; NaN where there is none near [Hz].
+        mode_lower_hz (n_row,): Lower end of its interval, from the parameters' covariance [Hz].
+        mode_upper_hz (n_row,): Upper end of its interval [Hz].
+        damping (n_row,): Its damping ratio.
+        pole_hz (n_row,): Pole or zero of the local model of the measurement, as an undamped frequency; NaN where the
+            magnitude is all that the lines show; None in tables of old [Hz].
+        pole_lower_hz (n_row,): Lower end of its interval [Hz].
+        pole_upper_hz (n_row,): Upper end of its interval [Hz].
+    """
+
+    configuration: IntArray
+    channel: tuple[str, ...]
+    kind: tuple[str, ...]
+    measured_hz: FloatArray
+    lower_hz: FloatArray
+    upper_hz: FloatArray
+    model_hz: FloatArray
+    mode_hz: FloatArray
+    mode_lower_hz: FloatArray
+    mode_upper_hz: FloatArray
+    damping: FloatArray
+    pole_hz: FloatArray | None = None
+    pole_lower_hz: FloatArray | None = None
+    pole_upper_hz: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class _Mode:
+    """A pole or zero of the fitted model."""
+
+    root: complex = complex(np.nan, np.nan)
+    frequency_hz: float = np.nan
+    reach_hz: float = np.nan
+    damping: float = np.nan
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A pair, the freedom of its own variance, and variances of peak and pole as realizations show, with theirs."""
+
+    configuration: int
+    channel: str
+    kind: Kind
+    pair: ExtremumPair
+    own_freedom: float
+    realizations: tuple[tuple[float, float], float] | None
+    mode: _Mode
+
+    @property
+    def found_hz(self) -> tuple[float, float]:
+        """Measured peak, and pole or zero [Hz]."""
+        return self.pair.measured.peak_hz, self.pair.measured.frequency_hz
+
+
+def tabulate_resonances(
+    robot: Robot, solution: ElasticSolution, frf: Frf, options: ElasticOptions, delay_s: float
+) -> ResonanceTable:
+    """Finds resonances and antiresonances of each motor's own response and their counterparts in the model.
+
+    Extrema of the measured magnitude that stand out of the noise, and out of what its lines scatter where there is one
+    realization, are refined by a local rational model; so are the model's, on the same lines, so that what the
+    neighbouring modes add to both cancels. The interval holds the largest of what the response's covariance gives,
+    with the reading between lines, what leaving out each realization changes, and what configurations that repeat
+    each other scatter.
+
+    Args:
+        robot: The robot file that the fit started from.
+        solution: What the fit found.
+        frf: Frequency responses, of the fit or of another campaign.
+        options: Options of the fit; `confidence` is the level of the intervals.
+        delay_s: Nominal delay of the fit, hold excluded [s].
+
+    Returns:
+        The table, ordered by configuration, motor and frequency.
+
+    Raises:
+        DataError: If the data and the model do not belong together.
+    """
+    fitted = fitted_model(robot, solution, frf, options, delay_s)
+    own_factor = float(norm.ppf(0.5 + 0.5 * options.confidence))
+    covariance = _own_covariance(solution, fitted, options.confidence)
+    elements = Elements(fitted, frf, scattering=True)
+    rows: list[_Row] = []
+    for configuration in range(frf.response.shape[0]):
+        free = _own_modes(fitted, covariance, poles(*fitted.linear, configuration), configuration, own_factor)
+        for motor, name in enumerate(frf.input_names):
+            if name not in frf.output_names:
+                continue
+            locked = zeros(*fitted.linear, configuration, motor)
+            own = {
+                "resonance": free,
+                "antiresonance": _own_modes(fitted, covariance, locked, configuration, own_factor),
+            }
+            element = elements.at(configuration, frf.output_names.index(name), motor)
+            found = [
+                _Row(
+                    configuration,
+                    name,
+                    kind,
+                    pair,
+                    float(element.freedom[pair.line]),
+                    _realizations(element, pair, kind),
+                    _nearest(own[kind], pair),
+                )
+                for kind in KINDS
+                for pair in pair_extrema(element, kind)
+            ]
+            rows += sorted(found, key=lambda row: row.pair.measured_hz)
+    return _table(rows, _half_widths(rows, frf, options.confidence))
+
+
+def _realizations(element: Element, pair: ExtremumPair, kind: Kind) -> tuple[tuple[float, float], float] | None:
+    """What realizations scatter about a peak and its pole, if there are two or more."""
+    errors = element.errors
+    if errors is None or len(errors) < 2:
+        return None
+    lines = element.frequency_hz, element.measured, element.variance
+    left_out = leaving_out(pair.estimate, *lines, errors, pair.line, kind)
+    peak, pole = jackknife_variance(left_out).tolist()
+    return (peak, pole), len(errors) - 1.0
+
+
+def _half_widths(rows: list[_Row], frf: Frf, confidence: float) -> FloatArray:
+    """Half widths (n_row, 2) of the intervals of peaks and of poles."""
+    repeats = [_repeats(row, rows, frf.configurations) for row in rows]
+    found = np.zeros((len(rows), 2))
+    for index, row in enumerate(rows):
+        for which, std in enumerate((row.pair.measured.peak_std_hz, row.pair.measured.std_hz)):
+            scatter = [] if row.realizations is None else [(row.realizations[0][which], row.realizations[1])]
+            same = repeats[index][:, which]
+            scatter += [(float(same.var(ddof=1)), same.size - 1.0)] if same.size > 1 else []
+            found[index, which] = half_width((std**2 + row.pair.reading_hz**2, row.own_freedom), scatter, confidence)
+    return found
+
+
+def _repeats(row: _Row, rows: list[_Row], configurations: FloatArray) -> FloatArray:
+    """Peak and pole (n_repeat, 2) of one extremum in all configurations that repeat its own, itself among them."""
+    here = configurations[row.configuration]
+    best: dict[int, tuple[float, float]] = {}
+    for other in rows:
+        same = np.abs(configurations[other.configuration] - here).max(initial=0.0) <= SAME_CONFIGURATION
+        if not same or (other.channel, other.kind) != (row.channel, row.kind):
+            continue
+        distance = abs(other.found_hz[0] / row.found_hz[0] - 1)
+        known = best.get(other.configuration)
+        nearer = known is None or distance < abs(known[0] / row.found_hz[0] - 1)
+        if distance <= SAME_EXTREMUM and nearer:
+            best[other.configuration] = other.found_hz
+    return np.array(list(best.values()))
+
+
+def _own_covariance(solution: ElasticSolution, fitted: FittedModel, confidence: float) -> FloatArray:
+    """Covariance of the fitted model's parameters as wide as their intervals, of normal quantiles.
+
+    What only this campaign has is known there.
+    """
+    own, tail = solution.internal, 0.5 + 0.5 * confidence
+    freedom = solution.estimate.degrees_of_freedom if own.degrees_of_freedom is None else own.degrees_of_freedom
+    wider = t.ppf(tail, freedom) / norm.ppf(tail)
+    names = fitted.problem.parameters.names
+    known = np.array([name in solution.estimate.names for name in names])
+    order = [solution.estimate.names.index(name) for name in names if name in solution.estimate.names]
+    covariance = np.zeros((len(names), len(names)))
+    covariance[np.ix_(known, known)] = (own.covariance * np.outer(wider, wider))[np.ix_(order, order)]
+    return covariance
+
+
+def _own_modes(
+    fitted: FittedModel, covariance: FloatArray, modes: Modes, configuration: int, factor: float
+) -> list[_Mode]:
+    reach = factor * frequency_std(fitted, covariance, modes, configuration)
+    columns = modes.roots, np.abs(modes.roots) / (2 * np.pi), reach, damping_ratio(modes.roots)
+    return [_Mode(*row) for row in zip(*(column.tolist() for column in columns), strict=True)]
+
+
+def _nearest(modes: list[_Mode], pair: ExtremumPair) -> _Mode:
+    """The mode next to the root that the model's local refinement found, if any is near."""
+    if not modes or not np.isfinite(pair.model_hz):
+        return _Mode()
+    nearest = min(modes, key=lambda mode: abs(mode.root - pair.root))
+    return nearest if abs(nearest.frequency_hz / pair.model_hz - 1) <= MATCH else _Mode()
+
+
+def _table(rows: list[_Row], half: FloatArray) -> ResonanceTable:
+    measured, pole = (np.array([row.found_hz[which] for row in rows]) for which in (0, 1))
+    pole = np.where([row.pair.measured.is_root for row in rows], pole, np.nan)
+    mode, mode_reach = (np.array([getattr(row.mode, key) for row in rows]) for key in ("frequency_hz", "reach_hz"))
+    return ResonanceTable(
+        configuration=np.array([row.configuration for row in rows], dtype=int),
+        channel=tuple(row.channel for row in rows),
+        kind=tuple(row.kind for row in rows),
+        measured_hz=measured,
+        lower_hz=measured - half[:, 0],
+        upper_hz=measured + half[:, 0],
+        model_hz=np.array([np.nan if row.pair.model is None else row.pair.model.peak_hz for row in rows]),
+        mode_hz=mode,
+        mode_lower_hz=mode - mode_reach,
+        mode_upper_hz=mode + mode_reach,
+        damping=np.array([row.mode.damping for row in rows]),
+        pole_hz=pole,
+        pole_lower_hz=pole - half[:, 1],
+        pole_upper_hz=pole + half[:, 1],
+    )

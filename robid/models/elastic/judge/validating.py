@@ -1,0 +1,229 @@
+"""Validation of an elastic model on frequency responses that its fit never saw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.errors import DataError
+from robid.frf.frf import Frf
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.result import expected_cost
+from robid.models.elastic.fit.solution import ElasticSolution
+from robid.models.elastic.judge.assessment import validation_doubts
+from robid.models.elastic.judge.fitted import FittedModel, fitted_model
+from robid.models.elastic.judge.grading import grade_validation
+from robid.models.elastic.judge.measures import COST_RATIO_LIMIT, Measures, measure, own_errors
+from robid.results.doubt import Doubt
+from robid.results.estimate import Estimate
+from robid.results.outcome import Outcome
+from robid.results.recovery import recover
+from robid.robot.description import Robot
+
+_SAME_CONFIGURATION_RAD = 1e-3
+
+
+@dataclass(frozen=True)
+class Validation:
+    """How well a fitted elastic model predicts other configurations.
+
+    Costs are weighted like the fit's and sum over the elements of one configuration. Costs per element divide
+    by the elements that carry weight.
+
+    Attributes:
+        outcome: Whether it holds, its grade, and its parameters against the truth.
+        configurations (n_conf, n_joint): Validation configurations [rad].
+        frequency_hz (n_freq,): Their frequencies [Hz].
+        measured (n_conf, n_freq, n_out, n_in): Response after the fitted friction compensation.
+        modelled (n_conf, n_freq, n_out, n_in): Parametric response.
+        cost (n_conf,): Weighted cost.
+        expected_cost (n_conf,): What the response's covariance alone would give.
+        excess (n_conf,): Cost above it.
+        elements (n_conf,): Response elements with weight.
+        dropped: Response elements below 10 dB that the logarithm dropped.
+        average_cost: Mean cost per element over the configurations.
+        worst_cost: Largest cost per element.
+        worst_configuration: Index of that configuration.
+        error_ratio (n_conf,): Mean squared relative error over what noise and an assumed model error allow.
+        cost_ratio: The largest of them.
+        median_error_db: Median magnitude error of the motors' own responses, all lines and configurations [dB].
+        motor_error_db: The same of the worst motor [dB].
+        motor_error_deg: Median phase error of the worst motor [deg].
+        resonance_shift: Median relative distance of the model's resonances and antiresonances from the measured
+            ones; None where no pair was found.
+        resonances: Pairs behind it.
+        worst_error_db: Largest one [dB].
+        error_db (n_conf, n_in): Median per configuration and motor [dB].
+        median_spring_half_width: Median half width of the springs' intervals over their estimates.
+    """
+
+    outcome: Outcome
+    configurations: FloatArray
+    frequency_hz: FloatArray
+    measured: ComplexArray
+    modelled: ComplexArray
+    cost: FloatArray
+    expected_cost: FloatArray
+    excess: FloatArray
+    elements: IntArray
+    dropped: int
+    average_cost: float
+    worst_cost: float
+    worst_configuration: int
+    error_ratio: FloatArray
+    cost_ratio: float
+    median_error_db: float
+    motor_error_db: float
+    motor_error_deg: float
+    resonance_shift: float | None
+    resonances: int
+    worst_error_db: float
+    error_db: FloatArray
+    median_spring_half_width: float | None
+
+
+def validate_elastic(
+    robot: Robot,
+    solution: ElasticSolution,
+    frf: Frf,
+    options: ElasticOptions,
+    delay_s: float,
+    truth: dict[str, float] | None,
+    doubts: Sequence[Doubt] = (),
+    campaign: str = "validation",
+) -> Validation:
+    """Validates a fitted elastic model on responses that the fit did not see.
+
+    The limits are absolute: however badly a model was fitted, it is held to the same. In the worst configuration the
+    mean squared error may be 1.5 times what the response's noise and an assumed model error allow (the one that the
+    weights declare, at least 2 %); every motor's own response may be off by 1 dB and 7 degrees in the median over its
+    lines, and resonances by 3 % in the median.
+
+    Args:
+        robot: The robot file that the fit started from.
+        solution: What the fit found.
+        frf: Frequency responses of other records; where all configurations are the fit's own, the grade says so.
+        options: Options of the fit.
+        delay_s: Nominal delay of the fit, hold excluded [s].
+        truth: True values by parameter name, of a simulated robot.
+        doubts: Doubts about the fit, for the grade; those about these data are added.
+        campaign: Name of the campaign that these data come from.
+
+    Raises:
+        DataError: If the data and the model do not belong together.
+
+    Source:
+        Zimmermann et al. (2023), sec. V-C and Table II; METHODS sec. 10.
+    """
+    fitted = fitted_model(robot, solution, frf, options, delay_s)
+    costs = weighted_costs(robot, fitted)
+    per_element = costs.cost / costs.elements
+    own = own_errors(fitted, costs.modelled)
+    measures = measure(fitted, costs.modelled, options.weights.model_error)
+    failures = measures.failures()
+    seen = _seen_already(solution, frf)
+    every = (*validation_doubts(doubts, robot, solution.estimate, frf, campaign, delay_s), *seen)
+    outcome = Outcome(
+        ok=not failures,
+        verdict=_verdict(measures, failures, seen=bool(seen)),
+        grade=grade_validation(solution, every, failures),
+        recovery=recover(solution.estimate, truth or {}),
+    )
+    return Validation(
+        outcome=outcome,
+        configurations=frf.configurations,
+        frequency_hz=frf.frequency_hz,
+        measured=fitted.measured,
+        modelled=costs.modelled,
+        cost=costs.cost,
+        expected_cost=costs.expected,
+        excess=costs.cost - costs.expected,
+        elements=costs.elements,
+        dropped=fitted.dropped,
+        average_cost=float(per_element.mean()),
+        worst_cost=float(per_element.max()),
+        worst_configuration=int(np.argmax(measures.error_ratio)),
+        **vars(measures),
+        cost_ratio=float(measures.error_ratio.max()),
+        median_error_db=float(np.nanmedian(own.decibel)),
+        worst_error_db=float(np.nanmax(own.decibel)),
+        error_db=own.by_configuration,
+        median_spring_half_width=median_spring_half_width(solution.estimate),
+    )
+
+
+@dataclass(frozen=True)
+class WeightedCosts:
+    """Costs of a model in the configurations of a response, as in `Validation`.
+
+    Attributes:
+        modelled (n_conf, n_freq, n_out, n_in): Parametric response.
+        cost (n_conf,): Weighted cost.
+        expected (n_conf,): What the response's covariance alone would give.
+        elements (n_conf,): Response elements with weight.
+    """
+
+    modelled: ComplexArray
+    cost: FloatArray
+    expected: FloatArray
+    elements: IntArray
+
+
+def weighted_costs(robot: Robot, fitted: FittedModel) -> WeightedCosts:
+    """Costs of a fitted model in a response's configurations.
+
+    Raises:
+        DataError: If no element of a configuration has weight.
+    """
+    problem = fitted.problem
+    modelled = problem.model_response(fitted.internal)
+    elements = np.asarray((problem.weight > 0).sum(axis=(1, 2, 3)))
+    _refuse_empty(robot, elements)
+    cost = problem.configuration_cost(modelled, fitted.internal)
+    return WeightedCosts(modelled, cost, expected_cost(problem, modelled), elements)
+
+
+def median_spring_half_width(estimate: Estimate) -> float | None:
+    """Median half width of the springs' intervals over their values; None without a fitted spring."""
+    springs = np.array(estimate.kinds) == "stiffness"
+    if not springs.any():
+        return None
+    return float(np.median(0.5 * (estimate.upper - estimate.lower)[springs] / estimate.value[springs]))
+
+
+def _seen_already(solution: ElasticSolution, frf: Frf) -> tuple[Doubt, ...]:
+    """A doubt where nothing was measured elsewhere than the fit's data, which tells nothing of other configurations."""
+    mine, theirs = frf.configurations, solution.responses.configurations
+    near = np.abs(mine[:, None] - theirs[None]).max(axis=2, initial=0.0) < _SAME_CONFIGURATION_RAD
+    if not near.any(axis=1).all():
+        return ()
+    told = "the validation repeats configurations of the fit: nothing was tested in others"
+    return (Doubt("same_configuration", told, decisive=False, strength=2.0),)
+
+
+def _refuse_empty(robot: Robot, elements: IntArray) -> None:
+    empty = np.flatnonzero(elements == 0)
+    if empty.size:
+        shown = ", ".join(str(index + 1) for index in empty)
+        message = f"all of the response in validation configuration {shown} lies below 10 dB or the low cut"
+        raise DataError(message, where=robot.name, remedy="excite more, or measure more realizations")
+
+
+def _verdict(measures: Measures, failures: tuple[str, ...], *, seen: bool) -> str:
+    count = len(measures.error_ratio)
+    where = f"in {count} new configurations" if count > 1 else "in a new configuration"
+    if seen:
+        where = f"on new data of {'configurations' if count > 1 else 'the configuration'} of the fit"
+    if failures:
+        return f"does not hold {where}: {'; '.join(failures)}"
+    worst = float(measures.error_ratio.max())
+    place = f" (configuration {int(np.argmax(measures.error_ratio)) + 1})" if count > 1 else ""
+    shift = "" if measures.resonance_shift is None else f", resonances by {100 * measures.resonance_shift:.2g} %"
+    return (
+        f"holds {where}: worst error {worst:.2g} of what noise and the assumed model error allow{place}, limit "
+        f"{COST_RATIO_LIMIT:g}; the worst motor's own response is off by {measures.motor_error_db:.2g} dB and "
+        f"{measures.motor_error_deg:.2g} degrees in the median{shift}"
+    )

@@ -1,0 +1,130 @@
+"""The rows of an elastic fit, from its artifacts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import norm
+
+from robid.arrays import FloatArray
+from robid.artifacts.grade import grade_from_artifact
+from robid.models.elastic.files import solution_from_artifact, validation_from_artifact
+from robid.models.elastic.fit.doubts.listing import list_doubts
+from robid.models.elastic.fit.model_error import ModelError
+from robid.models.elastic.fit.solution import ElasticSolution, NamedDoubts, Starts
+from robid.models.elastic.page.content import DoubtRow, ElementErrors, FitContent, GradeRow
+from robid.models.elastic.page.gather_resonances import resonance_rows
+from robid.models.elastic.settings import elastic_fit
+from robid.models.family import Shown
+from robid.models.parameters import parameter_rows
+from robid.report.costs import CostRow, StartRow
+from robid.report.parameters import Estimates, ParameterRow
+
+
+def fit_content(shown: Shown) -> FitContent:
+    """Turns a fit, its data and its validation into rows."""
+    loaded, frf = shown.data.loaded, shown.data.response
+    settings = elastic_fit(loaded.experiment, shown.data.name)
+    robot = loaded.robot.to_robot(loaded.experiment.campaigns[settings.campaign].payload_kg)
+    solution = solution_from_artifact(shown.model)
+    limits = {each.name: (each.least, each.most) for each in list_doubts(robot, settings.options())}
+    estimate = solution.estimate
+    validation = None if shown.validation is None else validation_from_artifact(shown.validation)
+    grade = grade_from_artifact(shown.model) if validation is None else validation.outcome.grade
+    costs = solution.costs.configuration, solution.costs.expected
+    content = FitContent(
+        name=shown.data.name,
+        campaign=" + ".join(settings.campaigns),
+        frf=replace(frf, response=solution.responses.measured),
+        model_response=solution.responses.modelled,
+        estimates=Estimates(
+            rows=_parameters(solution, frf.input_unit, shown.true, robot.assumed),
+            level=estimate.confidence,
+            torque_unit=frf.input_unit,
+            misfit=solution.misfit,
+            undetermined=estimate.undetermined,
+            identifiable_relative_std=settings.identifiable_relative_std,
+            interval_rule=estimate.interval_rule,
+        ),
+        resonances=resonance_rows(shown, estimate.confidence),
+        estimation_costs=_costs(" + ".join(settings.campaigns), shown.data.configurations, *costs),
+        starts=_starts(solution.starts),
+        status=estimate.status.replace("_", " "),
+        advice=estimate.advice,
+        element_errors=None if solution.model_error is None else _element_errors(solution.model_error),
+        file_doubts=() if solution.doubts is None else file_doubts(solution.doubts, limits, estimate.confidence),
+        grade=GradeRow(grade.value, grade.sentence, tuple(doubt.sentence for doubt in grade.doubts)),
+    )
+    if validation is None or settings.validate_on is None or shown.new is None:
+        return content
+    every = range(len(validation.cost))
+    return replace(
+        content,
+        validation_costs=_costs(settings.validate_on, every, validation.cost, validation.expected_cost),
+        validation_campaign=settings.validate_on,
+        validation_frf=replace(shown.new.response, response=validation.measured),
+        validation_model=validation.modelled,
+    )
+
+
+def file_doubts(
+    doubts: NamedDoubts, limits: Mapping[str, tuple[float, float]], confidence: float
+) -> tuple[DoubtRow, ...]:
+    """Turns what a fit says of its doubts into rows; no amount is told that makes no sense, as of a negative mass.
+
+    Args:
+        doubts: What the fit says.
+        limits: Least and most amount of each doubt, by its name; those without any are told as they are.
+        confidence: Level of the intervals.
+    """
+    known = norm.ppf(0.5 + 0.5 * confidence) * np.hypot(doubts.prior_std, doubts.place_std)
+    told = [
+        float(np.clip(value, *limits.get(name, (-np.inf, np.inf))))
+        for name, value in zip(doubts.names, doubts.value.tolist(), strict=True)
+    ]
+    columns = doubts.names, doubts.units, told, doubts.half_width.tolist(), known.tolist()
+    return tuple(DoubtRow(*row) for row in zip(*columns, strict=True))
+
+
+def _element_errors(error: ModelError) -> ElementErrors:
+    above = error.level[error.level > 0]
+    level = float(np.median(above)) if above.size else 0.0
+    return ElementErrors(error.share_above, error.share_correlated, level)
+
+
+def _starts(starts: Starts) -> tuple[StartRow, ...]:
+    ends = zip(
+        starts.cost.tolist(),
+        starts.iterations.tolist(),
+        starts.status,
+        starts.minimum.tolist(),
+        starts.evaluations.tolist(),
+        strict=True,
+    )
+    return tuple(StartRow(index, *end) for index, end in enumerate(ends))
+
+
+def _parameters(
+    solution: ElasticSolution, torque_unit: str, truth: Mapping[str, float], assumed: tuple[str, ...]
+) -> tuple[ParameterRow, ...]:
+    realized, repeated = solution.realization_relative_std, solution.bootstrap
+    rows = parameter_rows(solution.estimate, truth, assumed, torque_unit)
+    alone = np.zeros(len(rows), bool) if solution.effective is None else solution.effective.untested
+    return tuple(
+        replace(
+            row,
+            note="; ".join(filter(None, (row.note, "known from one place" if alone[index] else ""))),
+            bootstrap=None if repeated is None else (float(repeated.lower[index]), float(repeated.upper[index])),
+            realization_relative_std=None if realized is None else float(realized[index]),
+        )
+        for index, row in enumerate(rows)
+    )
+
+
+def _costs(campaign: str, indices: Sequence[int], cost: FloatArray, expected: FloatArray) -> tuple[CostRow, ...]:
+    return tuple(
+        CostRow(campaign, index, value, wanted if wanted > 0 else None, value - wanted if wanted > 0 else None)
+        for index, value, wanted in zip(indices, cost.tolist(), expected.tolist(), strict=True)
+    )

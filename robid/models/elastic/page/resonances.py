@@ -1,0 +1,197 @@
+"""Resonances of an elastic fit: as text, as a section, in the terminal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from statistics import median
+
+import numpy as np
+from rich.console import Group
+from rich.text import Text
+
+from robid.frf.frf import Frf
+from robid.models.elastic.judge.resonances import SAME_CONFIGURATION
+from robid.models.elastic.page.content import FitContent, ResonanceRow
+from robid.models.elastic.page.repeats import interval_text, repeat_sentence, repeat_tables
+from robid.report.bode import configuration_label
+from robid.report.content import KeyNumber
+from robid.report.numbers import MISSING, number_of, percent, significant
+from robid.report.parameter_section import within
+from robid.report.section import Row, Section, Table
+from robid.report.terminal import open_table, with_notes
+
+_CAPTION = (
+    "A peak or dip is where the magnitude is largest or smallest: of the measurement, by a local model between its"
+    " lines, and of the model, read in the same way, so that both compare and what neighbouring modes add cancels."
+    " A pole or zero is that of the local model, none where modes crowd, beside the fitted model's own, with the"
+    " interval that its parameters leave, and its damping ratio. Neighbouring bumps that do not stand out of what the"
+    " lines scatter are one resonance. "
+)
+_ALONE = (
+    "There is one realization: the intervals of what was measured hold its noise and what its lines scatter, but not"
+    " what another measurement of the same robot would find. Friction and temperature may move a resonance by more:"
+    " record several realizations, or measure a configuration more than once."
+)
+
+
+@dataclass(frozen=True)
+class ResonanceLine:
+    """A resonance as text."""
+
+    configuration: int
+    number: str
+    channel: str
+    kind: str
+    measured: str
+    interval: str
+    model: str
+    error: str
+    within: bool | None
+    pole: str
+    pole_interval: str
+    mode: str
+    mode_interval: str
+    damping: str
+
+
+def resonance_errors(rows: tuple[ResonanceRow, ...]) -> list[tuple[float, ResonanceRow]]:
+    """Relative distance of model from measurement, for the rows that have both."""
+    return [
+        (row.model_hz / row.measured_hz - 1, row)
+        for row in rows
+        if row.measured_hz is not None and row.model_hz is not None and row.measured_hz > 0
+    ]
+
+
+def resonance_line(row: ResonanceRow) -> ResonanceLine:
+    """Writes a resonance with what it can be judged by."""
+    errors = resonance_errors((row,))
+    low_high, own = row.interval_hz, row.mode_interval_hz
+    return ResonanceLine(
+        configuration=row.configuration,
+        number=number_of(row.configuration),
+        channel=row.channel,
+        kind=row.kind,
+        measured=significant(row.measured_hz, 4) if row.measured_hz is not None else "not seen",
+        interval=interval_text(low_high),
+        model=significant(row.model_hz, 4) if row.model_hz is not None else "none",
+        error=percent(errors[0][0], signed=True) if errors else MISSING,
+        within=low_high[0] <= row.model_hz <= low_high[1] if low_high and row.model_hz is not None else None,
+        pole=significant(row.pole_hz, 4),
+        pole_interval=interval_text(row.pole_interval_hz),
+        mode=significant(row.mode_hz, 4),
+        mode_interval=interval_text(own),
+        damping=percent(row.damping),
+    )
+
+
+def resonance_sentence(rows: tuple[ResonanceRow, ...]) -> str:
+    """Says how far the model's resonances are from the measured ones."""
+    errors = resonance_errors(rows)
+    if not errors:
+        return ""
+    worst, row = max(errors, key=lambda item: abs(item[0]))
+    middle = median(abs(error) for error, _ in errors)
+    return (
+        f"{len(errors)} pairs of peaks and dips; the model is off by {percent(middle)} in the median and by "
+        f"{percent(abs(worst))} at worst, the {row.kind} of {row.channel} at {significant(row.measured_hz, 4)} Hz in "
+        f"configuration {number_of(row.configuration)}."
+    )
+
+
+def resonance_number(rows: tuple[ResonanceRow, ...]) -> tuple[KeyNumber, ...]:
+    """Says how far the model's resonances are off, in two numbers."""
+    errors = [abs(error) for error, _ in resonance_errors(rows)]
+    if not errors:
+        return ()
+    return (KeyNumber("Resonances off", percent(median(errors)), f"median; worst {percent(max(errors))}"),)
+
+
+def resonance_section(rows: tuple[ResonanceRow, ...], frf: Frf, level: float) -> tuple[Section, ...]:
+    """Lays out the resonances by configuration; nothing without any.
+
+    Args:
+        rows: The resonances.
+        frf: The response that they are of.
+        level: Level of their intervals.
+    """
+    if not rows:
+        return ()
+    interval = f"{percent(level)} interval"
+    peaks = ("Peak or dip [Hz]", interval, "Model's [Hz]", "Off", "In interval")
+    poles = ("Pole or zero [Hz]", interval, "Model's [Hz]", interval, "Damping")
+    table = Table(
+        ("Conf.", "Channel", "Kind", *peaks, *poles),
+        tuple(_row(row, frf) for row in rows),
+        caption=_CAPTION + interval_sentence(frf, repeat_sentence(rows)),
+        styles=(
+            "text", "name", "text", "strong", "number", "number", "number", "text",
+            "strong", "number", "number", "number", "number",
+        ),
+        choice="Configuration",
+        fit="tall",
+    )  # fmt: skip
+    parts = table, *repeat_tables(rows, level)
+    return (Section("Resonances", resonance_sentence(rows), parts, "resonances"),)
+
+
+def interval_sentence(frf: Frf, repeated: str = "") -> str:
+    """Says what the intervals of measured resonances hold.
+
+    Args:
+        frf: The response.
+        repeated: What campaigns scatter that measured the same configuration, if several did.
+    """
+    told = []
+    if frf.realization_error is not None:
+        told.append(f"what leaving out each of {frf.realization_error.shape[1]} realizations changes")
+    places = frf.configurations
+    listed = any(
+        np.abs(places[first] - places[second]).max(initial=0.0) <= SAME_CONFIGURATION
+        for first in range(len(places))
+        for second in range(first)
+    )
+    if repeated or listed:
+        told.append(repeated or "what measurements of the same configuration scatter")
+    if not told:
+        return _ALONE if frf.total_covariance is None else "The intervals hold what the realizations scatter."
+    return f"The intervals of what was measured hold the response's covariance and {' and '.join(told)}."
+
+
+def _row(row: ResonanceRow, frf: Frf) -> Row:
+    line = resonance_line(row)
+    cells = (
+        line.number,
+        line.channel,
+        f"{'▲' if line.kind == 'resonance' else '▽'} {line.kind}",
+        line.measured,
+        line.interval,
+        line.model,
+        line.error,
+        within(line.within),
+        line.pole,
+        line.pole_interval,
+        line.mode,
+        line.mode_interval,
+        line.damping,
+    )
+    return Row(cells, choice=configuration_label(frf, row.configuration))
+
+
+def resonance_table(fit: FitContent) -> Group:
+    """Lays out measured peaks and dips beside the fitted model's, then its poles and zeros with their intervals."""
+    rows = fit.resonances
+    interval = f"{100 * fit.estimates.level:g} % interval"
+    table = open_table("resonances [Hz]")
+    for header in ("measured peak", interval, "model's peak", "its pole or zero", interval):
+        table.add_column(header, justify="right", no_wrap=True)
+    found = [row for row in rows if row.mode_hz is not None]
+    for row in found:
+        line = resonance_line(row)
+        place = f", configuration {line.number}" if len(fit.frf.configurations) > 1 else ""
+        name = Text(f"  {line.channel} {line.kind}{place}")
+        table.add_row(name, line.measured, line.interval, line.model, Text(line.mode, style="bold"), line.mode_interval)
+    alone = len(rows) - len(found)
+    notes = [f"{alone} more that the model does not have are in the report"] if alone else []
+    scattered = repeat_sentence(rows)
+    return with_notes(table, [*notes, *([f"measured intervals hold {scattered}"] if scattered else [])])

@@ -1,0 +1,189 @@
+"""The empirical response: spectra of outputs over those of commands, with a confidence radius, where excited."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import f as f_distribution
+
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.models.external.fit.data import Shot
+
+_PER_DECADE = 60
+_ORDER = 2  # of the local polynomials
+_FREEDOM = 10  # rows beyond the coefficients of a window
+_DENSE = 0.5
+_RANK = 1e-9
+_ROUNDING = 1e-9
+_LARGEST = 0.1  # of a command's largest component
+
+
+@dataclass(frozen=True)
+class Etfe:
+    """Empirical response of every output to every command.
+
+    Attributes:
+        frequency_hz (n_freq,): Frequencies [Hz].
+        response (n_freq, n_out, n_in): Output over command; NaN where a command was not excited.
+        radius (n_freq, n_out, n_in): Radius around it that holds the true response at the level of confidence.
+    """
+
+    frequency_hz: FloatArray
+    response: ComplexArray
+    radius: FloatArray
+
+
+@dataclass(frozen=True)
+class _Group:
+    """DFT amplitudes of shots that are read together."""
+
+    inputs: ComplexArray  # (n_shot, n_line, n_in)
+    outputs: ComplexArray  # (n_shot, n_line, n_out)
+    spacing_hz: float
+    settled: bool  # whether shots are periods, without a transient
+    lines: IntArray  # those that are used
+    moved: IntArray  # indices of the commands that move
+
+    @property
+    def n_column(self) -> int:
+        return (_ORDER + 1) * (len(self.moved) + (0 if self.settled else len(self.inputs)))
+
+
+def estimate_etfe(shots: Sequence[Shot], floor: FloatArray, confidence: float) -> Etfe:
+    """Estimates the empirical response over the band that was excited.
+
+    Around each frequency the ratio of the spectra is a polynomial of second order; what a state at the beginning of a
+    single shot adds is another one. What both leave is the noise. Shots are merged by the inverse of their variance.
+
+    Args:
+        shots: What was recorded.
+        floor (n_in,): Amplitude of a component from which on it counts as excited, in the commands' units.
+        confidence: Level of the radius.
+
+    Source:
+        Oliveira et al. (2019), sec. 3.3, with local polynomials after Pintelon and Schoukens (2012), ch. 7.
+    """
+    groups = [_group(group, floor) for group in together(shots, floor)]
+    grid = _grid(groups)
+    n_out, n_in = shots[0].outputs.shape[1], shots[0].inputs.shape[1]
+    weighted, weight = np.zeros((grid.size, n_out, n_in), complex), np.zeros((grid.size, n_out, n_in))
+    freedom = np.zeros_like(weight)
+    for group in groups:
+        for index in np.flatnonzero(_within(grid, group)):
+            local = _local(group, grid[index] / group.spacing_hz)
+            if local is not None:
+                response, variance, left = local
+                weighted[index][:, group.moved] += response / variance
+                weight[index][:, group.moved] += 1 / variance
+                freedom[index][:, group.moved] += left
+    known = weight > 0
+    response = np.divide(weighted, weight, out=np.full_like(weighted, np.nan), where=known)
+    quantile = f_distribution.ppf(confidence, 2, 2 * np.maximum(freedom, 1))
+    radius = np.sqrt(np.divide(quantile, weight, out=np.full_like(weight, np.nan), where=known))
+    return Etfe(grid, response, radius)
+
+
+def floors(shots: Sequence[Shot], resolution: FloatArray) -> FloatArray:
+    """Returns the amplitude (n_in,) of a component from which on it counts as excited.
+
+    It is the robot's resolution, but no more than a tenth of the command's largest component.
+
+    Args:
+        shots: What was recorded.
+        resolution (n_in,): Resolution of each command; infinite where there is none.
+    """
+    largest = np.max([np.abs(_amplitudes(shot.inputs)).max(axis=0) for shot in shots], axis=0)
+    return np.asarray(np.minimum(resolution, _LARGEST * largest))
+
+
+def moved_inputs(shot: Shot, floor: FloatArray) -> BoolArray:
+    """Tells which commands (n_in,) move in a shot by more than a floor (n_in,)."""
+    return np.asarray(np.ptp(shot.inputs, axis=0) > floor)
+
+
+def together(shots: Sequence[Shot], floor: FloatArray) -> list[list[Shot]]:
+    """Groups shots that only together tell commands apart: those of one place with several moving commands."""
+    groups: dict[tuple[object, ...], list[Shot]] = {}
+    for index, shot in enumerate(shots):
+        alone = moved_inputs(shot, floor).sum() <= 1
+        key = (index,) if alone else (shot.place, len(shot.inputs), shot.start)
+        groups.setdefault(key, []).append(shot)
+    return list(groups.values())
+
+
+def _group(shots: Sequence[Shot], floor: FloatArray) -> _Group:
+    inputs, outputs = (
+        np.array([_amplitudes(values) for values in each])
+        for each in zip(*((s.inputs, s.outputs) for s in shots), strict=True)
+    )
+    above = (np.abs(inputs) > floor).any(axis=(0, 2))
+    above[0] = False
+    lines, settled = np.flatnonzero(above), shots[0].start == "periodic"
+    # Between the lines of a single shot there is signal too.
+    if lines.size and (not settled or lines.size > _DENSE * (lines[-1] - lines[0] + 1)):
+        lines = np.arange(lines[0], lines[-1] + 1)
+    moved = np.flatnonzero(np.any([moved_inputs(shot, floor) for shot in shots], axis=0))
+    spacing_hz = 1 / (len(shots[0].inputs) * shots[0].sampling_period_s)
+    return _Group(inputs, outputs, spacing_hz, settled, lines, moved)
+
+
+def _amplitudes(values: FloatArray) -> ComplexArray:
+    return np.asarray(2 / len(values) * np.fft.rfft(values - values.mean(axis=0), axis=0))
+
+
+def _grid(groups: Sequence[_Group]) -> FloatArray:
+    """Frequencies (n_freq,) of all bands: lines where these are sparse, evenly on a logarithmic axis else [Hz]."""
+    every = [group.spacing_hz * group.lines for group in groups if group.lines.size]
+    if not every:
+        return np.zeros(0)
+    frequency = np.unique(np.concatenate(every))
+    place = np.floor(np.log10(frequency / frequency[0]) * _PER_DECADE + _ROUNDING)
+    return np.asarray(frequency[np.unique(place, return_index=True)[1]])
+
+
+def _within(grid: FloatArray, group: _Group) -> BoolArray:
+    if not group.lines.size:
+        return np.zeros(grid.size, bool)
+    low, high = (group.lines[[0, -1]] + [-0.5, 0.5]) * group.spacing_hz
+    return np.asarray((grid >= low) & (grid <= high))
+
+
+def _local(group: _Group, centre: float) -> tuple[ComplexArray, FloatArray, int] | None:
+    """Fits the local polynomials around one place among the lines.
+
+    Returns:
+        Response (n_out, n_moved), its variance (n_out, n_moved), and the degrees of freedom of that; None where there
+        are too few lines, or commands cannot be told apart.
+    """
+    width = int(np.ceil((group.n_column + _FREEDOM) / len(group.inputs)))
+    if width > group.lines.size:
+        return None
+    first = min(max(int(np.searchsorted(group.lines, centre)) - width // 2, 0), group.lines.size - width)
+    window = group.lines[first : first + width]
+    offset = (window - centre) / np.abs(window - centre).max()
+    regressor = _regressor(group, window, offset[:, None] ** np.arange(_ORDER + 1))
+    measured = group.outputs[:, window].reshape(-1, group.outputs.shape[2])
+    scale = np.linalg.norm(regressor, axis=0)
+    if not scale.all():
+        return None
+    left, values, right = np.linalg.svd(regressor / scale, full_matrices=False)
+    if values[-1] < _RANK * values[0]:
+        return None
+    inverse = (right.conj().T / values) @ left.conj().T / scale[:, None]
+    freedom = len(measured) - regressor.shape[1]
+    found = inverse @ measured
+    noise = (np.abs(measured - regressor @ found) ** 2).sum(axis=0) / freedom
+    constant = np.arange(len(group.moved)) * (_ORDER + 1)
+    gain = (np.abs(inverse[constant]) ** 2).sum(axis=1)
+    return found[constant].T, np.maximum(noise[:, None] * gain, np.finfo(float).tiny), freedom
+
+
+def _regressor(group: _Group, window: IntArray, powers: FloatArray) -> ComplexArray:
+    """Columns of the commands' polynomials, then those of each shot's transient; rows shot by shot."""
+    told = group.inputs[:, window][:, :, group.moved, None] * powers[:, None, :]
+    columns = told.reshape(-1, told.shape[2] * told.shape[3])
+    if group.settled:
+        return np.asarray(columns)
+    return np.asarray(np.hstack([columns, np.kron(np.eye(len(group.inputs)), powers)]))

@@ -1,0 +1,175 @@
+"""What a page draws of transfer functions: frequency responses, step responses, root loci."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.models.external.fit.roots import Root, poles_of, zeros_of
+from robid.models.external.fit.solution import Responses, RootLoci, StepResponses
+from robid.models.external.fit.transfer import TransferMatrix
+from robid.models.external.fit.uncertainty import response_deviation
+
+_TIMES, _GAINS, _FREQUENCIES = 400, 160, 200
+_RISE = (0.1, 0.9)
+_TURNS = 25.0
+_RINGS_FOR = 12.0  # time constants until the end
+_SETTLED = 0.02
+_TIME_CONSTANTS = 7.0
+_MARGIN = 1.25
+_NUDGE = 1e-6
+_BELOW = 0.3  # of the lowest excited frequency
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A block's model with the uncertainty of its coefficients.
+
+    Attributes:
+        model: Its transfer functions.
+        root (n_coefficient, n_root): A root of the covariance of its numerators, channel by channel, then of its
+            denominator without the first.
+    """
+
+    model: TransferMatrix
+    root: FloatArray
+
+    @property
+    def coefficients(self) -> FloatArray:
+        """The coefficients (n_coefficient,) that are uncertain."""
+        return np.concatenate([self.model.numerator.ravel(), self.model.denominator[1:]])
+
+    def deviation(self, slopes: FloatArray) -> FloatArray:
+        """Standard deviation (...) of what has these slopes (n_coefficient, ...) by the coefficients."""
+        return np.asarray(np.sqrt((np.tensordot(self.root, slopes, (0, 0)) ** 2).sum(axis=0)))
+
+    def nudged(self) -> list[tuple[TransferMatrix, float]]:
+        """The model with each coefficient changed a little, and by how much."""
+        found = []
+        size = self.model.numerator.size
+        for index, value in enumerate(self.coefficients):
+            step = _NUDGE * (abs(value) or 1.0)
+            changed = self.coefficients
+            changed[index] += step
+            numerator = changed[:size].reshape(self.model.numerator.shape)
+            denominator = np.concatenate([[1.0], changed[size:]])
+            found.append((replace(self.model, numerator=numerator, denominator=denominator), step))
+        return found
+
+
+def frequency_responses(fitted: Sequence[Fitted], lowest_hz: float) -> Responses:
+    """Computes the responses from below the excited band up to half the sampling rate."""
+    nyquist_hz = 0.5 / fitted[0].model.sampling_period_s
+    frequency_hz = np.geomspace(min(_BELOW * lowest_hz, 0.1 * nyquist_hz), nyquist_hz, _FREQUENCIES)
+    omega = 2 * np.pi * frequency_hz
+    columns, sampled, deviations = [], [], []
+    for one in fitted:
+        columns.append(_flat(one.model.response(omega)))
+        sampled.append(_flat(one.model.sampled_response(omega)))
+        found = response_deviation(one.model, one.root, omega)
+        deviations.append([each.reshape(len(omega), -1) for each in (found.magnitude, found.phase_rad)])
+    magnitude, phase = (np.hstack([each[index] for each in deviations]) for index in (0, 1))
+    return Responses(frequency_hz, np.hstack(columns), np.hstack(sampled), magnitude, phase)
+
+
+def step_responses(fitted: Sequence[Fitted]) -> StepResponses:
+    """Computes the responses to a unit step, with their deviations, until they have settled."""
+    times, values, deviations, finals = [], [], [], []
+    for one in fitted:
+        n_out, n_in = one.model.numerator.shape[:2]
+        finals += one.model.static_gain.ravel().tolist()
+        for place in range(n_out * n_in):
+            time = _times(one.model, place)
+            value = _step(one.model, time, place)
+            slopes = np.array([(_step(other, time, place) - value) / step for other, step in one.nudged()])
+            times.append(time)
+            values.append(value)
+            deviations.append(one.deviation(slopes))
+    time_s, value, std = (np.stack(each, axis=1) for each in (times, values, deviations))
+    figures = np.array([_figures(*each) for each in zip(times, values, finals, strict=True)]).T
+    return StepResponses(time_s, value, std, *figures)
+
+
+def root_loci(fitted: Sequence[Fitted]) -> RootLoci:
+    """Computes the closed-loop poles of each channel over a proportional gain."""
+    n_pole = max(len(one.model.denominator) for one in fitted) - 1
+    n_zero = max(one.model.numerator.shape[2] for one in fitted) - 1
+    gain = np.concatenate([[0.0], np.geomspace(1e-2, 1e2, _GAINS - 1)])
+    paths, zeros, poles = [], [], []
+    for one in fitted:
+        own = _places(poles_of(one.model, one.root), n_pole)
+        for place in np.ndindex(one.model.numerator.shape[:2]):
+            numerator = one.model.numerator[place]
+            each = gain / _size(numerator, one.model.denominator)
+            paths.append([_padded(np.roots(np.polyadd(one.model.denominator, k * numerator)), n_pole) for k in each])
+            zeros.append(_places(zeros_of(one.model, one.root, *place), n_zero))
+            poles.append(own)
+    (zero, zero_std), (pole, pole_std) = (np.swapaxes(np.array(each), 0, 1) for each in (zeros, poles))
+    return RootLoci(gain, np.swapaxes(np.array(paths), 0, 1), zero, pole, zero_std, pole_std)
+
+
+def _places(found: Sequence[Root], count: int) -> tuple[ComplexArray, ComplexArray]:
+    """Places (count,) of roots, pairs whole, and deviations (count,) of their real and imaginary parts."""
+    places, deviations = [], []
+    for each in found:
+        both = [each.place] if each.place.imag == 0 else [each.place, np.conj(each.place)]
+        places += both
+        deviations += len(both) * [complex(np.linalg.norm(each.moves.real), np.linalg.norm(each.moves.imag))]
+    return _padded(np.array(places, complex), count), _padded(np.array(deviations, complex), count)
+
+
+def _size(numerator: FloatArray, denominator: FloatArray) -> float:
+    """Static gain; of a channel that has none, or an endless one, the gain amid its poles."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        static = float(numerator[-1] / denominator[-1])
+    if np.isfinite(static) and abs(static) > _NUDGE * np.abs(numerator).max():
+        return static
+    s = 1j * np.abs(np.roots(denominator)).max()
+    return float(abs(np.polyval(numerator, s) / np.polyval(denominator, s))) or 1.0
+
+
+def _padded(roots: ComplexArray | FloatArray, count: int) -> ComplexArray:
+    return np.concatenate([np.asarray(roots, complex), np.full(count - len(roots), np.nan, complex)])
+
+
+def _flat(values: ComplexArray) -> ComplexArray:
+    """Channels of (n, n_out, n_in) one after the other."""
+    return values.reshape(len(values), -1)
+
+
+def _step(model: TransferMatrix, time: FloatArray, place: int) -> FloatArray:
+    """Step response (n_time,) of one channel."""
+    return np.asarray(model.step(time).reshape(len(time), -1)[:, place])
+
+
+def _times(model: TransferMatrix, place: int) -> FloatArray:
+    """Times (n_time,) [s] until a channel has settled; of one that rings for long, its first turns."""
+    delay_s = model.delay_samples * model.sampling_period_s
+    rates = np.abs(model.poles.real)
+    fastest = np.abs(model.poles).max()
+    slowest = rates[rates > _NUDGE * fastest].min(initial=fastest)
+    long = np.linspace(0, delay_s + _TIME_CONSTANTS / slowest, 10 * _TIMES)
+    value = _step(model, long, place)
+    away = np.flatnonzero(np.abs(value - value[-1]) > _SETTLED * np.abs(value).max())
+    end = long[min(away[-1] + 1, len(long) - 1)] if away.size else long[-1]
+    turning = np.abs(model.poles.imag)
+    ringing = turning[(turning > rates) & (rates * end < _RINGS_FOR)]
+    if ringing.size:
+        end = min(end, delay_s + 2 * np.pi * _TURNS / ringing.max())
+    return np.linspace(0, _MARGIN * end, _TIMES)
+
+
+def _figures(time: FloatArray, value: FloatArray, final: float) -> tuple[float, float, float]:
+    """Undershoot, overshoot and rise time of a step response with a final value."""
+    if not final or not np.isfinite(final):
+        return 0.0, 0.0, np.nan
+    share = value / final
+    reached = [np.flatnonzero(share >= level) for level in _RISE]
+    if not all(each.size for each in reached):
+        return max(-share.min(), 0.0), 0.0, np.nan
+    first, last = (int(each[0]) for each in reached)
+    under = max(-share[: first + 1].min(), 0.0)
+    return under, max(share.max() - 1, 0.0), float(time[last] - time[first])

@@ -1,0 +1,164 @@
+"""What a block's fit is about: structure, shots, noise and likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.models.external.fit.hold import Hold
+from robid.models.external.fit.linear import Numerators, Point, solve
+from robid.models.external.fit.reduction import Experiment, build_basis, prepare, reduce_shots
+from robid.models.external.fit.sufficiency import check_block
+
+if TYPE_CHECKING:
+    from robid.models.external.fit.data import Shot
+
+_FASTEST = 20.0  # per sample: of what a pole beyond answers nothing is left after one
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What is fitted.
+
+    Attributes:
+        poles: Number of poles.
+        zeros: Number of zeros, below that of poles.
+        delay_samples: Transport delay in samples.
+        moving_average: Samples over which commands are averaged.
+        hold: What commands do between samples.
+        static_gain_one: Whether static gains are 1 by assumption.
+        stable: Whether poles are kept in the left half plane.
+    """
+
+    poles: int
+    zeros: int
+    delay_samples: int = 0
+    moving_average: int = 1
+    hold: Hold = "zoh"
+    static_gain_one: bool = False
+    stable: bool = True
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A block's data and structure, in time and frequency over those of a reference frequency.
+
+    Attributes:
+        experiments: The experiments.
+        structure: What is fitted.
+        n_in: Inputs.
+        scale: Reference frequency [rad/s].
+        sampling_period_s: Sampling period [s].
+    """
+
+    experiments: tuple[Experiment, ...]
+    structure: Structure
+    n_in: int
+    scale: float
+    sampling_period_s: float
+
+    @property
+    def period(self) -> float:
+        """Sampling period times the reference frequency."""
+        return self.scale * self.sampling_period_s
+
+    @property
+    def limit(self) -> float:
+        """Largest magnitude of a pole over the reference frequency."""
+        return _FASTEST / self.period
+
+    @property
+    def sought(self) -> Numerators:
+        """The numerators sought."""
+        return Numerators(self.structure.zeros, self.structure.static_gain_one)
+
+    @property
+    def n_sample(self) -> int:
+        """Samples of all outputs."""
+        return sum(each.outputs.size for each in self.experiments)
+
+    def evaluate(self, denominator: FloatArray, noise: FloatArray, *, slopes: bool = True) -> Point | None:
+        """Returns the best numerators at a denominator (n_pole + 1,); None where it cannot be simulated."""
+        basis = build_basis(denominator)
+        cascade = basis.double if slopes else basis.single
+        with np.errstate(over="ignore", invalid="ignore"):
+            reduced = reduce_shots(self.experiments, cascade, self.period, self.structure.hold)
+        if not all(np.isfinite(each.triangle).all() for each in reduced):
+            return None
+        return solve(reduced, basis, self.sought, self.n_in, noise, slopes=slopes)
+
+
+def pose(shots: Sequence[Shot], inputs: Sequence[int], outputs: Sequence[int], structure: Structure) -> Problem:
+    """Prepares the data of a block.
+
+    Raises:
+        ValueError: If the structure is none.
+        DataError: If the shots cannot tell it.
+    """
+    check_block(shots, inputs, outputs, structure)
+    experiments = prepare(shots, inputs, outputs, structure.delay_samples, structure.moving_average)
+    period = shots[0].sampling_period_s
+    return Problem(experiments, structure, len(inputs), _own_frequency(experiments) / period, period)
+
+
+def _own_frequency(experiments: Sequence[Experiment]) -> float:
+    """Root-mean-square frequency of the outputs in radians per sample."""
+    shares = [
+        np.sum(np.diff(each.outputs, axis=1) ** 2) / max(np.sum(each.outputs**2), np.finfo(float).tiny)
+        for each in experiments
+    ]
+    return float(np.clip(np.sqrt(np.mean(shares)), 1e-6, 1.0))
+
+
+def first_noise(experiments: Sequence[Experiment]) -> FloatArray:
+    """Noise (n_shot, n_out) to start with: that of the repeats, or a hundredth of the output where there are none."""
+    return np.array(
+        [np.where(each.noise > 1e-9 * output_size(each), each.noise, 0.01 * output_size(each)) for each in experiments]
+    )
+
+
+def output_size(experiment: Experiment) -> FloatArray:
+    """Root mean square (n_out,) of the outputs of a shot."""
+    size = np.sqrt(np.mean(experiment.outputs**2, axis=1))
+    return np.asarray(np.maximum(size, np.finfo(float).tiny))
+
+
+def residual_noise(experiments: Sequence[Experiment], point: Point, noise: FloatArray) -> FloatArray:
+    """Returns the residual's standard deviation (n_shot, n_out), at least that of the repeats."""
+    squares = squares_of(point, noise)
+    n_sample = np.array([[each.n_sample] for each in experiments])
+    least = np.array([each.noise for each in experiments])
+    return np.asarray(np.maximum(np.sqrt(squares / n_sample), least))
+
+
+def squares_of(point: Point, noise: FloatArray) -> FloatArray:
+    """Returns the sum of squares (n_shot, n_out) of each residual."""
+    squares = np.zeros(noise.shape)
+    for output, left in enumerate(np.split(point.residual, noise.shape[1])):
+        ends = np.cumsum([0, *point.n_rows])
+        for shot, (first, last) in enumerate(pairwise(ends)):
+            squares[shot, output] = np.sum(left[first:last] ** 2) * noise[shot, output] ** 2
+    return squares
+
+
+def count_free(problem: Problem, n_out: int) -> int:
+    """Returns the number of free parameters, free responses included, offsets not."""
+    structure = problem.structure
+    diagonal = min(n_out, problem.n_in) if structure.static_gain_one else 0
+    loose = sum(each.start == "free" for each in problem.experiments) * n_out * structure.poles
+    return n_out * problem.n_in * (structure.zeros + 1) - diagonal + structure.poles + loose
+
+
+def log_likelihood(experiments: Sequence[Experiment], squares: FloatArray) -> float:
+    """Returns the log-likelihood of residuals with sums of squares (n_shot, n_out), each with its own variance."""
+    total = 0.0
+    for each, own in zip(experiments, squares, strict=True):
+        floor = (1e-10 * output_size(each)) ** 2
+        variance = np.maximum(own / each.n_sample, floor)
+        total -= 0.5 * each.n_sample * float(np.sum(np.log(2 * np.pi * variance) + 1))
+    return total

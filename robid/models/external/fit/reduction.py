@@ -1,0 +1,165 @@
+"""Shots made ready for one block, and reduced at given poles to what a least-squares problem needs of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import qr
+
+from robid.arrays import FloatArray
+from robid.models.external.fit.hold import (
+    Cascade,
+    Hold,
+    Start,
+    build_cascade,
+    discretise,
+    find_stages,
+    propagate,
+    release,
+)
+from robid.models.external.fit.transfer import delayed
+
+if TYPE_CHECKING:
+    from robid.models.external.fit.data import Shot
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One shot as a block sees it.
+
+    Attributes:
+        commands (n_moved, n_sample): Commands that move, averaged and delayed.
+        moved: Which inputs of the block these are.
+        outputs (n_out, n_sample): Outputs, free of their mean where an offset is estimated along.
+        start: State at the first sample.
+        offset: Whether a constant of each output is estimated along.
+        noise (n_out,): Least standard deviation that the outputs' noise may have.
+        name: For messages.
+    """
+
+    commands: FloatArray
+    moved: tuple[int, ...]
+    outputs: FloatArray
+    start: Start
+    offset: bool
+    noise: FloatArray
+    name: str
+
+    @property
+    def n_sample(self) -> int:
+        """Number of samples."""
+        return int(self.outputs.shape[1])
+
+
+_ROUNDING = 1e-10  # of an output's deviation: noise that double precision leaves
+
+
+def prepare(
+    shots: Sequence[Shot], inputs: Sequence[int], outputs: Sequence[int], delay_samples: int, moving_average: int
+) -> tuple[Experiment, ...]:
+    """Takes a block's signals from shots, with commands averaged and delayed."""
+    return tuple(_prepare(shot, inputs, outputs, delay_samples, moving_average) for shot in shots)
+
+
+def _prepare(shot: Shot, inputs: Sequence[int], outputs: Sequence[int], delay: int, average: int) -> Experiment:
+    told = delayed(shot.inputs[:, list(inputs)], delay, average, shot.start)
+    moved = tuple(np.flatnonzero(np.any(told != 0, axis=1)).tolist())
+    found = np.ascontiguousarray(shot.outputs[:, list(outputs)].T, dtype=float)
+    size = np.maximum(np.abs(found).max(axis=1), found.std(axis=1))
+    if shot.offset:
+        found = found - found.mean(axis=1, keepdims=True)
+    noise = np.zeros(len(found)) if shot.noise_std is None else np.asarray(shot.noise_std)[list(outputs)]
+    return Experiment(
+        commands=told[list(moved)],
+        moved=moved,
+        outputs=found,
+        start=shot.start,
+        offset=shot.offset,
+        noise=np.maximum(noise, _ROUNDING * size),
+        name=shot.name,
+    )
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """One shot at given poles: its states' and outputs' triangular factor.
+
+    Attributes:
+        moved: Inputs of the block that move.
+        triangle (n_row, n_moved n_state + n_free n_state + n_out): Factor of the states of each input, of those of
+            the free response where the start is free, and of the outputs.
+        n_state: States of each.
+        is_free: Whether there is a free response.
+    """
+
+    moved: tuple[int, ...]
+    triangle: FloatArray
+    n_state: int
+    is_free: bool
+
+    def states(self, index: int) -> FloatArray:
+        """Columns (n_row, n_state) of the states of the moved input of that index; after the last the free response."""
+        return self.triangle[:, index * self.n_state : (index + 1) * self.n_state]
+
+    def output(self, index: int) -> FloatArray:
+        """Column (n_row,) of an output."""
+        return self.triangle[:, (len(self.moved) + self.is_free) * self.n_state + index]
+
+
+def states_of(experiment: Experiment, cascade: Cascade, period: float, hold: Hold) -> FloatArray:
+    """Simulates the states (n_moved [+ 1], n_state, n_sample) of a cascade, the free response last where it is free."""
+    held = discretise(cascade, period, hold)
+    states = propagate(held, period, experiment.commands, experiment.start)
+    if experiment.start == "free":
+        states = np.concatenate([states, release(held, period, experiment.n_sample)[None]])
+    if experiment.offset:
+        states -= states.mean(axis=-1, keepdims=True)
+    return states
+
+
+@dataclass(frozen=True)
+class Basis:
+    """States that span the outputs at given poles, and their derivatives.
+
+    Attributes:
+        denominator (n_pole + 1,): Denominator in powers of s over the reference frequency, highest first.
+        single: Cascade of the poles.
+        double: Cascade of the poles twice, whose first states are those of `single`.
+    """
+
+    denominator: FloatArray
+    single: Cascade
+    double: Cascade
+
+    @property
+    def n_pole(self) -> int:
+        """Number of poles."""
+        return len(self.single.b)
+
+
+def build_basis(denominator: FloatArray) -> Basis:
+    """Builds the cascades of a denominator (n_pole + 1,)."""
+    stages = find_stages(denominator)
+    return Basis(denominator, build_cascade(stages), build_cascade(stages, 2))
+
+
+def reduce_shots(experiments: Sequence[Experiment], cascade: Cascade, period: float, hold: Hold) -> tuple[Reduced, ...]:
+    """Reduces experiments at the poles of a cascade.
+
+    Args:
+        experiments: The experiments.
+        cascade: The cascade.
+        period: Sampling period times the reference frequency.
+        hold: What commands do between samples.
+    """
+    found = []
+    for experiment in experiments:
+        states = states_of(experiment, cascade, period, hold)
+        rows = np.concatenate([states.reshape(-1, experiment.n_sample), experiment.outputs])
+        # In mode `raw` the factor comes without a pass over all samples' zeros.
+        _, triangle = qr(rows.T, mode="raw", overwrite_a=True, check_finite=False)
+        found.append(Reduced(experiment.moved, triangle, states.shape[1], experiment.start == "free"))
+    return tuple(found)

@@ -1,0 +1,208 @@
+"""Validation of transfer functions on shots that their fit never saw."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import norm
+
+from robid.errors import DataError
+from robid.models.external.fit.agreement import Agreement, agreements
+from robid.models.external.fit.data import Shot
+from robid.models.external.fit.solution import ExternalSolution
+from robid.models.external.fit.whiteness import whiteness
+from robid.models.external.judge.grading import grade_external
+from robid.models.external.judge.limits import NRMSE_LIMIT, excess_doubts, expected_std
+from robid.models.external.judge.novelty import novelty_doubts
+from robid.models.external.judge.prediction import (
+    NewShots,
+    PredictedShot,
+    PredictedTraces,
+    new_shots,
+    predict_shots,
+    traces_of,
+)
+from robid.results.doubt import Doubt
+from robid.results.outcome import Outcome
+from robid.results.recovery import recover
+
+_SAME_RATE = 1e-6
+_OUTSIDE = 3.0  # times as many samples outside the bounds as their level says
+_EXPLAINED = 1.2  # of the expected error
+_NOISE = ", which noise explains: move farther, or repeat more often"
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """How an output's error compares with its bounds, in the order of the agreements.
+
+    Attributes:
+        output: Name of the channel, or of the output of a matrix.
+        place: Campaign and configuration.
+        fpe: Akaike's final prediction error, over the output's variance.
+        own_nrmse: NRMSE of the fit on its own shots, in the place where it is worst.
+        parameter_std: Root mean square of the prediction's standard deviation by the parameters.
+        expected_std: Error that noise, parameters and the assumed model error give.
+        inside: Share of the samples inside the bounds of parameters and noise.
+        whiteness_p: Chance of a white error to look as coloured.
+    """
+
+    output: str
+    place: str
+    fpe: float
+    own_nrmse: float
+    parameter_std: float
+    expected_std: float
+    inside: float
+    whiteness_p: float
+
+
+@dataclass(frozen=True)
+class ExternalValidation:
+    """How well transfer functions predict other motions.
+
+    Attributes:
+        outcome: Whether they hold, their grade.
+        agreements: How well each output is predicted.
+        bounds: The same against its bounds.
+        traces: Measured and predicted outputs.
+        confidence: Level of the bounds.
+        untested: Channels that do not move in the new shots.
+    """
+
+    outcome: Outcome
+    agreements: tuple[Agreement, ...]
+    bounds: tuple[Bounds, ...]
+    traces: PredictedTraces
+    confidence: float
+    untested: tuple[str, ...]
+
+
+def validate_external(
+    solution: ExternalSolution, shots: Sequence[Shot], doubts: Sequence[Doubt] = ()
+) -> ExternalValidation:
+    """Validates transfer functions on new shots.
+
+    The limits are absolute: an NRMSE below 0.9 is a failure, an error beyond what noise, parameters and a model error
+    of one per cent of the motion give is a reason for doubt.
+
+    Args:
+        solution: What the fit found.
+        shots: What was recorded anew.
+        doubts: Doubts about the fit.
+
+    Raises:
+        DataError: If the shots are sampled otherwise than those of the fit, or none of its commands moves.
+    """
+    _refuse_other(solution, shots)
+    found = new_shots(solution, shots)
+    if not found:
+        message = "none of the fit's commands moves in the validation"
+        raise DataError(message, where="validation", remedy="validate on a campaign that excites the same channels")
+    traces = [predict_shots(solution, one) for one in found]
+    agreed = tuple(each for pair in zip(found, traces, strict=True) for each in _agreements(*pair))
+    bounds = tuple(each for pair in zip(found, traces, strict=True) for each in _bounds(solution, *pair))
+    tested = {solution.transfers.blocks[one.block] for one in found}
+    untested = tuple(name for name in solution.transfers.blocks if name not in tested)
+    failures = _failures(agreed, bounds)
+    excess = excess_doubts(agreed, [one.expected_std for one in bounds])
+    every = [*doubts, *novelty_doubts(solution, found), *excess, *_outside(bounds, solution), *_untested(untested)]
+    return ExternalValidation(
+        outcome=Outcome(
+            ok=not failures,
+            verdict=_verdict(agreed, bounds, failures),
+            grade=grade_external(solution, every, failures),
+            recovery=recover(solution.estimate, {}),
+        ),
+        agreements=agreed,
+        bounds=bounds,
+        traces=traces_of(solution, found, traces),
+        confidence=solution.estimate.confidence,
+        untested=untested,
+    )
+
+
+def _agreements(one: NewShots, traces: Sequence[PredictedShot]) -> tuple[Agreement, ...]:
+    measured, errors = [each.measured for each in traces], [each.measured - each.predicted for each in traces]
+    found = agreements(one.names, one.shots, one.outputs, measured, errors, one.inputs)
+    pairs = list(zip(one.shots, traces, strict=True))
+
+    def noise_std(place: str, output: str) -> float:
+        there = [each.noise_std for shot, each in pairs if shot.place == place]
+        return float(np.sqrt(np.mean(np.square(there), axis=0))[one.names.index(output)])
+
+    return tuple(replace(each, noise_std=noise_std(each.place, each.output)) for each in found)
+
+
+def _bounds(solution: ExternalSolution, one: NewShots, traces: Sequence[PredictedShot]) -> Iterator[Bounds]:
+    """Yields how the outputs of a block compare with their bounds, place by place."""
+    confidence = solution.estimate.confidence
+    quantile = norm.ppf(0.5 + 0.5 * confidence)
+    for agreed in _agreements(one, traces):
+        index = one.names.index(agreed.output)
+        there = [each for shot, each in zip(one.shots, traces, strict=True) if shot.place == agreed.place]
+        errors = [(each.measured - each.predicted)[:, index] for each in there]
+        error, std = np.concatenate(errors), np.concatenate([each.std[:, index] for each in there])
+        parameter_std = float(np.sqrt(np.mean(np.concatenate([each.parameter_std[:, index] for each in there]) ** 2)))
+        ratio = float(solution.quality.n_parameter[one.block]) / len(error)
+        yield Bounds(
+            output=agreed.output,
+            place=agreed.place,
+            fpe=(1 - agreed.nrmse) ** 2 * (1 + ratio) / max(1 - ratio, 1e-3),
+            own_nrmse=float(solution.quality.nrmse[solution.quality.first_output[one.block] + index]),
+            parameter_std=parameter_std,
+            expected_std=expected_std(agreed, parameter_std),
+            inside=float(np.mean(np.abs(error) <= quantile * std)),
+            whiteness_p=min(whiteness(each, np.zeros(len(each) // 2, bool), 0.0) for each in errors),
+        )
+
+
+def _failures(agreed: Sequence[Agreement], bounds: Sequence[Bounds]) -> tuple[str, ...]:
+    return tuple(
+        f"{one.output} is predicted with an NRMSE of {one.nrmse:.3g} in `{one.place}`, limit {NRMSE_LIMIT:g}"
+        f"{_NOISE if one.error_std < _EXPLAINED * bound.expected_std else ''}"
+        for one, bound in zip(agreed, bounds, strict=True)
+        if one.nrmse < NRMSE_LIMIT
+    )
+
+
+def _outside(bounds: Sequence[Bounds], solution: ExternalSolution) -> tuple[Doubt, ...]:
+    """Doubts intervals where far more samples lie outside the bounds than their level says."""
+    confidence, worst = solution.estimate.confidence, min(bounds, key=lambda one: one.inside)
+    excess = (1 - worst.inside) / (1 - confidence)
+    if excess <= _OUTSIDE:
+        return ()
+    told = (
+        f"{worst.inside:.0%} of the samples of {worst.output} lie inside the {confidence:.0%} bounds ({worst.place}):"
+        " the intervals do not hold what the model lacks"
+    )
+    return (Doubt("model", told, decisive=False, strength=excess / _OUTSIDE),)
+
+
+def _untested(names: Sequence[str]) -> tuple[Doubt, ...]:
+    if not names:
+        return ()
+    told = f"{', '.join(names)} do not move in the validation: nothing was tested of them"
+    return (Doubt("excitation", told, decisive=False, strength=2.0),)
+
+
+def _refuse_other(solution: ExternalSolution, shots: Sequence[Shot]) -> None:
+    period = solution.ports.sampling_period_s
+    other = [shot for shot in shots if abs(shot.sampling_period_s / period - 1) > _SAME_RATE]
+    if other:
+        message = (
+            f"the validation is sampled every {other[0].sampling_period_s:g} s, the fit's record every {period:g} s"
+        )
+        raise DataError(message, where="validation", remedy="validate on a record of the same sampling period")
+
+
+def _verdict(agreed: Sequence[Agreement], bounds: Sequence[Bounds], failures: Sequence[str]) -> str:
+    if failures:
+        return f"does not hold on new motions: {'; '.join(failures)}"
+    worst = min(agreed, key=lambda one: one.nrmse)
+    return (
+        f"holds on new motions: NRMSE {worst.nrmse:.3g} or more ({worst.output}), "
+        f"{min(one.inside for one in bounds):.0%} of the samples or more inside their bounds"
+    )

@@ -1,0 +1,225 @@
+"""Figures of transfer functions, after Figs 5 to 8, 10 and 11 of Oliveira et al. (2019)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+from typing import Literal
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.models.external.fit.excitation import Excitation
+from robid.models.external.fit.solution import ExternalSolution, StepResponses
+from robid.report.section import Curve, Figure, Line
+
+MEASURED, MODEL, GREY, ERROR = 0, 1, 4, 3
+"""Shades of what figures show: what was commanded or measured, what a model says, limits, and differences."""
+_MOST_POINTS = 1500
+_BEYOND = 4.0  # times the highest excited frequency
+_READABLE = {"m": (1e3, "mm"), "rad": (180 / np.pi, "°"), "m/s": (1e3, "mm/s"), "rad/s": (180 / np.pi, "°/s")}
+
+
+def readable_factor(unit: str) -> tuple[float, str]:
+    """Returns the factor to a unit that reads well, and that unit."""
+    return _READABLE.get(unit, (1.0, unit))
+
+
+def quantile(confidence: float) -> float:
+    """Returns how many standard deviations lie on either side at a level of confidence."""
+    return NormalDist().inv_cdf(0.5 + 0.5 * confidence)
+
+
+def excitation_figures(found: Excitation, channel: int, shot: int, units: tuple[str, str]) -> tuple[Figure, Figure]:
+    """Command and output of one shot over time, and their spectra against the resolution.
+
+    Args:
+        found: What was commanded and what came of it.
+        channel: Index of the channel.
+        shot: Index of the shot.
+        units: Units of command and output.
+    """
+    rows = (found.time_channel == channel) & (found.time_shot == shot)
+    lines = (found.line_channel == channel) & (found.line_shot == shot)
+    (to_command, unit), (to_answer, other) = (readable_factor(each) for each in units)
+    title = f"[{unit}]" if unit == other else f"[{unit}; {other}]"
+    time = (
+        curve("command", *_thinned(found.time_s[rows], to_command * found.command[rows]), MEASURED),
+        curve("output", *_thinned(found.time_s[rows], to_answer * found.answer[rows]), MODEL),
+    )
+    spectra = (
+        curve("command", found.frequency_hz[lines], to_command * found.command_amplitude[lines], MEASURED),
+        curve("output", found.frequency_hz[lines], to_answer * found.answer_amplitude[lines], MODEL),
+    )
+    limit = Line("y", to_answer * float(found.answer_resolution[channel]), "resolution")
+    return (
+        Figure(found.shots[shot], "Time [s]", title, time, log_x=False, log_y=False, height=260),
+        Figure("Amplitude of each component", "Frequency [Hz]", title, spectra, lines=(limit,), height=260),
+    )
+
+
+def response_figures(solution: ExternalSolution, channel: int) -> tuple[Figure, Figure]:
+    """Magnitude and phase of one channel's empirical response with its band, and of the model with its own."""
+    etfe, found = solution.etfe, solution.responses
+    place = (slice(None), solution.transfers.outputs[channel], solution.transfers.inputs[channel])
+    measured, radius = etfe.response[place], etfe.radius[place]
+    shown = found.frequency_hz <= _BEYOND * solution.quality.highest_hz[solution.transfers.block_of[channel]]
+    frequency_hz, wide = found.frequency_hz[shown], quantile(solution.estimate.confidence)
+    model = found.sampled[shown, channel]
+    size, off = np.abs(model), wide * found.relative_std[shown, channel]
+    angle, turned = np.degrees(np.unwrap(np.angle(model))), np.degrees(wide * found.phase_std[shown, channel])
+    near = np.interp(etfe.frequency_hz, frequency_hz, angle)
+    phase = near + (np.degrees(np.angle(measured)) - near + 180) % 360 - 180
+    with np.errstate(invalid="ignore", divide="ignore"):
+        half = np.degrees(np.arcsin(np.minimum(radius / np.abs(measured), 1.0)))
+    unit = solution.ports.output_units[place[1]], solution.ports.input_units[place[2]]
+    gain = "Magnitude" if unit[0] == unit[1] else f"Magnitude [{unit[0]} / ({unit[1]})]"
+    heights = (
+        _banded("measured", etfe.frequency_hz, np.abs(measured), radius, MEASURED, points=True),
+        _banded("model", frequency_hz, size, size * np.minimum(off, 1.0), MODEL),
+    )
+    angles = (
+        _banded("measured", etfe.frequency_hz, phase, half, MEASURED, points=True),
+        _banded("model", frequency_hz, angle, turned, MODEL),
+    )
+    kept = _reach(measured, size)
+    return (
+        Figure("Magnitude", "Frequency [Hz]", gain, heights, y_range=kept),
+        Figure("Phase", "Frequency [Hz]", "Phase [°]", angles, log_y=False, y_range=_phase_range(angle, phase)),
+    )
+
+
+def step_figure(found: StepResponses, channel: int, final: float, confidence: float) -> Figure:
+    """One channel's response to a unit step, with its bounds and its final value."""
+    time, value = found.time_s[:, channel], found.value[:, channel]
+    course = replace(_banded("output", time, value, quantile(confidence) * found.std[:, channel], MODEL), dashed=False)
+    lines = (Line("y", 0.0), Line("y", final)) if np.isfinite(final) else (Line("y", 0.0),)
+    return Figure(
+        "Step response", "Time [s]", "Output per step", (course,), log_x=False, log_y=False, height=380, lines=lines
+    )
+
+
+def locus_figure(solution: ExternalSolution, channel: int) -> Figure:
+    """One channel's poles and zeros below half the sampling rate, with their deviations, and its root locus."""
+    found, limit = solution.loci, np.pi / solution.ports.sampling_period_s
+    poles, zeros = found.poles[channel], found.zeros[channel]
+    near = np.concatenate([each[np.abs(each) < limit] for each in (poles, zeros)])
+    reach = 1.3 * float(np.abs(near).max(initial=0.0)) or float(limit)
+    paths = found.roots[:, channel].ravel()
+    paths = paths[np.isfinite(paths) & (np.abs(paths.real) <= reach) & (np.abs(paths.imag) <= reach)]
+    wide = quantile(solution.estimate.confidence)
+    curves = [
+        Curve("closed loop", _tuple(paths.real), _tuple(paths.imag), points=True, symbol="small", shade=4),
+        _roots("poles", poles, MODEL),
+        _roots("zeros", zeros, MEASURED),
+        _bounds("bounds of poles", poles, wide * found.pole_std[channel], reach, MODEL),
+        _bounds("bounds of zeros", zeros, wide * found.zero_std[channel], reach, MEASURED),
+    ]
+    ends = (-reach, reach)
+    return Figure(
+        "Root locus",
+        "Real part [rad/s]",
+        "Imaginary part [rad/s]",
+        tuple(each for each in curves if any(np.isfinite(each.x))),
+        log_x=False,
+        log_y=False,
+        x_range=ends,
+        y_range=ends,
+        equal=True,
+        height=380,
+        lines=(Line("x", 0.0),),
+    )
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Measured and simulated output of one shot.
+
+    Attributes:
+        name: Name of the shot.
+        time_s (n_row,): Time since it began [s].
+        measured (n_row,): Measured output.
+        simulated (n_row,): Simulated one.
+        half (n_row,): Half the width of the region in which measured values are expected; None where it is unknown.
+    """
+
+    name: str
+    time_s: FloatArray
+    measured: FloatArray
+    simulated: FloatArray
+    half: FloatArray | None = None
+
+
+def trace_figures(trace: Trace, unit: str) -> tuple[Figure, Figure]:
+    """Measured and simulated output of one shot, with bounds, and their difference."""
+    to_unit, shown = readable_factor(unit)
+    kept = slice(None, None, max(1, -(-len(trace.time_s) // _MOST_POINTS)))
+    time, measured, simulated = trace.time_s[kept], to_unit * trace.measured[kept], to_unit * trace.simulated[kept]
+    half = np.zeros(0) if trace.half is None else to_unit * trace.half[kept]
+    model = (
+        _banded("simulated", time, simulated, half, MODEL) if half.size else curve("simulated", time, simulated, MODEL)
+    )
+    left = curve("measured less simulated", time, measured - simulated, ERROR)
+    limits = [] if not half.size else [_banded("bounds", time, 0 * half, half, GREY)]
+    return (
+        Figure(
+            trace.name,
+            "Time [s]",
+            f"[{shown}]",
+            (curve("measured", time, measured, MEASURED), model),
+            log_x=False,
+            log_y=False,
+        ),
+        Figure("Difference", "Time [s]", f"[{shown}]", (left, *limits), log_x=False, log_y=False),
+    )
+
+
+def curve(name: str, x: FloatArray, y: FloatArray, shade: int) -> Curve:
+    """Returns a curve of one shade; what models and outputs say is dashed."""
+    return Curve(name, _tuple(x), _tuple(y), shade=shade, dashed=shade == MODEL)
+
+
+def _banded(name: str, x: FloatArray, y: FloatArray, half: FloatArray, shade: int, *, points: bool = False) -> Curve:
+    lower, upper = _tuple(y - half), _tuple(y + half)
+    return Curve(
+        name, _tuple(x), _tuple(y), (), points, "small", lower=lower, upper=upper, shade=shade, dashed=shade == MODEL
+    )
+
+
+def _roots(name: str, roots: ComplexArray, shade: int) -> Curve:
+    texts = tuple(f"{name[:-1]} {root.real:.4g} {root.imag:+.4g}j rad/s" for root in roots)
+    symbol: Literal["cross", "ring"] = "cross" if name == "poles" else "ring"
+    return Curve(name, _tuple(roots.real), _tuple(roots.imag), texts, points=True, symbol=symbol, shade=shade)
+
+
+def _bounds(name: str, roots: ComplexArray, half: ComplexArray, reach: float, shade: int) -> Curve:
+    """Crosses whose arms are as long as the bounds of real and imaginary parts."""
+    x: list[float] = []
+    y: list[float] = []
+    for root, arm in zip(roots, half, strict=True):
+        if np.isfinite(root) and np.isfinite(arm) and abs(root) <= reach:
+            x += [root.real - arm.real, root.real + arm.real, np.nan, root.real, root.real, np.nan]
+            y += [root.imag, root.imag, np.nan, root.imag - arm.imag, root.imag + arm.imag, np.nan]
+    return Curve(name, tuple(x), tuple(y), shade=shade)
+
+
+def _reach(measured: ComplexArray, model: FloatArray) -> tuple[float, float]:
+    """Ends of the magnitudes that are worth showing."""
+    known = np.abs(measured)[np.isfinite(measured)]
+    every = np.concatenate([known, model[model > 1e-3 * model.max()]])
+    return 0.5 * float(every[every > 0].min()), 2.0 * float(every.max())
+
+
+def _phase_range(model: FloatArray, measured: FloatArray) -> tuple[float, float]:
+    known = measured[np.isfinite(measured)]
+    low = min(known.min(initial=0.0), max(model.min(), -720.0))
+    return float(90 * np.floor(low / 90)), float(90 * np.ceil(max(model.max(), known.max(initial=model.max())) / 90))
+
+
+def _thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    step = max(1, -(-x.size // _MOST_POINTS))
+    return x[::step], y[::step]
+
+
+def _tuple(values: FloatArray) -> tuple[float, ...]:
+    return tuple(np.asarray(values, float).tolist())

@@ -1,0 +1,148 @@
+"""Measured against simulated outputs: the fit's own, and those that it never saw, after Figs 7 and 8."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import numpy as np
+
+from robid.arrays import BoolArray, IntArray
+from robid.models.external.fit.agreement import Agreement
+from robid.models.external.fit.solution import ExternalSolution
+from robid.models.external.judge.validating import ExternalValidation
+from robid.models.external.page.charts import Trace, quantile, readable_factor, trace_figures
+from robid.report.numbers import MISSING, percent, significant
+from robid.report.section import Beside, Choice, ColumnStyle, Row, Section, Table
+
+_MOST_SHOTS = 4
+_MANY = 12
+_CAPTION = (
+    "R² and NRMSE are 1 where the model is perfect, 0 where it is no better than a constant. Error and motion: root"
+    " mean square. "
+)
+
+
+def own_section(solution: ExternalSolution) -> Section:
+    """Lays out measured against simulated outputs of the fit's own shots."""
+    found, names = solution.traces, solution.quality.output_names
+
+    def trace(rows: BoolArray, name: str) -> Trace:
+        return Trace(name, found.time_s[rows], found.measured[rows], found.simulated[rows])
+
+    choice = _traces(solution, names, (found.output, found.shot, found.shots), trace)
+    lead = "Measured outputs against simulated ones, in the fit's own shots."
+    return Section("On its own data", lead, (choice,), "traces")
+
+
+def new_section(solution: ExternalSolution, validation: ExternalValidation) -> Section:
+    """Lays out measured against predicted outputs of shots that the fit never saw."""
+    found, wide = validation.traces, quantile(validation.confidence)
+
+    def trace(rows: BoolArray, name: str) -> Trace:
+        return Trace(name, found.time_s[rows], found.measured[rows], found.predicted[rows], wide * found.std[rows])
+
+    choice = _traces(solution, found.names, (found.output, found.shot, found.shots), trace)
+    lead = (
+        f"The model {validation.outcome.verdict}. Bounds hold the uncertainty of the parameters and the noise at"
+        f" {percent(validation.confidence)}."
+    )
+    return Section("On new data", lead, (_new_table(solution, validation), choice), "traces")
+
+
+def own_table(solution: ExternalSolution) -> Table:
+    """Tabulates how well the fit describes its own shots."""
+    quality, blocks = solution.quality, _block_of(solution)
+    rows = []
+    for each in solution.agreements:
+        block = blocks[each.output]
+        scores = significant(float(quality.fpe[block]), 2), percent(float(quality.whiteness_p[block]))
+        cells = (*_scores(each), *scores, *_sizes(solution, each), quality.status[block].replace("_", " "))
+        rows.append(Row((each.output, each.place, *cells)))
+    caption = (
+        f"{_CAPTION}FPE: Akaike's final prediction error over the output's variance. Whiteness: chance that white noise"
+        " looks as coloured as the residual of the worst shot."
+    )
+    heads = ("Output", "Where", "R²", "NRMSE", "FPE", "Whiteness", "Error", "Motion", "Fit")
+    styles: tuple[ColumnStyle, ...] = ("name", "text", *_numbers(6), "text")
+    fit: Literal["wide", "tall"] = "tall" if len(rows) > _MANY else "wide"
+    return Table(heads, tuple(rows), title="How well it fits", caption=caption, styles=styles, fit=fit)
+
+
+def _new_table(solution: ExternalSolution, validation: ExternalValidation) -> Table:
+    rows = []
+    for each, bounds in zip(validation.agreements, validation.bounds, strict=True):
+        expected = _size(solution, each.output, bounds.expected_std)
+        cells = (
+            *_scores(each),
+            f"{bounds.own_nrmse:.4f}",
+            significant(bounds.fpe, 2),
+            *_sizes(solution, each),
+            expected,
+            percent(bounds.inside),
+        )
+        rows.append(Row((each.output, each.place, *cells)))
+    heads = ("Output", "Where", "R²", "NRMSE", "of the fit", "FPE", "Error", "Motion", "Expected error", "In bounds")
+    caption = f"{_CAPTION}Expected error: what noise, parameters and a model error of one per cent of the motion give."
+    return Table(heads, tuple(rows), caption=caption, styles=("name", "text", *_numbers(8)))
+
+
+def _scores(each: Agreement) -> tuple[str, str]:
+    return f"{each.r_squared:.4f}", f"{each.nrmse:.4f}"
+
+
+def _sizes(solution: ExternalSolution, each: Agreement) -> tuple[str, str]:
+    return _size(solution, each.output, each.error_std), _size(solution, each.output, each.motion_std)
+
+
+def _size(solution: ExternalSolution, output: str, value: float) -> str:
+    to_unit, unit = readable_factor(_unit_of(solution)[output])
+    return f"{significant(to_unit * value, 2)} {unit}" if np.isfinite(value) else MISSING
+
+
+def _traces(
+    solution: ExternalSolution,
+    names: Sequence[str],
+    labels: tuple[IntArray, IntArray, tuple[str, ...]],
+    trace: Callable[[BoolArray, str], Trace],
+) -> Choice:
+    """Figures of the first shots of each output.
+
+    Args:
+        solution: What the fit found.
+        names: Names of the outputs.
+        labels: Index of the output and of the shot of each row, and the shots' names.
+        trace: Makes a trace of some rows.
+    """
+    units, (outputs, shots, every) = _unit_of(solution), labels
+    options = []
+    for output, name in enumerate(names):
+        found = np.unique(shots[outputs == output])[:_MOST_SHOTS].tolist()
+        traces = [trace((outputs == output) & (shots == shot), every[shot]) for shot in found]
+        options.append((name, tuple(Beside(trace_figures(each, units[name]), 2) for each in traces)))
+    single = len(solution.transfers.names) == len(solution.quality.output_names)
+    return Choice("Channel" if single else "Output", tuple(options))
+
+
+def _unit_of(solution: ExternalSolution) -> dict[str, str]:
+    """Unit of each output that the quality names: block by block, each output once."""
+    transfers = solution.transfers
+    outputs = [
+        output
+        for block in range(len(transfers.blocks))
+        for output in dict.fromkeys(transfers.outputs[transfers.channels_of(block)].tolist())
+    ]
+    units = (solution.ports.output_units[output] for output in outputs)
+    return dict(zip(solution.quality.output_names, units, strict=True))
+
+
+def _block_of(solution: ExternalSolution) -> dict[str, int]:
+    """Index of the block of each output that the quality names."""
+    first = solution.quality.first_output
+    rows = enumerate(solution.quality.output_names)
+    return {name: int(np.searchsorted(first, row, side="right")) - 1 for row, name in rows}
+
+
+def _numbers(count: int) -> tuple[ColumnStyle, ...]:
+    number: ColumnStyle = "number"
+    return (number,) * count

@@ -1,0 +1,172 @@
+"""Writing transfer functions in each of their formats."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
+
+import robid
+from robid.arrays import FloatArray
+from robid.models.encode import Content, encode_csv, encode_json, encode_mat
+from robid.models.external.files import solution_from_artifact
+from robid.models.external.fit.solution import ExternalSolution
+from robid.models.family import ExportTask
+
+_COLUMNS = ("name", "kind", "unit", "estimate", "lower", "upper", "relative_std", "identifiable")
+_POWERS = ("channel", "input", "output", "polynomial", "power", "value", "std")
+_TIMING = ("delay_samples", "sampling_period_s", "hold", "moving_average_samples")
+
+
+def _origin(task: ExportTask, solution: ExternalSolution) -> dict[str, str]:
+    loaded = task.data.loaded
+    return {
+        "robot": loaded.robot.name,
+        "experiment": loaded.experiment.name,
+        "fit": task.data.name,
+        "fitted_utc": task.model.provenance.finished_utc,
+        "status": solution.estimate.status,
+        "robid_version": robid.__version__,
+    }
+
+
+def _json(task: ExportTask) -> bytes:
+    solution = solution_from_artifact(task.model)
+    ports, found = solution.ports, solution.estimate
+    values = (found.value, found.lower, found.upper, found.relative_std, found.identifiable)
+    rows = zip(found.names, found.kinds, found.units, *(each.tolist() for each in values), strict=True)
+    content: Content = {
+        **_origin(task, solution),
+        "sampling_period_s": ports.sampling_period_s,
+        "hold": ports.hold,
+        "moving_average_samples": solution.transfers.moving_average,
+        "polynomials": "in s [rad/s], highest power first; the delay and the moving average come on top",
+        "blocks": [_block(solution, block) for block in range(len(solution.transfers.blocks))],
+        "confidence": found.confidence,
+        "parameters": [dict(zip(_COLUMNS, row, strict=True)) for row in rows],
+        "undetermined": list(found.undetermined),
+        "decoupled_up_to_hz": solution.coupling.overall_hz,
+    }
+    return encode_json(content)
+
+
+def _block(solution: ExternalSolution, block: int) -> Content:
+    own, model = solution.transfers, solution.transfer(block)
+    root = own.root_of(block)
+    return {
+        "name": own.blocks[block],
+        "delay_samples": model.delay_samples,
+        "delay_s": model.delay_samples * model.sampling_period_s,
+        "denominator": model.denominator.tolist(),
+        "channels": [
+            {
+                "name": own.names[channel],
+                "input": solution.ports.inputs[own.inputs[channel]],
+                "input_unit": solution.ports.input_units[own.inputs[channel]],
+                "output": solution.ports.outputs[own.outputs[channel]],
+                "output_unit": solution.ports.output_units[own.outputs[channel]],
+                "numerator": numerator.tolist(),
+            }
+            for channel, numerator in zip(own.channels_of(block).tolist(), _numerators(solution, block), strict=True)
+        ],
+        "covariance_of": "numerators channel by channel, then the denominator without its first",
+        "covariance": (root @ root.T).tolist(),
+    }
+
+
+def _numerators(solution: ExternalSolution, block: int) -> FloatArray:
+    model = solution.transfer(block)
+    return np.asarray(model.numerator.reshape(-1, model.numerator.shape[2]))
+
+
+def _csv(task: ExportTask) -> bytes:
+    return encode_csv((*_POWERS, *_TIMING), list(_powers(solution_from_artifact(task.model))))
+
+
+def _powers(solution: ExternalSolution) -> Iterator[tuple[object, ...]]:
+    """Yields a row for each coefficient of each channel."""
+    own, ports = solution.transfers, solution.ports
+    for block in range(len(own.blocks)):
+        numerators, denominator = _numerators(solution, block), solution.transfer(block).denominator
+        above, below = _deviations(solution, block)
+        timing = own.delay_samples[block].item(), ports.sampling_period_s, ports.hold, own.moving_average
+        for channel, numerator, own_std in zip(own.channels_of(block).tolist(), numerators, above, strict=True):
+            who = own.names[channel], ports.inputs[own.inputs[channel]], ports.outputs[own.outputs[channel]]
+            for word, values, std in (("numerator", numerator, own_std), ("denominator", denominator, below)):
+                for index, (value, deviation) in enumerate(zip(values.tolist(), std.tolist(), strict=True)):
+                    yield (*who, word, len(values) - 1 - index, value, deviation, *timing)
+
+
+def _deviations(solution: ExternalSolution, block: int) -> tuple[FloatArray, FloatArray]:
+    """Deviations of the numerators (n_channel, n_power) of a block, and of its denominator (n_power,)."""
+    std = np.linalg.norm(solution.transfers.root_of(block), axis=1)
+    numerators = _numerators(solution, block)
+    return std[: numerators.size].reshape(numerators.shape), np.concatenate([[0.0], std[numerators.size :]])
+
+
+def _mat(task: ExportTask) -> bytes:
+    solution = solution_from_artifact(task.model)
+    own, ports, found = solution.transfers, solution.ports, solution.estimate
+    numerator_std, denominator_std = np.zeros_like(own.numerator), np.zeros_like(own.denominator)
+    for block in range(len(own.blocks)):
+        above, below = _deviations(solution, block)
+        numerator_std[own.channels_of(block), -above.shape[1] :] = above
+        denominator_std[block, -len(below) :] = below
+    content: Content = {
+        **_origin(task, solution),
+        "sampling_period_s": ports.sampling_period_s,
+        "hold": ports.hold,
+        "moving_average_samples": own.moving_average,
+        "channels": own.names,
+        "inputs": tuple(ports.inputs[index] for index in own.inputs),
+        "outputs": tuple(ports.outputs[index] for index in own.outputs),
+        "numerator": own.numerator,
+        "denominator": own.denominator[own.block_of],
+        "numerator_std": numerator_std,
+        "denominator_std": denominator_std[own.block_of],
+        "delay_samples": own.delay_samples[own.block_of],
+        "names": found.names,
+        "kinds": found.kinds,
+        "units": found.units,
+        "estimate": found.value,
+        "lower": found.lower,
+        "upper": found.upper,
+        "covariance": found.covariance,
+    }
+    return encode_mat(content)
+
+
+def _control(task: ExportTask) -> bytes:
+    solution = solution_from_artifact(task.model)
+    own, origin = solution.transfers, _origin(task, solution)
+    lines = [
+        f'"""Transfer functions of {origin["robot"]}, experiment {origin["experiment"]}, fit {origin["fit"]}.',
+        "",
+        f"Identified by robid {origin['robid_version']}; how the fit ended: {origin['status']}.",
+        "Needs python-control (`pip install control`). The functions come without delay and moving average.",
+        '"""',
+        "",
+        "import control",
+        "",
+        f"SAMPLING_PERIOD_S = {solution.ports.sampling_period_s!r}",
+        f"MOVING_AVERAGE_SAMPLES = {own.moving_average!r}",
+        "DELAY_S = {",
+        *(
+            f"    {name!r}: {int(own.delay_samples[block]) * solution.ports.sampling_period_s!r},"
+            for name, block in zip(own.names, own.block_of.tolist(), strict=True)
+        ),
+        "}",
+        "TRANSFER_FUNCTIONS = {",
+        *(
+            f"    {own.names[channel]!r}: control.TransferFunction({numerator.tolist()!r}, {denominator!r}),"
+            for block in range(len(own.blocks))
+            for denominator in [solution.transfer(block).denominator.tolist()]
+            for channel, numerator in zip(own.channels_of(block).tolist(), _numerators(solution, block), strict=True)
+        ),
+        "}",
+        "",
+    ]
+    return "\n".join(lines).encode()
+
+
+WRITERS: Mapping[str, Callable[[ExportTask], bytes]] = {"json": _json, "csv": _csv, "mat": _mat, "control": _control}

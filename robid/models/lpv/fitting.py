@@ -1,0 +1,233 @@
+"""The position-dependent family's fit and validation: settings and artifacts in, artifacts out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+
+from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.artifacts.artifact import Artifact
+from robid.artifacts.grade import grade_from_artifact
+from robid.errors import DataError
+from robid.frf.frf import Frf
+from robid.frf.quality import saturated_signals
+from robid.models.family import Data, Work
+from robid.models.lpv.files import model_of, solution_from_artifact, validation_of
+from robid.models.lpv.fit.basis import is_outside
+from robid.models.lpv.fit.blocks import block_names
+from robid.models.lpv.fit.fitting import fit_lpv
+from robid.models.lpv.fit.responses import LocalResponses
+from robid.models.lpv.fit.solution import Ports
+from robid.models.lpv.judge.grading import assess_lpv
+from robid.models.lpv.judge.validating import validate_lpv
+from robid.models.lpv.settings import LpvFit, lpv_fit
+from robid.results.doubt import Doubt
+from robid.results.saturated import saturation_doubts
+from robid.settings.load import LoadedExperiment
+from robid.signals.quantities import Channel
+
+_SAME = 1e-3  # rad, or m
+_STILL = 0.1  # of the range, up to which an output that schedules may move in one position
+
+
+def fit(data: Data, work: Work) -> Artifact:
+    """Fits a model and grades it by itself."""
+    settings = lpv_fit(data.loaded.experiment, data.name)
+    work.progress.expect(1, "fits")
+    frf, held_back = data.response, _held_back(data, settings)
+    if held_back.all():
+        message = "`choose_on` leaves no configuration to fit"
+        raise DataError(message, where=f"fits.{data.name}", remedy="leave it fewer of them")
+    own, choosing = (frf.select(np.flatnonzero(rows).tolist()) for rows in (~held_back, held_back))
+    ports = ports_of(own, data.loaded, settings)
+    fitted, judging = (responses_of(one, data.loaded, settings) for one in (own, choosing))
+    ends = fitted.points.min(axis=0), fitted.points.max(axis=0)
+    _refuse_outside(judging.points, *ends, ports, "leave the ends of the range to the fit, and choose in between")
+    with _named_positions(ports, fitted.points):
+        solution = fit_lpv(
+            fitted,
+            judging,
+            ports,
+            settings.basis,
+            settings.options(),
+            degrees_of_freedom=frf.degrees_of_freedom,
+            confidence=settings.confidence,
+            identifiable_relative_std=settings.identifiable_relative_std,
+        )
+    work.progress.advance()
+    told = [*doubts_of_scheduling(frf, data.loaded, settings), *doubts_of_signals(frf, settings)]
+    return model_of(solution, assess_lpv(solution, told))
+
+
+@contextmanager
+def _named_positions(ports: Ports, points: FloatArray) -> Iterator[None]:
+    """Names the position that an error is about by its scheduling parameters in place of its number."""
+    try:
+        yield
+    except DataError as error:
+        word, _, number = error.where.partition(" ")
+        if word != "position":
+            raise
+        raise DataError(error.what, where=ports.place(points[int(number)]), remedy=error.remedy) from error
+
+
+def _refuse_outside(points: FloatArray, lower: FloatArray, upper: FloatArray, ports: Ports, remedy: str) -> None:
+    """Refuses positions beyond those of the fit, where its functions may do anything."""
+    outside = is_outside(points, lower, upper)
+    if outside.any():
+        told = f"The model holds from {ports.place(lower)} to {ports.place(upper)}"
+        raise DataError(f"{told}, which leaves a position out.", where=ports.place(points[outside][0]), remedy=remedy)
+
+
+def validate(data: Data, model: Artifact) -> Artifact:
+    """Holds a model against responses that it never saw."""
+    settings = lpv_fit(data.loaded.experiment, data.name)
+    frf, solution = data.response, solution_from_artifact(model)
+    ports, responses = ports_of(frf, data.loaded, settings), responses_of(frf, data.loaded, settings)
+    remedy = "validate at positions within the range, or fit positions further out"
+    _refuse_outside(responses.points, solution.basis.lower, solution.basis.upper, ports, remedy)
+    doubts = grade_from_artifact(model).doubts
+    return validation_of(validate_lpv(solution, ports, responses, frf.degrees_of_freedom, doubts))
+
+
+def phrase_of_model(model: Artifact) -> str:
+    """Says how the fit ended, in a phrase, from its artifact."""
+    solution = solution_from_artifact(model)
+    kept = solution.blocks.kept
+    dropped = ", ".join(block_names(~kept)) or "none"
+    return (
+        f"{solution.estimate.status}, {solution.core.n_state} states, {int(kept.sum())} of {kept.size} blocks "
+        f"(dropped: {dropped}), largest pole {solution.largest_pole:.4f}"
+    )
+
+
+def responses_of(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> LocalResponses:
+    """Returns the responses of a fit's channels at the values of its scheduling parameters.
+
+    Raises:
+        DataError: If a channel or a scheduling parameter is not there.
+    """
+    outputs, inputs = _channels(frf, settings)
+    place = np.ix_(np.arange(len(frf.response)), np.arange(len(frf.frequency_hz)), outputs, inputs)
+    response, variance = frf.response[place], frf.element_variance()[place]
+    missing = ~np.isfinite(response) | ~np.isfinite(variance)
+    unknown = not variance.any()
+    return LocalResponses(
+        points=_points(frf, loaded, settings),
+        frequency_hz=frf.frequency_hz,
+        response=np.where(missing, 0, response),
+        variance=None if unknown and not missing.any() else np.where(missing, np.inf, variance),
+        sampling_period_s=frf.sampling_period_s,
+    )
+
+
+def ports_of(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Ports:
+    """Returns channels and scheduling parameters of a fit."""
+    outputs, inputs = _channels(frf, settings)
+    used = [frf.input_channels[index] for index in inputs], [frf.output_channels[index] for index in outputs]
+    units = [_unit(frf, loaded, name) for name in settings.scheduling]
+    return Ports(*_names(used[0]), *_names(used[1]), settings.scheduling, tuple(units), frf.sampling_period_s)
+
+
+def _names(channels: Sequence[Channel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    return tuple(one.name for one in channels), tuple(one.unit for one in channels)
+
+
+def _held_back(data: Data, settings: LpvFit) -> BoolArray:
+    """Which configurations (n_conf,) only choose the structure.
+
+    Raises:
+        DataError: If there is none of them.
+    """
+    if isinstance(settings.choose_on, str):
+        rows = np.array([origin == settings.choose_on for origin in data.origins], bool)
+    else:
+        rows = np.isin(np.array(data.configurations), settings.choose_on)
+    if not rows.any():
+        message = "`choose_on` names no configuration that the fit reads"
+        raise DataError(message, where=f"fits.{data.name}", remedy="name some of them, or a campaign of `from`")
+    return np.asarray(rows)
+
+
+def _channels(frf: Frf, settings: LpvFit) -> tuple[IntArray, IntArray]:
+    """Indices of a fit's outputs and inputs."""
+    found = []
+    for wanted, known, word in (
+        (settings.outputs, frf.output_names, "output"),
+        (settings.inputs, frf.input_names, "input"),
+    ):
+        missing = [name for name in wanted if name not in known]
+        if missing:
+            message = f"the response has no {word} `{missing[0]}` (it has {', '.join(known)})"
+            raise DataError(message, where=f"fits.{word}s", remedy="name channels of the response")
+        found.append(np.array([known.index(name) for name in wanted or known]))
+    return found[0], found[1]
+
+
+def _points(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> FloatArray:
+    """Values (n_conf, n_scheduling) of the scheduling parameters."""
+    columns = []
+    for name in settings.scheduling:
+        joints = _joints(frf, loaded)
+        if name in joints:
+            columns.append(frf.configurations[:, joints.index(name)])
+        elif name in frf.output_names and frf.mean_output is not None:
+            columns.append(frf.mean_output[:, frf.output_names.index(name)])
+        else:
+            message = f"the responses do not say where `{name}` was"
+            remedy = "schedule by a joint whose positions the campaign names, or by an output with its mean"
+            raise DataError(message, where="fits.scheduling", remedy=remedy)
+    return np.column_stack(columns)
+
+
+def _joints(frf: Frf, loaded: LoadedExperiment) -> tuple[str, ...]:
+    """Names of the joints whose positions a response has."""
+    names = tuple(joint.name for joint in loaded.robot.joints)
+    return names if frf.configurations.shape[1:] == (len(names),) else ()
+
+
+def _unit(frf: Frf, loaded: LoadedExperiment, name: str) -> str:
+    joints = _joints(frf, loaded)
+    if name in joints:
+        return "rad" if frf.joint_units is None else frf.joint_units[joints.index(name)]
+    channels = frf.measured_channels or frf.output_channels
+    return channels[frf.output_names.index(name)].unit
+
+
+def doubts_of_scheduling(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Doubt]:
+    """Yields doubts about where the responses were measured."""
+    yield from _moving(frf, loaded, settings)
+    yield from _restless(frf, loaded, settings)
+
+
+def doubts_of_signals(frf: Frf, settings: LpvFit) -> tuple[Doubt, ...]:
+    """Returns doubts about the signals of a fit's own inputs and outputs."""
+    outputs, inputs = (at.tolist() for at in _channels(frf, settings))
+    return saturation_doubts(saturated_signals(frf, inputs, outputs))
+
+
+def _restless(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Doubt]:
+    """Yields a doubt where an output moves about its mean by much of the range that the means span."""
+    if frf.mean_output is None or frf.motion_rms is None:
+        return
+    for name in (one for one in settings.scheduling if one not in _joints(frf, loaded)):
+        column = frf.output_names.index(name)
+        width = max(float(np.ptp(frf.mean_output[:, column])), np.finfo(float).tiny)
+        moved = float(np.nanmax(frf.motion_rms[:, column], initial=0.0))
+        if moved > _STILL * width:
+            told = f"{name} moved by {moved / width:.0%} (rms) of its range while it was measured, limit {_STILL:.0%}"
+            yield Doubt("unsteady", told, decisive=moved > width, strength=moved / (_STILL * width))
+
+
+def _moving(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Doubt]:
+    """Yields a doubt where joints that schedule nothing differ between configurations."""
+    joints = _joints(frf, loaded)
+    spread = np.ptp(frf.configurations, axis=0) if joints else np.zeros(0)
+    moved = [
+        name for name, width in zip(joints, spread, strict=True) if width > _SAME and name not in settings.scheduling
+    ]
+    if moved:
+        told = f"{', '.join(moved)} stood elsewhere in other configurations, of which the model knows nothing"
+        yield Doubt("model", told, decisive=False, strength=1.5)

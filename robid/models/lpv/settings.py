@@ -1,0 +1,148 @@
+"""The position-dependent fit in an experiment file: its settings, what must hold of them, and what decides a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, TypeAlias
+
+import pydantic.dataclasses
+from pydantic import Field
+
+from robid.models.lpv.fit.options import BasisOptions, LpvOptions
+from robid.settings.base import STRICT, Name
+from robid.settings.checks.configurations import configuration_count
+from robid.settings.checks.experiment import input_names, output_names
+from robid.settings.experiment import Experiment
+from robid.settings.fits import FitSettings, fit_of, part
+from robid.settings.load import LoadedExperiment
+from robid.settings.problems import suggest
+from robid.settings.robot import RobotFile
+from robid.settings.yaml import FieldPath
+
+_Found: TypeAlias = Iterator[tuple[FieldPath, str]]
+
+
+@pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=STRICT)
+class LpvFit(FitSettings, LpvOptions):
+    """A fit of one sparse state-space model to responses at several positions."""
+
+    family: Literal["lpv"] = Field(description="Family of the model.")
+    scheduling: tuple[str, ...] = Field(
+        description="What the model depends on: names of joints, or of outputs, whose mean counts.", min_length=1
+    )
+    choose_on: Name | Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = Field(
+        description="What only chooses the structure: one of the campaigns of `from`, or indices, from 0, of the"
+        " configurations that the fit reads. No parameter is fitted to it.",
+    )
+    inputs: tuple[str, ...] = Field(default=(), description="Inputs of the model; all when empty.")
+    outputs: tuple[str, ...] = Field(default=(), description="Outputs of the model; all when empty.")
+    basis: BasisOptions = Field(
+        default_factory=BasisOptions, description="Functions of the scheduling parameters, besides the constant one."
+    )
+    confidence: float = Field(default=0.95, description="Level of the intervals.", gt=0, lt=1)
+    identifiable_relative_std: float = Field(
+        default=0.2,
+        description="Relative standard deviation up to which a natural frequency or damping ratio counts as"
+        " identifiable.",
+        gt=0,
+    )
+
+    def options(self) -> LpvOptions:
+        """Returns the options of the algorithm."""
+        return part(self, LpvOptions)
+
+
+def lpv_fit(experiment: Experiment, name: str) -> LpvFit:
+    """Returns a position-dependent fit of an experiment.
+
+    Raises:
+        TypeError: If it is of another family.
+    """
+    return fit_of(experiment, name, LpvFit)
+
+
+def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
+    """Yields what is wrong with a position-dependent fit."""
+    fit = lpv_fit(experiment, name)
+    yield from _chosen_on(experiment, fit)
+    yield from _functions(experiment, fit)
+    if fit.basis.center and len(fit.basis.center) != len(fit.scheduling):
+        yield ("basis", "center"), f"has {len(fit.basis.center)} values for {len(fit.scheduling)} scheduling parameters"
+    if fit.basis.kind == "splines" and fit.basis.center:
+        yield ("basis", "center"), "is of polynomials; splines have none"
+    if fit.campaign not in experiment.campaigns:
+        return
+    known = output_names(experiment.campaigns[fit.campaign], robot)
+    driven = input_names(experiment.campaigns[fit.campaign], robot)
+    yield from _channels(fit, "input", fit.inputs, driven)
+    yield from _channels(fit, "output", fit.outputs, known)
+    joints = tuple(joint.name for joint in robot.joints)
+    for index, one in enumerate(fit.scheduling):
+        if one not in (*joints, *known):
+            yield ("scheduling", index), f"there is no joint or output `{one}`; {suggest(one, (*joints, *known))}"
+        elif one in fit.scheduling[:index]:
+            yield ("scheduling", index), "is there twice"
+    if min(fit.integrators, default=0) < 0:
+        yield ("integrators",), "has a count below 0"
+    count = len(fit.outputs or known)
+    if fit.integrators and len(fit.integrators) != count:
+        yield ("integrators",), f"has {len(fit.integrators)} counts for {count} outputs"
+
+
+def _channels(fit: LpvFit, word: str, wanted: tuple[str, ...], known: tuple[str, ...]) -> _Found:
+    """Yields channels that are not there, or there twice."""
+    for index, one in enumerate(wanted):
+        if one not in known:
+            yield (f"{word}s", index), f"campaign `{fit.campaign}` has no {word} `{one}`; {suggest(one, known)}"
+        elif one in wanted[:index]:
+            yield (f"{word}s", index), f"`{one}` is there twice"
+
+
+def _chosen_on(experiment: Experiment, fit: LpvFit) -> _Found:
+    """Yields what is wrong with what only chooses the structure."""
+    if isinstance(fit.choose_on, str):
+        if fit.choose_on not in fit.campaigns:
+            yield ("choose_on",), f"names `{fit.choose_on}`, which is none of the campaigns in `from`"
+        elif len(fit.campaigns) == 1:
+            yield ("choose_on",), "names the only campaign in `from`: nothing is left to fit"
+        return
+    count = _count(experiment, fit)
+    for index, one in enumerate(fit.choose_on):
+        if fit.configurations is not None and one not in fit.configurations:
+            yield ("choose_on", index), f"is {one}, which is none of `configurations`"
+        elif count is not None and one >= count:
+            what = f"there is no index {one}: the fit reads {count} configurations, from index 0 to {count - 1}"
+            yield ("choose_on", index), what
+    if count is not None and set(fit.choose_on) >= set(fit.configurations or range(count)):
+        yield ("choose_on",), "leaves no configuration to fit: leave it fewer of them"
+
+
+def _functions(experiment: Experiment, fit: LpvFit) -> _Found:
+    """Yields a basis of more functions than positions are fitted."""
+    count, named = _count(experiment, fit), isinstance(fit.choose_on, str) and fit.choose_on in experiment.campaigns
+    if count is None or (isinstance(fit.choose_on, str) and (not named or fit.configurations is not None)):
+        return
+    if isinstance(fit.choose_on, str):
+        left = count - (configuration_count(experiment, experiment.campaigns[fit.choose_on]) or 0)
+    else:
+        left = len(set(fit.configurations or range(count)) - set(fit.choose_on))
+    wanted = fit.basis.count(len(fit.scheduling))
+    if 0 < left < wanted:
+        message = (
+            f"{left} positions cannot tell {wanted} functions apart, the constant one counted: lower"
+            f" {'`degree` or `pieces`' if fit.basis.kind == 'splines' else '`degree`'}, or fit more positions"
+        )
+        yield ("basis",), message
+
+
+def _count(experiment: Experiment, fit: LpvFit) -> int | None:
+    """Number of configurations of a fit's campaigns, None where one is unknown."""
+    used = [experiment.campaigns.get(name) for name in fit.campaigns]
+    counts = [None if one is None else configuration_count(experiment, one) for one in used]
+    return None if None in counts else sum(each or 0 for each in counts)
+
+
+def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
+    """Returns what the model of a campaign is made of beside the fit's own settings: names of the joints."""
+    del campaign
+    return {"robot.joints.name": [joint.name for joint in loaded.robot.joints]}

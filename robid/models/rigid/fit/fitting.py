@@ -1,0 +1,208 @@
+"""Rigid dynamics and friction from records: base parameters, several estimators, a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.models.rigid.fit.conclusion import conclude
+from robid.models.rigid.fit.cutoff import CutOffChoice, choose_cut_off, excited_band, fewest_rows, row_count
+from robid.models.rigid.fit.huber import sweep_bend
+from robid.models.rigid.fit.instruments import instrumental_variables
+from robid.models.rigid.fit.least_squares import Regression, ordinary_least_squares, weighted_least_squares
+from robid.models.rigid.fit.options import ConclusionOptions, PreprocessingOptions, RigidFitOptions
+from robid.models.rigid.fit.preprocessing import Motion, prepare
+from robid.models.rigid.fit.reading import Reading
+from robid.models.rigid.fit.reduction import reduce_rows
+from robid.models.rigid.fit.residual_tests import FEWEST_TESTED
+from robid.models.rigid.fit.result import Found, first_moments, make_solution
+from robid.models.rigid.fit.rows import Remembered, RowSource
+from robid.models.rigid.fit.shots import Shot, refuse_unusable
+from robid.models.rigid.fit.solution import RigidSolution
+from robid.models.rigid.fit.travel import travel_of
+from robid.models.rigid.fit.uncertainty import Influence
+from robid.robot.description import Robot
+from robid.robot.regressor.base import BaseParameters, find_base_parameters, label, select_base
+from robid.robot.regressor.model import RigidModel, build_rigid_model
+from robid.robot.regressor.tree import PAYLOAD
+
+Simulate: TypeAlias = Callable[[RigidModel, FloatArray], Sequence[FloatArray]]
+"""Motor angles (n_sample, n_joint) of each shot by a model with given parameters (n_base,), without noise."""
+
+_DEPENDENT = 1e-7  # share of a column that is rounding in filtered rows
+
+
+def fit_rigid(
+    robot: Robot, shots: Sequence[Shot], options: RigidFitOptions, simulate: Simulate | None = None
+) -> RigidSolution:
+    """Fits rigid dynamics and friction.
+
+    Args:
+        robot: The robot file's; its values are where nothing is known beforehand.
+        shots: What was recorded.
+        options: Model, filters, estimators.
+        simulate: Simulates the loop of each shot, for instrumental variables; without it there are none.
+
+    Returns:
+        The base parameters with their uncertainty, and whether least squares is to be trusted.
+
+    Raises:
+        DataError: If a motor never moves, a record is too short, or the motion determines nothing.
+
+    Source:
+        Janot et al. (2009); METHODS sec. 7.
+    """
+    refuse_unusable(robot, shots)
+    if options.estimator == "instruments" and simulate is None:
+        message = "instrumental variables need the robot's loop: its `controller` and recorded motor commands"
+        raise DataError(message, where="record", remedy="take another `estimator`, or state the `controller`")
+    model = build_rigid_model(robot, options.model)
+    base = find_base_parameters(model, options.base)
+    try:
+        used, choice = _filters(shots, model.only(base.columns.tolist()), options)
+        problem = _Problem(shots, model.only(base.columns.tolist()), used)
+        _refuse_few(robot, problem)
+        problem, base = _without_dependent(problem, base)
+        estimated = _estimate(problem, base.values(model.nominal), options, simulate)
+    except ValueError as error:
+        remedy = "look at the record's channels; record longer, with all joints in motion"
+        raise DataError(str(error), where="record", remedy=remedy) from error
+    travel = travel_of(robot, shots)
+    found = make_solution(model, base, problem.model, estimated, choice, travel, options)
+    return replace(found, torque_unit=shots[0].torque_unit)
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Rows of a model along shots."""
+
+    shots: Sequence[Shot]
+    model: RigidModel
+    filters: PreprocessingOptions
+
+    @cached_property
+    def measured(self) -> RowSource:
+        """The rows without instruments, made once."""
+        return self.rows()
+
+    def rows(self, instruments: Sequence[FloatArray] | None = None) -> RowSource:
+        """The rows, with the instruments' positions where there are any."""
+        given = [None] * len(self.shots) if instruments is None else instruments
+        motions = [self._motion(shot, one) for shot, one in zip(self.shots, given, strict=True)]
+        decimator = self.filters.decimator(self.shots[0].sampling_period_s)
+        return Remembered(Reading(motions, self.model, decimator))
+
+    def _motion(self, shot: Shot, instrument: FloatArray | None) -> Motion:
+        try:
+            return prepare(
+                shot.position,
+                shot.torque,
+                shot.sampling_period_s,
+                self.filters,
+                instrument=instrument,
+                held=shot.held,
+                load_dependent=self.model.needs_torque,
+                loaded=shot.loaded,
+            )
+        except ValueError as error:
+            remedy = "record longer, or state a higher `filters.position_cut_hz`"
+            raise DataError(str(error), where="record", remedy=remedy) from error
+
+
+def _estimate(problem: _Problem, nominal: FloatArray, options: RigidFitOptions, simulate: Simulate | None) -> Found:
+    """Runs all estimators on the same rows and judges them."""
+    rows = problem.measured
+    reduction = reduce_rows(rows)
+    plain = ordinary_least_squares(reduction)
+    instruments: tuple[Regression, Influence] | None = None
+    if simulate is not None:
+        found, influence, rows = instrumental_variables(
+            lambda values: _instrumented(problem, simulate(problem.model, values)),
+            weighted_least_squares(reduction),
+            options.convergence,
+            nominal,
+        )
+        instruments = found, influence
+    period = problem.shots[0].sampling_period_s
+    how = ConclusionOptions(options.estimator != "ordinary", options.huber, options.verdict)
+    vectors = first_moments(problem.model.names)
+    decimator = problem.filters.decimator(period)
+    conclusion = conclude(rows, decimator, problem.model.names, instruments, vectors=vectors, options=how)
+    return Found(
+        ordinary=plain,
+        conclusion=conclusion,
+        swept=tuple(sweep_bend(rows, conclusion.reduction, options.sweep, options.huber)),
+        torque=np.concatenate([np.where(each.used, each.torque, np.nan) for each in rows]),
+        filters=problem.filters,
+        sampling_period_s=period,
+    )
+
+
+def _instrumented(problem: _Problem, positions: Sequence[FloatArray]) -> RowSource | None:
+    return problem.rows(positions) if all(np.isfinite(each).all() for each in positions) else None
+
+
+def _filters(
+    shots: Sequence[Shot], model: RigidModel, options: RigidFitOptions
+) -> tuple[PreprocessingOptions, CutOffChoice]:
+    """The filters, their cut-off chosen from the first shot where none is stated."""
+    first, stated = shots[0], options.filters
+    # One shot cannot tell a payload from the link that it is on.
+    model = model.only([index for index, name in enumerate(model.names) if not name.startswith(f"{PAYLOAD}.")])
+    if stated.position_cut_hz is not None:
+        band = excited_band(first.position, first.sampling_period_s)
+        return stated, CutOffChoice(stated.position_cut_hz, False, band, ())
+    try:
+        choice = choose_cut_off(first.position, first.torque, first.sampling_period_s, model, stated, held=first.held)
+    except ValueError as error:
+        message = "the first record is too short, or its motion too poor, to choose a cut-off from it"
+        raise DataError(message, where="record", remedy="state `filters.position_cut_hz`, or record longer") from error
+    return replace(stated, position_cut_hz=choice.cut_hz), choice
+
+
+def _refuse_few(robot: Robot, problem: _Problem) -> None:
+    """Refuses records that leave hardly more rows than there are parameters, or none of a joint."""
+    n_param, n_joint = len(problem.model.names), problem.shots[0].position.shape[1]
+    rows = sum(row_count(len(shot.position), problem.filters, shot.sampling_period_s) for shot in problem.shots)
+    if rows < fewest_rows(n_param, n_joint):
+        samples = sum(len(shot.position) for shot in problem.shots)
+        message = f"the filters leave {rows} rows of {samples} samples, too few for {n_param} parameters"
+        remedy = "record longer, or state a higher `filters.position_cut_hz` or a smaller `filters.decimation`"
+        raise DataError(message, where="record", remedy=remedy)
+    used = np.sum([each.used.sum(axis=0) for each in problem.measured], axis=0)
+    slow = [joint.name for joint, count in zip(robot.joints, used.tolist(), strict=True) if count < FEWEST_TESTED]
+    if slow or used.sum() < fewest_rows(n_param, n_joint):
+        names = ", ".join(slow) or "all motors together"
+        message = f"the rows of {names} that are fast enough are too few for {n_param} parameters"
+        remedy = "lower `filters.drop_below_rad_s` and `filters.drop_deviations`, or move faster or longer"
+        raise DataError(message, where="record", remedy=remedy)
+
+
+def _without_dependent(problem: _Problem, base: BaseParameters) -> tuple[_Problem, BaseParameters]:
+    """Regroups base parameters that this motion cannot tell apart."""
+    reduction = reduce_rows(problem.measured)
+    factor = reduction.weighted(np.ones(len(reduction.n_row)))[:-1, :-1]
+    again = select_base(factor, problem.model, _DEPENDENT)
+    if len(again.columns) == len(problem.model.names):
+        return problem, base
+    combination = again.combination @ base.combination
+    joined = replace(
+        base,
+        columns=base.columns[again.columns],
+        combination=combination,
+        labels=_labels(combination, base.names, base.columns[again.columns].tolist()),
+        units=again.units,
+        silent=(*base.silent, *again.silent),
+        undetermined=tuple(dict.fromkeys((*base.undetermined, *again.undetermined))),
+    )
+    return replace(problem, model=problem.model.only(again.columns.tolist())), joined
+
+
+def _labels(combination: FloatArray, names: Sequence[str], own: Sequence[int]) -> tuple[str, ...]:
+    return tuple(label(row, names, first) for row, first in zip(combination, own, strict=True))

@@ -1,0 +1,280 @@
+"""Puts together what a rigid fit found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm, t
+
+from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.models.rigid.fit.conclusion import HUBER, INSTRUMENTS, LEAST_SQUARES, Conclusion
+from robid.models.rigid.fit.consistency import make_consistent, parameter_scale, pseudo_inertia
+from robid.models.rigid.fit.cutoff import CutOffChoice
+from robid.models.rigid.fit.huber import HuberRegression, huber_weights
+from robid.models.rigid.fit.least_squares import Regression
+from robid.models.rigid.fit.nominal import against_nominal
+from robid.models.rigid.fit.options import EstimatorName, PreprocessingOptions, RigidFitOptions
+from robid.models.rigid.fit.solution import (
+    Base,
+    Checks,
+    Estimators,
+    Filtered,
+    RigidSolution,
+    RowResiduals,
+    StandardSet,
+    Travel,
+)
+from robid.models.rigid.fit.verdict import Verdict, scale_of
+from robid.results.estimate import Estimate
+from robid.robot.regressor.base import BaseParameters
+from robid.robot.regressor.model import RigidModel
+
+_NOT_NEGATIVE = ("motor_inertia", "coupling_inertia", "viscous", "coupling_viscous", "coulomb", "coupling_coulomb")
+_BODY = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
+
+
+@dataclass(frozen=True)
+class Found:
+    """What all estimators found on the same rows.
+
+    Attributes:
+        ordinary: Least squares with equal weights.
+        conclusion: Least squares, Huber's estimator and instrumental variables with their joint uncertainty.
+        swept: Huber's estimator at the bends of the sweep.
+        torque (n_row, n_joint): Filtered torques, NaN where a row does not count.
+        filters: Filters of the rows.
+        sampling_period_s: Period of the samples [s].
+    """
+
+    ordinary: Regression
+    conclusion: Conclusion
+    swept: tuple[HuberRegression, ...]
+    torque: FloatArray
+    filters: PreprocessingOptions
+    sampling_period_s: float
+
+    @property
+    def by_name(self) -> dict[EstimatorName, Regression]:
+        """The estimators by name, in the order in which they are shown."""
+        found: dict[EstimatorName, Regression] = {"ordinary": self.ordinary, "weighted": self.conclusion.least_squares}
+        found["huber"] = self.conclusion.huber
+        instruments = self.conclusion.instruments
+        return found if instruments is None else {**found, "instruments": instruments}
+
+    def covariance(self, name: EstimatorName) -> FloatArray:
+        """Covariance (n_base, n_base) of one estimator that respects correlated residuals.
+
+        Its variances are the long-run ones; so few degrees of freedom do not determine correlations, which are those
+        of the estimator's own formula.
+        """
+        place = {"huber": HUBER, "instruments": INSTRUMENTS}.get(name, LEAST_SQUARES)
+        own = self.by_name[name]
+        ratio = np.sqrt(np.diag(self.conclusion.long_run.of(place))) / own.standard_deviation
+        return np.asarray(own.covariance * np.outer(ratio, ratio))
+
+
+def make_solution(
+    model: RigidModel,
+    base: BaseParameters,
+    reduced: RigidModel,
+    found: Found,
+    choice: CutOffChoice,
+    travel: Travel,
+    options: RigidFitOptions,
+) -> RigidSolution:
+    """Puts together what a rigid fit found.
+
+    Args:
+        model: The model with all of its standard parameters.
+        base: Its base parameters.
+        reduced: The model with the columns of these alone.
+        found: What the estimators found.
+        choice: How the cut-off was chosen.
+        travel: Where the arm was.
+        options: Options of the fit.
+    """
+    name = options.estimator if options.estimator in found.by_name else "weighted"
+    estimate = _estimate(model, base, reduced, found, name, options)
+    standard = _standard(model, base, estimate, options) if options.physical else None
+    decimation = found.filters.decimator(found.sampling_period_s).factor
+    reduction = found.conclusion.reduction
+    triangle = reduction.weighted(np.ones(len(reduction.n_row)))[:-1, :-1]
+    return RigidSolution(
+        estimate=estimate,
+        base=Base(
+            labels=base.labels,
+            standard=base.names,
+            combination=base.combination,
+            silent=base.silent,
+            mixed=base.undetermined,
+            gap=base.gap,
+            condition=found.conclusion.least_squares.condition,
+            unscaled_condition=float(np.linalg.cond(triangle)),
+        ),
+        estimators=_estimators(found, options.sweep),
+        checks=_checks(found.conclusion.verdict),
+        filtered=Filtered(
+            cut_hz=choice.cut_hz,
+            decimation=decimation,
+            sampling_period_s=found.sampling_period_s,
+            excited_hz=choice.excited_hz,
+            trial_hz=np.array([trial.cut_hz for trial in choice.trials]),
+            trial_correlation=np.array([trial.correlation for trial in choice.trials]).reshape(
+                -1, len(choice.excited_hz)
+            ),
+            white=choice.white,
+        ),
+        residuals=RowResiduals(
+            time_s=np.arange(len(found.torque)) * decimation * found.sampling_period_s,
+            torque=found.torque,
+            residual=found.conclusion.residual,
+            weight=huber_weights(found.conclusion.residual / found.conclusion.huber.scale, options.huber.bend),
+        ),
+        against_nominal=against_nominal(model, base, estimate, reduction),
+        travel=travel,
+        standard=standard,
+        chosen=name,
+    )
+
+
+def body_columns(names: Sequence[str]) -> IntArray:
+    """Indices (n_body, 10) of the standard parameters of each body whose ten are all there."""
+    at = {name: index for index, name in enumerate(names)}
+    owners = dict.fromkeys(name.rpartition(".")[0] for name in names if name.endswith(".M"))
+    rows = [[at[f"{owner}.{one}"] for one in _BODY] for owner in owners if f"{owner}.XX" in at]
+    return np.array(rows, int).reshape(-1, len(_BODY))
+
+
+def first_moments(names: Sequence[str]) -> list[list[int]]:
+    """Groups the indices of first moments by their body: they are judged as vectors."""
+    found: dict[str, list[int]] = {}
+    for index, name in enumerate(names):
+        owner, _, component = name.rpartition(".")
+        if component in ("MX", "MY", "MZ"):
+            found.setdefault(owner, []).append(index)
+    return list(found.values())
+
+
+def _estimate(
+    model: RigidModel,
+    base: BaseParameters,
+    reduced: RigidModel,
+    found: Found,
+    name: EstimatorName,
+    options: RigidFitOptions,
+) -> Estimate:
+    chosen, covariance = found.by_name[name], found.covariance(name)
+    std = np.sqrt(np.diag(covariance))
+    freedom = np.full(std.size, float(found.conclusion.long_run.freedom))
+    reach = t.ppf(0.5 + 0.5 * options.confidence, freedom) * std
+    size = scale_of(chosen.parameters, std, first_moments(reduced.names))
+    nominal = base.values(model.nominal)
+    stated = np.where(nominal == 0, size, np.abs(nominal))
+    limit = options.identifiable_relative_std
+    identifiable = std / stated <= limit
+    quantile = norm.ppf(0.5 + 0.5 * options.confidence)
+    status = chosen.status
+    return Estimate(
+        names=tuple(reduced.names),
+        kinds=tuple(reduced.kinds),
+        units=tuple(reduced.units),
+        nominal=nominal,
+        value=chosen.parameters,
+        lower=chosen.parameters - reach,
+        upper=chosen.parameters + reach,
+        covariance=covariance,
+        degrees_of_freedom=freedom,
+        confidence=options.confidence,
+        interval_rule="residuals correlated in time and between joints",
+        relative_std=std / size,
+        predicted_relative_std=std / stated,
+        prior_relative_std=np.full(std.size, np.inf),
+        relative_half_width=reach / size,
+        identifiable=identifiable,
+        identifiable_relative_std=limit,
+        undetermined=_poorly_known(reduced.names, identifiable & (reach / size <= quantile * limit), limit),
+        status=status,
+        advice="" if status == "converged" else f"{name} least squares has not converged: raise its iteration limit",
+    )
+
+
+def _poorly_known(names: Sequence[str], known: BoolArray, limit: float) -> tuple[str, ...]:
+    poor = [name for name, is_known in zip(names, known.tolist(), strict=True) if not is_known]
+    if not poor:
+        return ()
+    return (f"Known to no better than {limit:.0%}, or not told from zero: {', '.join(poor)}",)
+
+
+def _estimators(found: Found, bends: Sequence[float]) -> Estimators:
+    every = found.by_name
+    return Estimators(
+        names=tuple(every),
+        values=np.array([each.parameters for each in every.values()]),
+        std=np.array([each.standard_deviation for each in every.values()]),
+        deviation=np.array([each.deviation for each in every.values()]),
+        iterations=np.array([each.iterations for each in every.values()]),
+        status=tuple(each.status for each in every.values()),
+        bends=np.array(bends, float),
+        bent=np.array([each.parameters for each in found.swept]).reshape(-1, found.ordinary.parameters.size),
+    )
+
+
+def _checks(verdict: Verdict) -> Checks:
+    against = verdict.instruments
+    return Checks(
+        trust=verdict.trust,
+        sentence=verdict.sentence,
+        huber_variation=verdict.huber.relative,
+        huber_p=verdict.huber.p_value,
+        instrument_variation=None if against is None else against.relative,
+        instrument_p=None if against is None else against.p_value,
+        skewness=np.array([joint.skewness for joint in verdict.normality]),
+        excess_kurtosis=np.array([joint.excess_kurtosis for joint in verdict.normality]),
+        outlier_share=np.array([joint.outlier_share for joint in verdict.normality]),
+        normality_p=np.array([joint.p_value for joint in verdict.normality]),
+        correlation=np.array([joint.correlation for joint in verdict.whiteness]),
+        whiteness_p=np.array([joint.p_value for joint in verdict.whiteness]),
+        odd=verdict.normality_alarm,
+        coloured=verdict.whiteness_alarm,
+        huber_differs=verdict.huber.alarm,
+        instruments_differ=against is not None and against.alarm,
+        untested=verdict.untested,
+    )
+
+
+def _standard(
+    model: RigidModel, base: BaseParameters, estimate: Estimate, options: RigidFitOptions
+) -> StandardSet | None:
+    """The real bodies nearest to the robot file's with the estimated base parameters."""
+    bodies, nominal = body_columns(model.names), model.nominal
+    real = np.array([np.linalg.eigvalsh(pseudo_inertia(nominal[body])).min() > 0 for body in bodies], bool)
+    if not len(bodies) or not real.all():
+        return None
+    held = [index for index, kind in enumerate(model.kinds) if kind in _NOT_NEGATIVE]
+    found = estimate.value, estimate.covariance, base.combination, nominal, bodies
+    made = make_consistent(*found, held, options.consistency, _scale(model, bodies))
+    return StandardSet(
+        names=tuple(model.names),
+        units=tuple(model.units),
+        nominal=nominal,
+        value=made.standard,
+        covariance=made.gain @ estimate.covariance @ made.gain.T,
+        moved=made.moved,
+        real=real,
+        status=made.status,
+    )
+
+
+def _scale(model: RigidModel, bodies: IntArray) -> FloatArray:
+    """What changes (n_std,) of the standard parameters are measured by.
+
+    What a motor and a link show together goes to the link: data sheets know rotors well.
+    """
+    nominal = model.nominal
+    scale = parameter_scale(nominal, bodies)
+    known = {f"{joint.name}.motor_inertia": joint.motor.inertia_relative_std for joint in model.robot.joints}
+    rotors = [index for index, kind in enumerate(model.kinds) if kind == "motor_inertia"]
+    scale[rotors] = [known[model.names[index]] * nominal[index] for index in rotors]
+    return scale

@@ -1,0 +1,118 @@
+"""The rigid family's fit and validation: settings and artifacts in, artifacts out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.artifacts.artifact import Artifact
+from robid.artifacts.grade import grade_from_artifact
+from robid.errors import DataError
+from robid.models.family import Data, Work
+from robid.models.rigid.files import model_of, solution_from_artifact, validation_of
+from robid.models.rigid.fit.fitting import Simulate, fit_rigid
+from robid.models.rigid.fit.shots import Shot, refuse_unusable, shots_of
+from robid.models.rigid.judge.grading import assess_rigid
+from robid.models.rigid.judge.scales import motions_of, rigid_scale_doubts
+from robid.models.rigid.judge.sums import sum_doubts
+from robid.models.rigid.judge.validating import validate_rigid
+from robid.models.rigid.settings import loaded_campaign, rigid_fit
+from robid.models.rigid.truth import values_in
+from robid.results.doubt import blamed
+from robid.robot.description import Robot
+from robid.robot.regressor.model import RigidModel
+from robid.settings.experiment import payload_kg
+from robid.settings.robot_parts import delay_s
+from robid.simulate.rigid_loop import simulate_rigid
+from robid.simulate.truth import TrueRobot
+
+
+def fit(data: Data, work: Work) -> Artifact:
+    """Fits a rigid model and grades it by itself."""
+    settings = rigid_fit(data.loaded.experiment, data.name)
+    work.progress.expect(1, "fits")
+    robot = robot_of(data)
+    shots = shots_in(data, settings.campaigns, robot)
+    loop = None if settings.instruments == "none" else _loop(data, robot, shots)
+    refuse_unusable(robot, shots)
+    scales = rigid_scale_doubts(robot, shots, motions_of(data.records[0], robot), settings.options())
+    scales = scales or sum_doubts(robot, shots, settings.options())
+    try:
+        solution = fit_rigid(robot, shots, settings.options(), loop)
+    except DataError as error:
+        raise blamed(error, scales) from error
+    work.progress.advance()
+    return model_of(solution, assess_rigid(solution, scales))
+
+
+def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
+    """Holds a rigid model against a motion that it never saw, and against the true robot where it is known."""
+    settings = rigid_fit(data.loaded.experiment, data.name)
+    campaign = settings.validate_on or settings.campaign
+    robot = robot_of(data)
+    shots = shots_in(data, (campaign,), robot)
+    validation = validate_rigid(
+        robot,
+        solution_from_artifact(model),
+        shots,
+        settings.options(),
+        grade_from_artifact(model).doubts,
+        None if true is None else values_in(data.loaded, data.name, true),
+        _loop(data, robot, shots),
+    )
+    return validation_of(validation)
+
+
+def phrase_of_model(model: Artifact) -> str:
+    """Says how the fit ended, in a phrase, from its artifact."""
+    solution = solution_from_artifact(model)
+    estimate = solution.estimate
+    known = int(np.sum(estimate.identifiable))
+    return (
+        f"{estimate.status}, {known} of {len(estimate.names)} base parameters identifiable, torques to "
+        f"{100 * solution.residuals.total_error:.3g} % of their size"
+    )
+
+
+def robot_of(data: Data) -> Robot:
+    """Returns the robot file's robot with the fit's payload."""
+    return data.loaded.robot.to_robot(loaded_campaign(data.loaded, data.name).payload_kg)
+
+
+def shots_in(data: Data, campaigns: Sequence[str], robot: Robot) -> tuple[Shot, ...]:
+    """Returns the shots of the records of some campaigns."""
+    found: list[Shot] = []
+    for name, record in zip(campaigns, data.records, strict=True):
+        campaign = data.loaded.experiment.campaigns[name]
+        late = round(delay_s(data.loaded, campaign) / record.sampling_period_s)
+        loaded = payload_kg(campaign, data.loaded.robot) > 0
+        found += shots_of(record, robot, late_samples=late, loaded=loaded)
+    return tuple(found)
+
+
+def _loop(data: Data, robot: Robot, shots: Sequence[Shot]) -> Simulate | None:
+    """Simulates the loop of the shots, where controller and commands are known."""
+    controller = data.loaded.robot.controller
+    commands = [shot.command for shot in shots if shot.command is not None]
+    alike: dict[tuple[int, bool], list[int]] = {}
+    for index, command in enumerate(commands):
+        alike.setdefault((len(command.angle), shots[index].loaded), []).append(index)
+    if controller is None or len(commands) < len(shots) or not all(joint.has_motor for joint in robot.joints):
+        return None
+
+    def simulate(model: RigidModel, values: FloatArray) -> Sequence[FloatArray]:
+        found: dict[int, FloatArray] = {}
+        for (n_sample, loaded), rows in alike.items():
+            # What repeats has settled after one period.
+            times = 2 if commands[rows[0]].periodic else 1
+            angle, speed = (
+                np.tile([getattr(commands[row], name) for row in rows], (1, times, 1)) for name in ("angle", "speed")
+            )
+            moved = simulate_rigid(model, values, robot, controller, angle, speed, loaded=loaded)
+            own = moved[:, -n_sample + shots[rows[0]].late_samples :]
+            found |= dict(zip(rows, own, strict=True))
+        return [found[index] for index in range(len(shots))]
+
+    return simulate

@@ -1,0 +1,273 @@
+"""Wrong units, sides and times of a record of large motions: what its channels say of each other and of the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import FloatArray, IntArray
+from robid.models.rigid.fit.cutoff import excited_band
+from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
+from robid.models.rigid.fit.preprocessing import prepare
+from robid.models.rigid.fit.shots import Shot, positions_of
+from robid.results.doubt import Doubt
+from robid.results.plausible.hypotheses import Hypothesis, Seen, hypotheses_of, joined, name_scales
+from robid.results.plausible.pairs import Pair, pairs_of
+from robid.results.plausible.scales import named_doubt
+from robid.robot.description import Robot
+from robid.robot.regressor.base import find_base_parameters
+from robid.robot.regressor.model import RigidModel, build_rigid_model
+from robid.signals.filters import central_differences
+from robid.signals.quantities import QUANTITIES, Channel
+from robid.signals.record import Record
+
+_ROWS = 300
+_WIDER, _HIGHEST = 4.0, 0.2
+_BODIES = ("inertia", "first_moment", "mass", "motor_inertia", "coupling_inertia")
+_VISIBLE = 0.1
+_COMMON_STD, _PART_STD = 0.35, 0.6
+_ERROR_STD, _UNLIKE_STD, _BEYOND_STD = 0.12, 0.5, 0.3
+_PAIR_STD, _CONTRADICTED = 0.03, 4.0
+_TRUNCATED = 1e-4
+_USUAL_PERIOD_S, _PERIOD_STD = 1e-3, 2.3
+_USUAL_TRAVEL, _TRAVEL_STD = 0.4, 1.5
+_LEAST_TRAVEL, _MOST_TRAVEL = 0.005, 3.0
+_LEAST_LIKENESS = 0.5
+
+
+@dataclass(frozen=True)
+class Motions:
+    """What a record says of the joints' motions.
+
+    Attributes:
+        channels: All channels of motions of the joints.
+        used (n_joint,): Which of them the fit reads.
+        pairs: Those that measure the same motion, compared; indices of `channels`.
+    """
+
+    channels: tuple[Channel, ...]
+    used: IntArray
+    pairs: tuple[Pair, ...]
+
+
+def motions_of(record: Record, robot: Robot) -> Motions:
+    """Reads from a record what it says of a robot's joints' motions."""
+    names = {joint.name for joint in robot.joints}
+    own = [
+        index
+        for index, channel in enumerate(record.output_channels)
+        if channel.name.partition(".")[0] in names
+        and channel.side != "tool"
+        and QUANTITIES[channel.quantity].derivatives is not None
+    ]
+    pairs = [
+        replace(pair, first=own.index(pair.first), second=own.index(pair.second)) for pair in pairs_of(record, robot)
+    ]
+    used = [own.index(index) for index in positions_of(record, robot)]
+    return Motions(tuple(record.output_channels[index] for index in own), np.array(used, int), tuple(pairs))
+
+
+def rigid_scale_doubts(
+    robot: Robot, shots: Sequence[Shot], motions: Motions, options: RigidFitOptions
+) -> tuple[Doubt, ...]:
+    """Returns the wrong scale that a record shows, at most one.
+
+    Torques are explained by the model as it would be under each mistake: by gravity, which times do not change, and by
+    inertia, which angles, times and torques do. What a record's channels say of each other counts too, and how far the
+    arm would have moved.
+
+    Args:
+        robot: The robot file's.
+        shots: What was recorded, motor side.
+        motions: What the record says of the joints' motions.
+        options: Options of the fit.
+    """
+    try:
+        scene = _Scene(robot, shots, motions, options)
+    except ValueError:  # too short for any filter, which the fit says
+        return ()
+    names = [joint.name for joint in robot.joints]
+    stated = [joint.motor.torque_constant_nm_a for joint in robot.joints]
+    constant = np.array([np.nan if one is None else one for one in stated])
+    hypotheses = hypotheses_of(names, motions.channels, robot.gear_ratio, constant)
+    named = name_scales([each for each in hypotheses if scene.may_be(each)], scene.told, scene.likely())
+    return () if named is None else (named_doubt(named, scene.sources(named.alike[0].log)),)
+
+
+class _Scene:
+    """What a record says of scales, seen by each hypothesis."""
+
+    def __init__(self, robot: Robot, shots: Sequence[Shot], motions: Motions, options: RigidFitOptions) -> None:
+        self._robot, self._shots, self._motions = robot, shots, motions
+        self._n_joint = len(robot.joints)
+        self._n_state = self._n_joint + len(motions.channels) + 1
+        self._places = self._n_joint + motions.used
+        self._model: RigidModel = build_rigid_model(robot, options.model)
+        base = find_base_parameters(self._model, options.base)
+        self._columns = self._model.only(base.columns.tolist())
+        self._nominal = base.values(self._model.nominal)
+        self._bodies = np.isin(np.array(self._columns.kinds), _BODIES)
+        self._rows = thinned(shots, options)
+        self._pairs = self._paired()
+        self._seen: dict[bytes, Seen] = {}
+
+    def may_be(self, hypothesis: Hypothesis) -> bool:
+        """Whether a hypothesis is worth a trial: no other channel contradicts it, nor how far the joints move."""
+        travel, reach = self._travel()
+        share = np.where(np.isfinite(reach), travel / np.exp(hypothesis.log[self._places]) / reach, _USUAL_TRAVEL)
+        moves = hypothesis.log[self._places] == 0
+        likely = moves | ((share > _LEAST_TRAVEL) & (share < _MOST_TRAVEL))
+        return bool(likely.all()) and self._pairs.farthest(hypothesis.log) < _CONTRADICTED
+
+    def told(self, log: FloatArray) -> Seen:
+        """What the data decide, seen by a hypothesis."""
+        key = np.concatenate([log[self._places], log[-1:]]).tobytes()
+        if key not in self._seen:
+            self._seen[key] = self._dynamics(np.exp(log[self._places]), float(np.exp(log[-1])))
+        seen = self._seen[key]
+        # What the model says of undone motions is put as what it says of those that were read.
+        here = log.copy()
+        here[: self._n_joint] = 0.0
+        return joined([replace(seen, value=seen.value + seen.rows @ here), self._pairs])
+
+    def likely(self) -> Seen:
+        """What is usual: sampling periods, and motions over some tenths of the joints' ranges."""
+        rows, values, stds = (
+            [self._row({-1: 1.0})],
+            [np.log(self._shots[0].sampling_period_s / _USUAL_PERIOD_S)],
+            [_PERIOD_STD],
+        )
+        travel, reach = self._travel()
+        for joint in np.flatnonzero(np.isfinite(reach) & (travel > 0)).tolist():
+            rows.append(self._row({int(self._places[joint]): 1.0}))
+            values.append(np.log(travel[joint] / reach[joint] / _USUAL_TRAVEL))
+            stds.append(_TRAVEL_STD)
+        return Seen(np.array(rows), np.array(values), np.diag(np.square(stds)))
+
+    def sources(self, log: FloatArray) -> str:
+        """What speaks of a hypothesis, in words."""
+        exact = (self._pairs.rows @ log).any()
+        return "other channels of the same motion say" if exact else "the robot file explains"
+
+    def _row(self, exponents: dict[int, float]) -> FloatArray:
+        row = np.zeros(self._n_state)
+        for index, exponent in exponents.items():
+            row[index] += exponent
+        return row
+
+    def _paired(self) -> Seen:
+        rows = [
+            self._row({self._n_joint + pair.first: 1.0, self._n_joint + pair.second: -1.0, -1: -pair.derivatives})
+            for pair in self._motions.pairs
+        ]
+        values = [np.log(pair.ratio) for pair in self._motions.pairs]
+        stds = [max(_PAIR_STD, 3 * pair.relative_std) for pair in self._motions.pairs]
+        shape = (len(rows), self._n_state)
+        return Seen(np.reshape(rows, shape), np.reshape(values, len(rows)), np.diag(np.square(stds)))
+
+    def _travel(self) -> tuple[FloatArray, FloatArray]:
+        """How far each joint would have moved, and may (n_joint,) [rad, or m]."""
+        ends = [(shot.position @ self._robot.arm_per_motor.T) for shot in self._shots]
+        travel = np.max([one.max(axis=0) for one in ends], axis=0) - np.min([one.min(axis=0) for one in ends], axis=0)
+        return np.asarray(travel), np.asarray(self._robot.upper - self._robot.lower)
+
+    def _dynamics(self, motion: FloatArray, time: float) -> Seen:
+        """What the model says where motions and times that were read are so many times true ones.
+
+        Rows without exponents say how badly a hypothesis explains the torques at all.
+        """
+        position, velocity, acceleration, torque = self._rows
+        path = position / motion, velocity / motion * time, acceleration / motion * time**2
+        whole, still = (self._columns.columns(*one) for one in (path, (path[0], 0 * path[1], 0 * path[2])))
+        scale = np.maximum(torque.std(axis=0), 1e-300)
+        values = solved(whole / scale[:, None], torque / scale)
+        error = whole @ values - torque
+        share = float(np.linalg.norm(error / scale) / np.linalg.norm((torque - torque.mean(axis=0)) / scale))
+        rows, seen, parts = [self._row({})], [share / _ERROR_STD], [False]
+        travel, reach = self._travel()
+        beyond = np.log(np.maximum(np.where(np.isfinite(reach), travel / motion / reach, 1.0), 1.0))
+        for joint in range(self._n_joint):
+            rows.append(self._row({}))
+            seen.append(float(beyond[joint]) / _BEYOND_STD)
+            parts.append(False)
+            place = int(self._places[joint])
+            for columns, exponents in (
+                (still, {joint: 1.0}),
+                (whole - still, {joint: 1.0, place: -1.0, -1: 2.0}),
+            ):
+                own = columns[:, joint, self._bodies]
+                ratio, likeness = _compare(
+                    own @ values[self._bodies], own @ self._nominal[self._bodies], torque[:, joint]
+                )
+                if np.isnan(likeness):
+                    continue
+                rows.append(self._row({}))
+                seen.append((1 - likeness) / _UNLIKE_STD)
+                parts.append(False)
+                if likeness > _LEAST_LIKENESS and self._shots[0].torque_unit == "N m":
+                    rows.append(self._row(exponents))
+                    seen.append(float(np.log(ratio)))
+                    parts.append(True)
+        levels = np.array(parts)
+        covariance = np.where(levels[:, None] & levels, _COMMON_STD**2, 0.0)
+        covariance += np.diag(np.where(levels, _PART_STD**2, 1.0))
+        return Seen(np.array(rows), np.array(seen), covariance)
+
+
+def thinned(shots: Sequence[Shot], options: RigidFitOptions) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Some hundred rows of filtered positions, speeds, accelerations and torques (n_row, n_joint)."""
+    each = max(1, _ROWS // len(shots))
+    parts: list[list[FloatArray]] = [[], [], [], []]
+    for shot in shots:
+        for part, values in zip(parts, _filtered(shot, options.filters), strict=True):
+            part.append(values[np.unique(np.linspace(0, len(values) - 1, each).round().astype(int))])
+    position, velocity, acceleration, torque = (np.concatenate(part) for part in parts)
+    return position, velocity, acceleration, torque
+
+
+def _filtered(shot: Shot, options: PreprocessingOptions) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Filtered positions, speeds, accelerations and torques (n_sample, n_joint) of a shot.
+
+    The cut-off is that of the fit, or, where a wrong time makes nonsense of it, some times the motion's band.
+    """
+    period = shot.sampling_period_s
+    band_hz = min(_WIDER * float(excited_band(shot.position, period).max()), _HIGHEST / period)
+    cut_hz = band_hz if options.position_cut_hz is None else options.position_cut_hz
+    for one in (cut_hz, band_hz):
+        if not 0 < one <= _HIGHEST / period:
+            continue
+        filters = replace(options, position_cut_hz=one, drop_deviations=0.0)
+        with suppress(ValueError):
+            made = prepare(shot.position, shot.torque, period, filters, held=shot.held)
+            first, last = made.reach + 1, len(shot.position) - made.reach - 1
+            around = made.smooth(shot.position, first - 1, last + 1)
+            torque = np.vstack([shot.torque[:1], made.centred_torque(1, len(shot.torque))])
+            return around[1:-1], *central_differences(around, period), made.smooth(torque, first, last)
+    message = "no filter fits the record"
+    raise ValueError(message)
+
+
+def solved(columns: FloatArray, torque: FloatArray) -> FloatArray:
+    """Least squares over columns of size 1; what the motion hardly shows stays out."""
+    matrix = columns.reshape(-1, columns.shape[-1])
+    size = np.linalg.norm(matrix, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    matrix = matrix / size
+    power, turned = np.linalg.eigh(matrix.T @ matrix)
+    inverse = np.divide(1.0, power, out=np.zeros_like(power), where=power > _TRUNCATED**2 * power[-1])
+    return np.asarray(turned @ (inverse * (turned.T @ (matrix.T @ torque.ravel()))) / size)
+
+
+def _compare(estimated: FloatArray, stated: FloatArray, torque: FloatArray) -> tuple[float, float]:
+    """Ratio and likeness of two courses of a torque, their means taken out; NaN where neither is a part of it."""
+    estimated, stated = estimated - estimated.mean(), stated - stated.mean()
+    sizes = np.linalg.norm(estimated), np.linalg.norm(stated)
+    whole = np.linalg.norm(torque - torque.mean())
+    if min(sizes) <= 0 or max(sizes) < _VISIBLE * whole:
+        return np.nan, np.nan
+    likeness = float(estimated @ stated / (sizes[0] * sizes[1]))
+    # What is in proportion counts, not what else an estimate makes of it.
+    return float(abs(estimated @ stated) / (stated @ stated)), likeness

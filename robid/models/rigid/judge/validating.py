@@ -1,0 +1,187 @@
+"""Validation of a rigid model on a motion that its fit never saw."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.models.rigid.fit.fitting import Simulate
+from robid.models.rigid.fit.options import RigidFitOptions
+from robid.models.rigid.fit.residual_tests import FEWEST_TESTED
+from robid.models.rigid.fit.shots import Shot
+from robid.models.rigid.fit.solution import RigidSolution
+from robid.models.rigid.fit.travel import repeats
+from robid.models.rigid.judge.grading import grade_rigid
+from robid.models.rigid.judge.plausible import TOTAL_ERROR_LIMIT
+from robid.models.rigid.judge.prediction import Prediction, predict
+from robid.results.doubt import Doubt
+from robid.results.outcome import Outcome
+from robid.results.recovery import recover
+from robid.robot.description import Robot
+from robid.robot.regressor.model import build_rigid_model
+
+MOTOR_ERROR_LIMIT = 0.3
+_WORSE = 2.0  # times what the fit left
+_MATTERS = 0.05  # of the torque
+_SAME_RATE = 1e-6
+
+
+@dataclass(frozen=True)
+class RigidValidation:
+    """How well a rigid model predicts the torques of another motion.
+
+    Attributes:
+        outcome: Whether it holds, its grade, and its parameters against the truth.
+        prediction: Measured and predicted torques.
+        relative_error (n_joint,): Norm of the error over that of the torque.
+        total_error: The same of all joints together.
+        error_ratio (n_joint,): Root mean square of the error over what the fit's own residual was.
+        same_motion: Whether the fit has seen this motion already.
+        forward_error (n_joint,): Root mean square of simulated less measured positions over that of the measured ones
+            about their mean, the model in the robot's loop under the recorded commands; None where the loop or the
+            commands are unknown, NaN where the simulation is lost.
+    """
+
+    outcome: Outcome
+    prediction: Prediction
+    relative_error: FloatArray
+    total_error: float
+    error_ratio: FloatArray
+    same_motion: bool
+    forward_error: FloatArray | None = None
+
+
+def validate_rigid(
+    robot: Robot,
+    solution: RigidSolution,
+    shots: Sequence[Shot],
+    options: RigidFitOptions,
+    doubts: Sequence[Doubt] = (),
+    truth: Mapping[str, float] | None = None,
+    simulate: Simulate | None = None,
+) -> RigidValidation:
+    """Validates a rigid model on another motion.
+
+    The limits are absolute: torques may be off by 15 % of their size, those of a single motor by 30 %. A motor whose
+    torque is off by more than 5 % and twice what the fit left is a reason for doubt.
+
+    Args:
+        robot: The robot file that the fit started from.
+        solution: What the fit found.
+        shots: What was recorded anew.
+        options: Options of the fit.
+        doubts: Doubts about the fit, for the grade.
+        truth: True values by parameter name, of a simulated robot.
+        simulate: Simulates the loop of each shot, where it is known.
+
+    Raises:
+        DataError: If a shot is too short for the fit's filters.
+    """
+    whole = build_rigid_model(robot, options.model)
+    model = whole.only([whole.names.index(name) for name in solution.estimate.names])
+    chosen = solution.filtered
+    filters = replace(options.filters, position_cut_hz=chosen.cut_hz, decimation=chosen.decimation)
+    try:
+        prediction = predict(model, solution.estimate.value, shots, filters)
+    except ValueError as error:
+        raise DataError(str(error), where="validation", remedy="validate on a longer record") from error
+    if not prediction.n_row.any():
+        message = "no row of the validation is left: all motors are slower than the fit's rows"
+        remedy = "validate on a faster motion, or lower `filters.drop_below_rad_s` and `filters.drop_deviations`"
+        raise DataError(message, where="validation", remedy=remedy)
+    _refuse_other(solution, shots)
+    own = np.sqrt(np.nanmean(solution.residuals.residual**2, axis=0))
+    ratio = prediction.deviation / np.maximum(own, 1e-300)
+    failures = _failures(robot, prediction)
+    same = any(repeats(solution.travel, robot, shot) for shot in shots)
+    every = [*doubts, *_seen_already(same), *_worse(robot, prediction, ratio), *_untested(robot, prediction)]
+    return RigidValidation(
+        outcome=Outcome(
+            ok=not failures,
+            verdict=_verdict(prediction, ratio, failures, same=same),
+            grade=grade_rigid(solution, every, failures),
+            recovery=recover(solution.estimate, truth or {}),
+        ),
+        prediction=prediction,
+        relative_error=prediction.relative_error,
+        total_error=prediction.total_error,
+        error_ratio=ratio,
+        same_motion=same,
+        forward_error=None if simulate is None else _forward(simulate(model, solution.estimate.value), shots),
+    )
+
+
+def _forward(simulated: Sequence[FloatArray], shots: Sequence[Shot]) -> FloatArray:
+    """Relative error (n_joint,) of simulated positions over all shots."""
+    error = np.concatenate([one - shot.position for one, shot in zip(simulated, shots, strict=True)])
+    moved = np.concatenate([shot.position - shot.position.mean(axis=0) for shot in shots])
+    return np.asarray(np.sqrt(np.mean(error**2, axis=0) / np.mean(moved**2, axis=0)))
+
+
+def _seen_already(same: bool) -> tuple[Doubt, ...]:
+    if not same:
+        return ()
+    told = "the validation repeats the motion of the fit: it says nothing of other motions"
+    return (Doubt("same_motion", told, decisive=False, strength=2.0),)
+
+
+def _failures(robot: Robot, prediction: Prediction) -> tuple[str, ...]:
+    error = np.nan_to_num(prediction.relative_error)
+    worst, found = int(np.argmax(error)), []
+    if error[worst] > MOTOR_ERROR_LIMIT:
+        name = robot.joints[worst].name
+        found.append(f"the torque of {name} is off by {error[worst]:.0%} of its size, limit {MOTOR_ERROR_LIMIT:.0%}")
+    if prediction.total_error > TOTAL_ERROR_LIMIT:
+        found.append(f"torques are off by {prediction.total_error:.0%} of their size, limit {TOTAL_ERROR_LIMIT:.0%}")
+    return tuple(found)
+
+
+def _worse(robot: Robot, prediction: Prediction, ratio: FloatArray) -> tuple[Doubt, ...]:
+    """A motor whose torque is predicted much worse than on the fit's own motion."""
+    telling = np.nan_to_num(np.where(prediction.relative_error > _MATTERS, ratio, 0.0))
+    worst = int(np.argmax(telling))
+    if telling[worst] <= _WORSE:
+        return ()
+    told = f"the torque of {robot.joints[worst].name} is off by {telling[worst]:.2g} times what the fit left"
+    return (Doubt("model", told, decisive=False, strength=float(telling[worst]) / _WORSE),)
+
+
+def _untested(robot: Robot, prediction: Prediction) -> tuple[Doubt, ...]:
+    few = [
+        joint.name
+        for joint, count in zip(robot.joints, prediction.n_row.tolist(), strict=True)
+        if count < FEWEST_TESTED
+    ]
+    if not few:
+        return ()
+    told = f"the validation leaves fewer than {FEWEST_TESTED} rows of {', '.join(few)}, too few to tell anything"
+    return (Doubt("excitation", told, decisive=False, strength=2.0),)
+
+
+def _refuse_other(solution: RigidSolution, shots: Sequence[Shot]) -> None:
+    """Refuses records that are sampled otherwise, or in other units, than those of the fit."""
+    period = solution.filtered.sampling_period_s
+    other = [shot for shot in shots if abs(shot.sampling_period_s / period - 1) > _SAME_RATE]
+    if other:
+        message = (
+            f"the validation is sampled every {other[0].sampling_period_s:g} s, the fit's record every {period:g} s"
+        )
+        raise DataError(message, where="validation", remedy="validate on a record of the same sampling period")
+    units = {shot.torque_unit for shot in shots} - {solution.torque_unit}
+    if units:
+        message = f"the validation's torques are in {units.pop()}, the fit's in {solution.torque_unit}"
+        raise DataError(message, where="validation", remedy="validate on a record of the same quantity")
+
+
+def _verdict(prediction: Prediction, ratio: FloatArray, failures: tuple[str, ...], *, same: bool) -> str:
+    motion = "the motion of its fit" if same else "a new motion"
+    if failures:
+        return f"does not hold on {motion}: {'; '.join(failures)}"
+    return (
+        f"holds on {motion}: torques are off by {prediction.total_error:.2g} of their size, and by at most "
+        f"{np.nanmax(ratio):.2g} times what the fit left"
+    )

@@ -1,0 +1,79 @@
+"""A reason to doubt data or a model, with its likely cause."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robid.errors import DataError
+from robid.results.scale import Scale
+
+CAUSES = {
+    "torque_sign": "a torque with the wrong sign",
+    "angle_sign": "an angle with the wrong sign",
+    "torque_constant": "a torque constant that is off",
+    "gear_ratio": "a gear ratio that is off",
+    "zero": "a zero of the angles that is off",
+    "configurations": "configurations that are swapped or mislabelled",
+    "delay": "a delay that is not declared",
+    "samples": "speeds whose samples are not what was stated",
+    "filters": "filters that let the noise of the positions pass",
+    "units": "units or gear ratios of the log that are off",
+    "same_motion": "a motion that the fit has seen already",
+    "same_configuration": "configurations that the fit has seen already",
+    "excitation": "too little signal for the sensors' noise",
+    "payload": "a payload that is off",
+    "masses": "masses or centres of mass that are off",
+    "counterbalance": "a counterbalance that the robot file lacks",
+    "torque_sensor": "torques of sensors behind the gears, of joints that need `torque_measured_at: joint`",
+    "rotor_inertia": "rotor inertias that are off",
+    "held_spring": "springs or dampers that are off and not estimated",
+    "missing_spring": "a spring that the robot file lacks",
+    "friction": "friction of another kind or size",
+    "arm_friction": "viscous friction behind a transmission, which `arm_viscous` in `free` estimates",
+    "gear_nonlinearity": "gears with hysteresis, backlash or stiffening that the model lacks",
+    "gear_coupling": "a gear that turns with other joints in another way than stated",
+    "coupling": "commands of other channels, which move this one too",
+    "saturation": "a limit of range, torque, speed or acceleration that was reached",
+    "unsteady": "a drift, or repeats from before the robot had settled",
+    "band": "motions that are faster or larger than those of the fit",
+    "model": "something that the model lacks",
+}
+"""Likely causes, in words."""
+
+
+def two_digits(value: float, sign: str = "") -> str:
+    """Writes a number with two digits, never with an exponent; `+` as sign shows it always."""
+    return f"{float(f'{value:.2g}'):{sign}.15g}"
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A reason to doubt data or a model.
+
+    Attributes:
+        cause: The likely cause, of `CAUSES`.
+        message: What was seen and where, a clause without a full stop.
+        decisive: Whether nothing that follows from the data may be used while it stands.
+        strength: How far beyond what is normal, a ratio above 1; the strongest of a kind comes first.
+        scales: Which wrong scales explain it, the likeliest first, those that give the same data beside each other.
+    """
+
+    cause: str
+    message: str
+    decisive: bool
+    strength: float
+    scales: tuple[Scale, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """What was seen, and what it points to."""
+        return f"{self.message}: this points to {CAUSES[self.cause]}"
+
+
+def blamed(error: DataError, doubts: Sequence[Doubt]) -> DataError:
+    """Returns a refusal that names the wrong scale first whose doing it is, where one was seen."""
+    seen = next((doubt for doubt in doubts if doubt.scales), None)
+    if seen is None:
+        return error
+    return DataError(f"{seen.sentence}; with it, {error.what}", where=error.where, remedy="correct the log's mapping")

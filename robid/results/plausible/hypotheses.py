@@ -1,0 +1,297 @@
+"""Wrong scales that a campaign may have, and which of them its data name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.results.scale import COUNTS, SCALES, Scale
+from robid.signals.quantities import Channel
+
+_ACCUSED = 8.0
+_LEFT = 0.35
+_WITHIN = 2.5
+_FARTHEST = 4.5
+_ALIKE = 5.0
+_MOST = 3
+_LEAST_RATIO, _ROUGH = 1.5, 3.0
+"""Smallest factor of a robot's own that is a mistake, and up to which a rough robot file is off as much."""
+
+_RARE, _VERY_RARE = 2.0, 4.0
+_EXACT = 0.05
+_RECOUNTED = (2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 10.0, 10000 / 4096)
+"""Counts of a turn over those that were stated: quadrature, other encoders."""
+
+_FACTORS: dict[str, tuple[tuple[str, int, float], ...]] = {
+    "torque": (("1000", 1, 0.0), ("1000", -1, 0.0), ("9.81", -1, 1.0), ("9.81", 1, 1.0), ("1e6", 1, _VERY_RARE)),
+    "angle": (
+        ("180/pi", 1, 0.0),
+        ("180/pi", -1, 0.0),
+        ("1000", 1, 0.0),
+        ("1000", -1, 0.0),
+        ("2pi", -1, 1.0),
+        ("2pi", 1, 1.0),
+        ("1e6", 1, _VERY_RARE),
+        ("1e6", -1, _VERY_RARE),
+    ),
+    "position": (("1000", 1, 0.0), ("1000", -1, 0.0), ("1e6", 1, _RARE), ("1e6", -1, _RARE)),
+    "speed": (
+        ("60/2pi", 1, 0.0),
+        ("60/2pi", -1, 0.0),
+        ("180/pi", 1, 0.0),
+        ("180/pi", -1, 0.0),
+        ("1000", 1, 1.0),
+        ("1000", -1, 1.0),
+        ("6", 1, _RARE),
+        ("6", -1, _RARE),
+        ("2pi", -1, _RARE),
+    ),
+    "acceleration": (
+        ("180/pi", 1, 0.0),
+        ("180/pi", -1, 0.0),
+        ("9.81", -1, 0.0),
+        ("9.81", 1, 0.0),
+        ("1000", 1, 0.0),
+        ("1000", -1, 0.0),
+    ),
+    "time": (
+        ("1000", 1, 0.0),
+        ("1000", -1, 0.0),
+        ("1e6", 1, 1.0),
+        ("1e6", -1, 1.0),
+        ("60", 1, _RARE),
+        ("60", -1, _RARE),
+    ),
+}
+"""Factors by quantity: which, whether values come out too large (1) or too small (-1), and how rare the mistake is."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One mistake of scale.
+
+    Attributes:
+        scales: What it is.
+        factor: By how much; of a robot's own factors the geometric mean.
+        log (n_state,): Logarithm of read over true values of torques, of motions and of time.
+        penalty: How rare it is.
+        exact: Whether only evidence that knows the factor to some per cent may name it.
+    """
+
+    scales: tuple[Scale, ...]
+    factor: float
+    log: FloatArray
+    penalty: float
+    exact: bool = False
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What data say of scales: `rows @ log = value`, within a covariance.
+
+    Attributes:
+        rows (n_seen, n_state): Exponents.
+        value (n_seen,): Logarithms.
+        covariance (n_seen, n_seen): How far they may be off.
+    """
+
+    rows: FloatArray
+    value: FloatArray
+    covariance: FloatArray
+
+    def cost(self, log: FloatArray) -> float:
+        """Squared deviations that a hypothesis leaves."""
+        left = self.value - self.rows @ log
+        return float(left @ np.linalg.solve(self.covariance, left)) if left.size else 0.0
+
+    def farthest(self, log: FloatArray) -> float:
+        """Largest deviation that it leaves."""
+        left = self.value - self.rows @ log
+        return float((np.abs(left) / np.sqrt(np.diagonal(self.covariance))).max(initial=0.0))
+
+    def share(self, log: FloatArray) -> tuple[float, float]:
+        """How much of a hypothesis the data see, with its standard deviation; 1 where all of it."""
+        column = self.rows @ log
+        weighted = np.linalg.solve(self.covariance, column)
+        size = float(column @ weighted)
+        return (float(self.value @ weighted) / size, 1 / float(np.sqrt(size))) if size > 0 else (0.0, np.inf)
+
+
+def joined(parts: Sequence[Seen]) -> Seen:
+    """Joins what is independent."""
+    size = [len(part.value) for part in parts]
+    covariance = np.zeros((sum(size), sum(size)))
+    ends = np.cumsum(size)
+    for part, end in zip(parts, ends.tolist(), strict=True):
+        own = slice(end - len(part.value), end)
+        covariance[own, own] = part.covariance
+    return Seen(
+        np.concatenate([part.rows for part in parts]), np.concatenate([part.value for part in parts]), covariance
+    )
+
+
+@dataclass(frozen=True)
+class Named:
+    """Hypotheses that explain what data say, and how surely.
+
+    Attributes:
+        alike: Those that the data cannot tell apart, the likeliest first.
+        seen: Factor that the data show of the first, with the ends of its interval.
+        strength: Squared deviations that it explains over those from which it counts.
+    """
+
+    alike: tuple[Hypothesis, ...]
+    seen: tuple[float, float, float]
+    strength: float
+
+
+def name_scales(hypotheses: Sequence[Hypothesis], told: Callable[[FloatArray], Seen], likely: Seen) -> Named | None:
+    """Finds the scales that explain what data say; None where nothing is to be explained, or nothing does.
+
+    A factor is accused where the data contradict its absence, where it lies inside what they say, and where what is
+    left is no more than robot files are off by.
+
+    Args:
+        hypotheses: What may be.
+        told: What the data say, seen by a hypothesis, of which a robot file cannot be off by as much.
+        likely: What decides only between hypotheses that explain it alike.
+    """
+    none = np.zeros(likely.rows.shape[1])
+    before = told(none).cost(none)
+    found = []
+    for each in hypotheses if before > _ACCUSED else ():
+        seen = told(each.log)
+        cost = seen.cost(each.log)
+        share, std = seen.share(each.log)
+        is_inside = abs(share - 1) < _WITHIN * std and seen.farthest(each.log) < _FARTHEST
+        is_inside &= not each.exact or std * abs(np.log(each.factor)) < _EXACT
+        if before - cost > _ACCUSED + each.penalty and cost < max(_LEFT * before, 1.0) and is_inside:
+            found.append((cost + each.penalty + likely.cost(each.log), each, share, std))
+    if not found:
+        return None
+    found.sort(key=lambda one: one[0])
+    best, first, share, std = found[0]
+    alike = {each.scales: each for cost, each, *_ in reversed(found) if cost - best < _ALIKE}
+    size = float(np.log(first.factor)) * (-1 if first.scales[0].inverse else 1)
+    low, high = sorted(float(np.exp(size * (share + sign * 1.96 * std))) for sign in (-1, 1))
+    strength = (before - told(first.log).cost(first.log)) / _ACCUSED
+    return Named(tuple(reversed(alike.values()))[:_MOST], (float(np.exp(size * share)), low, high), strength)
+
+
+def hypotheses_of(
+    names: Sequence[str], moved: Sequence[Channel], ratio: FloatArray, torque_constant: FloatArray
+) -> list[Hypothesis]:
+    """Lists the mistakes that channels may have: of all of a kind alike, or of one.
+
+    Args:
+        names: Motors whose torques are read.
+        moved: Motions that are read, of motors and arms.
+        ratio (n_motor,): Gear ratios.
+        torque_constant (n_motor,): Torque constants, NaN where none is stated [N m/A].
+    """
+    return [*_torques(names, len(moved), ratio, torque_constant), *_motions(names, moved, ratio), *_times(names, moved)]
+
+
+def _torques(
+    names: Sequence[str], n_moved: int, ratio: FloatArray, torque_constant: FloatArray
+) -> Iterator[Hypothesis]:
+    n_state = len(names) + n_moved + 1
+    for joints, rows, rare in _subsets(names, range(len(names))):
+        for factor, sign, penalty in _FACTORS["torque"]:
+            yield _alike("torque", factor, sign, joints, rows, n_state, penalty + rare)
+        own = (
+            ("gear_ratio", np.log(np.abs(ratio)), False, 1.0),
+            ("torque_constant", -np.log(torque_constant), True, 1.0),
+        )
+        for factor, log, inverse, penalty in own:
+            if np.isfinite(log[rows]).all() and _differs(log[rows]):
+                yield _own("torque", factor, joints, rows, log[rows], n_state, penalty + rare, inverse=inverse)
+
+
+def _motions(names: Sequence[str], moved: Sequence[Channel], ratio: FloatArray) -> Iterator[Hypothesis]:
+    n_state = len(names) + len(moved) + 1
+    kinds = {(one.quantity, one.side, one.unit) for one in moved}
+    if len({side for quantity, side, _ in kinds if quantity == "angle"}) > 1:
+        rows = [len(names) + index for index, one in enumerate(moved) if one.quantity == "angle"]
+        for factor, sign, penalty in _FACTORS["angle"]:
+            sides = ("motor_angle", "arm_angle")
+            scales = tuple(Scale(side, factor, inverse=sign < 0, joints=()) for side in sides)
+            log = _log(rows, sign * np.log(SCALES[factor]), n_state)
+            yield Hypothesis(scales, SCALES[factor], log, penalty + 1.0)
+    for quantity, side, unit in sorted(kinds):
+        own = [index for index, one in enumerate(moved) if (one.quantity, one.side, one.unit) == (quantity, side, unit)]
+        joints_of = [moved[index].name.partition(".")[0] for index in own]
+        channel = f"{side}_{quantity}" if quantity == "angle" and side in ("motor", "arm") else quantity
+        for joints, places, rare in _subsets(joints_of, range(len(own))):
+            rows = [len(names) + own[place] for place in places]
+            for factor, sign, penalty in _FACTORS.get(quantity, ()):
+                yield _alike(channel, factor, sign, joints, rows, n_state, penalty + rare)
+            if quantity == "angle":
+                yield from _counted(channel, joints, rows, n_state, rare)
+            log = np.array([np.log(abs(ratio[list(names).index(joints_of[place])])) for place in places])
+            if _differs(log) and quantity in ("angle", "speed", "acceleration"):
+                sign = 1 if side == "arm" else -1
+                yield _own(channel, "gear_ratio", joints, rows, sign * log, n_state, 1.0 + rare, inverse=sign < 0)
+
+
+def _counted(channel: str, joints: tuple[str, ...], rows: list[int], n_state: int, rare: float) -> Iterator[Hypothesis]:
+    """Counts that are read as angles, and turns with other counts than said, which only exact evidence shows."""
+    for counts in COUNTS:
+        size = counts / (2 * np.pi)
+        scale = Scale(channel, "counts", inverse=False, joints=joints)
+        yield Hypothesis((scale,), size, _log(rows, np.log(size), n_state), _RARE + rare)
+    for size, inverse in ((size, inverse) for size in _RECOUNTED for inverse in (False, True)):
+        scale = Scale(channel, "counts", inverse, joints)
+        log = _log(rows, float(np.log(size)) * (-1 if inverse else 1), n_state)
+        yield Hypothesis((scale,), size, log, _RARE + rare, exact=True)
+
+
+def _times(names: Sequence[str], moved: Sequence[Channel]) -> Iterator[Hypothesis]:
+    n_state = len(names) + len(moved) + 1
+    for factor, sign, penalty in _FACTORS["time"]:
+        yield _alike("time", factor, sign, (), [n_state - 1], n_state, penalty)
+
+
+def _subsets(names: Sequence[str], rows: range) -> Iterator[tuple[tuple[str, ...], list[int], float]]:
+    """All channels of a kind, then each of them, which is rarer."""
+    yield (tuple(names) if len(rows) == 1 else ()), list(rows), 0.0
+    if len(rows) > 1:
+        for row in rows:
+            yield (names[row],), [row], 1.0
+
+
+def _alike(
+    channel: str, factor: str, sign: int, joints: tuple[str, ...], rows: list[int], n_state: int, penalty: float
+) -> Hypothesis:
+    scale = Scale(channel, factor, inverse=sign < 0, joints=joints)
+    return Hypothesis((scale,), SCALES[factor], _log(rows, sign * np.log(SCALES[factor]), n_state), penalty)
+
+
+def _own(
+    channel: str,
+    factor: str,
+    joints: tuple[str, ...],
+    rows: list[int],
+    log: FloatArray,
+    n_state: int,
+    penalty: float,
+    *,
+    inverse: bool,
+) -> Hypothesis:
+    size = float(np.exp(log.mean() * (-1 if inverse else 1)))
+    scale, is_small = Scale(channel, factor, inverse, joints), bool(np.abs(log).max() < np.log(_ROUGH))
+    return Hypothesis((scale,), size, _log(rows, log, n_state), penalty, exact=is_small)
+
+
+def _differs(log: FloatArray) -> bool:
+    """Whether a factor of a robot's own is far enough from 1 to be a mistake."""
+    return bool(np.abs(log).max() > np.log(_LEAST_RATIO))
+
+
+def _log(rows: list[int], values: FloatArray | float, n_state: int) -> FloatArray:
+    log = np.zeros(n_state)
+    log[rows] = values
+    return log

@@ -1,0 +1,121 @@
+"""What may change the torque with which a robot carries its weight, and how it is told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.results.doubt import Doubt
+from robid.results.plausible.balances import BALANCE, balance_message, likely_joints, wave_columns
+from robid.robot.description import Joint, Robot
+from robid.robot.linearize import gravity_torque, solve_statics
+from robid.robot.model import build_model
+
+_GROSS_FACTOR = 0.2
+_TILT_RAD = 0.01
+_MOST_LEAN_RAD = float(np.deg2rad(15.0))
+"""Beyond it gravity is no longer linear in how a base leans, and nobody mounts a robot so by mistake."""
+
+_FELT = 0.05
+_LEAST_TORQUE = 1e-9
+_MOST_MASS = 2.0  # times a link's stated mass that a file leaves out
+
+
+@dataclass(frozen=True)
+class LoadCause:
+    """What may change the mean torques.
+
+    Attributes:
+        kind: Of `CAUSES`.
+        name: Motor or link that it is about.
+        columns (n_column, n_conf, n_motor): Change of the torque per unit of it [N m].
+    """
+
+    kind: str
+    name: str
+    columns: FloatArray
+
+
+def load_causes(
+    robot: Robot, configurations: FloatArray, motors: IntArray, expected: FloatArray, usable: BoolArray
+) -> list[LoadCause]:
+    """Lists what may change mean torques, with the change by each, counterbalances last.
+
+    Args:
+        robot: The robot file's.
+        configurations (n_conf, n_joint): Where it rests.
+        motors (n_motor,): Indices of the motors among its joints.
+        expected (n_conf, n_motor): The torques that hold it there [N m].
+        usable (n_motor,): Motors whose torque can be judged.
+    """
+    equilibrium = solve_statics(build_model(robot, balanced=True), configurations)
+
+    def held(other: Robot) -> FloatArray:
+        model = build_model(other, balanced=True)
+        load = gravity_torque(model, equilibrium.position)[:, model.arm] @ other.arm_per_motor
+        return np.asarray(load[:, motors])
+
+    own = held(robot)
+    payload = replace(robot, payload=replace(robot.payload, mass_kg=robot.payload.mass_kg + 1.0))
+    causes = [LoadCause("payload", "", (held(payload) - own)[None])]
+    for index, joint in enumerate(robot.joints):
+        if joint.link.mass_kg > 0:
+            joints = (*robot.joints[:index], _heavier(joint), *robot.joints[index + 1 :])
+            causes.append(LoadCause("masses", joint.name, (held(replace(robot, joints=joints)) - own)[None] / 0.01))
+    for index in np.flatnonzero(usable).tolist():
+        column = np.zeros_like(expected)
+        column[:, index] = expected[:, index]
+        causes.append(LoadCause("torque_constant", robot.joints[motors[index]].name, column[None]))
+    tilted = [replace(robot, gravity_m_s2=_turned(robot.gravity_m_s2, axis)) for axis in (0, 1)]
+    leans = np.array([held(other) - own for other in tilted]) / _TILT_RAD
+    size = np.sqrt((leans**2).sum(axis=(1, 2)))
+    # Out of the plane of a planar arm a lean does nothing to first order: what is left would ask for any angle.
+    causes.append(LoadCause("model", "", leans[size >= _FELT * size.max()]))
+    for index in likely_joints(robot, configurations):
+        columns = wave_columns(robot, index, configurations)[:, :, motors] * usable
+        causes.append(LoadCause(BALANCE, robot.joints[index].name, columns))
+    return [cause for cause in causes if np.abs(cause.columns).max() > _LEAST_TORQUE]
+
+
+def is_possible(robot: Robot, cause: LoadCause, values: FloatArray) -> bool:
+    """Whether a cause is as large as it may be: masses are not negative, nor a payload heavier than the arm."""
+    own = values[-len(cause.columns) :]
+    if cause.kind == "model":
+        return float(np.linalg.norm(own)) <= _MOST_LEAN_RAD
+    arm_kg = sum(joint.link.mass_kg for joint in robot.joints)
+    limits = {"payload": (-robot.payload.mass_kg, max(arm_kg, robot.payload.mass_kg)), "masses": (-1.0, _MOST_MASS)}
+    least, most = limits.get(cause.kind, (-np.inf, np.inf))
+    return least <= float(own[0]) <= most
+
+
+def _heavier(joint: Joint) -> Joint:
+    """A joint with one per cent more mass in its link."""
+    return replace(joint, link=replace(joint.link, mass_kg=1.01 * joint.link.mass_kg))
+
+
+def _turned(gravity: FloatArray, axis: int) -> FloatArray:
+    """Gravity as a base sees it that leans about one of its horizontal axes."""
+    return np.asarray(gravity - np.cross(_TILT_RAD * np.eye(3)[axis], gravity))
+
+
+def doubt_of(robot: Robot, cause: LoadCause, values: FloatArray, strength: float, n_conf: int) -> Doubt:
+    """Says what a cause is that explains mean torques by its values (n_column,)."""
+    where = f"in {n_conf} configuration{'s' if n_conf > 1 else ''}"
+    value = float(values[0])
+    decisive = False
+    if cause.kind == "payload":
+        stated = robot.payload.mass_kg
+        told = f"mean torques {where} carry a payload of {stated + value:.3g} kg, the model has {stated:.3g} kg"
+    elif cause.kind == "torque_constant":
+        told = f"{cause.name}: its mean torques are {1 + value:.3g} times what holds the arm {where}"
+        decisive = abs(value) > _GROSS_FACTOR
+    elif cause.kind == "masses":
+        told = f"mean torques {where} carry {1 + value:.3g} times the mass of {cause.name}'s link"
+    elif cause.kind == BALANCE:
+        told = balance_message(robot, cause.name, values, where)
+    else:
+        lean = np.rad2deg(np.linalg.norm(values))
+        told = f"mean torques {where} are those of a base that leans by {lean:.2g} deg more than the model's"
+    return Doubt(cause.kind, told, decisive=decisive, strength=strength)

@@ -1,0 +1,1 @@
+"""What the study section of an experiment file says. Read `study` first, which lists them."""

@@ -1,1 +1,0 @@
-"""A fleet's estimates against each other: what a population is like, who is none of it, who changes."""

@@ -1,0 +1,114 @@
+"""The way from a start to a minimum: minima that lock a joint are left, other parameters keep their start."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exact_systems import exact_frf, friction_frf, two_joint_robot, with_spring_factors
+from robid.models.elastic.fit import strategy as module
+from robid.models.elastic.fit.fitting import draw_starts, set_up
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.strategy import make_strategy
+
+CONFIGURATIONS = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2]])
+FREQUENCY_HZ = np.unique(np.round(np.geomspace(1, 60, 40), 1))
+
+
+def strategy_of(strategy="staged", configurations=CONFIGURATIONS, **options):
+    robot = with_spring_factors(two_joint_robot(), [1.3, 0.8, 1.2, 0.9])
+    frf = exact_frf(robot, configurations, FREQUENCY_HZ, delay_s=1e-3, relative_noise=0.005, seed=1)
+    chosen = ElasticOptions(strategy=strategy, starts=21, start_decades=2.0, **options)
+    problem = set_up(two_joint_robot(), frf, chosen, 1e-3)[0]
+    return make_strategy(problem, two_joint_robot(), chosen)
+
+
+def costs_of(strategy):
+    ends = [strategy.descend(start) for start in draw_starts(strategy.problem.parameters, strategy.options)]
+    return np.array([end.cost for end in ends])
+
+
+@pytest.mark.parametrize("estimator", ["lls", "llsm", "nls"])
+def test_starts_two_decades_away_reach_the_best_minimum(estimator):
+    free = ("stiffness", "damping")
+    staged = costs_of(strategy_of(free=free, estimator=estimator))
+    plain = costs_of(strategy_of("plain", free=free, estimator=estimator))
+    best = min(staged.min(), plain.min())
+    assert np.mean(staged < 1.01 * best) >= 0.9
+    assert np.mean(plain < 1.01 * best) <= 0.7
+
+
+def test_a_locked_spring_is_put_back():
+    start = np.zeros(8)
+    start[[2, 3]] = np.log(50), np.log(20)  # a bearing so stiff that nothing is seen of it
+    free = ("stiffness", "damping")
+    staged, plain = (strategy_of(name, free=free).descend(start) for name in ("staged", "plain"))
+    assert plain.cost > 10 * staged.cost
+    assert staged.cost == pytest.approx(strategy_of(free=free).descend(np.zeros(8)).cost, rel=1e-6)
+
+
+def test_coarse_stage_has_few_lines_and_no_slow_parameters():
+    many = np.random.default_rng(1).uniform(-1, 1, (20, 2))
+    free = ("stiffness", "damping", "viscous", "delay", "location")
+    coarse = strategy_of(configurations=many, free=free, fixed=("gear_2.damping",)).coarse
+    assert set(coarse.parameters.kind_of) == {"stiffness", "damping", "viscous", "delay"}
+    assert "gear_2.damping" not in coarse.parameters.names
+    assert coarse.weight.any(axis=(2, 3)).sum() == 8 * 30
+    assert coarse.weight[[0, -1]].any()
+
+
+def test_torques_that_were_not_compensated_right_do_not_mislead_the_coarse_stages():
+    robot, chosen = two_joint_robot(), ElasticOptions()
+    frf = friction_frf(robot, CONFIGURATIONS, FREQUENCY_HZ, [0.08, -0.05])
+    nominal = with_spring_factors(robot, 0.8)
+    problem = set_up(nominal, frf, chosen, 1e-3)[0]
+    strategy = make_strategy(problem, nominal, chosen)
+    staged = strategy._staged(strategy.coarse, np.zeros(len(problem.parameters.names)))
+    found = dict(zip(problem.parameters.names, problem.parameters.values(staged.parameters), strict=True))
+    for spring in robot.springs:
+        assert found[f"{spring.name}.stiffness"] == pytest.approx(spring.stiffness, rel=1e-2)
+
+
+@pytest.mark.parametrize(("names", "ways"), [
+    (("bearing_1.damping",), 1), (("bearing_1.stiffness",), 6), (("bearing_1.damping", "forearm.damping"), 6),
+])  # fmt: skip
+def test_only_a_damper_lost_alone_is_given_up_after_one_way_back(monkeypatch, names, ways):
+    strategy = strategy_of(free=("stiffness", "damping"))
+    lost = np.isin(strategy.coarse.parameters.names, names)
+    tried, descend = [], module._coarsely
+    monkeypatch.setattr(module, "_lost", lambda *_: lost)
+    monkeypatch.setattr(module, "_coarsely", lambda *given: tried.append(given) or descend(*given))
+    strategy.descend(np.zeros(8))
+    assert len(tried) == 1 + ways
+
+
+def test_without_springs_and_dampers_there_is_no_coarse_stage():
+    strategy = strategy_of(free=("viscous", "delay"))
+    assert strategy.coarse is None
+    assert strategy.descend(np.zeros(3)).status == "converged"
+
+
+def test_everything_is_counted():
+    strategy = strategy_of(free=("stiffness", "damping"))
+    calls, problem = [0], strategy.problem
+    for one in (problem, strategy.coarse):
+        cost = one._symmetric.cost
+
+        def counted(internal, cost=cost):
+            calls[0] += 1
+            return cost(internal)
+
+        one._symmetric.cost = counted
+    end = strategy.descend(np.full(8, 0.5))
+    # Each accepted step asks twice, for the cost and for the normal equations there.
+    assert end.evaluations < calls[0] < 2.2 * end.evaluations
+    assert end.iterations < end.evaluations
+
+
+def test_an_inertia_that_is_known_beforehand_is_never_lost():
+    strategy = strategy_of(free=("stiffness", "motor_inertia"))
+    names = strategy.coarse.parameters.names
+    vanished = np.where([name.endswith("motor_inertia") for name in names], -8.0, 0.0)
+    weak = replace(strategy.coarse, weight=1e-12 * strategy.coarse.weight)
+    lost = module._lost(weak, vanished)
+    assert {name for name, gone in zip(names, lost, strict=True) if gone} <= set(names[:4])

@@ -1,0 +1,47 @@
+"""What a sentence asks to free can be freed: names that the fit takes, and none where it would refuse."""
+
+import pytest
+
+from exact_systems import two_joint_robot
+from robid.models.elastic.fit.doubts.freed import freed_doubts
+from robid.models.elastic.fit.doubts.listing import list_doubts
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.judge.remedies import remedy
+
+NEVER = "gear_1.hysteresis_never"
+
+
+def doubts(*names, options=None):
+    every = {doubt.name: doubt for doubt in list_doubts(two_joint_robot(), options or ElasticOptions())}
+    return [every[name] for name in names]
+
+
+@pytest.mark.parametrize(
+    ("named", "free"),
+    [
+        (["gear_1.hysteresis_early"], ("gear_1.hysteresis",)),
+        (["gear_2.hysteresis_late", "gear_2.hysteresis_early"], ("gear_2.hysteresis",)),
+        (["gear_2.hysteresis_late", "gear_1.hysteresis_late"], ("gear_2.hysteresis", "gear_1.hysteresis")),
+        (["gear_2.hysteresis_late", "gear_1.load_stiffness"], ("gear_2.hysteresis",)),
+        (["gear_1.load_stiffness", "gear_2.hysteresis_late"], ()),
+        ([NEVER], ()),
+    ],
+)
+def test_hysteresis_is_freed_by_gear(named, free):
+    found = remedy(doubts(*named), swings_known=True)
+    assert found == free
+    assert remedy(doubts(*named), swings_known=False) == ()
+    assert len(freed_doubts(two_joint_robot(), ElasticOptions(free=found))) == len(free)
+
+
+def test_springs_that_are_held_are_freed_as_kinds():
+    without = ElasticOptions(free=("viscous", "stiffness"), fixed=("gear_1.stiffness",))
+    found = remedy(doubts("gear_2.damping", "gear_1.stiffness", options=without), swings_known=True)
+    assert found == ("damping", "stiffness")
+
+
+def test_viscous_friction_is_freed_as_a_kind():
+    without = ElasticOptions(free=("stiffness", "damping"))
+    found = remedy(doubts("elbow.viscous", "elbow.friction_loss", options=without), swings_known=True)
+    assert found == ("viscous",)
+    assert remedy(doubts("elbow.friction_loss"), swings_known=True) == ()

@@ -1,0 +1,97 @@
+"""What is shown of an elastic fit beyond what every fit has."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from io import StringIO
+
+import numpy as np
+from rich.console import Console
+
+from robid.models.elastic.page.content import ElementErrors, RepeatRow
+from robid.models.elastic.page.repeats import interval_text
+from robid.models.elastic.page.resonances import interval_sentence, resonance_section
+from robid.models.elastic.page.sections import element_sentence, fit_tables, sections
+from robid.models.elastic.page.summary import fit_summary
+from robid.report.numbers import MISSING
+from robid.report.section import Notes
+from sample_reports import arm_report, bench_report
+
+
+def printed(table, width):
+    stream = StringIO()
+    Console(file=stream, width=width).print(table)
+    return stream.getvalue()
+
+
+def test_interval_ends_differ():
+    assert interval_text((12.341, 12.344)) == "12.341 … 12.344"
+    assert interval_text((12.3, 12.4)) == "12.30 … 12.40"
+    assert interval_text(None) == MISSING
+
+
+def test_residuals_beyond_their_covariance_are_told():
+    fit = arm_report().fit
+    assert element_sentence(fit) == ""
+    told = element_sentence(replace(fit, element_errors=ElementErrors(0.3, 0.41, 0.012)))
+    assert told.startswith("Beyond their covariance are 30 % of the elements, where the model is off by 1.2 % (median)")
+    assert "41 % are correlated over frequency" in told
+
+
+def test_small_drives_show_the_models_own_modes():
+    shown = [printed(table, 100) for table in fit_tables(bench_report().fit)]
+    assert len(shown) == 2
+    words = next(line.split() for line in shown[1].splitlines() if "antiresonance" in line)
+    peak, model, zero = ["53.97", "53.88", "…", "54.06"], "53.99", ["53.95", "53.90", "…", "54.00"]
+    assert words == ["motor", "antiresonance", *peak, model, *zero]
+    assert "1 more that the model does not have are in the report" in shown[1]
+    assert len(list(fit_tables(arm_report().fit))) == 1
+
+
+def test_a_page_says_what_the_intervals_of_resonances_hold():
+    frf = arm_report().fit.frf
+    places = np.arange(2.0)[:, None]
+    lone = replace(frf, realization_error=None, total_covariance=None, configurations=places)
+    assert "not what another measurement of the same robot would find" in interval_sentence(lone)
+    several = replace(lone, total_covariance=np.ones((2, 1, 1, 1)), realization_error=np.ones((2, 3, 1, 1, 1)))
+    assert "leaving out each of 3 realizations" in interval_sentence(several)
+    again = replace(several, configurations=np.zeros((2, 1)))
+    assert interval_sentence(again).endswith(
+        "realizations changes and what measurements of the same configuration scatter."
+    )
+
+
+def test_a_row_sets_a_peak_beside_a_peak_and_a_pole_beside_a_pole():
+    fit = bench_report().fit
+    (table,) = resonance_section(fit.resonances, fit.frf, 0.95)[0].parts
+    heads = list(table.columns)
+    row = list(table.rows[0].cells)
+    assert heads[3:6] == ["Peak or dip [Hz]", "95 % interval", "Model's [Hz]"]
+    assert row[3:6] == ["53.97", "53.88 … 54.06", "53.99"]
+    assert heads[8:13] == ["Pole or zero [Hz]", "95 % interval", "Model's [Hz]", "95 % interval", "Damping"]
+    assert row[8:13] == ["53.94", "53.85 … 54.03", "53.95", "53.90 … 54.00", "1.0 %"]
+
+
+def test_what_several_campaigns_measured_stands_in_one_table():
+    fit = bench_report().fit
+    repeat = RepeatRow(("monday", "monday", "friday"), 53.91, 54.02, 53.96, (53.7, 54.2), 53.93, (53.6, 54.3))
+    rows = (replace(fit.resonances[0], repeat=repeat), *fit.resonances[1:])
+    every, pooled = resonance_section(rows, fit.frf, 0.95)[0].parts
+    assert every.caption.endswith("what monday, friday scatter in the same configuration.")
+    (row,) = pooled.rows
+    assert row.cells[3:] == (
+        "monday (2 times), friday", "53.96", "53.91 … 54.02", "53.70 … 54.20", "53.93", "53.60 … 54.30",
+    )  # fmt: skip
+    shown = printed(list(fit_tables(replace(fit, resonances=rows)))[1], 100)
+    assert "measured intervals hold what monday, friday scatter in the same configuration" in shown
+    summary = fit_summary(replace(fit, resonances=rows), None)
+    place = "resonances.configuration_1.motor.antiresonance_1"
+    assert summary[f"{place}.repeats"] == 3
+    assert summary[f"{place}.mean_peak_upper_hz"] == 54.2
+    assert summary[f"{place}.mean_measured_hz"] == 53.93
+
+
+def test_notes_that_the_page_warns_of_are_not_repeated():
+    fit = bench_report().fit
+    assert any(isinstance(part, Notes) for part in sections(fit)[0].parts)
+    assert not any(isinstance(part, Notes) for part in sections(fit, fit.frf.notes)[0].parts)
