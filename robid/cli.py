@@ -238,9 +238,12 @@ def run_a_study(
 ) -> int:
     """Runs the study of an experiment file; goes on where a stopped one was."""
     del debug
+    from robid.commands.shared import open_run
     from robid.commands.study import study_experiment
+    from robid.studies.known import load_with_study
 
-    return study_experiment(_open(experiment, run_dir, backend, workers, scheduler), force=force, as_json=as_json)
+    run = open_run(experiment, run_dir, backend, workers, scheduler, load_with_study)
+    return study_experiment(run, force=force, as_json=as_json)
 
 
 @app.command("export")

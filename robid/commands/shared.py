@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
 from robid.artifacts.lock import FOLDER_LOCK
 from robid.errors import SettingsError, require_module
 from robid.models.family import Graded
+from robid.models.files import load_experiment
 from robid.pipeline import Result, Run, run_folder
 from robid.report.numbers import duration
 from robid.settings.checks.other_units import other_units
 from robid.settings.experiment import Execution
+from robid.settings.load import LoadedExperiment
 from robid.stages.terminal import Shell, make_console
-from robid.studies.known import load_with_study
 
 PROBLEM = 5
 _TRUST = 2
@@ -26,14 +28,23 @@ def open_run(
     backend: Literal["serial", "processes", "dask"] | None,
     workers: int | None,
     scheduler: str | None = None,
+    load: Callable[[Path], LoadedExperiment] = load_experiment,
 ) -> Run:
     """Loads an experiment; backend, workers and scheduler are its own where none are given.
+
+    Args:
+        path: The experiment file.
+        folder: Run folder; one of its name where None.
+        backend: What maps tasks.
+        workers: Number of processes.
+        scheduler: Address of a Dask scheduler.
+        load: Loads and checks the file; the command of studies alone checks its study.
 
     Raises:
         SettingsError: If the file cannot be used, a scheduler is given to another backend, or the backend is not
             installed.
     """
-    loaded = load_with_study(path)
+    loaded = load(path)
     execution = loaded.experiment.execution
     return Run(
         loaded=loaded,

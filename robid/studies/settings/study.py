@@ -13,10 +13,10 @@ from robid.robot.parameters import ElasticKind
 from robid.settings.base import Name, Section
 from robid.studies.settings.fleet import FleetStudy
 from robid.studies.settings.oliveira2019 import OliveiraStudy
+from robid.studies.settings.steps import StepOptions
 from robid.studies.settings.trust import TrustStudy
 from robid.studies.settings.turk2018 import TurkStudy
 from robid.studies.settings.unit_mistakes import UnitMistakes
-from robid.studies.zimmermann2023.step_options import StepOptions
 
 PaperFile: TypeAlias = Annotated[
     str | None, Field(description="File with the paper's figures, relative to this one.", min_length=1)

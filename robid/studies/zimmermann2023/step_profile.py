@@ -16,7 +16,7 @@ from robid.robot.model import ElasticModel
 from robid.signals.smooth_step import PEAK_ACCELERATION, PEAK_SNAP, step_duration_s
 from robid.simulate.engine import true_model
 from robid.simulate.options import Controller, SimulateOptions
-from robid.studies.zimmermann2023.step_options import StepOptions
+from robid.studies.settings.steps import StepOptions
 
 _AFTER_S = 0.1
 _LONGEST_RAMP_S = 10.0

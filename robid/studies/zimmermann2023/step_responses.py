@@ -13,8 +13,8 @@ from robid.arrays import FloatArray, check_shape
 from robid.robot.description import Robot
 from robid.simulate.options import Controller, SimulateOptions
 from robid.simulate.playback import with_tool_point
+from robid.studies.settings.steps import StepOptions
 from robid.studies.zimmermann2023.step_bench import StepBench, StepRun, StepTask, run_steps
-from robid.studies.zimmermann2023.step_options import StepOptions
 from robid.studies.zimmermann2023.step_profile import step_profiles
 
 _TREND = 3  # degree; the feedback's slow settling is no vibration

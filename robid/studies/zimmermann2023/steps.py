@@ -19,10 +19,10 @@ from robid.settings.robot_parts import require_controller, robot_settings
 from robid.settings.truth import true_robot_of
 from robid.simulate.options import Controller, SimulateOptions
 from robid.stages.configurations import draw_in_reach
+from robid.studies.settings.steps import StepOptions
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task
-from robid.studies.zimmermann2023.step_options import StepOptions
 from robid.studies.zimmermann2023.step_responses import StepResponses, step_responses
 from robid.studies.zimmermann2023.study import study_of
 

@@ -13,8 +13,8 @@ from robid.robot.model import build_model
 from robid.settings.load import load_robot
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.playback import with_tool_point
+from robid.studies.settings.steps import StepOptions
 from robid.studies.zimmermann2023.step_bench import StepBench, StepTask, step_control
-from robid.studies.zimmermann2023.step_options import StepOptions
 from robid.studies.zimmermann2023.step_profile import StepProfile, step_profiles
 from robid.studies.zimmermann2023.step_responses import StepResponses, step_figures, step_responses
 
