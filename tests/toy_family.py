@@ -19,8 +19,7 @@ from robid.report.content import FitReport, Headline, KeyNumber
 from robid.report.section import Section, Table
 from robid.results.estimate import Estimate
 from robid.results.grade import grade_alone, grade_held
-from robid.results.outcome import Outcome
-from robid.results.recovery import recover
+from robid.results.outcome import Outcome, recover
 from robid.settings.fits import STRICT, FitSettings
 from robid.signals.record import Record
 

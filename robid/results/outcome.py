@@ -2,10 +2,77 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
+from robid.arrays import BoolArray, FloatArray
+from robid.results.estimate import Estimate
 from robid.results.grade import Grade
-from robid.results.recovery import Recovery
+
+_SPRING_TOLERANCE = 0.02
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """Fitted against true values.
+
+    Attributes:
+        names: Parameters whose truth is known.
+        kinds: Their kinds.
+        truth (n_known,): True values.
+        relative_error (n_known,): Error over the true value; the error itself for relative errors of
+            friction and where the truth is zero.
+        covered (n_known,): Whether the interval holds the truth.
+        identifiable (n_known,): As decided before the fit.
+    """
+
+    names: tuple[str, ...]
+    kinds: tuple[str, ...]
+    truth: FloatArray
+    relative_error: FloatArray
+    covered: BoolArray
+    identifiable: BoolArray
+
+    @property
+    def coverage(self) -> float | None:
+        """Share of the identifiable parameters whose interval holds the truth; None without any."""
+        return float(self.covered[self.identifiable].mean()) if self.identifiable.any() else None
+
+    def within(self, kind: str, tolerance: float) -> tuple[int, int]:
+        """How many parameters of a kind are within a tolerance of the truth, and how many there are."""
+        error = self.relative_error[np.array(self.kinds, dtype=str) == kind]
+        return int((np.abs(error) <= tolerance).sum()), error.size
+
+
+def recover(estimate: Estimate, truth: Mapping[str, float]) -> Recovery:
+    """Compares estimates with the truth.
+
+    Args:
+        estimate: What a fit found.
+        truth: True value by parameter name; names that the fit does not estimate are left out.
+    """
+    known = [index for index, name in enumerate(estimate.names) if name in truth]
+    names, kinds = (tuple(words[index] for index in known) for words in (estimate.names, estimate.kinds))
+    values = np.array([truth[name] for name in names], float)
+    size = np.where((np.array(kinds, dtype=str) == "friction") | (values == 0), 1.0, np.abs(values))
+    return Recovery(
+        names=names,
+        kinds=kinds,
+        truth=values,
+        relative_error=(estimate.value[known] - values) / size,
+        covered=(estimate.lower[known] <= values) & (values <= estimate.upper[known]),
+        identifiable=estimate.identifiable[known].astype(bool),
+    )
+
+
+def recovery_sentence(recovery: Recovery) -> str:
+    """Says how much of the truth was found; empty where none is known."""
+    (within, known), coverage = recovery.within("stiffness", _SPRING_TOLERANCE), recovery.coverage
+    parts = [f"{within} of {known} springs within 2 %"] if known else []
+    parts += [] if coverage is None else [f"{100 * coverage:.0f} % of the intervals hold it"]
+    return f"Against the truth: {', '.join(parts)}." if parts else ""
 
 
 @dataclass(frozen=True)

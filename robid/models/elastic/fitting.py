@@ -26,9 +26,8 @@ from robid.models.elastic.truth import true_values
 from robid.models.family import Data, Work
 from robid.models.rigid_source import RigidSource, rigid_source
 from robid.results.doubt import blamed
-from robid.results.outcome import Outcome
+from robid.results.outcome import Outcome, recovery_sentence
 from robid.results.plausible.doubts import data_doubts
-from robid.results.recovery import recovery_sentence
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign, payload_kg
 from robid.settings.load import LoadedExperiment

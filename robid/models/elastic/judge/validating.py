@@ -19,8 +19,7 @@ from robid.models.elastic.judge.grading import grade_validation
 from robid.models.elastic.judge.measures import COST_RATIO_LIMIT, Measures, measure, own_errors
 from robid.results.doubt import Doubt
 from robid.results.estimate import Estimate
-from robid.results.outcome import Outcome
-from robid.results.recovery import recover
+from robid.results.outcome import Outcome, recover
 from robid.robot.description import Robot
 
 _SAME_CONFIGURATION_RAD = 1e-3

@@ -14,7 +14,7 @@ from robid.models.family import Shown
 from robid.report.content import FitReport
 from robid.report.parameter_section import identified_phrase
 from robid.report.parameters import misfit_sentence
-from robid.results.recovery import recovery_sentence
+from robid.results.outcome import recovery_sentence
 
 
 def report(shown: Shown) -> FitReport:

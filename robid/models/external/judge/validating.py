@@ -25,8 +25,7 @@ from robid.models.external.judge.prediction import (
     traces_of,
 )
 from robid.results.doubt import Doubt
-from robid.results.outcome import Outcome
-from robid.results.recovery import recover
+from robid.results.outcome import Outcome, recover
 
 _SAME_RATE = 1e-6
 _OUTSIDE = 3.0  # times as many samples outside the bounds as their level says

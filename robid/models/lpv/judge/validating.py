@@ -15,8 +15,7 @@ from robid.models.lpv.fit.responses import LocalResponses
 from robid.models.lpv.fit.solution import Held, LpvSolution, Ports
 from robid.models.lpv.judge.grading import UNUSABLE, error_doubts, grade_lpv, worst_place
 from robid.results.doubt import Doubt
-from robid.results.outcome import Outcome
-from robid.results.recovery import recover
+from robid.results.outcome import Outcome, recover
 
 _SAME_PLACE = 1e-3  # of the range
 _SAME_RATE = 1e-6

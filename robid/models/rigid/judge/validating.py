@@ -19,8 +19,7 @@ from robid.models.rigid.judge.grading import grade_rigid
 from robid.models.rigid.judge.plausible import TOTAL_ERROR_LIMIT
 from robid.models.rigid.judge.prediction import Prediction, predict
 from robid.results.doubt import Doubt
-from robid.results.outcome import Outcome
-from robid.results.recovery import recover
+from robid.results.outcome import Outcome, recover
 from robid.robot.description import Robot
 from robid.robot.regressor.model import build_rigid_model
 

@@ -13,7 +13,7 @@ from robid.models.elastic.judge.fitted import fitted_model
 from robid.models.elastic.judge.measures import Measures
 from robid.models.elastic.judge.validating import median_spring_half_width, validate_elastic
 from robid.results.grade import PREDICTS
-from robid.results.recovery import Recovery, recover, recovery_sentence
+from robid.results.outcome import Recovery, recover, recovery_sentence
 from solutions import with_estimate
 
 FREQUENCY_HZ = np.unique(np.round(np.geomspace(1, 60, 40), 1))
