@@ -299,7 +299,7 @@ def _slope(stated: FloatArray, logged: FloatArray, least: float) -> tuple[float,
 
 def named_doubt(named: Named, sources: str) -> Doubt:
     """Says what was seen, what it would mean and what to write."""
-    first, (size, low, high) = named.alike[0], named.seen
+    size, low, high = named.seen
     words = [" and of the ".join(scale.what for scale in each.scales) for each in named.alike]
     meant = [each.scales[0].mistake(each.factor, what) for each, what in zip(named.alike, words, strict=True)]
     told = (
