@@ -2,82 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
-from robid.models.elastic.exports import EXPORTS
+from robid.later import later
 from robid.models.elastic.settings import ElasticFit, model_settings, problems
-from robid.models.family import Data, Family, Shown, Work
+from robid.models.family import Export, Family
 
-if TYPE_CHECKING:
-    from robid.artifacts.artifact import Artifact
-    from robid.report.content import FitReport
-    from robid.settings.load import LoadedExperiment
-    from robid.simulate.truth import TrueRobot
-
-
-def _fit(data: Data, work: Work) -> Artifact:
-    from robid.models.elastic.fitting import fit
-
-    return fit(data, work)
-
-
-def _free_too(loaded: LoadedExperiment, name: str, more: Sequence[str]) -> LoadedExperiment:
+with later(__name__):
+    from robid.models.elastic.fitting import (
+        fit,
+        misfits,
+        phrase_of_model,
+        refit,
+        validate,
+        values_in,
+        verdict_of_validation,
+    )
     from robid.models.elastic.freed import free_too
-
-    return free_too(loaded, name, more)
-
-
-def _refit(data: Data, model: Artifact, work: Work) -> Artifact:
-    from robid.models.elastic.fitting import refit
-
-    return refit(data, model, work)
-
-
-def _validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
-    from robid.models.elastic.fitting import validate
-
-    return validate(data, model, true)
-
-
-def _true_values(loaded: LoadedExperiment, name: str, true: TrueRobot) -> dict[str, float]:
-    from robid.models.elastic.fitting import values_in
-
-    return values_in(loaded, name, true)
-
-
-def _phrase(model: Artifact) -> str:
-    from robid.models.elastic.fitting import phrase_of_model
-
-    return phrase_of_model(model)
-
-
-def _verdict(validation: Artifact) -> str:
-    from robid.models.elastic.fitting import verdict_of_validation
-
-    return verdict_of_validation(validation)
-
-
-def _report(shown: Shown) -> FitReport:
-    from robid.models.elastic.page.report import report
-
-    return report(shown)
-
-
-def _compare(every: Sequence[Shown]) -> dict[str, float]:
-    from robid.models.elastic.page.report import compare
-
-    return compare(every)
-
-
-def _misfits(model: Artifact, validation: Artifact | None) -> dict[str, float]:
-    from robid.models.elastic.files import solution_from_artifact, validation_from_artifact
-
-    found = {"misfit": solution_from_artifact(model).misfit}
-    if validation is not None:
-        found["misfit of the validation"] = validation_from_artifact(validation).cost_ratio
-    return found
-
+    from robid.models.elastic.page.report import compare, report
+    from robid.models.elastic.writing import write_csv, write_json, write_mat, write_mjcf, write_state_space
 
 ELASTIC = Family(
     name="elastic",
@@ -85,16 +26,22 @@ ELASTIC = Family(
     reads=("frf",),
     problems=problems,
     decides=model_settings,
-    fit=_fit,
-    validate=_validate,
+    fit=fit,
+    validate=validate,
+    phrase=phrase_of_model,
+    report=report,
+    exports={
+        "mjcf": Export("model.xml", (".xml",), write_mjcf, takes_friction=True),
+        "json": Export("parameters.json", (".json",), write_json, takes_configuration=False),
+        "csv": Export("parameters.csv", (".csv",), write_csv, takes_configuration=False),
+        "mat": Export("model.mat", (".mat",), write_mat),
+        "statespace": Export("statespace.mat", (".mat", ".json", ".npz"), write_state_space),
+    },
     seed=lambda settings: settings.seed if isinstance(settings, ElasticFit) else None,
-    true_values=_true_values,
-    phrase=_phrase,
-    verdict=_verdict,
-    report=_report,
-    compare=_compare,
-    exports=EXPORTS,
-    free_too=_free_too,
-    refit=_refit,
-    misfits=_misfits,
+    true_values=values_in,
+    verdict=verdict_of_validation,
+    compare=compare,
+    free_too=free_too,
+    refit=refit,
+    misfits=misfits,
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -30,7 +30,8 @@ def _origin(task: ExportTask, solution: ExternalSolution) -> dict[str, str]:
     }
 
 
-def _json(task: ExportTask) -> bytes:
+def write_json(task: ExportTask) -> bytes:
+    """Writes transfer functions, parameters and covariances as JSON."""
     solution = solution_from_artifact(task.model)
     ports, found = solution.ports, solution.estimate
     values = (found.value, found.lower, found.upper, found.relative_std, found.identifiable)
@@ -79,7 +80,8 @@ def _numerators(solution: ExternalSolution, block: int) -> FloatArray:
     return np.asarray(model.numerator.reshape(-1, model.numerator.shape[2]))
 
 
-def _csv(task: ExportTask) -> bytes:
+def write_csv(task: ExportTask) -> bytes:
+    """Writes a row for each coefficient of each channel."""
     return encode_csv((*_POWERS, *_TIMING), list(_powers(solution_from_artifact(task.model))))
 
 
@@ -104,7 +106,8 @@ def _deviations(solution: ExternalSolution, block: int) -> tuple[FloatArray, Flo
     return std[: numerators.size].reshape(numerators.shape), np.concatenate([[0.0], std[numerators.size :]])
 
 
-def _mat(task: ExportTask) -> bytes:
+def write_mat(task: ExportTask) -> bytes:
+    """Writes polynomials with their deviations for MATLAB."""
     solution = solution_from_artifact(task.model)
     own, ports, found = solution.transfers, solution.ports, solution.estimate
     numerator_std, denominator_std = np.zeros_like(own.numerator), np.zeros_like(own.denominator)
@@ -136,7 +139,8 @@ def _mat(task: ExportTask) -> bytes:
     return encode_mat(content)
 
 
-def _control(task: ExportTask) -> bytes:
+def write_control(task: ExportTask) -> bytes:
+    """Writes a script that makes the transfer functions with python-control."""
     solution = solution_from_artifact(task.model)
     own, origin = solution.transfers, _origin(task, solution)
     lines = [
@@ -167,6 +171,3 @@ def _control(task: ExportTask) -> bytes:
         "",
     ]
     return "\n".join(lines).encode()
-
-
-WRITERS: Mapping[str, Callable[[ExportTask], bytes]] = {"json": _json, "csv": _csv, "mat": _mat, "control": _control}

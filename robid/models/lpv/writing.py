@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping
 
 import h5py
 import numpy as np
@@ -69,22 +68,23 @@ def _poles(solution: LpvSolution) -> Content:
     }
 
 
-def _json(task: ExportTask) -> bytes:
+def write_json(task: ExportTask) -> bytes:
+    """Writes the model as JSON."""
     content = _content(task)
     return encode_json(
         {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in content.items()}
     )
 
 
-def _mat(task: ExportTask) -> bytes:
+def write_mat(task: ExportTask) -> bytes:
+    """Writes the model for MATLAB, its matrices as `A_0` to `D_<n_function>`."""
     content = _content(task)
-    blocks = {
-        f"{name}_{function}": block for name in MATRICES for function, block in enumerate(content.pop(name))
-    }  # MATLAB reads `A_0` to `D_<n_function>`
+    blocks = {f"{name}_{function}": block for name in MATRICES for function, block in enumerate(content.pop(name))}
     return encode_mat({**content, **blocks})
 
 
-def _hdf5(task: ExportTask) -> bytes:
+def write_hdf5(task: ExportTask) -> bytes:
+    """Writes the model as HDF5."""
     file = io.BytesIO()
     with h5py.File(file, "w") as written:
         for name, value in _content(task).items():
@@ -93,6 +93,3 @@ def _hdf5(task: ExportTask) -> bytes:
             else:
                 written.attrs[name] = list(value) if isinstance(value, tuple) else value
     return file.getvalue()
-
-
-WRITERS: Mapping[str, Callable[[ExportTask], bytes]] = {"json": _json, "mat": _mat, "hdf5": _hdf5}

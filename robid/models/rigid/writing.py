@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 import robid
 from robid.models.encode import Content, encode_csv, encode_json, encode_mat
 from robid.models.family import ExportTask
 from robid.models.rigid.files import solution_from_artifact
 from robid.models.rigid.fit.solution import RigidSolution
-from robid.models.rigid.robots import mjcf, robot_file, urdf
 
 _COLUMNS = ("name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable")
 
@@ -42,18 +39,21 @@ def _standard(solution: RigidSolution) -> dict[str, dict[str, float]]:
     return {name: {"nominal": nominal, "value": value} for name, nominal, value in rows}
 
 
-def _json(task: ExportTask) -> bytes:
+def write_json(task: ExportTask) -> bytes:
+    """Writes the parameters as JSON."""
     solution = solution_from_artifact(task.model)
     content: Content = {**_origin(task, solution), "confidence": solution.estimate.confidence}
     return encode_json({**content, "parameters": _records(solution), "standard": _standard(solution)})
 
 
-def _csv(task: ExportTask) -> bytes:
+def write_csv(task: ExportTask) -> bytes:
+    """Writes the parameters as a table."""
     rows = _records(solution_from_artifact(task.model))
     return encode_csv((*_COLUMNS, "combination"), [list(row.values()) for row in rows])
 
 
-def _mat(task: ExportTask) -> bytes:
+def write_mat(task: ExportTask) -> bytes:
+    """Writes parameters and covariance for MATLAB."""
     solution = solution_from_artifact(task.model)
     found, standard = solution.estimate, solution.standard
     content: Content = {
@@ -73,13 +73,3 @@ def _mat(task: ExportTask) -> bytes:
     if standard is not None:
         content |= {"standard": standard.value, "standard_covariance": standard.covariance}
     return encode_mat(content)
-
-
-WRITERS: Mapping[str, Callable[[ExportTask], bytes]] = {
-    "robot": robot_file,
-    "urdf": urdf,
-    "mjcf": mjcf,
-    "json": _json,
-    "csv": _csv,
-    "mat": _mat,
-}
