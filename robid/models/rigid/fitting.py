@@ -1,4 +1,4 @@
-"""The rigid family's fit and validation: settings and artifacts in, artifacts out."""
+"""The rigid family's fit, validation and true values: settings and artifacts in, artifacts out."""
 
 from __future__ import annotations
 
@@ -14,9 +14,8 @@ from robid.models.family import Data, Work
 from robid.models.rigid.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.rigid.fit.fitting import Simulate, fit_rigid
 from robid.models.rigid.fit.shots import Shot, refuse_unusable, shots_of
-from robid.models.rigid.judge.grading import assess_rigid
-from robid.models.rigid.judge.scales import motions_of, rigid_scale_doubts
-from robid.models.rigid.judge.sums import sum_doubts
+from robid.models.rigid.judge.plausible import assess_rigid
+from robid.models.rigid.judge.scales import motions_of, rigid_scale_doubts, sum_doubts
 from robid.models.rigid.judge.validating import validate_rigid
 from robid.models.rigid.settings import loaded_campaign, rigid_fit
 from robid.results.doubt import blamed
