@@ -12,7 +12,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from robid.models.files import experiment_schema
+from robid.models.known import experiment_schema
 from robid.settings.schema import robot_schema
 
 ROOT = Path(__file__).parent.parent

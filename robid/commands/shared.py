@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from robid.artifacts.lock import FOLDER_LOCK
 from robid.errors import SettingsError, require_module
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.pipeline import Result, Run, run_folder
 from robid.report.numbers import duration
 from robid.settings.checks.other_units import other_units

@@ -24,7 +24,7 @@ from robid.models.elastic.judge.validating import validate_elastic
 from robid.models.elastic.settings import elastic_fit
 from robid.models.elastic.truth import true_values
 from robid.models.family import Data, Work
-from robid.models.rigid_source import RigidSource, rigid_source
+from robid.models.handed_on import RigidSource, rigid_source
 from robid.results.doubt import blamed
 from robid.results.outcome import Outcome, recovery_sentence
 from robid.results.plausible.doubts import data_doubts

@@ -17,8 +17,8 @@ from robid.models.external.fit.data import commands_of, shots_of
 from robid.models.external.fit.fitting import fit_external
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.solution import Ports
-from robid.models.external.judge.grading import assess_external
-from robid.models.external.judge.homes import compare_homes
+from robid.models.external.judge.plausible import assess_external
+from robid.models.external.judge.prediction import compare_homes
 from robid.models.external.judge.validating import validate_external
 from robid.models.external.settings import external_fit
 from robid.models.family import Data, Shown, Work

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 with later(__name__):
     from robid.models.lpv.fitting import fit, misfits, phrase_of_model, validate
     from robid.models.lpv.page.report import report
-    from robid.models.lpv.reading import read_model
-    from robid.models.lpv.writing import write_hdf5, write_json, write_mat
+    from robid.models.lpv.writing import read_model, write_hdf5, write_json, write_mat
 
 
 def evaluate(path: Path | str) -> LpvModel:

@@ -16,12 +16,11 @@ from robid.frf.quality import saturated_signals
 from robid.models.family import Data, Work
 from robid.models.lpv.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.lpv.fit.basis import is_outside
-from robid.models.lpv.fit.blocks import block_names
 from robid.models.lpv.fit.fitting import fit_lpv
 from robid.models.lpv.fit.responses import LocalResponses
 from robid.models.lpv.fit.solution import Ports
-from robid.models.lpv.judge.grading import assess_lpv
-from robid.models.lpv.judge.validating import validate_lpv
+from robid.models.lpv.fit.state_space import block_names
+from robid.models.lpv.judge.validating import assess_lpv, validate_lpv
 from robid.models.lpv.settings import LpvFit, lpv_fit
 from robid.results.doubt import Doubt
 from robid.results.saturated import saturation_doubts

@@ -1,20 +1,104 @@
-"""Writing a position-dependent model in each of its formats."""
+"""Writing a position-dependent model in each of its formats, and reading it from these or a run folder."""
 
 from __future__ import annotations
 
 import io
+import json
+from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 
 import robid
+from robid.artifacts.layout import DAMAGE
+from robid.artifacts.model import MODEL
+from robid.artifacts.store import kind_of, read_artifact
+from robid.errors import ArtifactError, DataError
 from robid.models.encode import Content, encode_json, encode_mat
 from robid.models.family import ExportTask
 from robid.models.lpv.files import solution_from_artifact
-from robid.models.lpv.fit.blocks import block_names
-from robid.models.lpv.fit.solution import LpvSolution
-from robid.models.lpv.fit.state_space import MATRICES
-from robid.models.lpv.reading import FORMAT
+from robid.models.lpv.fit.model import LpvModel
+from robid.models.lpv.fit.solution import BasisTable, LpvSolution
+from robid.models.lpv.fit.state_space import MATRICES, StateSpace, block_names, pack
+
+_FORMATS = "robid lpv"
+FORMAT = f"{_FORMATS} 1"
+
+
+def read_model(path: Path) -> LpvModel:
+    """Reads a model of `model.h5`, or of an export as JSON or HDF5.
+
+    Raises:
+        ArtifactError: If the file is missing, damaged, or holds none.
+    """
+    if not path.is_file():
+        raise _refused(path, "there is no such file")
+    content = _json(path) if path.suffix == ".json" else _hdf5(path)
+    if content.get("format") == FORMAT:
+        return _whole(path, content)
+    if str(content.get("format")).startswith(_FORMATS):
+        raise _refused(path, f"its format is `{content['format']}`, not `{FORMAT}`")
+    model = read_artifact(path, MODEL) if kind_of(path) == MODEL.name else None
+    if model is None or model.attributes.get("family") != "lpv":
+        raise _refused(path, "it holds no position-dependent model")
+    return solution_from_artifact(model).model
+
+
+def _refused(path: Path, what: str) -> ArtifactError:
+    remedy = "name the model.h5 of a fit of family `lpv`, or its `robid export` as json or hdf5"
+    return ArtifactError(f"{what}.", where=str(path), remedy=remedy)
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise _refused(path, f"it is no JSON ({error})") from error
+    return content if isinstance(content, dict) else {}
+
+
+def _hdf5(path: Path) -> dict[str, Any]:
+    if not h5py.is_hdf5(path):
+        return {}
+    try:
+        with h5py.File(path) as file:
+            datasets = {name: one[()] for name, one in file.items() if isinstance(one, h5py.Dataset)}
+            return {**datasets, **dict(file.attrs)}
+    except DAMAGE as error:
+        raise _refused(path, f"it is damaged ({error})") from error
+
+
+def _whole(path: Path, content: dict[str, Any]) -> LpvModel:
+    """The model of an export, whose entries may be missing or of shapes that do not agree."""
+    try:
+        model = _model(content)
+        found = model.at(np.stack([model.basis.lower, model.basis.upper]))
+    except KeyError as error:
+        raise _refused(path, f"it has no `{error.args[0]}`") from error
+    except (TypeError, ValueError, IndexError, DataError) as error:
+        raise _refused(path, f"its entries do not make a model ({error})") from error
+    finite = all(np.isfinite(matrix).all() for matrix in (*found.matrices, model.parameters))
+    if not (finite and np.isfinite(model.sampling_period_s) and model.sampling_period_s > 0):
+        raise _refused(path, "its entries do not make a model (one of them is not finite, or no sampling period)")
+    return model
+
+
+def _model(content: dict[str, Any]) -> LpvModel:
+    table = BasisTable(
+        names=tuple(map(str, content["functions"])),
+        kind=str(content["basis"]),
+        exponents=np.asarray(content["exponents"], int).reshape(-1, len(content["scheduling"])),
+        center=np.asarray(content["center"], float),
+        scale=np.asarray(content["scale"], float),
+        knots=np.asarray(content["knots"], float).reshape(len(content["scheduling"]), -1),
+        degree=int(content["degree"]),
+        lower=np.asarray(content["lower"], float),
+        upper=np.asarray(content["upper"], float),
+    )
+    blocks = StateSpace(*(np.asarray(content[name], float) for name in MATRICES))
+    return LpvModel(pack(blocks), blocks.sizes, table.basis(), float(content["sampling_period_s"]))
+
 
 _EQUATIONS = "x(t+1) = A(p) x + B(p) u, y = C(p) x + D(p) u; A(p) = A_0 + sum_k A_k psi_k(p), B, C and D alike"
 _FUNCTIONS = "polynomials: psi = prod_j ((p_j - center_j) / scale_j)^exponent_j; splines: products of B-splines"

@@ -2,7 +2,7 @@ from typing import Any
 
 import pytest
 
-from robid.models.files import experiment_schema
+from robid.models.known import experiment_schema
 from robid.settings.schema import robot_schema
 
 SCHEMAS = {"experiment": experiment_schema, "robot": robot_schema}
