@@ -106,12 +106,16 @@ def solve(
     free = tuple(np.zeros((n_out, basis.n_pole)) for _ in reduced)
     residuals, tilts = [], []
     for output in range(n_out):
+        # Variable projection: at given poles the model is linear in numerators and free responses. These are solved
+        # for, so that the poles see the rest (I - P) y alone.
         scale = 1 / noise[:, output]
         columns, right = columns_of(reduced, basis, sought, n_in, scale, output)
         solution, within = _least_squares(columns, right)
         _unpack(solution, reduced, basis, sought, weights[output], [part[output] for part in free], output)
         residuals.append(right - within @ (within.T @ right))
         if slopes:
+            # Kaufman: the derivative of (I - P) y is (I - P) dW x; the term with dP' is of the order of the rest and is
+            # left out.
             found = slopes_of(reduced, basis, sought, weights[output], [part[output] for part in free], scale, output)
             tilts.append(found - within @ (within.T @ found))
     residual = np.concatenate(residuals)
@@ -156,6 +160,7 @@ def _least_squares(columns: FloatArray, right: FloatArray) -> tuple[FloatArray, 
     size = np.linalg.norm(columns, axis=0)
     size[size == 0] = 1.0
     left, values, turned = np.linalg.svd(columns / size, full_matrices=False)
+    # Directions that the states do not tell apart take no part: the shortest solution among the equal ones.
     kept = values > _DEPENDENT * values[0]
     solution = turned[kept].T @ ((left[:, kept].T @ right) / values[kept]) / size
     return solution, left[:, kept]
@@ -264,6 +269,8 @@ def descend(
         model = _Model(here, limit)
         if damping == 0.0:
             damping = _FIRST_DAMPING * model.values[0] ** 2
+        # What an undamped step would gain of the cost, over the cost of a sample: the square of its length in
+        # deviations.
         _, reachable = model.step(0.0)
         if reachable <= tolerance**2 * here.cost / n_row or here.cost <= floor:
             return Descent(here, iteration, "converged", reflected)
@@ -272,6 +279,7 @@ def descend(
         there = evaluate(trial)
         gain = (here.cost - there.cost) / predicted if there is not None else -1.0
         if there is not None and gain > 0:
+            # The better the quadratic model foresaw the gain, the less damping; refused steps raise it ever faster.
             damping, growth = damping * max(0.1, 1 - (2 * gain - 1) ** 3), 2.0
             here, reflected = there, reflected or folded
         else:
@@ -314,6 +322,7 @@ class _Model:
 def moved(point: Point, step: FloatArray) -> FloatArray:
     """Returns the denominator (n_pole + 1,) after a step (n_pole,) along the states' numerators."""
     denominator = point.basis.denominator
+    # What scales the whole denominator changes no transfer function, as numerators are solved for: it is projected out.
     change = np.concatenate([[0.0], step @ point.basis.single.numerators])
     scaling = (change @ denominator) / (denominator @ denominator)
     return np.asarray(denominator + change - scaling * denominator)
@@ -336,5 +345,6 @@ def admit(denominator: FloatArray, limit: float, *, stable: bool) -> tuple[Float
     poles = np.where(size > limit, poles * (limit / np.maximum(size, limit)), poles)
     unstable = poles.real > 0
     if stable and unstable.any():
+        # Mirrored at the imaginary axis a pole keeps the magnitude of its response.
         poles = np.where(unstable, -poles.conj(), poles)
     return np.real(np.poly(poles)), bool(stable and unstable.any())

@@ -1,4 +1,4 @@
-"""What a block's fit is about: structure, shots, noise and likelihood, and when it needs no more poles."""
+"""What a block's fit is about: structure, shots, noise and likelihood, and which shots are too poor for it."""
 
 from __future__ import annotations
 
@@ -15,9 +15,6 @@ from robid.models.external.fit.descent import Numerators, Point, solve
 from robid.models.external.fit.hold import Hold
 from robid.models.external.fit.reduction import Experiment, build_basis, prepare, reduce_shots
 
-if TYPE_CHECKING:
-    from robid.models.external.fit.data import Shot
-    from robid.models.external.fit.problem import Structure
 if TYPE_CHECKING:
     from robid.models.external.fit.data import Shot
 

@@ -160,6 +160,8 @@ def reduce_shots(experiments: Sequence[Experiment], cascade: Cascade, period: fl
     found = []
     for experiment in experiments:
         states = states_of(experiment, cascade, period, hold)
+        # The triangle keeps all inner products of states and outputs: numerators are then solved for on a row a column,
+        # however many samples there are.
         rows = np.concatenate([states.reshape(-1, experiment.n_sample), experiment.outputs])
         # In mode `raw` the factor comes without a pass over all samples' zeros.
         _, triangle = qr(rows.T, mode="raw", overwrite_a=True, check_finite=False)
@@ -197,15 +199,19 @@ def whiteness(residual: FloatArray, excited: BoolArray, n_taken: float) -> float
     centred = residual - residual.mean()
     power = np.abs(np.fft.rfft(centred)) ** 2
     chances = []
+    # A model that lacks dynamics leaves power where commands excite; noise, white or not, is as strong in between. Two
+    # degrees of freedom a line; the fit took its parameters from the excited ones.
     inside, outside = 2 * excited.sum() - n_taken, 2.0 * (~excited).sum()
     if min(inside, outside) >= 2 * _FEWEST_LINES:
         ratio = power[1:][excited].sum() / inside / (power[1:][~excited].sum() / outside)
         tail = f.sf(ratio, inside, outside)
         chances.append(2 * min(tail, 1 - tail))
     n_lag = min(_N_LAG, n_sample // 5)
+    # Zeros behind the signal keep its end from being correlated with its beginning.
     padded = np.fft.irfft(np.abs(np.fft.rfft(centred, 2 * n_sample)) ** 2)[: n_lag + 1]
     if n_lag and padded[0] > 0:
         lags = np.arange(1, n_lag + 1)
+        # Q = n (n + 2) sum_k r_k^2 / (n - k), chi-square with a degree of freedom a lag.
         statistic = n_sample * (n_sample + 2) * np.sum((padded[1:] / padded[0]) ** 2 / (n_sample - lags))
         chances.append(chi2.sf(statistic, n_lag))
     return float(min(1.0, len(chances) * min(chances))) if chances else 1.0

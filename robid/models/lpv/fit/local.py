@@ -36,6 +36,7 @@ def subspace_model(
         McKelvey, Akcay and Ljung (1996), Subspace-based multivariable system identification from frequency response
         data, algorithm 2.
     """
+    # The bilinear map of tan(angle / 2) by its median brings the median line to a quarter turn; `remap` takes it back.
     tangent = np.tan(np.angle(z) / 2)
     middle = float(np.median(tangent))
     w = (middle + 1j * tangent) / (middle - 1j * tangent)
@@ -49,13 +50,17 @@ def _states(
     w: ComplexArray, response: ComplexArray, weight: FloatArray, order: int, n_block: int
 ) -> tuple[FloatArray, FloatArray]:
     _, n_out, n_in = response.shape
+    # Y = O X + Gamma U over the lines, block row k multiplied by w^k; real and imaginary parts are rows of their own,
+    # so that the model is real.
     powers = w ** np.arange(n_block)[:, None] * weight
     inputs = np.einsum("bf,ij->bifj", powers, np.eye(n_in)).reshape(n_block * n_in, -1)
     outputs = np.einsum("bf,foj->bofj", powers, response).reshape(n_block * n_out, -1)
     rows = np.concatenate([inputs, outputs])
+    # LQ of [U; Y]: the last block is Y without what U explains. Its columns span those of the observability matrix O.
     triangle = np.asarray(np.linalg.qr(np.concatenate([rows.real, rows.imag], axis=1).T, mode="r")).T
     seen = triangle[n_block * n_in :, n_block * n_in :]
     space = np.linalg.svd(seen)[0][:, :order]
+    # O without its last block row, times A, is O without its first; C is its first block row.
     return np.linalg.lstsq(space[:-n_out], space[n_out:], rcond=None)[0], space[:n_out]
 
 
@@ -63,6 +68,8 @@ def _reflect(A: FloatArray) -> FloatArray:
     """Brings poles into the unit circle."""
     values, vectors = np.linalg.eig(A)
     size = np.abs(values)
+    # 1 / conj(pole) has the same magnitude response but for a factor; a little inside, so that it is never on the
+    # circle.
     inside = np.where(size >= 1, values / np.maximum(size, 1e-300) ** 2 * 0.999, values)
     return np.asarray(np.real(vectors @ (inside[:, None] * np.linalg.inv(vectors))))
 
@@ -122,6 +129,8 @@ def _like(system: StateSpace, other: StateSpace, index: int) -> StateSpace:
     """The model in the states `T x` that minimise `|T A - A' T|^2 + |T B - B'|^2 + |C - C' T|^2`."""
     n = system.A.shape[0]
     eye = np.eye(n)
+    # Row by row, vec(T A) = kron(1, A^T) vec(T) and vec(A' T) = kron(A', 1) vec(T): one linear least-squares problem in
+    # T.
     rows = [
         np.kron(eye, system.A.T) - np.kron(other.A, eye),
         np.kron(eye, system.B.T),
@@ -211,6 +220,7 @@ def fit_local_models(problem: Problem, *, max_iterations: int = 100) -> LocalMod
         DataError: If there are too few lines for the order, or a model is unstable.
     """
     n_state, n_out, n_in = problem.sizes.n_state, problem.sizes.n_out, problem.sizes.n_in
+    # A complex line tells two numbers. A model in any basis has n (n_out + n_in) + n_out n_in of them.
     told = np.count_nonzero(problem.root_weight, axis=(1, 2, 3)) * 2
     # Subspace models, with which every fit begins, have a block row to spare.
     most = min((int(told.min()) - n_out * n_in) // (n_out + n_in), (len(problem.z) // 2 - 1) * n_out)
@@ -222,6 +232,7 @@ def fit_local_models(problem: Problem, *, max_iterations: int = 100) -> LocalMod
         )
     n_pos = len(problem.response)
     found = [_fit(at_position(problem, index), max_iterations) for index in range(n_pos)]
+    # Forth and back, so that a good minimum reaches every position from wherever it was found.
     for index in [*range(1, n_pos), *range(n_pos - 2, -1, -1)]:
         for neighbour in {max(index - 1, 0), min(index + 1, n_pos - 1)} - {index}:
             again = _descend(at_position(problem, index), found[neighbour][0], max_iterations)

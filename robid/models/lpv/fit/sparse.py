@@ -62,6 +62,7 @@ def _eliminate(
     saddle[len(other) :, : len(other)] = held[other].T
     moved = np.concatenate([hessian[np.ix_(other, priced)], held[priced].T])
     right = -np.column_stack([moved, np.concatenate([gradient[other], np.zeros(n_held)])])
+    # Stationary by the unpriced elements, with a multiplier for each held direction; affine in the priced ones.
     both = np.linalg.solve(saddle * np.outer(units, units), right * units[:, None]) * units[:, None]
     follow, rest = np.zeros((n_free, len(priced))), np.zeros(n_free)
     follow[priced, np.arange(len(priced))] = 1.0
@@ -74,10 +75,12 @@ def _solve(
 ) -> FloatArray:
     """The cone program itself: only elements with a price, block behind block."""
     n, n_block = len(gradient), len(sizes)
+    # Unknowns are the steps, then a bound t_b of each norm: the cost is quadratic in the former, linear in the latter.
     scale = 1 / max(float(np.abs(gradient).max()), float(price.max()), np.finfo(float).tiny)
     ends = np.concatenate([np.arange(n + 1) * np.arange(1, n + 2) // 2, np.full(n_block, n * (n + 1) // 2)])
     lower = np.tril_indices(n)
     P = sparse.csc_matrix((2 * scale * hessian[lower], lower[1], ends), shape=(n + n_block, n + n_block))
+    # Slack s = right - A (d, t) must lie in the cones: s_b = (t_b, x_b + d_b), the bound at the head of each.
     heads = np.cumsum([0, *(size + 1 for size in sizes[:-1])])
     rows = np.concatenate([np.delete(np.arange(n + n_block), heads), heads])
     A = sparse.csc_matrix((-np.ones(n + n_block), rows, np.arange(n + n_block + 1)), shape=(n + n_block, n + n_block))
@@ -191,6 +194,7 @@ def descend(priced: Penalised, start: FloatArray, *, tolerance: float, step_limi
     damping, growth, steps = _FIRST_DAMPING, 2.0, 0
     while steps < step_limit and damping < _MOST_DAMPING:
         steps += 1
+        # Foreseen is the decrease of quadratic cost and exact penalty: the norms are no part of the approximation.
         trial = point + take_step(priced, point, here, damping)
         foreseen = objective - here.value(trial - point) - priced.penalty(trial)
         had = objective - priced.objective(trial)
@@ -256,12 +260,15 @@ def fit_sparse(
     while kept.any() and passes < options.reweightings:
         passes += 1
         scale = measure(parameters, largest, problem.sizes).scale
+        # Prices fall with the size that a block had one pass before: near zero they count blocks rather than measure
+        # them.
         price = gamma * scale / (relative + options.epsilon)
         priced = Penalised(problem, list_blocks(kept, problem.sizes), price)
         descent = descend(priced, parameters, tolerance=options.tolerance, step_limit=options.step_limit)
         parameters, steps = descent.parameters, steps + descent.steps
         before, relative = relative, measure(parameters, largest, problem.sizes).relative
         kept = kept & (relative > options.zero)
+        # Interior-point steps end near zero, not at it: what is small is set to zero and stays there.
         parameters = parameters * spread(kept, problem.sizes)
         if np.all(np.abs(relative - before) <= options.settled * (before + options.epsilon)):
             break

@@ -67,6 +67,7 @@ def weighted_least_squares(reduction: Reduction) -> Regression:
     for iteration in range(1, _PASSES + 1):
         if not np.all(found.deviation > 0):
             raise ValueError("A joint without a residual has no weight: does its motor's torque vary?")
+        # Weights come of residuals and residuals of weights (feasible generalised least squares): to the fixed point.
         before = found.deviation
         found = _solve(reduction, before**-2.0, pooled=False)
         if np.all(np.abs(found.deviation - before) <= _TOLERANCE * before):
@@ -86,6 +87,8 @@ def solve_factor(factor: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     Raises:
         ValueError: If the columns are dependent.
     """
+    # F' F = [W y]' [W y] with F = [R z; 0 r]: R x = z are the normal equations, which are never formed: their condition
+    # would be the square of that of W. Columns of unit norm, as kg m^2 and N m are no common measure.
     triangle, right = factor[:-1, :-1], factor[:-1, -1]
     scale = np.linalg.norm(triangle, axis=0)
     if not np.all(scale > 0):
@@ -100,6 +103,7 @@ def solve_factor(factor: FloatArray) -> tuple[FloatArray, FloatArray, float]:
 def _solve(reduction: Reduction, weights: FloatArray, pooled: bool) -> Regression:
     parameters, covariance, condition = solve_factor(reduction.weighted(weights))
     cost = reduction.cost(parameters)
+    # The weights are inverse variances already; only unweighted rows take their variance from the cost.
     total, n_param = reduction.n_row.sum(), reduction.n_param
     # The parameters' degrees of freedom are shared by the joints as their rows are.
     deviation = np.sqrt(cost / (reduction.n_row * (1 - n_param / total)))
@@ -202,6 +206,7 @@ def _estimate(
     parameters, inverse, condition = fit
     n_row, n_param = reduction.n_row, len(parameters)
     standardised = [joint[np.isfinite(joint)] / own for joint, own in zip(residual.T, scale, strict=True)]
+    # Weighted squares, w r^2 = min(|r|, bend) |r|: beyond the bend they grow with |r| alone.
     squares = np.array([huber_weights(joint, options.bend) @ joint**2 for joint in standardised])
     freedom = n_row * (1 - n_param / n_row.sum())
     down = 1 - sum(np.count_nonzero(np.abs(joint) <= options.bend) for joint in standardised) / n_row.sum()
@@ -251,11 +256,13 @@ class Reduction:
 
     def weighted(self, weights: FloatArray) -> FloatArray:
         """Returns the triangular factor of all rows, each joint's multiplied by the root of its weight (n_joint,)."""
+        # Weights are constant within a joint, so that its factor may be scaled in place of its rows.
         stacked = (np.sqrt(weights)[:, None, None] * self.factors).reshape(-1, self.n_param + 1)
         return np.asarray(np.linalg.qr(stacked, mode="r"))
 
     def cost(self, parameters: FloatArray) -> FloatArray:
         """Returns the sum (n_joint,) of squared residuals of each joint."""
+        # F [-x; 1] has the norm of y - W x: the factor holds what least squares leaves, too.
         residual = self.factors @ np.append(-parameters, 1.0)
         return np.asarray(np.sum(residual**2, axis=1))
 
@@ -327,6 +334,7 @@ class _Running:
 
 def _stack(factor: FloatArray, rows: FloatArray) -> FloatArray:
     """Reduces rows below a factor; the columns of a joint that are all zero, half of a chain's, cost nothing."""
+    # Joint j feels links j and beyond alone, so its columns of the links before are zero in every row.
     active = np.any(factor, axis=0) | np.any(rows, axis=0)
     reduced = np.linalg.qr(np.vstack([factor[:, active], rows[:, active]]), mode="r")
     whole = np.zeros((len(reduced), rows.shape[1]))

@@ -161,6 +161,7 @@ class Influence:
     def of(self, rows: Rows) -> FloatArray:
         """Returns the move (n_row, n_param) of the parameters by each kept sample."""
         residual = np.where(rows.used, rows.torque - rows.columns @ self.parameters, 0.0)
+        # The score of one sample: its residual, beyond the bend no more than the bend, times its regressor.
         pull = np.clip(residual, -self.limit, self.limit) * self.weights
         source = rows.instruments if self.instrumented and rows.instruments is not None else rows.columns
         return np.asarray(np.matmul(pull[:, None, :], source)[:, 0, :] @ self.bread.T)
@@ -175,6 +176,7 @@ def least_squares_influence(reduction: Reduction, estimate: Regression) -> Influ
 def huber_influence(reduction: Reduction, estimate: HuberRegression, bend: float) -> Influence:
     """Linearises Huber's estimator, with the mean slope of its score."""
     _, bread, _ = solve_factor(reduction.weighted(estimate.weights))
+    # Beyond the bend the score is flat, so that only the other rows hold the estimate in place.
     slope = 1 - estimate.share_down_weighted
     return Influence(estimate.parameters, bread / slope, estimate.weights, bend * estimate.scale)
 
@@ -202,6 +204,8 @@ class LongRun:
         """Returns the covariance (n_param, n_param) of the difference of two."""
         one = slice(first * self.n_param, (first + 1) * self.n_param)
         other = slice(second * self.n_param, (second + 1) * self.n_param)
+        # Both come of the same rows, so their covariance counts. Hausman's short form, the difference of the two
+        # variances, assumes that one is efficient, which correlated residuals rule out.
         cross = self.covariance[one, other]
         return np.asarray(self.of(first) + self.of(second) - cross - cross.T)
 
@@ -231,6 +235,7 @@ def long_run_covariance(
     freedom = int(np.clip(0.4 * counted ** (2 / 3), 1, _LARGEST_FREEDOM))
     n_param = len(influences[0].parameters)
     transformed = np.zeros((freedom, len(influences) * n_param))
+    # Cosines of order 1 and above at t + 1/2 (DCT-II) are orthogonal to a constant: influences need no centring.
     frequency = np.pi * np.arange(1, freedom + 1) / n_row
     first = 0
     for rows in source:
