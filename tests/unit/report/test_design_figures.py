@@ -20,7 +20,7 @@ from robid.report.design_figures import (
 )
 from robid.report.page import render
 from robid.report.section import Beside, Section
-from robid.studies.zimmermann2023.step_responses import StepResponses
+from robid.studies.zimmermann2023.steps import StepResponses
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
 NAMES = ("7", "12")
