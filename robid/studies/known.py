@@ -1,38 +1,33 @@
-"""The studies that there are, known to the commands by this list alone, and experiment files that may have one."""
+"""Experiment files that may have a study, and what must hold between each kind of study and the rest of its file."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from robid.models.known import load_experiment
 from robid.settings.checks.experiment import Studies
 from robid.settings.experiment import Experiment
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
-from robid.settings.yaml import FieldPath
-from robid.studies.fleet import FLEET
-from robid.studies.frf import FRF_STUDY
-from robid.studies.janot2009 import JANOT2009
-from robid.studies.mistakes import MISTAKES
-from robid.studies.oliveira2019 import OLIVEIRA2019
-from robid.studies.settings.study import Study as StudySettings
-from robid.studies.study import Study
-from robid.studies.trust import TRUST
-from robid.studies.turk2018 import TURK2018
-from robid.studies.wernholt2008 import WERNHOLT2008
-from robid.studies.zimmermann2023 import ZIMMERMANN2023
+from robid.studies.experiments import Problems
+from robid.studies.settings.elastic import check_wernholt2008, check_zimmermann2023
+from robid.studies.settings.mistakes import check_mistakes
+from robid.studies.settings.parts import check_janot2009, check_oliveira2019, check_turk2018
+from robid.studies.settings.study import Study, check_fleet, check_frf_study
+from robid.studies.trust.individuals import check_trust
 
-STUDIES: Mapping[str, Study] = {
-    "frf": FRF_STUDY,
-    "wernholt2008": WERNHOLT2008,
-    "zimmermann2023": ZIMMERMANN2023,
-    "mistakes": MISTAKES,
-    "janot2009": JANOT2009,
-    "oliveira2019": OLIVEIRA2019,
-    "turk2018": TURK2018,
-    "trust": TRUST,
-    "fleet": FLEET,
+_CHECKS: Mapping[str, Callable[[Any, Experiment, RobotFile | None], Problems]] = {
+    "frf": check_frf_study,
+    "wernholt2008": check_wernholt2008,
+    "zimmermann2023": check_zimmermann2023,
+    "mistakes": check_mistakes,
+    "janot2009": check_janot2009,
+    "oliveira2019": check_oliveira2019,
+    "turk2018": check_turk2018,
+    "trust": check_trust,
+    "fleet": check_fleet,
 }
 
 
@@ -42,15 +37,11 @@ def load_with_study(path: Path) -> LoadedExperiment:
     Raises:
         SettingsError: With every problem of both files, each with its line and field.
     """
-    return load_experiment(path, studies=Studies(StudySettings, check_study))
+    return load_experiment(path, studies=Studies(Study, _check_study))
 
 
-def check_study(experiment: Experiment, robot: RobotFile | None) -> Iterator[tuple[FieldPath, str]]:
-    """Yields the field and the message of everything that is wrong with the study, if there is one.
-
-    Args:
-        experiment: The experiment.
-        robot: The robot file, where it could be read.
-    """
-    if experiment.study is not None:
-        yield from STUDIES[experiment.study.kind].check(experiment, robot)
+def _check_study(experiment: Experiment, robot: RobotFile | None) -> Problems:
+    """Yields what is wrong with the study, if there is one; the robot file is None where it could not be read."""
+    study = experiment.study
+    if study is not None:
+        yield from _CHECKS[study.kind](study, experiment, robot)

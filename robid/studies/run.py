@@ -1,11 +1,10 @@
-"""Running a study: its chain, its tasks, its figures and its page."""
+"""Running a study: what each kind does, its chain, its tasks, its figures and its page."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from datetime import datetime
 from typing import Any, Literal
 
 from robid.artifacts.artifact import Provenance
@@ -26,11 +25,93 @@ from robid.stages.replacing import check_replaceable, settings_files
 from robid.stages.report import write_page
 from robid.stages.stage import counted
 from robid.stages.stamp import read_stamp
-from robid.studies.conclusion import Conclusion
-from robid.studies.known import STUDIES
+from robid.studies.fleet.logs import LOGS
+from robid.studies.fleet.robots import require_packages
+from robid.studies.fleet.speed import SCHEDULER, SPEED
+from robid.studies.fleet.whole import WHOLE
+from robid.studies.frf import report as frf_report
+from robid.studies.frf import study as frf
+from robid.studies.janot2009.branch import BRANCH
+from robid.studies.janot2009.haptic import HAPTIC
+from robid.studies.janot2009.kr300 import KR300
+from robid.studies.janot2009.recorded import EMPS, TX40
+from robid.studies.mistakes import cases, responses
+from robid.studies.mistakes import report as mistakes_report
+from robid.studies.mistakes.units.cases import needed_by_units, read_individual, unit_tasks
+from robid.studies.oliveira2019.arm import ARM, POSITION_LOOP
+from robid.studies.oliveira2019.coverage import COVERAGE_PART
+from robid.studies.oliveira2019.plants import PLANTS
+from robid.studies.oliveira2019.synthetic import RANDOM_PLANTS
 from robid.studies.settings.study import FrfStudy
-from robid.studies.study import Earlier, Step
-from robid.studies.tasks import run_tasks
+from robid.studies.simulated import measure, measure_or_refuse
+from robid.studies.study import Conclusion, Earlier, Procedure, Step, joined
+from robid.studies.tasks import run_tasks, seconds_of
+from robid.studies.trust import linear, models
+from robid.studies.trust import report as trust_report
+from robid.studies.trust import responses as trust
+from robid.studies.turk2018.moving import TRAVEL
+from robid.studies.turk2018.rest import REST
+from robid.studies.turk2018.synthetic import KNOWN_STRUCTURE
+from robid.studies.wernholt2008 import individuals
+from robid.studies.wernholt2008 import report as wernholt_report
+from robid.studies.wernholt2008 import study as wernholt
+from robid.studies.zimmermann2023 import models as zimmermann_models
+from robid.studies.zimmermann2023 import report as zimmermann_report
+from robid.studies.zimmermann2023 import steps
+
+PROCEDURES: Mapping[str, Procedure] = {
+    "frf": Procedure(frf.needs, (Step("", frf.tasks, frf.estimate_chunk),), frf_report.conclude),
+    "wernholt2008": Procedure(
+        wernholt.needs,
+        (
+            Step("starts", wernholt.tasks, wernholt.fit_chunk),
+            Step("individuals", individuals.individual_tasks, individuals.fit_individual),
+        ),
+        wernholt_report.conclude,
+    ),
+    "zimmermann2023": Procedure(
+        zimmermann_models.needs,
+        (
+            Step("responses", zimmermann_models.response_tasks, measure),
+            Step("models", zimmermann_models.model_tasks, zimmermann_models.fit_model),
+            Step("steps", steps.step_tasks, steps.step),
+            Step("sets", zimmermann_models.set_tasks, zimmermann_models.fit_set),
+        ),
+        zimmermann_report.conclude,
+    ),
+    "mistakes": Procedure(
+        responses.needs,
+        (
+            Step("responses", responses.response_tasks, responses.measure_all),
+            Step("models", cases.model_tasks, cases.fit_case),
+            Step("cases", cases.case_tasks, cases.judge_case),
+            Step("units", unit_tasks, read_individual),
+        ),
+        mistakes_report.conclude,
+        lambda run: (*responses.further(run), *needed_by_units(run)),
+    ),
+    "janot2009": joined((HAPTIC, BRANCH, EMPS, TX40, KR300), "the verdict on least squares is right"),
+    "oliveira2019": joined(
+        (PLANTS, COVERAGE_PART, RANDOM_PLANTS, ARM, POSITION_LOOP),
+        "commands explain positions as well as is promised",
+    ),
+    "turk2018": joined((KNOWN_STRUCTURE, REST, TRAVEL), "one sparse model knows the ball screw wherever its slide is"),
+    "trust": Procedure(
+        trust.needs,
+        (
+            Step("responses", trust.response_tasks, measure_or_refuse),
+            Step("models", models.model_tasks, models.fit_individual),
+            Step("linear", linear.linear_tasks, linear.fit_linear),
+            Step("grades", models.grade_tasks, models.grade_individual),
+        ),
+        trust_report.conclude,
+        trust.further,
+    ),
+    "fleet": joined(
+        (LOGS, WHOLE, SPEED, SCHEDULER), "faults are found in a large fleet, and cores are used", require_packages
+    ),
+}
+
 
 REPORT, SUMMARY = "report.html", "summary.json"
 
@@ -67,7 +148,7 @@ def run_study(
         raise SettingsError(
             "the file has no `study`", where=str(run.loaded.path), remedy="`robid run` runs what it has"
         )
-    study, started = STUDIES[settings.kind].procedure(), utc_now()
+    study, started = PROCEDURES[settings.kind], utc_now()
     for name, kind in ((REPORT, "report"), (SUMMARY, "summary")):
         check_replaceable(run.path(name), kind, settings_files(run.loaded))
     further = study.further(run)
@@ -94,7 +175,7 @@ def run_study(
     provenance = _provenance(run, {**hashes, **_read_elsewhere(further)}, started)
     if _is_fresh(run, provenance):
         return StudyOutcome("fresh", conclusion)
-    seconds = sum(_seconds(header.provenance) for made in headers for header in made)
+    seconds = sum(seconds_of(header.provenance) for made in headers for header in made)
     write_json(run.path(SUMMARY), {**conclusion.summary, "tasks.count": len(hashes), "tasks.seconds": seconds})
     write_page(run.path(REPORT), _content(run.loaded, conclusion, rows), provenance)
     return StudyOutcome("made", conclusion)
@@ -149,7 +230,7 @@ def _is_fresh(run: Run, now: Provenance) -> bool:
 
 
 def _row(step: Step, made: list[Provenance]) -> StageRow:
-    seconds = sum(_seconds(one) for one in made)
+    seconds = sum(seconds_of(one) for one in made)
     return StageRow(
         stage="study",
         artifact=f"{step.folder}/",
@@ -183,8 +264,3 @@ def _against_references(loaded: LoadedExperiment, summary: dict[str, float]) -> 
         rows.append((name, significant(reference), significant(ours), significant(ratio)))
     table = Table(("Figure", "Reference", "Ours", "Ours over reference"), tuple(rows))
     return (Section("Against reference figures", "By their name in summary.json.", (table,)),)
-
-
-def _seconds(made: Provenance) -> float:
-    begun, ended = (datetime.fromisoformat(at) for at in (made.started_utc, made.finished_utc))
-    return (ended - begun).total_seconds()

@@ -1,18 +1,44 @@
-"""Simulated campaigns inside the tasks of a study."""
+"""Simulated campaigns and elastic fits inside the tasks of a study: what is measured, fitted and kept."""
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance
+from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
+from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
+from robid.artifacts.store import read_artifact
+from robid.artifacts.task import TASK
+from robid.design.excitation.excitation import CampaignExcitation
+from robid.errors import DataError
+from robid.frf.estimate import estimate_frf
+from robid.frf.frf import Frf
+from robid.frf.joined import join
 from robid.frf.options import EstimateOptions
+from robid.models.elastic.files import solution_content, solution_from_artifact
+from robid.models.elastic.fit.solution import ElasticSolution
+from robid.pipeline import Run
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import robot_settings
+from robid.settings.truth import SimulateSettings
 from robid.signals.friction import TorqueLaw
-from robid.simulate.options import SimulateOptions
+from robid.signals.record import Record
+from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.stages.estimate_frf import stated_laws
+from robid.stages.simulate_or_acquire import simulated_experiment
+from robid.studies.tasks import Content, Task
+
+REFUSAL = "refusal"
+"""Attribute that says why a configuration has no response, or a robot no fit."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +49,21 @@ class Estimator:
     laws: tuple[TorqueLaw, ...] | None
     delay_s: float
 
+    def estimate(self, record: Record) -> Frf:
+        """Estimates the response of a record."""
+        return estimate_frf(record, self.options, self.laws, self.delay_s)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One configuration of a campaign: simulated, and its response estimated."""
+
+    experiment: SimulatedExperiment  # What is simulated
+    configuration: FloatArray  # (n_joint,) where [rad, or m]
+    index: int  # Its number, which seeds the noise
+    estimator: Estimator  # How the response is estimated
+    threads: int  # Threads of the simulation
+
 
 def make_estimator(loaded: LoadedExperiment, campaign: Campaign, options: EstimateOptions) -> Estimator:
     """Returns an estimator with what these options read from the robot file."""
@@ -30,12 +71,22 @@ def make_estimator(loaded: LoadedExperiment, campaign: Campaign, options: Estima
     return Estimator(options, laws, delay)
 
 
-def simulate_options(campaign: Campaign) -> SimulateOptions:
+def simulate_options(campaign: Campaign) -> SimulateSettings:
     """Returns how a campaign that the settings' checks let pass as simulated is simulated."""
     if campaign.source is None or campaign.source.simulate is None:
         message = "the settings' checks let a study without a simulated campaign pass"
         raise RuntimeError(message)
     return campaign.source.simulate
+
+
+def played(run: Run, campaign: str) -> CampaignExcitation:
+    """Reads what a campaign plays, and where."""
+    return excitation_from_artifact(read_artifact(run.path(f"{campaign}/excitation.h5"), EXCITATION))
+
+
+def threads_of(run: Run) -> int:
+    """Returns the threads of one simulation: all workers where tasks are done one after the other."""
+    return run.workers if run.backend == "serial" else 1
 
 
 def simulation_settings(loaded: LoadedExperiment, campaign: Campaign) -> dict[str, Any]:
@@ -46,3 +97,126 @@ def simulation_settings(loaded: LoadedExperiment, campaign: Campaign) -> dict[st
         "payload_kg": campaign.payload_kg,
         **robot_settings(loaded, "mechanics", "motor_limits", "friction", "friction_std", "controller"),
     }
+
+
+def response_settings(
+    loaded: LoadedExperiment, campaign: Campaign, options: SimulateSettings, experiment: SimulatedExperiment
+) -> dict[str, Any]:
+    """Returns what decides the responses of a campaign that is simulated with these options, but for the places."""
+    reference = np.ascontiguousarray(experiment.reference)
+    return {
+        **simulation_settings(loaded, campaign),
+        "source": plain_settings(options),
+        "reference": hashlib.sha256(reference.tobytes()).hexdigest(),
+        "excited_lines": experiment.excited_lines.tolist(),
+        "detection_lines": experiment.detection_lines.tolist(),
+        "estimate": plain_settings(campaign.estimate),
+    }
+
+
+def measurements(
+    loaded: LoadedExperiment,
+    campaign: Campaign,
+    options: SimulateSettings,
+    content: CampaignExcitation,
+    name: str,
+    threads: int,
+) -> Iterator[Task]:
+    """Yields the tasks `<name>_<number>` that measure a campaign, one for each configuration.
+
+    Args:
+        loaded: Its experiment.
+        campaign: The campaign.
+        options: How it is simulated.
+        content: What is played, and where.
+        name: Name of the tasks.
+        threads: Threads of the simulation.
+    """
+    experiment = simulated_experiment(loaded, campaign, options, content)
+    estimator = make_estimator(loaded, campaign, campaign.estimate)
+    decides = response_settings(loaded, campaign, options, experiment)
+    for index, configuration in enumerate(content.configurations):
+        place = {"index": index, "configuration": configuration.tolist()}
+        argument = Measurement(experiment, configuration, index, estimator, threads)
+        yield Task(f"{name}_{index + 1}", {**decides, **place}, argument)
+
+
+def measure(one: Measurement) -> Content:
+    """Simulates a configuration and estimates its response; the record is not kept."""
+    record = simulate(one.experiment, one.configuration, one.index, one.threads)
+    return response_content(one.estimator.estimate(record))
+
+
+def measure_or_refuse(one: Measurement) -> Content:
+    """Measures a configuration, or says why it has no response."""
+    try:
+        return measure(one)
+    except DataError as error:
+        return Content({}, {REFUSAL: str(error)})
+
+
+def response_content(frf: Frf) -> Content:
+    """Returns what a task keeps of a response."""
+    held = frf_to_artifact(frf, Provenance(stage="study"))
+    return Content(held.datasets, held.attributes)
+
+
+def response_from(held: Artifact, prefix: str = "") -> Frf:
+    """Returns a response that a task kept, its names behind a prefix.
+
+    Raises:
+        DataError: With what refused it.
+    """
+    refusal = held.attributes.get(f"{prefix}{REFUSAL}")
+    if refusal is not None:
+        raise DataError(str(refusal), where=prefix.strip("/").rpartition("/")[2] or "all places")
+    datasets: dict[str, Dataset] = _behind(held.datasets, prefix)
+    attributes: dict[str, Attribute] = _behind(held.attributes, prefix)
+    return frf_from_artifact(Artifact(FRF, datasets, attributes, held.provenance))
+
+
+def _behind(named: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+    return {name.removeprefix(prefix): value for name, value in named.items() if name.startswith(prefix)}
+
+
+def read_responses(paths: Sequence[Path]) -> Frf:
+    """Reads the responses of some configurations as one; those that were refused are left out.
+
+    Raises:
+        DataError: If none is left.
+    """
+    held = [read_artifact(path, TASK) for path in paths]
+    parts = [response_from(each) for each in held if REFUSAL not in each.attributes]
+    return join(parts, [str(number) for number, _ in enumerate(parts, 1)]) if parts else response_from(held[0])
+
+
+def solution_or_refusal(fit: Callable[[], ElasticSolution]) -> Content:
+    """Fits, or says why that was refused."""
+    try:
+        return Content(*solution_content(fit()))
+    except DataError as error:
+        return Content({}, {REFUSAL: str(error)})
+
+
+def kept_solution(held: Artifact) -> ElasticSolution:
+    """Returns the fit that a task kept.
+
+    Raises:
+        DataError: With what refused it.
+    """
+    if REFUSAL in held.attributes:
+        raise DataError(str(held.attributes[REFUSAL]))
+    return solution_from_artifact(held)
+
+
+def with_truth(content: Content, truth: dict[str, float]) -> Content:
+    """Returns what a task keeps, with the true values by name."""
+    names = Dataset(np.array(list(truth)), "1", ("truth",))
+    values = Dataset(np.array(list(truth.values())), "SI", ("truth",), "True values by name")
+    return Content({**content.datasets, "truth_names": names, "truth": values}, content.attributes)
+
+
+def kept_truth(held: Artifact) -> dict[str, float]:
+    """Returns the true values that a task kept, by name."""
+    names, values = (held.datasets[key].values.tolist() for key in ("truth_names", "truth"))
+    return dict(zip(names, values, strict=True))

@@ -1,40 +1,46 @@
-"""What a study is: its settings' check, and what it needs, does and concludes, imported when it runs."""
+"""What a study is: steps of tasks or several parts, what they found, and what is asked of that."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias, TypeVar
 
-if TYPE_CHECKING:
-    from robid.artifacts.artifact import Artifact
-    from robid.pipeline import Run
-    from robid.settings.experiment import Experiment
-    from robid.settings.load import LoadedExperiment
-    from robid.settings.robot import RobotFile
-    from robid.settings.yaml import FieldPath
-    from robid.studies.conclusion import Conclusion
-    from robid.studies.tasks import Function, Results, Task
-
-TASKS = "tasks"
+from robid.artifacts.artifact import Artifact
+from robid.artifacts.model import MODEL
+from robid.artifacts.store import read_artifact
+from robid.pipeline import Run
+from robid.report.content import Verdict
+from robid.report.numbers import MISSING, significant
+from robid.report.section import Cell, Section, Table
+from robid.settings.load import LoadedExperiment
+from robid.studies.experiments import Further, missing_log, paper_figures, run_of
+from robid.studies.tasks import TASKS, Content, Function, Results, Task
 
 Earlier: TypeAlias = "tuple[Results, ...]"
 """Results of the steps before."""
 
+_DIGITS = 5  # published values are asked for within a hundredth
+_Kind = TypeVar("_Kind")
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """What a study found."""
+
+    verdict: Verdict  # The answer
+    summary: dict[str, float]  # Figures by dotted name
+    sections: tuple[Section, ...]  # Tables and figures of the page
+    warnings: tuple[str, ...] = ()  # What the reader must know before using a number
+
 
 @dataclass(frozen=True)
 class Step:
-    """Tasks of a study that can all be done once the steps before are done.
+    """Tasks of a study that can all be done once the steps before are done."""
 
-    Attributes:
-        name: Name of its folder below that of the tasks; a study's only step has none.
-        tasks: Its tasks.
-        function: Does one of them.
-    """
-
-    name: str
+    name: str  # Name of its folder below that of the tasks; a study's only step has none
     tasks: Callable[[Run, Earlier], list[Task]]
-    function: Function
+    function: Function  # Does one of them
 
     @property
     def folder(self) -> str:
@@ -44,41 +50,175 @@ class Step:
 
 @dataclass(frozen=True)
 class Procedure:
-    """What a study needs, does and concludes.
+    """What a study needs, does and concludes."""
 
-    Attributes:
-        needs: Outputs of the chain that its tasks read.
-        steps: Its tasks, once these are there.
-        conclude: Turns the results of all steps into what the study found.
-        further: Other experiments that it reads, each with outputs of its chain.
-    """
+    needs: Callable[[LoadedExperiment], tuple[str, ...]]  # Outputs of the chain that its tasks read
+    steps: tuple[Step, ...]  # Its tasks, once these are there
+    conclude: Callable[[Run, Earlier], Conclusion]  # Turns the results of all steps into what the study found
+    # Other experiments that it reads, each with outputs of its chain
+    further: Callable[[Run], Further] = lambda _run: ()
 
-    needs: Callable[[LoadedExperiment], tuple[str, ...]]
-    steps: tuple[Step, ...]
-    conclude: Callable[[Run, Earlier], Conclusion]
-    further: Callable[[Run], tuple[tuple[Run, tuple[str, ...]], ...]] = lambda _run: ()
+
+def study_of(loaded: LoadedExperiment, kind: type[_Kind]) -> _Kind:
+    """Returns the study of an experiment that has one of this kind."""
+    study = loaded.experiment.study
+    if not isinstance(study, kind):
+        message = "the study is of another kind"
+        raise TypeError(message)
+    return study
 
 
 @dataclass(frozen=True)
-class Study:
-    """A kind of study. Loading a file needs its check alone, which imports no science.
+class Asked:
+    """What is asked of a figure."""
+
+    lower: float = float("-inf")  # The least that it may be
+    upper: float = float("inf")  # The most that it may be
+
+    def is_reached(self, value: float) -> bool:
+        """Whether a figure lies within."""
+        return self.lower <= value <= self.upper
+
+
+@dataclass(frozen=True)
+class PartFound:
+    """What a part of a study found."""
+
+    figures: dict[str, float]  # Figures by their name in summary.json
+    asked: Mapping[str, Asked] = field(default_factory=dict)  # What is asked of some of them
+    sections: tuple[Section, ...] = ()  # Tables and figures of the page
+    warnings: tuple[str, ...] = ()  # Why something is left out, where it is
+
+
+def _nothing(_argument: object) -> Content:
+    raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a study of several, left out where the file says nothing of it.
 
     Attributes:
-        check: Finds what is wrong between its settings, the experiment and the robot file, where that could be read:
-            fields and messages.
-        procedure: Imports what it runs.
+        name: Its name, and that of the folder of its tasks.
+        conclude: Turns its case and the results of its tasks into what it found; None where there is nothing to say.
+        tasks: Its tasks, by its case and the results of the parts before it, by their name.
+        function: Does one of them.
+        further: Other experiments that it reads, each with outputs of its chain.
+        field: Field of the study's section that is its case; one of its own name when None, all of it when empty.
     """
 
-    check: Callable[[Experiment, RobotFile | None], Iterator[tuple[FieldPath, str]]]
-    procedure: Callable[[], Procedure]
+    name: str
+    conclude: Callable[[Run, Any, Results], PartFound | None]
+    tasks: Callable[[Run, Any, Mapping[str, Results]], list[Task]] = lambda _run, _case, _earlier: []
+    function: Function = _nothing
+    further: Callable[[Run, Any], Further] = lambda _run, _case: ()
+    field: str | None = None
+
+    def case_of(self, run: Run) -> Any:  # noqa: ANN401
+        """Returns what the file says of it; nothing where it is left out."""
+        study, name = run.loaded.experiment.study, self.name if self.field is None else self.field
+        return getattr(study, name) if name else study
 
 
-def one_step(
-    needs: Callable[[LoadedExperiment], tuple[str, ...]],
-    tasks: Callable[[Run], list[Task]],
-    function: Function,
-    conclude: Callable[[Run, list[Artifact]], Conclusion],
+def recorded_part(
+    name: str,
+    title: str,
+    fits: Callable[[Any], Sequence[str]],
+    conclude: Callable[[Run, Any, Run, list[Artifact]], PartFound],
+) -> Part:
+    """Returns a part that shows fits to a recording, in an experiment of its own, and is left out without the logs.
+
+    Args:
+        name: Its name, and that of the experiment's folder.
+        title: What was recorded, as the subject of a sentence.
+        fits: Names of the fits.
+        conclude: Says, by the case, the experiment's run and its models, what was found.
+    """
+
+    def outputs(case: Any) -> tuple[str, ...]:  # noqa: ANN401
+        return tuple(f"fits/{fit}/model.h5" for fit in fits(case))
+
+    def further(run: Run, case: Any) -> Further:  # noqa: ANN401
+        own = run_of(run, case.experiment, name)
+        return () if missing_log(own) else ((own, outputs(case)),)
+
+    def found(run: Run, case: Any, _results: Results) -> PartFound:  # noqa: ANN401
+        own = run_of(run, case.experiment, name)
+        if lacking := missing_log(own):
+            return PartFound({}, warnings=(f"{title} is left out: there is no {lacking}; set ROBID_DATA.",))
+        return conclude(run, case, own, [read_artifact(own.path(output), MODEL) for output in outputs(case)])
+
+    return Part(name, found, further=further)
+
+
+def joined(
+    parts: Sequence[Part], reached: str, prepare: Callable[[LoadedExperiment], object] = paper_figures
 ) -> Procedure:
-    """Returns the procedure of a study whose tasks wait for no others."""
-    step = Step("", lambda run, _: tasks(run), function)
-    return Procedure(needs, (step,), lambda run, results: conclude(run, list(results[0])))
+    """Returns the procedure of a study of several parts that reads nothing of its own chain.
+
+    Args:
+        parts: The parts, in the order of the page.
+        reached: What it means that all that is asked for is reached, in words.
+        prepare: Refuses, before anything is computed, what cannot be read.
+    """
+
+    def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
+        prepare(loaded)
+        return ()
+
+    def further(run: Run) -> Further:
+        return tuple(one for part in parts if (case := part.case_of(run)) for one in part.further(run, case))
+
+    def conclude(run: Run, results: Earlier) -> Conclusion:
+        each = (
+            part.conclude(run, case, done)
+            for part, done in zip(parts, results, strict=True)
+            if (case := part.case_of(run))
+        )
+        return _join([one for one in each if one is not None], reached)
+
+    def step(index: int, part: Part) -> Step:
+        def tasks(run: Run, earlier: Earlier) -> list[Task]:
+            known = dict(zip([each.name for each in parts[:index]], earlier, strict=True))
+            return part.tasks(run, case, known) if (case := part.case_of(run)) else []
+
+        return Step(part.name, tasks, part.function)
+
+    return Procedure(needs, tuple(step(*one) for one in enumerate(parts)), conclude, further)
+
+
+def _join(found: Sequence[PartFound], reached: str) -> Conclusion:
+    figures = {name: value for one in found for name, value in one.figures.items()}
+    asked = {name: limits for one in found for name, limits in one.asked.items()}
+    missed = [name for name, limits in asked.items() if not limits.is_reached(figures[name])]
+    text = f"All {len(asked)} figures that are asked for are reached: {reached}."
+    if not asked:
+        text = "No part of the study could be done."
+    elif missed:
+        met = f"{len(asked) - len(missed)} of {len(asked)}"
+        text = f"{met} figures that are asked for are reached; missed: {', '.join(missed)}."
+    rows = tuple(
+        (
+            name,
+            _end(limits.lower),
+            _end(limits.upper),
+            significant(figures[name], _DIGITS),
+            Cell("missed", "bad") if name in missed else Cell("reached", "good"),
+        )
+        for name, limits in asked.items()
+    )
+    table = Table(("Figure", "At least", "At most", "Ours", ""), rows, fit="compact")
+    return Conclusion(
+        Verdict(text, "warn" if missed or not asked else "ok"),
+        figures,
+        (Section("What is asked", "By their name in summary.json.", (table,)), *_all(one.sections for one in found)),
+        tuple(_all(one.warnings for one in found)),
+    )
+
+
+def _end(value: float) -> str:
+    return MISSING if abs(value) == float("inf") else significant(value, _DIGITS)
+
+
+def _all(lists: Iterable[Iterable[Any]]) -> list[Any]:
+    return [one for each in lists for one in each]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance
+from robid.artifacts.mapping import Column
 from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
 from robid.artifacts.store import kind_of, read_artifact, write_artifact
 from robid.artifacts.task import TASK
@@ -15,18 +17,28 @@ from robid.backends.map import Map
 from robid.backends.progress import Progress
 from robid.errors import ArtifactError
 
+TASKS = "tasks"
+"""Folder of the tasks in the run folder."""
+
 
 @dataclass(frozen=True)
 class Content:
-    """What a task found.
+    """What a task found."""
 
-    Attributes:
-        datasets: Named arrays.
-        attributes: Scalars and texts, where there are any.
-    """
+    datasets: Mapping[str, Dataset]  # Named arrays
+    attributes: Mapping[str, Attribute] = field(default_factory=dict)  # Scalars and texts, where there are any
 
-    datasets: Mapping[str, Dataset]
-    attributes: Mapping[str, Attribute] = field(default_factory=dict)
+
+def kept(units: str, axes: str, what: str, *, compact: bool = False) -> Column:
+    """Declares, inside `Annotated`, what a task keeps: its units, its axes with spaces between them, what it is."""
+    return Column(units, tuple(axes.split()), what, compact=compact)
+
+
+def columns_of(kind: type) -> dict[str, Column]:
+    """Returns how the fields of a dataclass are kept, by their names, from their annotations."""
+    hints = get_type_hints(kind, include_extras=True)
+    found = {name: getattr(hint, "__metadata__", ()) for name, hint in hints.items()}
+    return {name: each for name, extras in found.items() for each in extras if isinstance(each, Column)}
 
 
 Function = Callable[[Any], Content]
@@ -34,17 +46,11 @@ Function = Callable[[Any], Content]
 
 @dataclass(frozen=True)
 class Task:
-    """One independent piece of a study.
+    """One independent piece of a study."""
 
-    Attributes:
-        name: Name of its file in the folder of tasks.
-        decides: Everything that decides its result, as values that JSON knows.
-        argument: What the study's function is given.
-    """
-
-    name: str
-    decides: dict[str, Any]
-    argument: Any
+    name: str  # Name of its file in the folder of tasks
+    decides: dict[str, Any]  # Everything that decides its result, as values that JSON knows
+    argument: Any  # What the study's function is given
 
     def path(self, folder: Path) -> Path:
         """Returns where its result lies; one that other settings gave lies elsewhere."""
@@ -53,13 +59,14 @@ class Task:
 
 @dataclass(frozen=True)
 class Results:
-    """The results of tasks in their order, each read when it is asked for.
+    """The results of tasks in their order, each read when it is asked for."""
 
-    Attributes:
-        paths: Where they lie.
-    """
+    paths: tuple[Path, ...]  # Where they lie
 
-    paths: tuple[Path, ...]
+    @property
+    def by_name(self) -> dict[str, Path]:
+        """Where they lie, by the names of the tasks."""
+        return {path.name.split(".")[0]: path for path in self.paths}
 
     def __len__(self) -> int:
         """Returns how many there are."""
@@ -72,6 +79,22 @@ class Results:
     def __iter__(self) -> Iterator[Artifact]:
         """Reads one after the other."""
         return (read_artifact(path, TASK) for path in self.paths)
+
+
+def values_of(held: Artifact) -> dict[str, Any]:
+    """Returns the arrays that a task kept, by name."""
+    return {name: dataset.values for name, dataset in held.datasets.items()}
+
+
+def seconds_of(made: Provenance) -> float:
+    """Returns how long a task took [s]."""
+    begun, ended = (datetime.fromisoformat(at) for at in (made.started_utc, made.finished_utc))
+    return (ended - begun).total_seconds()
+
+
+def in_chunks(first: int, count: int, size: int) -> list[range]:
+    """Returns seeds, one after the other from the first on, in chunks of a size."""
+    return [range(start, min(start + size, first + count)) for start in range(first, first + count, size)]
 
 
 @dataclass(frozen=True)

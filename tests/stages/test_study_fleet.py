@@ -11,10 +11,11 @@ from scipy.io import loadmat
 from robid.backends.map import make_map
 from robid.pipeline import Run
 from robid.robot.description import Robot
-from robid.studies.fleet import logs, scheduler, speed
-from robid.studies.fleet.check import KINDS
+from robid.studies.fleet import logs, speed
+from robid.studies.fleet import speed as scheduler
 from robid.studies.fleet.robots import fleet_robots
 from robid.studies.known import load_with_study
+from robid.studies.settings.study import KINDS
 
 _HERE = Path(__file__).parent
 RATES = {("serial", 1): 1.0, ("dask", 1): 1.0, ("dask", 2): 1.5}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,8 @@ from scipy.io import savemat
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact, Dataset
 from robid.artifacts.atomic import replacing
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.store import read_artifact, read_header
+from robid.artifacts.excitation import EXCITATION
+from robid.artifacts.store import read_header
 from robid.errors import SettingsError
 from robid.pipeline import Run
 from robid.robot.description import Robot
@@ -27,13 +27,12 @@ from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions
 from robid.stages.simulate_or_acquire import simulated_experiment
-from robid.studies.changed import changed_simulation
-from robid.studies.fleet.faults import Log, faulty_bytes, faulty_log
-from robid.studies.fleet.robots import FleetRobot, fleet_robots, study_of
-from robid.studies.part import Part, PartFound
-from robid.studies.simulated import simulate_options, simulation_settings
-from robid.studies.study import TASKS
-from robid.studies.tasks import Content, Task
+from robid.studies.experiments import Further, changed_simulation
+from robid.studies.fleet.robots import FleetRobot, Log, faulty_bytes, faulty_log, fleet_robots
+from robid.studies.settings.study import FleetStudy
+from robid.studies.simulated import played, simulate_options, simulation_settings, threads_of
+from robid.studies.study import Part, PartFound, study_of
+from robid.studies.tasks import TASKS, Content, Results, Task
 
 NAME = "logs"
 COUNTS_PER_TURN = 65536
@@ -43,14 +42,7 @@ _HEADER = b"MATLAB 5.0 MAT-file, logged by a simulated controller".ljust(116)
 
 @dataclass(frozen=True)
 class Logged:
-    """A robot to be logged.
-
-    Attributes:
-        of: Which one.
-        robot: As it truly is.
-        options: How it is simulated.
-        path: Where its log goes.
-    """
+    """A robot to be logged."""
 
     of: FleetRobot
     robot: Robot
@@ -74,14 +66,14 @@ def manifest_path(run: Run) -> Path:
 
 
 def _excitation(run: Run) -> str:
-    return f"{study_of(run.loaded).campaign}/excitation.h5"
+    return f"{study_of(run.loaded, FleetStudy).campaign}/excitation.h5"
 
 
-def _further(run: Run) -> tuple[tuple[Run, tuple[str, ...]], ...]:
+def _further(run: Run, _study: FleetStudy) -> Further:
     return ((run, (_excitation(run),)),)
 
 
-def log_tasks(run: Run) -> list[Task]:
+def log_tasks(run: Run, study: FleetStudy, _earlier: Mapping[str, Results]) -> list[Task]:
     """Returns the tasks: some robots each; one whose logs are not all there is to be done again.
 
     Raises:
@@ -90,9 +82,9 @@ def log_tasks(run: Run) -> list[Task]:
     if run.backend == "dask":
         remedy = "use --backend processes; the study starts Dask itself where it times it"
         raise SettingsError("the study of fleets measures this machine, and runs on no cluster", remedy=remedy)
-    study, path = study_of(run.loaded), run.path(_excitation(run))
+    path = run.path(_excitation(run))
     campaign = run.loaded.experiment.campaigns[study.campaign]
-    content = excitation_from_artifact(read_artifact(path, EXCITATION))
+    content = played(run, study.campaign)
     whole = simulated_experiment(run.loaded, campaign, simulate_options(campaign), content)
     experiment, _ = with_settled_steps(whole, content.configurations)
     decides = {
@@ -102,7 +94,7 @@ def log_tasks(run: Run) -> list[Task]:
         "stiffness_factor": study.faults.stiffness_factor,
         "payload_kg_more": study.faults.payload_kg,
     }
-    robots, threads = fleet_robots(run), run.workers if run.backend == "serial" else 1
+    robots, threads = fleet_robots(run), threads_of(run)
     tasks = []
     for first in range(0, len(robots), study.robots_per_task):
         some = robots[first : first + study.robots_per_task]
@@ -117,7 +109,7 @@ def log_tasks(run: Run) -> list[Task]:
 
 def _logged(run: Run, campaign: Campaign, experiment: SimulatedExperiment, of: FleetRobot) -> Logged:
     """A robot as it truly is: a softened spring and another payload are true, what is wrong in a log is not."""
-    faults, file = study_of(run.loaded).faults, run.loaded.robot
+    faults, file = study_of(run.loaded, FleetStudy).faults, run.loaded.robot
     settings = changed_simulation(campaign, {}, of.seed, of.seed)
     mounted = stated_payload(run) + faults.payload_kg if of.kind == "payload" else campaign.payload_kg
     robot = true_robot_of(file, mounted, settings.truth)
@@ -140,7 +132,7 @@ def softened(robot: Robot, joint: int, factor: float) -> Robot:
 
 def stated_payload(run: Run) -> float:
     """Returns the payload that the manifest states of all robots [kg]."""
-    campaign = run.loaded.experiment.campaigns[study_of(run.loaded).campaign]
+    campaign = run.loaded.experiment.campaigns[study_of(run.loaded, FleetStudy).campaign]
     return run.loaded.robot.to_robot(campaign.payload_kg).payload.mass_kg
 
 
@@ -201,16 +193,16 @@ def write_manifest(path: Path, robots: Sequence[FleetRobot], payload_kg: float) 
         partial.write_text(text.getvalue(), encoding="utf-8")
 
 
-def hashes_of(results: Sequence[Artifact]) -> Iterator[str]:
+def hashes_of(results: Iterable[Artifact]) -> Iterator[str]:
     """Yields the hash of each robot's log."""
     for one in results:
         yield from one.datasets["sha256"].values.tolist()
 
 
-def _conclude(run: Run, _results: Sequence[Artifact]) -> PartFound:
+def _conclude(run: Run, _study: FleetStudy, _results: Results) -> PartFound:
     robots = fleet_robots(run)
     size = sum(run.path(robot.log).stat().st_size for robot in robots if run.path(robot.log).exists())
     return PartFound({"fleet.robots": float(len(robots)), "fleet.log_mb": size / 1e6})
 
 
-LOGS = Part(NAME, _conclude, log_tasks, write_logs, _further)
+LOGS = Part(NAME, _conclude, log_tasks, write_logs, _further, field="")

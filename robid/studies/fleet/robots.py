@@ -1,16 +1,21 @@
-"""The robots of the fleet, and what is wrong with some of them."""
+"""The robots of the fleet, what is wrong with some of them, and what that makes of their logs."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from robid.errors import require_module
+from robid.fleet.table import require_table
 from robid.pipeline import Run
 from robid.settings.load import LoadedExperiment
-from robid.studies.fleet.check import KINDS
-from robid.studies.settings.fleet import FleetStudy
+from robid.studies.settings.study import KINDS, FleetStudy
+from robid.studies.study import study_of
 
 _WHERE = (0.1, 0.6)
 """Shares of the log between which faults lie: in its periods that are used, not in those that follow them."""
@@ -20,40 +25,24 @@ _VARIANTS = {"sign": ("torque", "angle"), "dead": ("constant", "noise"), "file":
 
 @dataclass(frozen=True)
 class Fault:
-    """What is wrong with a robot or its log.
-
-    Attributes:
-        kind: One of `KINDS`.
-        variant: Which of its forms, of the kinds that have several.
-        joint: Index of the joint.
-        channel: `torque` or `angle` of that joint.
-        at: Where in its file or its samples, as a share.
-        samples: How many are lost.
-        seed: Seed of noise.
-    """
+    """What is wrong with a robot or its log."""
 
     kind: str
-    variant: str
-    joint: int
-    channel: str
-    at: float
-    samples: int
-    seed: int
+    variant: str  # Which of its forms, of the kinds that have several
+    joint: int  # Index of the joint
+    channel: str  # `torque` or `angle` of that joint
+    at: float  # Where in its file or its samples, as a share
+    samples: int  # How many are lost
+    seed: int  # Seed of noise
 
 
 @dataclass(frozen=True)
 class FleetRobot:
-    """A robot of the fleet.
+    """A robot of the fleet."""
 
-    Attributes:
-        name: Its row in the manifest.
-        seed: Seed of its springs, its friction and its noise.
-        fault: What is wrong; None of a sound one.
-    """
-
-    name: str
-    seed: int
-    fault: Fault | None
+    name: str  # Its row in the manifest
+    seed: int  # Seed of its springs, its friction and its noise
+    fault: Fault | None  # What is wrong; None of a sound one
 
     @property
     def log(self) -> str:
@@ -66,18 +55,9 @@ class FleetRobot:
         return "" if self.fault is None else self.fault.kind
 
 
-def study_of(loaded: LoadedExperiment) -> FleetStudy:
-    """Returns the study of an experiment that has one of this kind."""
-    study = loaded.experiment.study
-    if not isinstance(study, FleetStudy):
-        message = "the study is of another kind"
-        raise TypeError(message)
-    return study
-
-
 def fleet_robots(run: Run) -> tuple[FleetRobot, ...]:
     """Returns the robots, in the order of the manifest."""
-    study, n_joint = study_of(run.loaded), len(run.loaded.robot.joints)
+    study, n_joint = study_of(run.loaded, FleetStudy), len(run.loaded.robot.joints)
     return plan_robots(study, n_joint)
 
 
@@ -111,4 +91,70 @@ def _fault(study: FleetStudy, n_joint: int, number: int, generator: np.random.Ge
 
 def template_path(run: Run) -> Path:
     """Returns the experiment file that reads the logs."""
-    return run.loaded.path.parent / study_of(run.loaded).experiment
+    return run.loaded.path.parent / study_of(run.loaded, FleetStudy).experiment
+
+
+Log: TypeAlias = dict[str, dict[str, NDArray[np.int32]]]
+"""Samples (n_sample,) of each channel, as `torque_<joint>`, of each experiment of a log."""
+
+_NOISE = 2.0
+_OVERWRITTEN = 512
+
+
+def faulty_log(log: Log, fault: Fault, joints: Sequence[str]) -> Log:
+    """Returns a log as a fault in its signals leaves it.
+
+    Args:
+        log: The log of the robot.
+        fault: What is wrong; other kinds of faults leave the signals as they are.
+        joints: Names of the joints.
+    """
+    channel = f"{fault.channel}_{joints[fault.joint]}"
+    if fault.kind == "sign":
+        return {name: {**one, channel: -one[channel]} for name, one in log.items()}
+    if fault.kind == "dead":
+        return _dead(log, fault, channel)
+    if fault.kind == "gap":
+        return _with_gap(log, fault)
+    return log
+
+
+def faulty_bytes(content: bytes, fault: Fault) -> bytes:
+    """Returns a file as a fault leaves it: cut off, or a part of it overwritten; other kinds leave it as it is."""
+    at = int(fault.at * len(content))
+    if fault.kind != "file":
+        return content
+    if fault.variant == "truncated":
+        return content[:at]
+    part = content[at : at + _OVERWRITTEN]
+    return content[:at] + bytes(255 - byte for byte in part) + content[at + len(part) :]
+
+
+def _dead(log: Log, fault: Fault, channel: str) -> Log:
+    """A channel stays at its first number, or shows a few counts of noise around it."""
+    generator = np.random.default_rng(fault.seed)
+    first = next(iter(log.values()))[channel][0]
+    spread = _NOISE if fault.variant == "noise" else 0.0
+
+    def dead(one: Mapping[str, NDArray[np.int32]]) -> NDArray[np.int32]:
+        noise = spread * generator.normal(size=one[channel].shape)
+        return np.asarray(first + np.rint(noise), dtype=np.int32)
+
+    return {name: {**one, channel: dead(one)} for name, one in log.items()}
+
+
+def _with_gap(log: Log, fault: Fault) -> Log:
+    """All channels of one experiment lack the same samples."""
+    name = list(log)[fault.seed % len(log)]
+    length = len(next(iter(log[name].values())))
+    at = int(fault.at * (length - fault.samples))
+    lost = slice(at, at + fault.samples)
+    return {**log, name: {channel: np.delete(values, lost) for channel, values in log[name].items()}}
+
+
+def require_packages(loaded: LoadedExperiment) -> None:
+    """Refuses to start without the packages that tables and Dask need."""
+    require_table()
+    study = study_of(loaded, FleetStudy)
+    if study.speed is not None or study.scheduled:
+        require_module("distributed", "dask", "What the study measures of Dask")

@@ -1,34 +1,42 @@
-"""The speed of `robid reprocess` on each backend, as a user would start it."""
+"""The speed of `robid reprocess` on each backend, and what Dask bears in rows without work."""
 
 from __future__ import annotations
 
 import json
 import os
+import pickle
 import shutil
 import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from robid.artifacts.artifact import Artifact, Dataset
+from robid.artifacts.artifact import Dataset
 from robid.artifacts.atomic import read_json, write_json
 from robid.artifacts.provenance import canonical_hash
-from robid.errors import BackendError
-from robid.fleet.ledger import FORMATS
+from robid.backends.map import make_map
+from robid.errors import BackendError, DataError
+from robid.fleet.ledger import FORMATS, Ledger, read_ledger
+from robid.fleet.row import RowTask
 from robid.fleet.rows import load_fleet
 from robid.pipeline import Run
+from robid.report.numbers import significant
+from robid.report.section import Section, Table
 from robid.studies.fleet.logs import NAME as LOGS_NAME
-from robid.studies.fleet.logs import hashes_of, stated_payload, write_manifest
-from robid.studies.fleet.page import speed_section
-from robid.studies.fleet.robots import fleet_robots, study_of, template_path
-from robid.studies.part import Asked, Part, PartFound
-from robid.studies.tasks import Content, Results, Task
+from robid.studies.fleet.logs import hashes_of, manifest_path, stated_payload, write_manifest
+from robid.studies.fleet.robots import fleet_robots, template_path
+from robid.studies.fleet.whole import FOLDER, resident_mib
+from robid.studies.fleet.whole import NAME as WHOLE_NAME
+from robid.studies.settings.study import FleetSpeed
+from robid.studies.study import Asked, Part, PartFound
+from robid.studies.tasks import Content, Results, Task, values_of
 
 NAME = "speed"
 SERIAL = ("serial", 1)
@@ -39,16 +47,7 @@ _TWO_WORKERS = Asked(lower=1.6)
 
 @dataclass(frozen=True)
 class Timing:
-    """What is timed.
-
-    Attributes:
-        manifest: Manifest of sound robots.
-        template: The experiment file.
-        folder: Where runs that were timed are noted until all are.
-        ways: Backends and numbers of workers, which take turns.
-        repeats: How often.
-        key: Hash of all that decides the results.
-    """
+    """What is timed."""
 
     manifest: Path
     template: Path
@@ -68,17 +67,14 @@ def ways(cores: int) -> tuple[tuple[str, int], ...]:
     return tuple(dict.fromkeys([SERIAL, ("processes", cores), ("dask", cores), ("dask", 1), ("dask", 2)]))
 
 
-def speed_tasks(run: Run, earlier: Mapping[str, Results]) -> list[Task]:
-    """Returns the one task, so that nothing else runs meanwhile; none where the study leaves it out."""
-    speed = study_of(run.loaded).speed
-    if speed is None:
-        return []
+def speed_tasks(run: Run, speed: FleetSpeed, earlier: Mapping[str, Results]) -> list[Task]:
+    """Returns the one task, so that nothing else runs meanwhile."""
     sound = [robot for robot in fleet_robots(run) if robot.fault is None][: speed.rows]
     path, template = run.path("manifest_of_speed.csv"), template_path(run)
     write_manifest(path, sound, stated_payload(run))
     decides = {
         "rows": [[planned.row.id, planned.settings_hash] for planned in load_fleet(path, template).rows],
-        "logs": canonical_hash(list(hashes_of(list(earlier[LOGS_NAME])))),
+        "logs": canonical_hash(list(hashes_of(earlier[LOGS_NAME]))),
         "ways": [list(way) for way in ways(core_count())],
         "repeats": speed.repeats,
         "formats": FORMATS,
@@ -155,13 +151,10 @@ def finish_times(timing: Timing, way: tuple[str, int]) -> list[float]:
     return finished[:-1]
 
 
-def conclude_speed(run: Run, results: Sequence[Artifact]) -> PartFound | None:
+def conclude_speed(_run: Run, speed: FleetSpeed, results: Results) -> PartFound:
     """Compares the backends."""
-    speed = study_of(run.loaded).speed
-    if speed is None:
-        return None
     [found] = results
-    values = {name: dataset.values for name, dataset in found.datasets.items()}
+    values = values_of(found)
     timed = zip(values["backend"].tolist(), values["workers"].tolist(), strict=True)
     rates = {way: values["rate"][:, index].tolist() for index, way in enumerate(timed)}
     cores = next(count for name, count in rates if name == "processes")
@@ -188,4 +181,130 @@ def efficiencies(rates: Mapping[tuple[str, int], Sequence[float]], cores: int) -
     }
 
 
-SPEED = Part(NAME, conclude_speed, function=time_all, following=speed_tasks)
+def speed_section(
+    rates: Mapping[tuple[str, int], Sequence[float]], serial: tuple[str, int], rows: int, cores: int
+) -> Section:
+    """How fast each backend was.
+
+    Args:
+        rates: Rows a second of each run, by backend and number of workers.
+        serial: The backend that the others are held against.
+        rows: Rows of each run.
+        cores: Cores of the machine.
+    """
+    middle = {way: median(found) for way, found in rates.items()}
+    table = Table(
+        ("Backend", "Workers", "Rows a second, median", "Lowest", "Highest", "Each worker over serial"),
+        tuple(
+            (
+                way[0],
+                str(way[1]),
+                significant(middle[way]),
+                significant(min(found)),
+                significant(max(found)),
+                significant(middle[way] / way[1] / middle[serial]),
+            )
+            for way, found in rates.items()
+        ),
+        fit="compact",
+    )
+    lead = (
+        f"`robid reprocess` on {rows} sound rows as a user would start it, backends in turn, on {cores} cores. Rows a"
+        " second between the first and the last finished row: the start of the command and of its workers is not in"
+        " it; of w workers, w rows count as finished with the first, which is rather too strict."
+    )
+    return Section("Speed", lead, (table,))
+
+
+SPEED = Part(NAME, conclude_speed, speed_tasks, time_all)
+
+
+_MEANINGS = {
+    "rows": "Rows",
+    "seconds": "Time that they took [s]",
+    "bytes_out": "Bytes of a row's task",
+    "bytes_back": "Bytes of a row's answer",
+    "memory_bytes": "Memory that a row leaves in command and scheduler together [bytes]",
+}
+
+
+@dataclass(frozen=True)
+class Fed:
+    """A row without work, answered with the ledger of another one."""
+
+    task: RowTask
+    answer: Path
+
+
+@dataclass(frozen=True)
+class Feeding:
+    """What a scheduler is fed with."""
+
+    first: Fed
+    count: int
+    workers: int
+    folder: Path
+
+
+def scheduler_tasks(run: Run, count: int, earlier: Mapping[str, Results]) -> list[Task]:
+    """Returns the one task, of so many rows."""
+    fleet = load_fleet(manifest_path(run), template_path(run))
+    rows = run.path(FOLDER) / "rows"
+    sound = next(index for index, robot in enumerate(fleet_robots(run)) if robot.fault is None)
+    row = fleet.rows[sound].row
+    first = Fed(RowTask(row, fleet.template.path, fleet.text, rows, keep=False), rows / row.id)
+    workers = core_count()
+    decides = {"rows": count, "workers": workers, "like": earlier[WHOLE_NAME].paths[0].name}
+    return [Task("scheduler", decides, Feeding(first, count, workers, run.folder))]
+
+
+def feed(feeding: Feeding) -> Content:
+    """Feeds a local cluster and says what that took."""
+    first, digits = feeding.first, len(str(feeding.count))
+    rows = [_like(first, f"x{number:0{digits}d}") for number in range(feeding.count)]
+    with make_map("dask", feeding.workers, folder=feeding.folder) as mapped:
+        mapped(answer, rows[: feeding.workers])
+        before, begun = resident_mib(), time.monotonic()
+        answers = mapped(answer, rows)
+        seconds, after = time.monotonic() - begun, resident_mib()
+    grown = float("nan") if before is None or after is None else (after - before) * 2**20 / feeding.count
+    found = {
+        "rows": float(len(answers)),
+        "seconds": seconds,
+        "bytes_out": float(len(pickle.dumps((answer, rows[-1])))),
+        "bytes_back": float(len(pickle.dumps(answers[-1]))),
+        "memory_bytes": grown,
+    }
+    return Content({name: Dataset(np.array(value), "1", (), _MEANINGS[name]) for name, value in found.items()})
+
+
+def _like(first: Fed, name: str) -> Fed:
+    return replace(first, task=replace(first.task, row=replace(first.task.row, id=name)))
+
+
+def answer(fed: Fed) -> Ledger:
+    """Answers as a row does that is done."""
+    return replace(_outline(fed.answer), id=fed.task.row.id)
+
+
+@lru_cache(maxsize=1)
+def _outline(folder: Path) -> Ledger:
+    ledger = read_ledger(folder)
+    if ledger is None:
+        raise DataError("the row has no ledger", where=str(folder), remedy="run the study again")
+    return ledger.outline
+
+
+def conclude_scheduler(_run: Run, _count: int, results: Results) -> PartFound:
+    """Tabulates what a row costs scheduler and command."""
+    [found] = results
+    values = {name: float(dataset.values) for name, dataset in found.datasets.items()}
+    values["rows_per_second"] = values["rows"] / values["seconds"]
+    meanings = {**_MEANINGS, "rows_per_second": "Rows a second"}
+    table = Table(("", "Value"), tuple((meanings[name], significant(value)) for name, value in values.items()))
+    lead = "A local Dask cluster on all cores, fed with rows like those of the fleet, but without work."
+    figures = {f"fleet.scheduled.{name}": value for name, value in values.items() if np.isfinite(value)}
+    return PartFound(figures, {}, (Section("Very many rows", lead, (table,)),))
+
+
+SCHEDULER = Part("scheduler", conclude_scheduler, scheduler_tasks, feed, field="scheduled")

@@ -1,31 +1,150 @@
-"""The whole fleet, reprocessed once by one worker: which faults are found, who is accused, how memory grows."""
+"""The whole fleet, reprocessed once by one worker: which faults are found, who is accused, how its memory grows."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from robid.arrays import BoolArray
-from robid.artifacts.artifact import Artifact, Dataset
+from robid.arrays import BoolArray, FloatArray
+from robid.artifacts.artifact import Dataset
 from robid.artifacts.lock import FOLDER_LOCK, locked
-from robid.backends.map import Map
+from robid.backends.map import Map, make_map
 from robid.fleet.ledger import FORMATS
 from robid.fleet.row import Told
 from robid.fleet.rows import load_fleet
 from robid.fleet.run import Batch, Options, run_fleet
 from robid.pipeline import Run
-from robid.studies.fleet.check import KINDS
+from robid.report.section import Cell, Curve, Figure, Section, Table
 from robid.studies.fleet.logs import NAME as LOGS_NAME
 from robid.studies.fleet.logs import hashes_of, manifest_path, stated_payload, write_manifest
-from robid.studies.fleet.memory import watched_worker
-from robid.studies.fleet.page import faults_section, memory_section
-from robid.studies.fleet.robots import fleet_robots, template_path
-from robid.studies.part import Asked, Part, PartFound
-from robid.studies.tasks import Content, Results, Task
+from robid.studies.fleet.robots import Fault, FleetRobot, fleet_robots, template_path
+from robid.studies.settings.study import KINDS, FleetStudy
+from robid.studies.study import Asked, Part, PartFound
+from robid.studies.tasks import Content, Results, Task, values_of
+
+_STATM = Path("/proc/self/statm")
+
+
+@contextmanager
+def watched_worker(series: list[float]) -> Iterator[Map]:
+    """Yields a map with a single worker process, as `robid reprocess --backend processes --workers 1` has it.
+
+    Args:
+        series: Gets the worker's memory after each task [MiB]; nothing where the system does not tell it.
+    """
+
+    def mapped(
+        function: Callable[[Any], Any], tasks: Sequence[Any], on_done: Callable[[int, Any], None] | None = None
+    ) -> list[Any]:
+        def done(index: int, pair: tuple[Any, float | None]) -> None:
+            if pair[1] is not None:
+                series.append(pair[1])
+            if on_done is not None:
+                on_done(index, pair[0])
+
+        return [result for result, _ in one_worker(partial(_measured, function), tasks, done)]
+
+    with make_map("processes", 1) as one_worker:
+        yield mapped
+
+
+def _measured(function: Callable[[Any], Any], task: Any) -> tuple[Any, float | None]:  # noqa: ANN401
+    return function(task), resident_mib()
+
+
+def resident_mib() -> float | None:
+    """Returns the resident memory of this process [MiB]; None where there is no /proc."""
+    if not _STATM.exists():
+        return None
+    return int(_STATM.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+_TITLES = {
+    "spring": "A softened spring",
+    "sign": "A wrong sign",
+    "dead": "A dead channel",
+    "gap": "Lost samples",
+    "payload": "A wrong payload",
+    "file": "A damaged file",
+}
+
+
+def faults_section(robots: Sequence[FleetRobot], values: Mapping[str, Any], figures: Mapping[str, float]) -> Section:
+    """What became of each fault, and which sound robots are accused.
+
+    Args:
+        robots: The robots.
+        values: Of each (n_row,): `failed`, `off`, and what is `told` of it.
+        figures: Figures by name.
+    """
+    counts = tuple(
+        (
+            _TITLES[kind],
+            str(sum(robot.kind == kind for robot in robots)),
+            f"{figures[f'fleet.{kind}.found']:.0f}",
+            f"{figures[f'fleet.{kind}.failed']:.0f}",
+        )
+        for kind in KINDS
+        if f"fleet.{kind}.found" in figures
+    )
+    rows = []
+    for index, robot in enumerate(robots):
+        named = bool(values["failed"][index] or values["off"][index])
+        if robot.fault is None and not named:
+            continue
+        what = "sound" if robot.fault is None else said(robot.fault)
+        became = "failed" if values["failed"][index] else "an outlier" if named else "not found"
+        good = named == (robot.fault is not None)
+        rows.append((robot.name, what, Cell(became, "" if good else "bad"), str(values["told"][index])))
+    each = Table(
+        ("Robot", "What is wrong", "It is", "What is said"),
+        tuple(rows),
+        title="Robots with a fault, and sound ones that are accused",
+        prose=True,
+        fit="tall",
+    )
+    lead = (
+        "Found is a fault whose row failed or is on the list of outliers; accused is a sound robot of which that is"
+        " true. A grade accuses nobody."
+    )
+    head = ("Fault", "Robots", "Found", "of them failed")
+    return Section("Faults", lead, (Table(head, counts, title="By kind", fit="compact"), each))
+
+
+def said(fault: Fault) -> str:
+    """Says what is wrong with a robot or its log."""
+    channel = f"{fault.channel} of joint {fault.joint + 1}"
+    return {
+        "spring": f"transmission of joint {fault.joint + 1} softened",
+        "sign": f"sign of the {channel}",
+        "dead": f"{channel} dead, {fault.variant}",
+        "gap": f"{fault.samples} samples lost",
+        "payload": "another payload mounted",
+        "file": f"file {fault.variant}",
+    }[fault.kind]
+
+
+def memory_section(memory: FloatArray, settled: int) -> tuple[Section, ...]:
+    """How the memory of the worker grew; nothing where it was not watched.
+
+    Args:
+        memory (n_done,): After each row [MiB].
+        settled: Number of rows after which growth counts.
+    """
+    if len(memory) <= settled:
+        return ()
+    curve = Curve("worker", tuple(float(number) for number in range(1, len(memory) + 1)), tuple(memory.tolist()))
+    figure = Figure("Memory after each row", "Row", "Resident memory [MiB]", (curve,), log_x=False, log_y=False)
+    lead = f"Of the one worker process that reprocessed the fleet; growth is counted from the {settled}th row on."
+    return (Section("Memory", lead, (figure,)),)
+
 
 NAME, FOLDER = "whole", "reprocessed"
 _FOUND, _ACCUSED = 28 / 30, 4 / 970
@@ -42,14 +161,14 @@ class Whole:
     folder: Path
 
 
-def whole_tasks(run: Run, earlier: Mapping[str, Results]) -> list[Task]:
+def whole_tasks(run: Run, _study: FleetStudy, earlier: Mapping[str, Results]) -> list[Task]:
     """Returns the one task: all rows, of which a stopped study keeps what is done."""
     path, template = manifest_path(run), template_path(run)
     write_manifest(path, fleet_robots(run), stated_payload(run))
     fleet = load_fleet(path, template)
     decides = {
         "rows": [[planned.row.id, planned.settings_hash] for planned in fleet.rows],
-        "logs": list(hashes_of(list(earlier[LOGS_NAME]))),
+        "logs": list(hashes_of(earlier[LOGS_NAME])),
         "formats": FORMATS,
     }
     return [Task(NAME, decides, Whole(path, template, run.path(FOLDER)))]
@@ -118,10 +237,10 @@ def count_found(kinds: Sequence[str], failed: BoolArray, off: BoolArray) -> dict
     return figures
 
 
-def conclude_whole(run: Run, results: Sequence[Artifact]) -> PartFound:
+def conclude_whole(run: Run, _study: FleetStudy, results: Results) -> PartFound:
     """Counts what was found, and says how the worker's memory grew."""
     [found] = results
-    values = {name: dataset.values for name, dataset in found.datasets.items()}
+    values = values_of(found)
     robots = fleet_robots(run)
     figures = count_found([robot.kind for robot in robots], values["failed"], values["off"])
     figures["fleet.row_seconds"] = float(np.median(values["seconds"]))
@@ -144,4 +263,4 @@ def conclude_whole(run: Run, results: Sequence[Artifact]) -> PartFound:
     return PartFound(figures, asked, sections, tuple(warnings))
 
 
-WHOLE = Part(NAME, conclude_whole, function=reprocess_whole, following=whole_tasks)
+WHOLE = Part(NAME, conclude_whole, whole_tasks, reprocess_whole, field="")

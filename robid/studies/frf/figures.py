@@ -1,4 +1,4 @@
-"""The figures of the study of estimators, from the results of its tasks."""
+"""The figures of the study of estimators: scatter, bias and honesty of estimates that are made many times."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.artifacts.artifact import Artifact
@@ -16,34 +17,102 @@ from robid.robot.response import nominal_parameters, response
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, require_controller
 from robid.simulate.truth import true_robot, with_imperfections
-from robid.studies.frf.estimators import elements, error_ratio, scatter
 from robid.studies.frf.study import campaign_of
+from robid.studies.tasks import values_of
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How one estimator's estimates lie about a reference, per configuration, line and element.
+
+    Every field has the shape (n_conf, n_freq, n_out, n_in); NaN where fewer than two estimates were made.
+    """
+
+    error: FloatArray  # Root mean square over the estimates of `|G_hat - G_ref| / |G_ref|`
+    bias: FloatArray  # `|mean(G_hat) - G_ref| / |G_ref|`
+    std_ratio: FloatArray  # Root of the mean reported variance over the standard deviation of the estimates
+
+
+def scatter(estimates: ComplexArray, variance: FloatArray, reference: ComplexArray) -> Scatter:
+    """Compares estimates with a reference and their spread with what they report.
+
+    Args:
+        estimates (n_conf, n_estimate, n_freq, n_out, n_in): Independent estimates; NaN where one was refused.
+        variance (n_conf, n_estimate, n_freq, n_out, n_in): Variance that each reports, `E|G_hat - G|^2`.
+        reference (n_conf, n_freq, n_out, n_in): What they should be.
+    """
+    count = np.isfinite(estimates).sum(axis=1)
+    enough = count > 1
+    mean = _mean(estimates, count)
+    size = np.abs(reference)
+    error = np.sqrt(_mean(np.abs(estimates - reference[:, None]) ** 2, count)) / size
+    spread = _mean(np.abs(estimates - mean[:, None]) ** 2, count) * count / np.maximum(count - 1, 1)
+    reported = _mean(variance, count)
+    ratio = np.sqrt(np.divide(reported, spread, out=np.full_like(spread, np.nan), where=enough & (spread > 0)))
+    return Scatter(np.where(enough, error, np.nan), np.where(enough, np.abs(mean / reference - 1), np.nan), ratio)
+
+
+def error_ratio(
+    first: ComplexArray, second: ComplexArray, reference: ComplexArray, *, draws: int = 200, seed: int = 1
+) -> tuple[float, float, float]:
+    """Median error of one estimator over another's, with the 95 % interval of a bootstrap over the estimates.
+
+    Args:
+        first (n_conf, n_estimate, n_freq, n_out, n_in): Estimates from the same data as `second`.
+        second (n_conf, n_estimate, n_freq, n_out, n_in): Estimates to compare with.
+        reference (n_conf, n_freq, n_out, n_in): What both should be.
+        draws: Bootstrap draws.
+        seed: Their seed.
+
+    Returns:
+        Ratio, lower and upper end; NaN where the two share no estimate.
+    """
+    both = np.isfinite(first).all(axis=(0, 2, 3, 4)) & np.isfinite(second).all(axis=(0, 2, 3, 4))
+    if both.sum() < 2:
+        return np.nan, np.nan, np.nan
+    size = np.abs(reference[:, None])
+    squares = [
+        np.moveaxis((np.abs(each[:, both] - reference[:, None]) / size) ** 2, 1, 0).reshape(both.sum(), -1)
+        for each in (first, second)
+    ]
+
+    def ratio(weights: FloatArray) -> float:
+        ours, theirs = (np.median(np.sqrt(weights @ square)) for square in squares)
+        return float(ours / theirs)
+
+    count = int(both.sum())
+    weights = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), draws) / count
+    ends = np.quantile([ratio(row) for row in weights], [0.025, 0.975])
+    return ratio(np.full(count, 1 / count)), float(ends[0]), float(ends[1])
+
+
+def elements(values: FloatArray, *, diagonal: bool) -> FloatArray:
+    """Returns the elements on the diagonal, or those off it, with the two matrix axes flattened to one."""
+    row, column = np.indices(values.shape[-2:])
+    return np.asarray(values[..., (row == column) if diagonal else (row != column)])
+
+
+def _mean(values: ComplexArray | FloatArray, count: NDArray[np.int_]) -> ComplexArray | FloatArray:
+    return np.asarray(np.where(np.isfinite(values), values, 0).sum(axis=1) / np.maximum(count, 1))
 
 
 @dataclass(frozen=True)
 class Found:
-    """The tasks' results of all configurations together.
+    """The tasks' results of all configurations together."""
 
-    Attributes:
-        frequency_hz (n_freq,): Excited frequencies [Hz].
-        configurations (n_conf, n_joint): Arm-side joint angles [rad].
-        response (n_estimate, n_conf, n_group, n_freq, n_out, n_in): Each group's estimates; NaN where refused.
-        variance: Variance that each reports, of the same shape.
-        whole (n_compensation, n_conf, n_freq, n_out, n_in): Best linear approximation from all realizations.
-        refusals (n_estimate + 1,): First reason of a refusal, or ""; that of `whole` last.
-    """
-
-    frequency_hz: FloatArray
-    configurations: FloatArray
+    frequency_hz: FloatArray  # (n_freq,) excited frequencies [Hz]
+    configurations: FloatArray  # (n_conf, n_joint) arm-side joint angles [rad]
+    # (n_estimate, n_conf, n_group, n_freq, n_out, n_in) each group's estimates; NaN where refused
     response: ComplexArray
-    variance: FloatArray
+    variance: FloatArray  # Variance that each reports, of the same shape
+    # (n_compensation, n_conf, n_freq, n_out, n_in) best linear approximation from all realizations
     whole: ComplexArray
-    refusals: tuple[str, ...]
+    refusals: tuple[str, ...]  # (n_estimate + 1,) first reason of a refusal, or ""; that of `whole` last
 
 
 def gather(results: Sequence[Artifact]) -> Found:
     """Puts the tasks' results together, those of one configuration along the groups."""
-    values = [{name: dataset.values for name, dataset in result.datasets.items()} for result in results]
+    values = [values_of(result) for result in results]
     index = np.array([int(one["configuration"]) for one in values])
     rows = [[values[at] for at in np.flatnonzero(index == chosen)] for chosen in np.unique(index)]
 
@@ -81,19 +150,12 @@ def true_response(loaded: LoadedExperiment, found: Found) -> ComplexArray:
 
 @dataclass(frozen=True)
 class EstimatorFigures:
-    """One estimator against the best linear approximation.
+    """One estimator against the best linear approximation."""
 
-    Attributes:
-        name: Name of the estimator.
-        error_hz (n_freq,): Median error on the diagonal at each line.
-        std_ratio_hz (n_freq,): Median ratio of reported to true standard deviation there.
-        figures: Figures by name, as they stand in summary.json.
-    """
-
-    name: str
-    error_hz: FloatArray
-    std_ratio_hz: FloatArray
-    figures: dict[str, float]
+    name: str  # Name of the estimator
+    error_hz: FloatArray  # (n_freq,) median error on the diagonal at each line
+    std_ratio_hz: FloatArray  # (n_freq,) median ratio of reported to true standard deviation there
+    figures: dict[str, float]  # Figures by name, as they stand in summary.json
 
 
 def estimator_figures(

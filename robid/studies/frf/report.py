@@ -6,13 +6,11 @@ import math
 from collections.abc import Sequence
 
 from robid.arrays import FloatArray
-from robid.artifacts.artifact import Artifact
 from robid.pipeline import Run
 from robid.report.content import Verdict
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Curve, Figure, Section, Table
 from robid.settings.experiment import Campaign
-from robid.studies.conclusion import Conclusion
 from robid.studies.frf.figures import (
     BiasFigures,
     EstimatorFigures,
@@ -22,13 +20,14 @@ from robid.studies.frf.figures import (
     true_response,
 )
 from robid.studies.frf.study import campaign_of, compared, compensations
+from robid.studies.study import Conclusion, Earlier
 
 _WORTH = 0.98  # another estimator is worth a new default only where its error is surely below this share
 
 
-def conclude(run: Run, results: list[Artifact]) -> Conclusion:
+def conclude(run: Run, results: Earlier) -> Conclusion:
     """Turns the tasks' results into figures, tables and the default that follows."""
-    loaded, found = run.loaded, gather(results)
+    loaded, found = run.loaded, gather(list(results[0]))
     study, campaign, _ = campaign_of(loaded)
     own, kinds = campaign.estimate, compensations(study, campaign)
     place: dict[tuple[str, str], int] = {

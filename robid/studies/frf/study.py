@@ -9,10 +9,9 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Dataset
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.store import read_artifact, read_header
+from robid.artifacts.excitation import EXCITATION
+from robid.artifacts.store import read_header
 from robid.errors import DataError
-from robid.frf.estimate import estimate_frf
 from robid.frf.laws import combine_laws
 from robid.frf.options import IDENTIFYING, EstimateOptions
 from robid.frf.silent import identify_laws, start_laws
@@ -27,7 +26,8 @@ from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import SimulateOptions
 from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.settings.study import FrfStudy, choices
-from robid.studies.simulated import Estimator, make_estimator, simulate_options, simulation_settings
+from robid.studies.simulated import Estimator, make_estimator, played, simulate_options, simulation_settings, threads_of
+from robid.studies.study import Earlier, study_of
 from robid.studies.tasks import Content, Task
 
 
@@ -64,10 +64,7 @@ def compensations(study: FrfStudy, campaign: Campaign) -> list[str]:
 
 def campaign_of(loaded: LoadedExperiment) -> tuple[FrfStudy, Campaign, SimulateOptions]:
     """Returns the study, its campaign, and how that is simulated."""
-    study = loaded.experiment.study
-    if not isinstance(study, FrfStudy):
-        message = "the study is of another kind"
-        raise TypeError(message)
+    study = study_of(loaded, FrfStudy)
     campaign = loaded.experiment.campaigns[study.campaign]
     return study, campaign, simulate_options(campaign)
 
@@ -77,11 +74,10 @@ def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
     return (f"{campaign_of(loaded)[0].campaign}/excitation.h5",)
 
 
-def tasks(run: Run) -> list[Task]:
+def tasks(run: Run, _earlier: Earlier) -> list[Task]:
     """Returns one task for each configuration and chunk of realizations."""
     study, campaign, options = campaign_of(run.loaded)
-    path = run.path(needs(run.loaded)[0])
-    excitation = excitation_from_artifact(read_artifact(path, EXCITATION))
+    path, excitation = run.path(needs(run.loaded)[0]), played(run, study.campaign)
     whole = simulated_experiment(run.loaded, campaign, options, excitation)
     decides = _decides(run.loaded, read_header(path, EXCITATION).content_sha256)
     small = tuple(make_estimator(run.loaded, campaign, each) for each in compared(study, campaign))
@@ -96,8 +92,7 @@ def tasks(run: Run) -> list[Task]:
                 reference=whole.reference[start : start + length],
                 options=replace(options, seed=seed),
             )
-            threads = run.workers if run.backend == "serial" else 1
-            chunk = Chunk(part, configuration, index, study.group, small, large, threads)
+            chunk = Chunk(part, configuration, index, study.group, small, large, threads_of(run))
             place = {"configuration": index, "chunk": number}
             found.append(Task(f"configuration_{index + 1}_chunk_{number + 1}", {**decides, **place}, chunk))
     return found
@@ -177,7 +172,7 @@ def _estimate(record: Record, estimator: Estimator, identified: tuple[TorqueLaw,
     if isinstance(laws, str):
         return _refused(record, laws)
     try:
-        frf = estimate_frf(record, estimator.options, laws, estimator.delay_s)
+        frf = replace(estimator, laws=laws).estimate(record)
     except DataError as error:
         return _refused(record, error.what)
     return _Outcome(frf.response[0], frf.element_variance()[0])

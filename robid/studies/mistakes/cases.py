@@ -1,7 +1,8 @@
-"""The fits of the study of mistakes, and what each is worth: truth, detectors, grade and causes."""
+"""The fits of the study of mistakes, and what each is worth: grades by the truth and as given, detectors, causes."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,6 @@ from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
 from robid.errors import DataError
 from robid.frf.frf import Frf
-from robid.models.elastic.files import solution_content, solution_from_artifact
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import ElasticSolution
@@ -22,30 +22,81 @@ from robid.models.elastic.judge.grading import telling_shares
 from robid.models.elastic.judge.validating import Validation, validate_elastic
 from robid.models.elastic.settings import elastic_fit, model_settings
 from robid.pipeline import Run
+from robid.results.doubt import CAUSES
+from robid.results.plausible.doubts import data_doubts
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
-from robid.studies.mistakes.grades import GRADING, Against, against_truth, refused_causes
-from robid.studies.mistakes.mistaken import mistaken_robot, mistaken_truth
-from robid.studies.mistakes.responses import read_response, read_true_values
-from robid.studies.mistakes.study import Case, campaigns_of, cases, study_of
-from robid.studies.settings.study import Mistake
-from robid.studies.study import Earlier
+from robid.studies.mistakes.responses import Case, campaigns_of, cases, mistaken_robot, mistaken_truth
+from robid.studies.settings.mistakes import Mistake, MistakesStudy
+from robid.studies.simulated import kept_solution, kept_truth, response_from, solution_or_refusal
+from robid.studies.study import Earlier, study_of
 from robid.studies.tasks import Content, Task
+
+GRADING = 4
+"""Raised when the rules of the grade change, so that the cases are graded anew."""
+
+GRADES = ("do not use", "predicts", "trust")
+"""Grades in words, by their value."""
+
+COVERED = 0.9
+HALF_WIDTHS = 3.0
+SPRING_ERROR = 0.2
+
+
+@dataclass(frozen=True)
+class Against:
+    """A fit against the truth."""
+
+    spring_error: float  # Largest relative error of an identified spring; NaN where none is known
+    half_widths: float  # Largest error of one over half its interval, both logarithmic; NaN where none is known
+    coverage: float  # Share of the identified parameters whose interval holds the truth; NaN where none is known
+    holds: bool  # Whether the validation passes
+
+    @property
+    def grade(self) -> int:
+        """The grade that it deserves."""
+        if not self.holds or self.spring_error > SPRING_ERROR:
+            return 0
+        covered = math.isnan(self.coverage) or self.coverage >= COVERED
+        return 2 if covered and not self.half_widths > HALF_WIDTHS else 1
+
+
+def against_truth(solution: ElasticSolution, validation: Validation, truth: dict[str, float]) -> Against:
+    """Compares a fit and its validation with the truth."""
+    estimate = solution.estimate
+    known = np.array([name in truth for name in estimate.names]) & estimate.identified
+    true = np.array([truth.get(name, np.nan) for name in estimate.names])
+    covered = (estimate.lower <= true) & (true <= estimate.upper)
+    springs = known & np.array([kind == "stiffness" for kind in estimate.kinds])
+    found, lower, upper = (each[springs] / true[springs] for each in (estimate.value, estimate.lower, estimate.upper))
+    widths = np.abs(np.log(found)) / np.maximum(0.5 * np.log(upper / lower), 1e-300)
+    return Against(
+        spring_error=float(np.abs(found - 1).max()) if springs.any() else math.nan,
+        half_widths=float(widths.max()) if springs.any() else math.nan,
+        coverage=float(covered[known].mean()) if known.any() else math.nan,
+        holds=validation.outcome.ok,
+    )
+
+
+def refused_causes(robot: Robot, frf: Frf | None, text: str, delay_s: float = 0.0) -> tuple[str, ...]:
+    """Returns the causes that the tool names where it refuses data, in their order.
+
+    Args:
+        robot: The robot as the file that the fit reads describes it.
+        frf: The response, if that was not refused itself.
+        text: Why it was refused.
+        delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
+    """
+    seen = () if frf is None else tuple(doubt.cause for doubt in data_doubts(robot, frf, delay_s))
+    named = sorted((text.find(words), cause) for cause, words in CAUSES.items() if words in text)
+    return tuple(dict.fromkeys((*seen, *(cause for _, cause in named))))
 
 
 @dataclass(frozen=True)
 class Fitting:
-    """The fit of a case.
-
-    Attributes:
-        responses: Where the responses of its simulation lie.
-        response: Name of its own.
-        robots: The robot file's, with the payloads of estimation and validation.
-        options: Options of the fit.
-        delay_s: Nominal delay [s].
-    """
+    """The fit of a case."""
 
     responses: Path
     response: str
@@ -56,14 +107,7 @@ class Fitting:
 
 @dataclass(frozen=True)
 class Judged:
-    """A fit to be judged.
-
-    Attributes:
-        fitting: How it was made.
-        model: Where it lies.
-        mistake: What is wrong.
-        about: Names of its mistake and robot, and its seed.
-    """
+    """A fit to be judged."""
 
     fitting: Fitting
     model: Path
@@ -73,14 +117,15 @@ class Judged:
 
 def model_tasks(run: Run, earlier: Earlier) -> list[Task]:
     """Returns the fit of each case."""
-    return [Task(case.key, *_fitting(run, case, _place(case, earlier[0].paths))) for case in cases(run)]
+    responses = earlier[0].by_name
+    return [Task(case.key, *_fitting(run, case, responses[case.simulation])) for case in cases(run)]
 
 
 def case_tasks(run: Run, earlier: Earlier) -> list[Task]:
     """Returns the judgement of each case."""
-    found = []
+    found, responses = [], earlier[0].by_name
     for case, model in zip(cases(run), earlier[1].paths, strict=True):
-        _, fitting = _fitting(run, case, _place(case, earlier[0].paths))
+        _, fitting = _fitting(run, case, responses[case.simulation])
         about: dict[str, Attribute] = {"case": case.name, "robot": case.subject.name, "seed": case.seed}
         about["cause"] = case.mistake.cause or ""
         decides = {"model": model.name, "grading": GRADING, **about}
@@ -88,14 +133,10 @@ def case_tasks(run: Run, earlier: Earlier) -> list[Task]:
     return found
 
 
-def _place(case: Case, paths: tuple[Path, ...]) -> Path:
-    return next(path for path in paths if path.name.startswith(f"{case.simulation}."))
-
-
 def _fitting(run: Run, case: Case, responses: Path) -> tuple[dict[str, Any], Fitting]:
     loaded: LoadedExperiment = case.subject.loaded
     loaded = replace(loaded, robot=mistaken_robot(loaded.robot, case.mistake))
-    fit = study_of(run.loaded).fit
+    fit = study_of(run.loaded, MistakesStudy).fit
     options = elastic_fit(loaded.experiment, fit).options()
     used = [loaded.experiment.campaigns[name] for name in campaigns_of(loaded, fit).values()]
     robots = loaded.robot.to_robot(used[0].payload_kg), loaded.robot.to_robot(used[1].payload_kg)
@@ -110,35 +151,32 @@ def _fitting(run: Run, case: Case, responses: Path) -> tuple[dict[str, Any], Fit
 
 def fit_case(one: Fitting) -> Content:
     """Fits a case, or says why it was refused."""
-    try:
-        frf = read_response(read_artifact(one.responses, TASK), one.response, "estimation")
-        solution = fit_elastic(one.robots[0], frf, one.options, one.delay_s)
-    except DataError as error:
-        return Content({}, {"refusal": str(error)})
-    return Content(*solution_content(solution))
+
+    def fit() -> ElasticSolution:
+        frf = _response(read_artifact(one.responses, TASK), one, "estimation")
+        return fit_elastic(one.robots[0], frf, one.options, one.delay_s)
+
+    return solution_or_refusal(fit)
+
+
+def _response(held: Artifact, one: Fitting, campaign: str) -> Frf:
+    return response_from(held, f"{one.response}/{campaign}/")
 
 
 def judge_case(one: Judged) -> Content:
     """Validates and grades a case, and holds it against the truth."""
     held, responses = read_artifact(one.model, TASK), read_artifact(one.fitting.responses, TASK)
-    fitting, truth = one.fitting, mistaken_truth(read_true_values(responses), one.mistake)
+    fitting, truth = one.fitting, mistaken_truth(kept_truth(responses), one.mistake)
     frf: Frf | None = None
     try:
-        frf = read_response(responses, fitting.response, "estimation")
-        solution = _solution(held)
-        new = read_response(responses, fitting.response, "validation")
+        frf = _response(responses, fitting, "estimation")
+        solution = kept_solution(held)
+        new = _response(responses, fitting, "validation")
         doubts = assess_fit(fitting.robots[0], solution, frf, fitting.options, fitting.delay_s).doubts
         validation = validate_elastic(fitting.robots[1], solution, new, fitting.options, fitting.delay_s, truth, doubts)
     except DataError as error:
         return _refused(one, frf, str(error))
     return _content(one, solution, validation, against_truth(solution, validation, truth))
-
-
-def _solution(held: Artifact) -> ElasticSolution:
-    refusal = held.attributes.get("refusal")
-    if refusal is not None:
-        raise DataError(str(refusal))
-    return solution_from_artifact(held)
 
 
 def _refused(one: Judged, frf: Frf | None, text: str) -> Content:

@@ -14,11 +14,11 @@ from robid.pipeline import Run
 from robid.report.content import Verdict
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Section, Table
-from robid.studies.conclusion import Conclusion
-from robid.studies.mistakes.grades import COVERED, GRADES, HALF_WIDTHS, SPRING_ERROR
-from robid.studies.mistakes.study import SOUND, study_of
+from robid.studies.mistakes.cases import COVERED, GRADES, HALF_WIDTHS, SPRING_ERROR
+from robid.studies.mistakes.responses import SOUND
 from robid.studies.mistakes.units.figures import summarise_units, unit_rows, unit_sections, unit_verdicts
-from robid.studies.study import Earlier
+from robid.studies.settings.mistakes import MistakesStudy
+from robid.studies.study import Conclusion, Earlier, study_of
 
 ASKED = {"graded": 0.9, "named": 0.8, "false_alarms": 0.1}
 """What is asked: at least, at least, at most."""
@@ -28,33 +28,20 @@ _TRUST = 2
 
 @dataclass(frozen=True)
 class CaseRow:
-    """One case.
+    """One case."""
 
-    Attributes:
-        name: Name of the mistake, or `sound`.
-        robot: `heavy` or `light`.
-        cause: What is to blame; empty where there is no single one.
-        causes: What the tool named, the strongest first.
-        right: The grade that the truth asks for.
-        given: The grade that it got.
-        spring_error: Largest relative error of an identified spring; NaN where nothing was fitted, as the following.
-        half_widths: The same over half its interval.
-        misfit: Misfit of the fit.
-        coverage: Share of the identified parameters inside their intervals.
-        refusal: Why nothing was fitted; empty where something was.
-    """
-
-    name: str
-    robot: str
-    cause: str
-    causes: tuple[str, ...]
-    right: int
-    given: int
+    name: str  # Name of the mistake, or `sound`
+    robot: str  # `heavy` or `light`
+    cause: str  # What is to blame; empty where there is no single one
+    causes: tuple[str, ...]  # What the tool named, the strongest first
+    right: int  # The grade that the truth asks for
+    given: int  # The grade that it got
+    # Largest relative error of an identified spring; NaN where nothing was fitted, as the following
     spring_error: float
-    half_widths: float
-    misfit: float
-    coverage: float
-    refusal: str
+    half_widths: float  # The same over half its interval
+    misfit: float  # Misfit of the fit
+    coverage: float  # Share of the identified parameters inside their intervals
+    refusal: str  # Why nothing was fitted; empty where something was
 
     @property
     def graded(self) -> bool:
@@ -103,7 +90,7 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
     asked = [name for name in ASKED if name in summary]
     clauses = [(_sentence(name, summary[name]), _is_reached(name, summary[name])) for name in asked]
     clauses += unit_verdicts(units)
-    seeds = study_of(run.loaded).use
+    seeds = study_of(run.loaded, MistakesStudy).use
     is_good = all(reached for _, reached in clauses) and seeds == "judge"
     text = f"{'; '.join(sentence for sentence, _ in clauses)}."
     warnings = () if seeds == "judge" else ("These seeds are for choosing thresholds: their shares flatter.",)

@@ -1,64 +1,224 @@
-"""The responses of the study of mistakes: each individual is simulated once, and its record read with each mistake."""
+"""The robots and cases of the study of mistakes, and their responses.
+
+Each individual is simulated once, and its record is read with each mistake.
+"""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
-from robid.artifacts.store import read_artifact
+from robid.artifacts.artifact import Attribute, Dataset
+from robid.artifacts.provenance import canonical_hash
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.errors import DataError
-from robid.frf.estimate import estimate_frf
 from robid.frf.frf import Frf
 from robid.frf.joined import join
 from robid.models.elastic.truth import true_values
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
+from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
+from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import delay_s
+from robid.settings.robot_sections import JointSection, given
+from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment, simulated_truth
-from robid.studies.changed import changed_simulation
-from robid.studies.mistakes.mistaken import mistaken_record, mistaken_robot
-from robid.studies.mistakes.study import Case, campaigns_of, cases, read_with, study_of, subjects
-from robid.studies.settings.study import Mistake
-from robid.studies.simulated import Estimator, make_estimator, simulation_settings
-from robid.studies.study import Earlier
+from robid.studies.experiments import Further, Problems, changed_simulation, run_of
+from robid.studies.settings.mistakes import Mistake, MistakesStudy, robot_problems
+from robid.studies.simulated import (
+    Estimator,
+    make_estimator,
+    played,
+    response_content,
+    response_settings,
+    threads_of,
+    with_truth,
+)
+from robid.studies.study import Earlier, study_of
 from robid.studies.tasks import Content, Task
+
+SOUND = "sound"
+"""Name of a robot with which nothing is wrong."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """One of the two robots: its experiment in a run folder of its own."""
+
+    name: str
+    run: Run
+    sound: range
+
+    @property
+    def loaded(self) -> LoadedExperiment:
+        """Its experiment and robot file."""
+        return self.run.loaded
+
+
+@dataclass(frozen=True)
+class Case:
+    """One mistake, or none, with one individual."""
+
+    name: str  # Name of the mistake, or `sound`
+    mistake: Mistake  # What is wrong; nothing where it is a sound one
+    subject: Subject  # Whose robot
+    seed: int  # Seed of the individual
+
+    @property
+    def key(self) -> str:
+        """A name that no other case has."""
+        return f"{self.name}_{self.subject.name}_{self.seed}"
+
+    @property
+    def simulation(self) -> str:
+        """Name of what is simulated for it, shared with the cases that reuse the record."""
+        physics = self.mistake.physics
+        of = f"physics_{canonical_hash(physics)[:8]}" if physics else SOUND
+        return f"{of}_{self.subject.name}_{self.seed}"
+
+    @property
+    def response(self) -> str:
+        """Name of its response among those of one simulation, shared with the cases that read the record alike."""
+        return f"response_{canonical_hash(read_with(self.mistake))[:8]}"
+
+
+def campaigns_of(loaded: LoadedExperiment, fit: str) -> dict[str, str]:
+    """Returns the names of the campaigns that a fit is fitted to and validated on."""
+    chosen = loaded.experiment.fits[fit]
+    if chosen.validate_on is None:
+        message = "the settings' checks let a fit without validation pass"
+        raise RuntimeError(message)
+    return {"estimation": chosen.campaign, "validation": chosen.validate_on}
+
+
+def needs(loaded: LoadedExperiment, fit: str | None = None) -> tuple[str, ...]:
+    """Returns the outputs of the chain that the tasks read."""
+    if fit is None and not study_of(loaded, MistakesStudy).makes_mistakes:
+        return ()
+    names = campaigns_of(loaded, fit or study_of(loaded, MistakesStudy).fit)
+    return tuple(f"{name}/excitation.h5" for name in names.values())
+
+
+def subjects(run: Run) -> dict[str, Subject]:
+    """Returns the robots of the study, the light one in a folder below."""
+    study = study_of(run.loaded, MistakesStudy)
+    seeds = study.chosen
+    found = {"heavy": Subject("heavy", run, range(seeds.first, seeds.first + seeds.heavy))}
+    if study.light is not None:
+
+        def problems(loaded: LoadedExperiment) -> Problems:
+            return robot_problems(study, "light", loaded.experiment, loaded.robot)
+
+        light = run_of(run, study.light, "light", problems)
+        found["light"] = Subject("light", light, range(seeds.first, seeds.first + seeds.light))
+    return found
+
+
+def further(run: Run) -> Further:
+    """Returns the other experiments whose chains must be there, with the outputs that the tasks read."""
+    study = study_of(run.loaded, MistakesStudy)
+    if not study.makes_mistakes:
+        return ()
+    return tuple((one.run, needs(one.loaded, study.fit)) for name, one in subjects(run).items() if name != "heavy")
+
+
+def cases(run: Run) -> list[Case]:
+    """Returns every case: the sound individuals, then each mistake with the first of them."""
+    study = study_of(run.loaded, MistakesStudy)
+    if not study.makes_mistakes:
+        return []
+    robots = subjects(run)
+    nothing = Mistake()
+    found = [Case(SOUND, nothing, robot, seed) for robot in robots.values() for seed in robot.sound]
+    seeds = range(study.chosen.first, study.chosen.first + study.chosen.mistakes)
+    for name, mistake in study.mistakes.items():
+        found += [Case(name, mistake, robots[mistake.robot], seed) for seed in seeds]
+    return found
+
+
+def read_with(mistake: Mistake) -> dict[str, Any]:
+    """Returns what of a mistake decides its response beyond what is simulated."""
+    keys = ("torque_factor", "angle_factor", "swapped", "delay_samples", "gear_ratio_factor", "friction_factor")
+    return {key: plain_settings(getattr(mistake, key)) for key in keys}
+
+
+def mistaken_record(record: Record, mistake: Mistake, configurations: FloatArray, index: int, campaign: str) -> Record:
+    """Returns a record as it is read with a mistake in its mapping.
+
+    Args:
+        record: Record of one configuration.
+        mistake: The mistake.
+        configurations (n_conf, n_joint): The campaign's configurations [rad].
+        index: Index of the record's.
+        campaign: `estimation` or `validation`: only the first has swapped configurations.
+    """
+    torque = np.array([mistake.torque_factor.get(name, 1.0) for name in record.input_names])
+    angle = np.array([mistake.angle_factor.get(name, 1.0) for name in record.output_names])
+    if mistake.swapped is not None and campaign == "estimation":
+        exchanged = dict(zip(mistake.swapped, reversed(mistake.swapped), strict=True))
+        told = exchanged.get(index, index)
+        record = replace(record, configurations=configurations[told : told + 1])
+    return replace(
+        record,
+        inputs=record.inputs * torque,
+        outputs=_late(record.outputs, mistake.delay_samples) * angle,
+        output_offset=record.output_offset * angle,
+    )
+
+
+def _late(position: FloatArray, samples: int) -> FloatArray:
+    """The same steady state (n_conf, n_real, n_exp, n_period, n_sample, n_out), read later."""
+    if samples == 0:
+        return position
+    shape = position.shape
+    joined = position.reshape(*shape[:3], -1, shape[-1])
+    return np.roll(joined, samples, axis=3).reshape(shape)
+
+
+def mistaken_robot(robot: RobotFile, mistake: Mistake) -> RobotFile:
+    """Returns a robot file with a mistake in it."""
+    joints = tuple(_mistaken_joint(joint, mistake) for joint in robot.joints)
+    springs = tuple(spring for spring in robot.springs if spring.name not in mistake.without_springs)
+    return robot.model_copy(update={"joints": joints, "springs": springs})
+
+
+def mistaken_truth(truth: Mapping[str, float], mistake: Mistake) -> dict[str, float]:
+    """Returns true values as they relate to the robot file that is read: levels of friction are relative to its own."""
+    factor = mistake.friction_factor
+    return {name: (1 + value) / factor - 1 if name.endswith(".level") else value for name, value in truth.items()}
+
+
+def _mistaken_joint(joint: JointSection, mistake: Mistake) -> JointSection:
+    stated = given(joint.motor)
+    factor, law = mistake.friction_factor, stated.friction
+    levels = {key: getattr(law, key) * factor for key in ("coulomb_nm", "static_nm")}
+    turned = stated.with_ratio(mistake.gear_ratio_factor.get(joint.name, 1.0))
+    motor = turned.model_copy(update={"friction": law.model_copy(update=levels)})
+    gear = None if f"gear_{joint.name}" in mistake.without_springs else joint.gear
+    return joint.model_copy(update={"motor": motor, "gear": gear})
 
 
 @dataclass(frozen=True)
 class Measured:
-    """One campaign of an individual.
+    """One campaign of an individual."""
 
-    Attributes:
-        name: `estimation` or `validation`.
-        experiment: What is simulated.
-        configurations (n_conf, n_joint): In these configurations [rad].
-        estimators: How each response is estimated.
-        nominal: The robot as its file describes it.
-        delay_s: Delay from recorded to applied torque [s].
-    """
-
-    name: str
-    experiment: SimulatedExperiment
-    configurations: FloatArray
-    estimators: Mapping[str, Estimator]
-    nominal: Robot
-    delay_s: float
+    name: str  # `estimation` or `validation`
+    experiment: SimulatedExperiment  # What is simulated
+    configurations: FloatArray  # (n_conf, n_joint) in these configurations [rad]
+    estimators: Mapping[str, Estimator]  # How each response is estimated
+    nominal: Robot  # The robot as its file describes it
+    delay_s: float  # Delay from recorded to applied torque [s]
 
 
 @dataclass(frozen=True)
-class Measurement:
+class Individual:
     """An individual that is simulated once, and the mistakes with which its record is read, by response."""
 
     campaigns: tuple[Measured, ...]
@@ -73,31 +233,29 @@ def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
         groups.setdefault(case.simulation, []).append(case)
     if not groups:
         return []
-    fit = study_of(run.loaded).fit
-    played = {
-        (robot.name, name): excitation_from_artifact(
-            read_artifact(robot.run.path(f"{owner}/excitation.h5"), EXCITATION)
-        )
+    fit = study_of(run.loaded, MistakesStudy).fit
+    contents = {
+        (robot.name, name): played(robot.run, owner)
         for robot in subjects(run).values()
         for name, owner in campaigns_of(robot.loaded, fit).items()
     }
-    return [Task(name, *_simulated(fit, group, run, played)) for name, group in groups.items()]
+    return [Task(name, *_simulated(fit, group, run, contents)) for name, group in groups.items()]
 
 
 def _simulated(
-    fit: str, group: list[Case], run: Run, played: Mapping[tuple[str, str], CampaignExcitation]
-) -> tuple[dict[str, Any], Measurement]:
+    fit: str, group: list[Case], run: Run, contents: Mapping[tuple[str, str], CampaignExcitation]
+) -> tuple[dict[str, Any], Individual]:
     loaded = group[0].subject.loaded
     read = {case.response: case for case in group}
     decides: dict[str, Any] = {"read": {name: read_with(case.mistake) for name, case in read.items()}}
     measured = []
     for number, (name, owner) in enumerate(campaigns_of(loaded, fit).items()):
-        content = played[group[0].subject.name, name]
+        content = contents[group[0].subject.name, name]
         one, settings = _measured(read, name, number, loaded.experiment.campaigns[owner], content)
         decides[name] = settings
         measured.append(one)
-    threads = run.workers if run.backend == "serial" else 1
-    return decides, Measurement(tuple(measured), {name: case.mistake for name, case in read.items()}, threads)
+    mistakes = {name: case.mistake for name, case in read.items()}
+    return decides, Individual(tuple(measured), mistakes, threads_of(run))
 
 
 def _measured(
@@ -110,15 +268,9 @@ def _measured(
     if factor != 1:
         experiment = replace(experiment, reference=factor * experiment.reference)
     estimators = {name: _estimator(case, campaign) for name, case in read.items()}
-    reference = hashlib.sha256(np.ascontiguousarray(experiment.reference).tobytes()).hexdigest()
     decides = {
-        **simulation_settings(loaded, campaign),
-        "source": plain_settings(options),
-        "reference": reference,
+        **response_settings(loaded, campaign, options, experiment),
         "configurations": content.configurations.tolist(),
-        "excited_lines": content.excitation.excited_lines.tolist(),
-        "detection_lines": content.excitation.detection_lines.tolist(),
-        "estimate": plain_settings(campaign.estimate),
     }
     nominal, delay = loaded.robot.to_robot(campaign.payload_kg), delay_s(loaded, campaign)
     return Measured(name, experiment, content.configurations, estimators, nominal, delay), decides
@@ -129,7 +281,7 @@ def _estimator(case: Case, campaign: Campaign) -> Estimator:
     return make_estimator(loaded, campaign, campaign.estimate)
 
 
-def measure(one: Measurement) -> Content:
+def measure_all(one: Individual) -> Content:
     """Simulates both campaigns of an individual and estimates its responses; records are not kept."""
     datasets: dict[str, Dataset] = {}
     attributes: dict[str, Attribute] = {}
@@ -138,52 +290,25 @@ def measure(one: Measurement) -> Content:
             if isinstance(found, str):
                 attributes[f"{key}/{campaign.name}/refusal"] = found
                 continue
-            held = frf_to_artifact(found, Provenance(stage="study"))
+            held = response_content(found)
             datasets |= {f"{key}/{campaign.name}/{name}": values for name, values in held.datasets.items()}
             attributes |= {f"{key}/{campaign.name}/{name}": value for name, value in held.attributes.items()}
     first = one.campaigns[0]
     truth = true_values(first.nominal, simulated_truth(first.experiment, first.delay_s))
-    datasets["truth_names"] = Dataset(np.array(list(truth)), "1", ("truth",))
-    datasets["truth"] = Dataset(np.array(list(truth.values())), "SI", ("truth",), "True values by name")
-    return Content(datasets, attributes)
+    return with_truth(Content(datasets, attributes), truth)
 
 
-def _responses(campaign: Measured, one: Measurement) -> dict[str, Frf | str]:
+def _responses(campaign: Measured, one: Individual) -> dict[str, Frf | str]:
     """Every response in all configurations, or why there is none."""
     parts: dict[str, list[Frf]] = {key: [] for key in one.read}
     refusals: dict[str, str] = {}
     for index, configuration in enumerate(campaign.configurations):
         record = simulate(campaign.experiment, configuration, index, one.threads)
         for key, mistake in one.read.items():
-            estimator = campaign.estimators[key]
             changed = mistaken_record(record, mistake, campaign.configurations, index, campaign.name)
             try:
-                parts[key].append(estimate_frf(changed, estimator.options, estimator.laws, estimator.delay_s))
+                parts[key].append(campaign.estimators[key].estimate(changed))
             except DataError as error:
                 refusals.setdefault(key, str(error))
     names = [str(index + 1) for index in range(len(campaign.configurations))]
     return {key: refusals[key] if key in refusals else join(found, names) for key, found in parts.items()}
-
-
-def read_response(held: Artifact, response: str, campaign: str) -> Frf:
-    """Returns one of the responses of a simulation.
-
-    Raises:
-        DataError: With what refused its record.
-    """
-    prefix = f"{response}/{campaign}/"
-    refusal = held.attributes.get(f"{prefix}refusal")
-    if refusal is not None:
-        raise DataError(str(refusal), where=campaign)
-    datasets = dict(_inside(held.datasets, prefix))
-    return frf_from_artifact(Artifact(FRF, datasets, dict(_inside(held.attributes, prefix)), held.provenance))
-
-
-def _inside(named: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
-    return ((name.removeprefix(prefix), value) for name, value in named.items() if name.startswith(prefix))
-
-
-def read_true_values(held: Artifact) -> dict[str, float]:
-    """Returns the true values by name."""
-    names, values = (held.datasets[key].values.tolist() for key in ("truth_names", "truth"))
-    return dict(zip(names, values, strict=True))

@@ -1,4 +1,8 @@
-"""The figures of the study of trust, from the intervals of all its robots, and which of them are reached."""
+"""The figures of the study of trust: how often intervals hold what they are to hold, and how wide they are.
+
+Springs are compared by their logarithms: half an interval from `lower` to `upper` is `log(upper / lower) / 2` wide.
+Arrays are (n_robot, n_spring); NaN is a spring that is not counted for a robot.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,112 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.results.estimate import Estimate
-from robid.studies.trust.coverage import Held, Intervals, effective, physical, worst_half_widths
+
+_QUANTILE = 0.95
+_LEAST = 1e-300
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Intervals of springs."""
+
+    value: FloatArray  # (n_robot, n_spring) the values that they belong to
+    lower: FloatArray  # (n_robot, n_spring) lower ends
+    upper: FloatArray  # (n_robot, n_spring) upper ends
+
+    @property
+    def half_width(self) -> FloatArray:
+        """Half widths (n_robot, n_spring), relative."""
+        return np.asarray(0.5 * np.log(np.maximum(self.upper, _LEAST) / np.maximum(self.lower, _LEAST)))
+
+
+@dataclass(frozen=True)
+class Held:
+    """Errors of springs against the half widths that are to hold them."""
+
+    inside: BoolArray  # (n_robot, n_spring) whether an interval holds what it is to hold
+    counted: BoolArray  # (n_robot, n_spring) which of them count
+    error: FloatArray  # (n_robot, n_spring) errors, relative
+    half_width: FloatArray  # (n_robot, n_spring) half widths
+
+    @property
+    def coverage(self) -> float:
+        """Share of all counted springs of all robots inside their intervals; NaN where none is counted."""
+        return float(self.inside[self.counted].mean()) if self.counted.any() else np.nan
+
+    @property
+    def coverage_std(self) -> float:
+        """Monte Carlo deviation of `coverage`, robots being independent and the springs of one robot not."""
+        known = self.counted.sum(axis=1)
+        robots = int((known > 0).sum())
+        if robots < 2:
+            return np.nan
+        off = np.where(self.counted, self.inside - self.coverage, 0.0).sum(axis=1)
+        return float(np.sqrt(robots / (robots - 1) * (off**2).sum()) / known.sum())
+
+    @property
+    def each_spring(self) -> FloatArray:
+        """Share of the robots (n_spring,) inside; NaN for springs that are never counted."""
+        count = self.counted.sum(axis=0)
+        inside = (self.inside & self.counted).sum(axis=0)
+        return np.asarray(np.divide(inside, count, out=np.full(count.shape, np.nan), where=count > 0))
+
+    @property
+    def worst(self) -> float:
+        """The lowest share of any spring; NaN where none is counted."""
+        known = self.each_spring[np.isfinite(self.each_spring)]
+        return float(known.min()) if known.size else np.nan
+
+    @property
+    def width_ratio(self) -> float:
+        """Median over the springs of the median half width over the 95 % quantile of the absolute error."""
+        ratios = []
+        for column in np.flatnonzero(self.counted.any(axis=0)):
+            rows = self.counted[:, column]
+            quantile = float(np.quantile(np.abs(self.error[rows, column]), _QUANTILE))
+            ratios.append(float(np.median(self.half_width[rows, column])) / max(quantile, _LEAST))
+        return float(np.median(ratios)) if ratios else np.nan
+
+
+def physical(found: Intervals, truth: FloatArray, counted: BoolArray) -> Held:
+    """Holds intervals against the springs themselves.
+
+    Args:
+        found: The intervals.
+        truth (n_robot, n_spring): True springs.
+        counted (n_robot, n_spring): Which of them count.
+    """
+    known = counted & np.isfinite(truth) & np.isfinite(found.lower)
+    inside = (found.lower <= truth) & (truth <= found.upper)
+    return Held(inside & known, known, _log_ratio(found.value, truth, known), found.half_width)
+
+
+def effective(found: Intervals, reference: Intervals, counted: BoolArray) -> Held:
+    """Holds intervals against those of the same robots in other places, the root of both squared.
+
+    Args:
+        found: The intervals.
+        reference: Those in the places of the reference.
+        counted (n_robot, n_spring): Which of them count.
+    """
+    known = counted & np.isfinite(found.lower) & np.isfinite(reference.lower)
+    error = _log_ratio(found.value, reference.value, known)
+    half_width = np.hypot(found.half_width, reference.half_width)
+    return Held((np.abs(error) <= half_width) & known, known, error, half_width)
+
+
+def worst_half_widths(found: Intervals, truth: FloatArray, counted: BoolArray) -> FloatArray:
+    """Largest distance (n_robot,) of a true spring from the middle of its interval, in half widths; NaN without any."""
+    known = counted & np.isfinite(truth) & np.isfinite(found.lower)
+    middle = np.sqrt(np.maximum(found.lower, _LEAST)) * np.sqrt(np.maximum(found.upper, _LEAST))
+    off = np.abs(_log_ratio(middle, truth, known)) / np.maximum(found.half_width, _LEAST)
+    return np.asarray(np.where(known.any(axis=1), np.where(known, off, 0.0).max(axis=1, initial=0.0), np.nan))
+
+
+def _log_ratio(value: FloatArray, other: FloatArray, known: BoolArray) -> FloatArray:
+    ratio = np.divide(value, other, out=np.ones_like(value), where=known)
+    return np.asarray(np.where(known, np.log(np.maximum(ratio, _LEAST)), np.nan))
+
 
 _HALF_WIDTHS = 3.0
 _TRUST = 2
@@ -34,38 +143,23 @@ ASKED: Mapping[str, tuple[float, float]] = {
 
 @dataclass(frozen=True)
 class Springs:
-    """The springs of one fit.
+    """The springs of one fit."""
 
-    Attributes:
-        names: Names of the fit's springs.
-        counted (n_spring,): Whether the data were to determine them, decided before the fit.
-        truth (n_spring,): True values; NaN where none is known.
-        physical: Intervals of the springs themselves (1, n_spring), around their middles.
-        effective: Intervals of the values that predict (1, n_spring), around their middles; NaN without any.
-    """
-
-    names: tuple[str, ...]
-    counted: BoolArray
-    truth: FloatArray
-    physical: Intervals
-    effective: Intervals
+    names: tuple[str, ...]  # Names of the fit's springs
+    counted: BoolArray  # (n_spring,) whether the data were to determine them, decided before the fit
+    truth: FloatArray  # (n_spring,) true values; NaN where none is known
+    physical: Intervals  # Intervals of the springs themselves (1, n_spring), around their middles
+    effective: Intervals  # Intervals of the values that predict (1, n_spring), around their middles; NaN without any
 
 
 @dataclass(frozen=True)
 class RobotRow:
-    """What the study found of one robot.
+    """What the study found of one robot."""
 
-    Attributes:
-        random: Springs of the fit in random places; None where it was refused.
-        fresh: Those of the reference; None without one.
-        designed: Those in designed places; None without them.
-        grade: The grade that it got; None where it was not graded.
-    """
-
-    random: Springs | None
-    fresh: Springs | None = None
-    designed: Springs | None = None
-    grade: int | None = None
+    random: Springs | None  # Springs of the fit in random places; None where it was refused
+    fresh: Springs | None = None  # Those of the reference; None without one
+    designed: Springs | None = None  # Those in designed places; None without them
+    grade: int | None = None  # The grade that it got; None where it was not graded
 
 
 def springs_of(solution: ElasticSolution, truth: Mapping[str, float]) -> Springs:

@@ -1,4 +1,4 @@
-"""The robots of the study of trust: whose they are, and which sizes their defects have."""
+"""The robots of the study of trust: which sizes their defects have, and what must hold of their files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from robid.results.doubt import CAUSES
+from robid.settings.experiment import Experiment
+from robid.settings.problems import suggest
+from robid.settings.robot import RobotFile
 from robid.simulate.options import Imperfections
+from robid.studies.experiments import Problems, campaign_problem, fit_problem, physics_problems
 from robid.studies.settings.trust import Defects, TrustStudy
 
 _DEFECT_DRAWS = 2  # keeps these draws apart from those of springs and masses
@@ -22,23 +27,14 @@ LINEAR, FILE = "linear", "linear_file"
 
 @dataclass(frozen=True)
 class Individual:
-    """One robot of the study.
+    """One robot of the study."""
 
-    Attributes:
-        group: Name of its set, of its cause, or one of the linear robots.
-        kind: `set`, `cause` or `linear`.
-        robot: `heavy` or `light`.
-        seed: Seed of its truth, its defects, its places and its noise.
-        physics: What is simulated otherwise than the campaigns say: `imperfections` and `truth`.
-        referenced: Whether it is measured in fresh and designed places too.
-    """
-
-    group: str
-    kind: str
-    robot: str
-    seed: int
-    physics: Mapping[str, Any]
-    referenced: bool = False
+    group: str  # Name of its set, of its cause, or one of the linear robots
+    kind: str  # `set`, `cause` or `linear`
+    robot: str  # `heavy` or `light`
+    seed: int  # Seed of its truth, its defects, its places and its noise
+    physics: Mapping[str, Any]  # What is simulated otherwise than the campaigns say: `imperfections` and `truth`
+    referenced: bool = False  # Whether it is measured in fresh and designed places too
 
     @property
     def key(self) -> str:
@@ -107,3 +103,69 @@ def drawn_physics(defects: Defects, seed: int) -> dict[str, Any]:
 
 def _is_size(key: str, value: object) -> bool:
     return key in _SIZES and isinstance(value, int | float)
+
+
+def check_trust(study: TrustStudy, experiment: Experiment, robot: RobotFile | None) -> Problems:
+    """Yields the field and the message of everything that is wrong with a study of trust."""
+    yield from robot_problems(study, "heavy", experiment, robot)
+    yield from _check_groups(study)
+    ends = [_end(study, use) for use in ("judge", "choose")]
+    if max(study.seeds.judge.first, study.seeds.choose.first) < min(ends):
+        yield ("study", "seeds"), "the seeds of `judge` and `choose` overlap"
+
+
+def robot_problems(study: TrustStudy, name: str, experiment: Experiment, robot: RobotFile | None) -> Problems:
+    """Yields why an experiment cannot be that of the study's robot `heavy` or `light`.
+
+    Its campaigns may not fit, or sets and causes may name what its robot or its simulation does not have.
+    """
+    told = list(_campaign_problems(experiment, study))
+    yield from told
+    if told:
+        return
+    campaign, seen = experiment.campaigns[experiment.fits[study.fit].campaign], set[str]()
+    for one in individuals(study):
+        if one.robot == name and one.kind != "linear" and one.group not in seen:
+            seen.add(one.group)
+            field = ("study", "sets" if one.kind == "set" else "causes", one.group)
+            found = physics_problems(campaign, one.physics, robot)
+            yield from (((*field, *place), message) for place, message in found)
+
+
+def _campaign_problems(experiment: Experiment, study: TrustStudy) -> Problems:
+    if message := fit_problem(experiment, study.fit):
+        yield ("study", "fit"), message
+        return
+    fit = experiment.fits[study.fit]
+    for name, least in ((fit.campaign, 1), (str(fit.validate_on), study.validated_in)):
+        chosen = experiment.campaigns[name].configurations
+        if chosen is None or chosen.random is None:
+            message = f"campaign `{name}` needs `random` configurations: each robot's places are drawn anew"
+            yield ("study", "fit"), message
+        elif chosen.random.count < least:
+            yield ("study", "validated_in"), f"campaign `{name}` has {chosen.random.count} places only"
+    if study.designed is not None and (message := campaign_problem(experiment, study.designed, "robot")):
+        yield ("study", "designed"), message
+
+
+def _check_groups(study: TrustStudy) -> Problems:
+    for name, defects in study.sets.items():
+        field = ("study", "sets", name)
+        if defects.robot == "light" and study.light is None:
+            yield (*field, "robot"), "the study has no `light` robot"
+        if defects.referenced > defects.robots:
+            yield (*field, "referenced"), f"the set has {defects.robots} robots only"
+        if defects.springs_each > len(defects.springs):
+            yield (*field, "springs_each"), f"there are {len(defects.springs)} springs to draw from"
+    for name, kind in study.causes.items():
+        field = ("study", "causes", name)
+        if name in study.sets:
+            yield field, "a set has this name too"
+        for index, cause in enumerate(kind.named):
+            if cause not in CAUSES:
+                yield (*field, "named", index), f"there is no cause `{cause}`; {suggest(cause, CAUSES)}"
+
+
+def _end(study: TrustStudy, use: str) -> int:
+    found = individuals(study.model_copy(update={"use": use}))
+    return max((one.seed for one in found), default=0) + 1

@@ -1,36 +1,246 @@
-"""The linear robots of the study of trust: exact responses plus noise, with doubted values off or as in the file."""
+"""Linear robots of the study of trust: exact responses plus noise.
+
+They are off by what their file is doubted for: by amounts drawn from the priors of these doubts, or by nothing.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
-from robid.errors import DataError
 from robid.frf.frf import Frf
-from robid.models.elastic.files import solution_content
+from robid.models.elastic.fit.doubts.column import DoubtColumn, RobotMove
+from robid.models.elastic.fit.doubts.drives import LaterTorque, MotorFriction, RotorShare, TorqueScale, ViscousFriction
+from robid.models.elastic.fit.doubts.gears import NO_LOAD_RAD, Hysteresis, LoadStiffness, bristle_share
+from robid.models.elastic.fit.doubts.held import HeldSpring
+from robid.models.elastic.fit.doubts.listing import list_doubts
+from robid.models.elastic.fit.doubts.springs import Compliance
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.settings import elastic_fit, model_settings
 from robid.models.elastic.truth import true_values
 from robid.pipeline import Run
 from robid.robot.description import Joint, Robot
+from robid.robot.linearize import LinearModel, axial_inertia, linearize, solve_statics
+from robid.robot.model import build_model
+from robid.robot.response import ElasticParameters, nominal_parameters, response
+from robid.robot.sampling import hold_factor
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s, require_controller, robot_settings
 from robid.signals.quantities import motor_channels
 from robid.simulate.options import Imperfections, Truth
 from robid.simulate.truth import TrueRobot
 from robid.stages.simulate_or_acquire import simulated_experiment
-from robid.studies.changed import changed_simulation
-from robid.studies.study import Earlier
+from robid.studies.experiments import changed_simulation
+from robid.studies.settings.trust import TrustStudy
+from robid.studies.simulated import solution_or_refusal, with_truth
+from robid.studies.study import Earlier, study_of
 from robid.studies.tasks import Content, Task
-from robid.studies.trust.doubted import as_file, doubted_responses, draw_doubted
 from robid.studies.trust.individuals import LINEAR, Individual, individuals
-from robid.studies.trust.models import with_truth
-from robid.studies.trust.responses import REFUSAL
-from robid.studies.trust.study import RANDOM, Machine, machines, study_of
+from robid.studies.trust.responses import RANDOM, Machine, machines
+
+_PERCENT = 100.0
+_Value = TypeVar("_Value")
+_TURN_10_HZ = 20 * np.pi
+_DRAWS = 3  # keeps these draws apart from those of springs, masses and defects
+
+
+@dataclass(frozen=True)
+class Doubted:
+    """What a robot file is doubted for, and how far one robot is off."""
+
+    doubts: tuple[DoubtColumn, ...]
+    amounts: FloatArray  # (n_doubt, n_conf) how far the robot is off in each place
+
+
+def draw_doubted(robot: Robot, options: ElasticOptions, n_place: int, seed: int) -> Doubted:
+    """Draws how far a robot is off in each place: what all places share, and what each adds.
+
+    Amounts that have a sign keep it.
+
+    Args:
+        robot: The robot as its file describes it.
+        options: Options of the fit, which estimates some of what may be off.
+        n_place: Number of places.
+        seed: Seed of the draw.
+    """
+    generator = np.random.default_rng([seed, _DRAWS])
+    doubts = list_doubts(robot, options)
+    amounts = np.empty((len(doubts), n_place))
+    for row, doubt in zip(amounts, doubts, strict=True):
+        common, each = generator.standard_normal(), generator.standard_normal(n_place)
+        row[:] = doubt.common_std * common + doubt.place_std * each
+        row[:] = np.abs(row) if doubt.least == 0 else np.clip(row, doubt.least, doubt.most)
+    return Doubted(doubts, amounts)
+
+
+def as_file(robot: Robot, options: ElasticOptions, n_place: int) -> Doubted:
+    """Returns what a robot is doubted for that is right in everything."""
+    doubts = list_doubts(robot, options)
+    return Doubted(doubts, np.zeros((len(doubts), n_place)))
+
+
+def doubted_responses(
+    robot: Robot,
+    off: Doubted,
+    configurations: FloatArray,
+    frequency_hz: FloatArray,
+    sampling: tuple[float, float],
+) -> ComplexArray:
+    """Computes the exact responses of a robot that is off, as they are recorded; bristles are those of all places.
+
+    Args:
+        robot: The robot, its springs and dampers the true ones.
+        off: How far it is off.
+        configurations (n_conf, n_joint): Its places [rad, or m].
+        frequency_hz (n_freq,): Frequencies [Hz].
+        sampling: Period for which torques are held, and delay to the applied torque [s].
+
+    Returns:
+        Responses (n_conf, n_freq, n_motor, n_motor) from recorded torques to motor accelerations.
+    """
+    shares = load_shares(robot, configurations)
+    found = []
+    for place, configuration in enumerate(configurations):
+        amounts = {doubt.name: amount for doubt, amount in zip(off.doubts, off.amounts[:, place].tolist(), strict=True)}
+        own = off_robot(robot, off.doubts, amounts, shares[place])
+        model = build_model(own)
+        linear = linearize(model, solve_statics(model, configuration[None]))
+        delay_s = sampling[1] + sum(
+            doubt.direction.size(amounts[doubt.name])
+            for doubt in off.doubts
+            if isinstance(doubt.direction, LaterTorque)
+        )
+        parameters = nominal_parameters(own, linear, delay_s)
+        exact = _with_bristles(
+            linear, parameters, _bristles(off.doubts, amounts, own, frequency_hz), frequency_hz, sampling[0]
+        )
+        hold = hold_factor(2 * np.pi * frequency_hz, delay_s, sampling[0])
+        found.append(_recorded(own, off.doubts, amounts, exact, frequency_hz, hold))
+    return np.array(found)
+
+
+def _bristles(
+    doubts: Sequence[DoubtColumn], amounts: Mapping[str, float], robot: Robot, frequency_hz: FloatArray
+) -> ComplexArray:
+    """What bristles add to each spring (n_freq, n_spring), over its stiffness."""
+    omega = 2 * np.pi * frequency_hz
+    found = np.zeros((omega.size, len(robot.springs)), complex)
+    for doubt in doubts:
+        if isinstance(doubt.direction, Hysteresis):
+            share = bristle_share(omega, np.zeros((1, omega.size)), doubt.direction.slip)[0]
+            found[:, doubt.direction.spring] += 2 * amounts[doubt.name] / _PERCENT * share
+    return found
+
+
+def _with_bristles(
+    linear: LinearModel,
+    parameters: ElasticParameters,
+    bristles: ComplexArray,
+    frequency_hz: FloatArray,
+    sampling_period_s: float,
+) -> ComplexArray:
+    """Response (n_freq, n_motor, n_motor), springs at each frequency as its bristles make them."""
+    if not bristles.any():
+        return np.asarray(response(linear, parameters, frequency_hz, sampling_period_s).sampled[0])
+    found = []
+    for line, added in zip(frequency_hz, parameters.stiffness * bristles, strict=True):
+        damping = parameters.damping + added.imag / (2 * np.pi * line)
+        own = replace(parameters, stiffness=parameters.stiffness + added.real, damping=damping)
+        found.append(response(linear, own, np.array([line]), sampling_period_s).sampled[0, 0])
+    return np.array(found)
+
+
+def off_robot(
+    robot: Robot,
+    doubts: Sequence[DoubtColumn],
+    amounts: Mapping[str, float],
+    shares: FloatArray,
+) -> Robot:
+    """Returns the robot with everything that is off and belongs to its mechanics.
+
+    Args:
+        robot: The robot.
+        doubts: What it is doubted for.
+        amounts: How far it is off, by the doubts' names.
+        shares (n_spring,): Load of each gear here, from -1 to 1 over the places.
+    """
+    inertia = axial_inertia(build_model(robot))
+    further = []
+    for doubt in doubts:
+        share, direction = amounts[doubt.name] / _PERCENT, doubt.direction
+        if share == 0:
+            continue
+        if isinstance(direction, RobotMove):
+            robot = direction.moved(robot, amounts[doubt.name])
+        elif isinstance(direction, LoadStiffness):
+            spring = robot.springs[direction.spring]
+            softer = replace(spring, stiffness=spring.stiffness * (1 + share * float(shares[direction.spring])))
+            robot = replace(robot, springs=_with(robot.springs, direction.spring, softer))
+        elif isinstance(direction, HeldSpring):
+            held = direction.moved(robot.springs[direction.spring], amounts[doubt.name])
+            robot = replace(robot, springs=_with(robot.springs, direction.spring, held))
+        elif isinstance(direction, Compliance):
+            spring = direction.spring
+            further.append(replace(spring, stiffness=spring.stiffness / share, damping=spring.damping / share))
+        elif isinstance(direction, RotorShare | ViscousFriction):
+            joint = robot.joints[direction.joint]
+            off = _with_off_drive(joint, direction, share, float(inertia[direction.joint]))
+            robot = replace(robot, joints=_with(robot.joints, direction.joint, off))
+    return replace(robot, springs=(*robot.springs, *further))
+
+
+def _with_off_drive(joint: Joint, direction: RotorShare | ViscousFriction, share: float, inertia: float) -> Joint:
+    if isinstance(direction, ViscousFriction) and direction.kind == "arm_viscous":
+        return replace(joint, arm_viscous=joint.arm_viscous + share * _TURN_10_HZ * inertia)
+    motor = joint.motor
+    if isinstance(direction, RotorShare):
+        return replace(joint, motor=replace(motor, inertia_kgm2=motor.inertia_kgm2 * (1 + share)))
+    viscous = motor.friction.viscous_nms_rad + share * _TURN_10_HZ * motor.inertia_kgm2
+    return replace(joint, motor=replace(motor, friction=replace(motor.friction, viscous_nms_rad=viscous)))
+
+
+def _with(values: tuple[_Value, ...], index: int, value: _Value) -> tuple[_Value, ...]:
+    return (*values[:index], value, *values[index + 1 :])
+
+
+def load_shares(robot: Robot, configurations: FloatArray) -> FloatArray:
+    """Returns each spring's load in each place (n_conf, n_spring) from its mean, over the largest such distance.
+
+    Zero for springs whose loads are alike, as those of an upright axis are.
+    """
+    load = np.abs(solve_statics(build_model(robot), configurations).deflection)
+    spread = load - load.mean(axis=0)
+    most = np.abs(spread).max(axis=0)
+    return np.asarray(np.where(most > NO_LOAD_RAD, spread, 0.0) / np.maximum(most, NO_LOAD_RAD))
+
+
+def _recorded(
+    robot: Robot,
+    doubts: Sequence[DoubtColumn],
+    amounts: Mapping[str, float],
+    exact: ComplexArray,
+    frequency_hz: FloatArray,
+    hold: ComplexArray,
+) -> ComplexArray:
+    """What motors' friction, which waits for no hold (n_freq,), and torque constants make of a response."""
+    square = (2 * np.pi * frequency_hz) ** 2
+    feedback = np.zeros(exact.shape, complex)
+    constant = np.ones(exact.shape[2])
+    for doubt in doubts:
+        direction, share = doubt.direction, amounts[doubt.name] / _PERCENT
+        if isinstance(direction, MotorFriction):
+            size = share * robot.joints[direction.joint].motor.inertia_kgm2 * _TURN_10_HZ**2
+            feedback[:, direction.joint, direction.joint] += direction.phase * size / square
+        elif isinstance(direction, TorqueScale):
+            constant[direction.joint] = 1 + share
+    rubbing = np.linalg.solve(np.eye(exact.shape[1]) - exact @ feedback / hold[:, None, None], exact)
+    return np.asarray(rubbing / constant)
+
 
 _NOISE_DRAWS, _ROTOR_DRAWS = 4, 5  # keep these draws apart from the others
 _KNOWN = 1e6  # degrees of freedom of a covariance that is known
@@ -38,36 +248,23 @@ _KNOWN = 1e6  # degrees of freedom of a covariance that is known
 
 @dataclass(frozen=True)
 class LinearFit:
-    """A linear robot to be measured and fitted.
+    """A linear robot to be measured and fitted."""
 
-    Attributes:
-        nominal: The robot as its file describes it.
-        robot: With the true springs and dampers.
-        drawn: Whether its doubted values are drawn.
-        seed: Seed of them and of the noise.
-        configurations (n_conf, n_joint): Its places [rad, or m].
-        lines (n_freq,): Excited lines.
-        period_s: Length of a period [s].
-        sampling: Sampling period and nominal delay [s].
-        relative_noise: Deviation of an element's noise over the median response of its output.
-        options: Options of the fit.
-    """
-
-    nominal: Robot
-    robot: Robot
-    drawn: bool
-    seed: int
-    configurations: FloatArray
-    lines: IntArray
-    period_s: float
-    sampling: tuple[float, float]
-    relative_noise: float
-    options: ElasticOptions
+    nominal: Robot  # The robot as its file describes it
+    robot: Robot  # With the true springs and dampers
+    drawn: bool  # Whether its doubted values are drawn
+    seed: int  # Seed of them and of the noise
+    configurations: FloatArray  # (n_conf, n_joint) its places [rad, or m]
+    lines: IntArray  # (n_freq,) excited lines
+    period_s: float  # Length of a period [s]
+    sampling: tuple[float, float]  # Sampling period and nominal delay [s]
+    relative_noise: float  # Deviation of an element's noise over the median response of its output
+    options: ElasticOptions  # Options of the fit
 
 
 def linear_tasks(run: Run, _earlier: Earlier) -> list[Task]:
     """Returns one task for each linear robot."""
-    study = study_of(run.loaded)
+    study = study_of(run.loaded, TrustStudy)
     if study.linear is None:
         return []
     machine = machines(run)["heavy"]
@@ -118,11 +315,8 @@ def fit_linear(one: LinearFit) -> Content:
     exact = doubted_responses(robot, off, one.configurations, frequency_hz, one.sampling)
     frf = noisy_frf(robot, exact, one)
     truth = TrueRobot(robot, Truth(), Imperfections(), one.sampling[1], one.seed, None)
-    try:
-        solution = fit_elastic(one.nominal, frf, one.options, one.sampling[1])
-    except DataError as error:
-        return Content({}, {REFUSAL: str(error)})
-    return with_truth(Content(*solution_content(solution)), true_values(one.nominal, truth))
+    content = solution_or_refusal(lambda: fit_elastic(one.nominal, frf, one.options, one.sampling[1]))
+    return with_truth(content, true_values(one.nominal, truth))
 
 
 def _with_rotors_off(robot: Robot, options: ElasticOptions, seed: int) -> Robot:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from datetime import datetime
+from pathlib import Path
 
-from robid.artifacts.artifact import Artifact
+from robid.artifacts.store import read_artifact
+from robid.artifacts.task import TASK
 from robid.pipeline import Run
 from robid.report.content import Verdict
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Section, Table
-from robid.studies.conclusion import Conclusion
 from robid.studies.settings.trust import TrustStudy
-from robid.studies.study import Earlier
-from robid.studies.tasks import Results
+from robid.studies.simulated import REFUSAL, kept_solution, kept_truth
+from robid.studies.study import Conclusion, Earlier, study_of
+from robid.studies.tasks import seconds_of
 from robid.studies.trust.figures import (
     ASKED,
     RobotRow,
@@ -29,8 +30,7 @@ from robid.studies.trust.figures import (
     springs_of,
 )
 from robid.studies.trust.individuals import FILE, LINEAR, Individual, individuals
-from robid.studies.trust.models import model_name, read_model
-from robid.studies.trust.study import DESIGNED, FRESH, RANDOM, study_of
+from robid.studies.trust.responses import DESIGNED, FRESH, RANDOM
 
 _TITLES = {
     "effective.coverage_95": "Effective values covered",
@@ -49,7 +49,7 @@ _TITLES = {
 
 def conclude(run: Run, results: Earlier) -> Conclusion:
     """Turns intervals, grades and causes into figures, tables and the verdict."""
-    study = study_of(run.loaded)
+    study = study_of(run.loaded, TrustStudy)
     rows = {one.key: row for one, row in _rows(individuals(study), results)}
     summary = summarise(study, rows, results)
     asked = bars(study)
@@ -85,7 +85,9 @@ def summarise(study: TrustStudy, rows: Mapping[str, RobotRow], results: Earlier)
     drawn = study.linear is not None and study.linear.drawn > 0
     found["width_ratio"] = largest([*ratios, *([found["linear.width_ratio"]] if drawn else [])])
     found |= _named(study, robots, results)
-    found |= {f"cost.{name}_seconds": value for name, value in _seconds(results)}
+    for name, done in zip(("place", "fit", "linear_fit", "grade"), results, strict=True):
+        spans = [seconds_of(held.provenance) for held in done]
+        found[f"cost.{name}_seconds"] = sum(spans) / len(spans) if spans else math.nan
     return {name: value for name, value in found.items() if math.isfinite(value)}
 
 
@@ -115,26 +117,23 @@ def _of(study: TrustStudy, group: str) -> list[Individual]:
 
 
 def _rows(robots: Sequence[Individual], results: Earlier) -> Iterator[tuple[Individual, RobotRow]]:
-    models = {path.name.split(".")[0]: index for index, path in enumerate(results[1].paths)}
-    linear = {path.name.split(".")[0]: index for index, path in enumerate(results[2].paths)}
-    grades = {path.name.split(".")[0]: index for index, path in enumerate(results[3].paths)}
+    _, models, linear, grades = (done.by_name for done in results)
     for one in robots:
         if one.kind == "linear":
-            yield one, RobotRow(_springs(results[2][linear[one.key]]))
+            yield one, RobotRow(_springs(linear[one.key]))
         elif one.kind == "set":
-            found = {
-                use: _springs(results[1][models[model_name(one, use)]])
-                for use in (RANDOM, FRESH, DESIGNED)
-                if model_name(one, use) in models
-            }
-            grade = results[3][grades[one.key]].attributes.get("grade")
+            found = [_springs(models.get(f"{one.key}_{use}")) for use in (RANDOM, FRESH, DESIGNED)]
+            grade = read_artifact(grades[one.key], TASK).attributes.get("grade")
             own = int(grade) if isinstance(grade, int | float) else None
-            yield one, RobotRow(found.get(RANDOM), found.get(FRESH), found.get(DESIGNED), own)
+            yield one, RobotRow(found[0], found[1], found[2], own)
 
 
-def _springs(held: Artifact) -> Springs | None:
-    model = read_model(held)
-    return None if model is None else springs_of(*model)
+def _springs(path: Path | None) -> Springs | None:
+    """Springs of a fit; None where it was refused, or there is none."""
+    held = None if path is None else read_artifact(path, TASK)
+    if held is None or REFUSAL in held.attributes:
+        return None
+    return springs_of(kept_solution(held), kept_truth(held))
 
 
 def _linear_figures(robots: Sequence[Individual], rows: Mapping[str, RobotRow]) -> dict[str, float]:
@@ -153,29 +152,11 @@ def _linear_figures(robots: Sequence[Individual], rows: Mapping[str, RobotRow]) 
 
 
 def _named(study: TrustStudy, robots: Sequence[Individual], results: Earlier) -> dict[str, float]:
-    grades = {path.name.split(".")[0]: index for index, path in enumerate(results[3].paths)}
-    kinds = {}
+    grades, kinds = results[3].by_name, {}
     for name, kind in study.causes.items():
-        own = [results[3][grades[one.key]] for one in robots if one.group == name]
+        own = [read_artifact(grades[one.key], TASK) for one in robots if one.group == name]
         kinds[name] = kind.named, [tuple(held.datasets["causes"].values.tolist()) for held in own]
     return cause_figures(kinds)
-
-
-def _seconds(results: Earlier) -> Iterator[tuple[str, float]]:
-    for name, done in zip(("place", "fit", "linear_fit", "grade"), results, strict=True):
-        yield name, _mean_seconds(done)
-
-
-def _mean_seconds(done: Results) -> float:
-    if not len(done):
-        return math.nan
-    spans = []
-    for held in done:
-        begun, ended = (
-            datetime.fromisoformat(at) for at in (held.provenance.started_utc, held.provenance.finished_utc)
-        )
-        spans.append((ended - begun).total_seconds())
-    return sum(spans) / len(spans)
 
 
 def _asked_section(summary: Mapping[str, float], asked: Mapping[str, tuple[float, float]]) -> Section:

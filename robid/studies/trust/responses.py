@@ -1,75 +1,131 @@
-"""The responses of the study of trust: each robot in each of its places, one task each; records are not kept."""
+"""The two machines of the study of trust, and the places in which each robot is measured, one task each."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.artifact import Artifact, Provenance
-from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
-from robid.artifacts.store import read_artifact
-from robid.artifacts.task import TASK
-from robid.errors import DataError
-from robid.frf.estimate import estimate_frf
-from robid.frf.frf import Frf
-from robid.frf.joined import join
+from robid.design.excitation.excitation import CampaignExcitation
 from robid.pipeline import Run
-from robid.settings.plain import plain_settings
-from robid.simulate.experiment import SimulatedExperiment, simulate
-from robid.stages.simulate_or_acquire import simulated_experiment
-from robid.studies.changed import changed_simulation
+from robid.settings.experiment import Campaign
+from robid.settings.load import LoadedExperiment
+from robid.stages.configurations import draw_in_reach
+from robid.studies.experiments import Further, Problems, changed_simulation, run_of
 from robid.studies.settings.trust import TrustStudy
-from robid.studies.simulated import Estimator, make_estimator, simulation_settings
-from robid.studies.study import Earlier
-from robid.studies.tasks import Content, Results, Task
-from robid.studies.trust.individuals import Individual, individuals
-from robid.studies.trust.study import DESIGNED, FRESH, RANDOM, Machine, Places, machines, study_of
+from robid.studies.simulated import measurements, played, threads_of
+from robid.studies.study import Earlier, study_of
+from robid.studies.tasks import Results, Task
+from robid.studies.trust.individuals import Individual, individuals, robot_problems
 
-REFUSAL = "refusal"
-"""Attribute that says why a place has no response, or a robot no fit."""
+RANDOM, FRESH, DESIGNED = "random", "fresh", "designed"
+"""What places are for: the fit, the reference, the fit in places that a design chose."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """A campaign that a robot is measured with, in places of its own."""
+
+    use: str
+    owner: str
+    campaign: Campaign
+    content: CampaignExcitation
+
+
+@dataclass(frozen=True)
+class Machine:
+    """One of the two kinds of robot, in a run folder of its own."""
+
+    run: Run
+    places: dict[str, Places]
+
+    @property
+    def loaded(self) -> LoadedExperiment:
+        """Its experiment and robot file."""
+        return self.run.loaded
+
+    def places_of(self, one: Individual, use: str) -> Places:
+        """Returns a campaign in the places of a robot: drawn for it, but for those that a design chose."""
+        places = self.places[use]
+        if use == DESIGNED:
+            return places
+        configurations = self._drawn(places.campaign, len(places.content.configurations), one.seed, use)
+        return replace(places, content=replace(places.content, configurations=configurations))
+
+    def _drawn(self, campaign: Campaign, count: int, seed: int, use: str) -> FloatArray:
+        stated = None if campaign.configurations is None else campaign.configurations.random
+        if stated is None:
+            message = "the settings' checks let a campaign without random configurations pass"
+            raise RuntimeError(message)
+        wanted = stated.model_copy(update={"count": count, "seed": 2 * seed + (use == FRESH)})
+        return draw_in_reach(self.loaded, self.loaded.robot.to_robot(campaign.payload_kg), wanted)
+
+
+def campaigns_of(loaded: LoadedExperiment, study: TrustStudy) -> dict[str, str]:
+    """Returns the names of an experiment's campaigns by what they are for."""
+    fit = loaded.experiment.fits[study.fit]
+    named = {RANDOM: fit.campaign, FRESH: str(fit.validate_on)}
+    return named if study.designed is None else {**named, DESIGNED: study.designed}
+
+
+def needs(loaded: LoadedExperiment, study: TrustStudy | None = None) -> tuple[str, ...]:
+    """Returns the outputs of the chain that the tasks read."""
+    names = campaigns_of(loaded, study or study_of(loaded, TrustStudy))
+    return tuple(f"{name}/excitation.h5" for name in names.values())
+
+
+def further(run: Run) -> Further:
+    """Returns the light robot's experiment, whose chain must be there, with the outputs that the tasks read."""
+    study = study_of(run.loaded, TrustStudy)
+    return tuple((one, needs(one.loaded, study)) for name, one in _runs(run, study).items() if name == "light")
+
+
+def machines(run: Run) -> dict[str, Machine]:
+    """Returns the two kinds of robot by name, once their chains are there."""
+    study = study_of(run.loaded, TrustStudy)
+    return {
+        name: Machine(
+            one,
+            {
+                use: Places(use, owner, one.loaded.experiment.campaigns[owner], played(one, owner))
+                for use, owner in campaigns_of(one.loaded, study).items()
+            },
+        )
+        for name, one in _runs(run, study).items()
+    }
+
+
+def _runs(run: Run, study: TrustStudy) -> dict[str, Run]:
+    if study.light is None:
+        return {"heavy": run}
+
+    def problems(loaded: LoadedExperiment) -> Problems:
+        return robot_problems(study, "light", loaded.experiment, loaded.robot)
+
+    return {"heavy": run, "light": run_of(run, study.light, "light", problems)}
+
 
 _NOISE = (RANDOM, FRESH, DESIGNED)  # each has noise of its own
 
 
-@dataclass(frozen=True)
-class Measurement:
-    """One robot in one place.
-
-    Attributes:
-        experiment: What is simulated.
-        configuration (n_joint,): There [rad, or m].
-        index: Number of the place, which seeds the noise.
-        estimator: How the response is estimated.
-        threads: Threads of the simulation.
-    """
-
-    experiment: SimulatedExperiment
-    configuration: FloatArray
-    index: int
-    estimator: Estimator
-    threads: int
-
-
 def simulated(run: Run) -> list[Individual]:
     """Returns the robots that are simulated."""
-    return [one for one in individuals(study_of(run.loaded)) if one.kind != "linear"]
+    return [one for one in individuals(study_of(run.loaded, TrustStudy)) if one.kind != "linear"]
 
 
 def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
     """Returns one task for each place of each robot that is simulated."""
-    study, known = study_of(run.loaded), machines(run)
-    threads = run.workers if run.backend == "serial" else 1
-    found: list[Task] = []
+    study, known, found = study_of(run.loaded, TrustStudy), machines(run), list[Task]()
     for one in simulated(run):
         machine = known[one.robot]
         for use, count in uses(one, study, machine):
-            found += _tasks(one, machine, machine.places_of(one, use), count, threads)
+            places = machine.places_of(one, use)
+            noise = len(_NOISE) * one.seed + _NOISE.index(use)
+            options = changed_simulation(places.campaign, one.physics, one.seed, noise)
+            content = replace(places.content, configurations=places.content.configurations[:count])
+            name = f"{one.key}_{use}"
+            found += measurements(machine.loaded, places.campaign, options, content, name, threads_of(run))
     return found
 
 
@@ -84,61 +140,8 @@ def uses(one: Individual, study: TrustStudy, machine: Machine) -> Iterator[tuple
         yield DESIGNED, None
 
 
-def _tasks(one: Individual, machine: Machine, places: Places, count: int | None, threads: int) -> Iterator[Task]:
-    campaign, loaded = places.campaign, machine.loaded
-    options = changed_simulation(campaign, one.physics, one.seed, len(_NOISE) * one.seed + _NOISE.index(places.use))
-    experiment = simulated_experiment(loaded, campaign, options, places.content)
-    estimator = make_estimator(loaded, campaign, campaign.estimate)
-    reference = hashlib.sha256(np.ascontiguousarray(experiment.reference).tobytes()).hexdigest()
-    decides: dict[str, Any] = {
-        **simulation_settings(loaded, campaign),
-        "source": plain_settings(options),
-        "reference": reference,
-        "excited_lines": experiment.excited_lines.tolist(),
-        "detection_lines": experiment.detection_lines.tolist(),
-        "estimate": plain_settings(campaign.estimate),
-    }
-    for index, configuration in enumerate(places.content.configurations[:count]):
-        name = response_name(one, places.use, index)
-        argument = Measurement(experiment, configuration, index, estimator, threads)
-        yield Task(name, {**decides, "index": index, "configuration": configuration.tolist()}, argument)
-
-
-def response_name(one: Individual, use: str, index: int) -> str:
-    """Returns the name of a place's task."""
-    return f"{one.key}_{use}_{index + 1}"
-
-
-def measure(one: Measurement) -> Content:
-    """Simulates a robot in one place and estimates its response, or says why there is none."""
-    try:
-        record = simulate(one.experiment, one.configuration, one.index, one.threads)
-        frf = estimate_frf(record, one.estimator.options, one.estimator.laws, one.estimator.delay_s)
-    except DataError as error:
-        return Content({}, {REFUSAL: str(error)})
-    held = frf_to_artifact(frf, Provenance(stage="study"))
-    return Content(held.datasets, held.attributes)
-
-
 def files_of(results: Results, one: Individual, use: str) -> tuple[Path, ...]:
     """Returns where the responses of a robot lie, place by place."""
-    prefix = response_name(one, use, 0).removesuffix("1")
+    prefix = f"{one.key}_{use}_"
     found = {path.name.split(".")[0]: path for path in results.paths if path.name.startswith(prefix)}
-    return tuple(found[response_name(one, use, index)] for index in range(len(found)))
-
-
-def read_responses(paths: Sequence[Path]) -> Frf:
-    """Reads the responses of some places as one; those that were refused are left out.
-
-    Raises:
-        DataError: If none is left.
-    """
-    held = [read_artifact(path, TASK) for path in paths]
-    parts = [
-        frf_from_artifact(Artifact(FRF, each.datasets, each.attributes, each.provenance))
-        for each in held
-        if REFUSAL not in each.attributes
-    ]
-    if not parts:
-        raise DataError(str(held[0].attributes[REFUSAL]), where="all places")
-    return join(parts, [str(index + 1) for index in range(len(parts))])
+    return tuple(found[f"{prefix}{number}"] for number in range(1, len(found) + 1))

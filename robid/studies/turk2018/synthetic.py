@@ -1,37 +1,85 @@
-"""Systems of known structure, and how often exactly that is found."""
+"""Position-dependent systems of known structure, measured with noise, and how often exactly that is found."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
-from robid.arrays import BoolArray
-from robid.artifacts.artifact import Artifact, Dataset
+from robid.arrays import BoolArray, FloatArray
+from robid.artifacts.artifact import Dataset
+from robid.models.lpv.fit.basis import Basis, polynomial_basis
+from robid.models.lpv.fit.fitting import LpvResult, estimate_lpv
 from robid.models.lpv.fit.options import LpvOptions
-from robid.models.lpv.fit.state_space import block_names
+from robid.models.lpv.fit.responses import LocalResponses
+from robid.models.lpv.fit.state_space import StateSpace, block_names, response, transform
 from robid.pipeline import Run
 from robid.report.section import Section, Table
 from robid.settings.plain import plain_settings
-from robid.studies.part import Asked, PartFound
-from robid.studies.tasks import Content, Task
-from robid.studies.turk2018.known_structure import ORDER, STRUCTURE, fit_synthetic
-from robid.studies.turk2018.section import study_of
+from robid.studies.settings.parts import KnownStructureCase
+from robid.studies.study import Asked, Part, PartFound
+from robid.studies.tasks import Content, Results, Task, in_chunks
+
+POSITIONS: FloatArray = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None]
+LEFT_OUT: FloatArray = np.array([[-0.25]])
+FREQUENCY: FloatArray = np.linspace(0.002, 0.4, 200)
+ORDER = 3
+STRUCTURE = ("A1", "B2")
+NOISE = 0.01  # of an output's rms: 40 dB
+
+_A = (
+    np.array([[0.9, 0.05, 0.0], [0.0, 0.9112, 0.3326], [0.03, -0.3326, 0.9112]]),
+    np.array([[0.0, 0.02, 0.0], [0.0, 0.0, 0.06], [0.01, -0.06, 0.0]]),
+)
+_B = np.array([[0.5], [0.1], [0.4]]), np.array([[0.1], [-0.05], [0.2]])
+_C = np.array([[1.0, 0.3, 0.1], [0.5, -0.4, 0.6]])
+_D = np.array([[0.02], [0.05]])
+
+
+def synthetic_systems(points: FloatArray, T: FloatArray) -> StateSpace:
+    """Returns the system in the states `T x` at points (n_pos, 1).
+
+    A is affine, B has one quadratic block, C and D are constant.
+    """
+    p = points[:, :, None]
+    ones = np.ones_like(p)
+    return transform(StateSpace(_A[0] + _A[1] * p, _B[0] + _B[1] * p**2, _C * ones, _D * ones), T)
+
+
+def synthetic_responses(points: FloatArray, T: FloatArray, generator: np.random.Generator) -> LocalResponses:
+    """Returns the system's responses at points (n_pos, 1) with noise of known variance."""
+    exact = response(synthetic_systems(points, T), np.exp(2j * np.pi * FREQUENCY))
+    power = NOISE**2 * np.mean(np.abs(exact) ** 2, axis=1, keepdims=True)
+    variance = np.broadcast_to(power, exact.shape)
+    error = generator.standard_normal((*exact.shape, 2)) @ np.array([1, 1j]) * np.sqrt(variance / 2)
+    return LocalResponses(points, FREQUENCY, exact + error, variance, 1.0)
+
+
+def synthetic_basis() -> Basis:
+    """Returns powers up to the fourth: as many functions as positions, as in the paper."""
+    return polynomial_basis(POSITIONS, 4)
+
+
+def fit_synthetic(seed: int, options: LpvOptions) -> LpvResult:
+    """Fits one noisy draw, the system in a random basis."""
+    generator = np.random.default_rng(seed)
+    T = generator.standard_normal((3, 3))
+    fitted, held_out = (synthetic_responses(points, T, generator) for points in (POSITIONS, LEFT_OUT))
+    return estimate_lpv(fitted, held_out, synthetic_basis(), options)
+
+
+def finds_structure(seed: int) -> bool:
+    """Tells whether one noisy draw gives exactly the true blocks, with the default options."""
+    return block_names(fit_synthetic(seed, LpvOptions(order=ORDER)).kept) == STRUCTURE
+
 
 _ASKED = Asked(lower=0.95)
 
 
-def synthetic_tasks(run: Run) -> list[Task]:
-    """Returns the tasks: some systems each; none where the study leaves them out."""
-    case = study_of(run.loaded).synthetic
-    if case is None:
-        return []
-    last = case.first_seed + case.runs
-    chunks = [
-        range(first, min(first + case.runs_per_task, last))
-        for first in range(case.first_seed, last, case.runs_per_task)
-    ]
+def synthetic_tasks(_run: Run, case: KnownStructureCase, _earlier: Mapping[str, Results]) -> list[Task]:
+    """Returns the tasks: some systems each."""
+    chunks = in_chunks(case.first_seed, case.runs, case.runs_per_task)
     options = plain_settings(LpvOptions(order=ORDER))
     return [Task(f"runs_{seeds.start}", {"seeds": [*seeds], "options": options}, seeds) for seeds in chunks]
 
@@ -42,10 +90,8 @@ def find(seeds: range) -> Content:
     return Content({"kept": Dataset(kept, "1", ("run", "matrix", "function"), "Blocks of A, B, C, D that were found")})
 
 
-def conclude_synthetic(run: Run, results: Sequence[Artifact]) -> PartFound | None:
+def conclude_synthetic(_run: Run, _case: KnownStructureCase, results: Results) -> PartFound:
     """Counts how often exactly the true blocks were found."""
-    if study_of(run.loaded).synthetic is None:
-        return None
     kept = np.concatenate([one.datasets["kept"].values for one in results])
     found = count_structures(kept)
     share = found.get(", ".join(STRUCTURE), 0) / len(kept)
@@ -63,3 +109,6 @@ def conclude_synthetic(run: Run, results: Sequence[Artifact]) -> PartFound | Non
 def count_structures(kept: BoolArray) -> dict[str, int]:
     """Counts the structures (n_run, 4, n_function) by the names of their blocks, the most frequent first."""
     return dict(Counter(", ".join(block_names(one)) or "none" for one in kept).most_common())
+
+
+KNOWN_STRUCTURE = Part("synthetic", conclude_synthetic, synthetic_tasks, find)

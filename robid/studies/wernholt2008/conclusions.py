@@ -11,10 +11,9 @@ from scipy.stats import spearmanr
 from robid.arrays import BoolArray, FloatArray
 from robid.report.numbers import MISSING, percent, significant
 from robid.studies.over_individuals import ratio_interval
-from robid.studies.settings.study import EstimatorChoice
-from robid.studies.wernholt2008.figures import Found, Models
+from robid.studies.settings.elastic import EstimatorChoice
+from robid.studies.wernholt2008.figures import Found, Models, shares_differ
 from robid.studies.wernholt2008.individuals import Individuals, sizes_of
-from robid.studies.wernholt2008.starts import shares_differ
 
 _HONEST_FACTOR = 3.0
 _LEAST_CORRELATION = 0.5
@@ -25,18 +24,12 @@ _WORTH_HAVING = 0.9
 
 @dataclass(frozen=True)
 class Claim:
-    """One conclusion of the paper.
+    """One conclusion of the paper."""
 
-    Attributes:
-        text: What the paper says.
-        figures: What we found.
-        reproduced: Whether that bears it out; None where the study lacks an estimator that it needs.
-        refuted: Whether it is sure over the individuals that it makes no gain worth having; None where none are asked.
-    """
-
-    text: str
-    figures: str
-    reproduced: bool | None
+    text: str  # What the paper says
+    figures: str  # What we found
+    reproduced: bool | None  # Whether that bears it out; None where the study lacks an estimator that it needs
+    # Whether it is sure over the individuals that it makes no gain worth having; None where none are asked
     refuted: bool | None = None
 
     @property

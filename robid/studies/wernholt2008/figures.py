@@ -1,4 +1,4 @@
-"""The figures of the study of parameter estimators, from the results of its tasks."""
+"""The figures of the study of parameter estimators: the models of all starts, judged, and what they have in common."""
 
 from __future__ import annotations
 
@@ -18,8 +18,62 @@ from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.simulate.truth import true_robot
-from robid.studies.wernholt2008.starts import within_factor
-from robid.studies.wernholt2008.study import ALL, measured, robot_and_delay, score_options, sets, study_of
+from robid.studies.settings.elastic import WernholtStudy
+from robid.studies.study import study_of
+from robid.studies.tasks import values_of
+from robid.studies.wernholt2008.study import ALL, measured, robot_and_delay, score_options, sets
+
+
+@dataclass(frozen=True)
+class StartSpread:
+    """Statistics of parameters over models, each parameter divided by the best model's."""
+
+    minimum: FloatArray  # (n_param,) smallest value
+    median: FloatArray  # (n_param,) median
+    maximum: FloatArray  # (n_param,) largest value
+    mean: FloatArray  # (n_param,) mean
+    std: FloatArray  # (n_param,) standard deviation; 0 for a single model
+    count: int  # Number of models
+
+
+def spread(values: FloatArray, best: FloatArray) -> StartSpread:
+    """Returns the statistics of models near the best one.
+
+    Args:
+        values (n_model, n_param): Their parameters.
+        best (n_param,): The best model's, none of them zero.
+
+    Source:
+        Wernholt and Moberg (2008), Table 1.
+    """
+    relative = values / best
+    return StartSpread(
+        minimum=relative.min(axis=0),
+        median=np.asarray(np.median(relative, axis=0)),
+        maximum=relative.max(axis=0),
+        mean=relative.mean(axis=0),
+        std=relative.std(axis=0, ddof=1) if len(values) > 1 else np.zeros(values.shape[1]),
+        count=len(values),
+    )
+
+
+def within_factor(values: FloatArray, best: FloatArray, factor: float) -> BoolArray:
+    """Tells which parameters (n_model, n_param) lie within a factor of the best model's, ends included."""
+    relative = values / best
+    return np.asarray((relative >= 1 / factor) & (relative <= factor))
+
+
+def shares_differ(first: float, second: float, count: int) -> bool:
+    """Tells whether one share of starts is larger than another by more than two standard errors.
+
+    Args:
+        first: The share that should be larger.
+        second: The other.
+        count: Number of starts behind each.
+    """
+    variance = (first * (1 - first) + second * (1 - second)) / count
+    return first - second > 2 * float(np.sqrt(variance))
+
 
 COST_LIMIT = 1.5
 NEAR_BEST = 1.05
@@ -32,33 +86,19 @@ _CORES = 2
 
 @dataclass(frozen=True)
 class Models:
-    """The models that one estimator reached from its starts.
+    """The models that one estimator reached from its starts."""
 
-    Attributes:
-        name: Name of the estimator.
-        internal (n_start, n_param): Logarithm of each parameter over the robot file's.
-        own_cost (n_start,): Cost that it minimised.
-        user_cost (n_start,): Logarithmic cost with user weights, divided by the best of all models.
-        optimal_cost (n_start,): The same with optimal weights.
-        evaluations (n_start,): Points at which the cost was computed.
-        capped (n_start,): Whether the iteration limit ended it.
-        resonances (n_start,): Whether every resonance is met; not looked at, and False, above the cost limit.
-        configuration: Index of the only configuration fitted, or `ALL`.
-        seconds: Wall time of the fits.
-        processor_seconds: Their processor time.
-    """
-
-    name: str
-    internal: FloatArray
-    own_cost: FloatArray
-    user_cost: FloatArray
-    optimal_cost: FloatArray
-    evaluations: FloatArray
-    capped: BoolArray
-    resonances: BoolArray
-    configuration: int
-    seconds: float
-    processor_seconds: float
+    name: str  # Name of the estimator
+    internal: FloatArray  # (n_start, n_param) logarithm of each parameter over the robot file's
+    own_cost: FloatArray  # (n_start,) cost that it minimised
+    user_cost: FloatArray  # (n_start,) logarithmic cost with user weights, divided by the best of all models
+    optimal_cost: FloatArray  # (n_start,) the same with optimal weights
+    evaluations: FloatArray  # (n_start,) points at which the cost was computed
+    capped: BoolArray  # (n_start,) whether the iteration limit ended it
+    resonances: BoolArray  # (n_start,) whether every resonance is met; not looked at, and False, above the cost limit
+    configuration: int  # Index of the only configuration fitted, or `ALL`
+    seconds: float  # Wall time of the fits
+    processor_seconds: float  # Their processor time
 
     @property
     def reasonable(self) -> BoolArray:
@@ -73,33 +113,19 @@ class Models:
 
 @dataclass(frozen=True)
 class Found:
-    """Everything that the study found.
+    """Everything that the study found."""
 
-    Attributes:
-        problem: Logarithmic problem with user weights in all configurations.
-        groups: Models of every set of starts, by group and estimator, see `StartSet`.
-        reference: Name of the estimator whose best model the others are held against.
-        truth (n_param,): True internal parameters.
-        std (n_param,): Predicted standard deviation of the best reference model's internal parameters.
-        best_cost: Best cost with user weights.
-        best_optimal_cost: Best cost with optimal weights.
-        truth_cost: Cost of the truth, divided by the best.
-        truth_optimal_cost: The same with optimal weights.
-        resonances: Number of measured resonances that count.
-        uncounted: Number of those that the true robot's linearisation does not have.
-    """
-
-    problem: Problem
-    groups: dict[str, dict[str, Models]]
-    reference: str
-    truth: FloatArray
-    std: FloatArray
-    best_cost: float
-    best_optimal_cost: float
-    truth_cost: float
-    truth_optimal_cost: float
-    resonances: int
-    uncounted: int
+    problem: Problem  # Logarithmic problem with user weights in all configurations
+    groups: dict[str, dict[str, Models]]  # Models of every set of starts, by group and estimator, see `StartSet`
+    reference: str  # Name of the estimator whose best model the others are held against
+    truth: FloatArray  # (n_param,) true internal parameters
+    std: FloatArray  # (n_param,) predicted standard deviation of the best reference model's internal parameters
+    best_cost: float  # Best cost with user weights
+    best_optimal_cost: float  # Best cost with optimal weights
+    truth_cost: float  # Cost of the truth, divided by the best
+    truth_optimal_cost: float  # The same with optimal weights
+    resonances: int  # Number of measured resonances that count
+    uncounted: int  # Number of those that the true robot's linearisation does not have
 
     @property
     def near(self) -> dict[str, Models]:
@@ -130,7 +156,7 @@ class Found:
 
 def gather(run: Run, results: Sequence[Artifact]) -> Found:
     """Puts the tasks' results together and judges every model."""
-    study = study_of(run.loaded)
+    study = study_of(run.loaded, WernholtStudy)
     robot, delay = robot_and_delay(run.loaded)
     frf = measured(run)
     user, optimal = (set_up(robot, frf, options, delay)[0] for options in score_options(study))
@@ -138,7 +164,7 @@ def gather(run: Run, results: Sequence[Artifact]) -> Found:
     parts: dict[int, list[dict[str, Any]]] = {}
     per_set = -(-study.fit.starts // study.starts_per_task)
     for index, result in enumerate(results):
-        values = {name: dataset.values for name, dataset in result.datasets.items()}
+        values = values_of(result)
         parts.setdefault(index // per_set, []).append(values)
     kinds = sets(study)
     near = [part for index, kind in enumerate(kinds) if not kind.group for part in parts[index]]

@@ -22,11 +22,11 @@ from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
 from robid.settings.truth import true_robot_of
 from robid.studies.over_individuals import stated_std
-from robid.studies.settings.study import WernholtStudy
+from robid.studies.settings.elastic import WernholtStudy
 from robid.studies.simulated import simulate_options
-from robid.studies.study import Earlier
+from robid.studies.study import Earlier, study_of
 from robid.studies.tasks import Content, Task
-from robid.studies.wernholt2008.study import read_frf, study_of, with_estimator
+from robid.studies.wernholt2008.study import read_frf, with_estimator
 
 _RESULT = 3
 """Version of what a result holds."""
@@ -34,41 +34,27 @@ _RESULT = 3
 
 @dataclass(frozen=True)
 class Fitting:
-    """One estimator on one individual.
+    """One estimator on one individual."""
 
-    Attributes:
-        robot: The robot file's.
-        truth: The true robot.
-        frf: Where its responses lie.
-        options: Options of the fit.
-        delay_s: Nominal delay [s].
-    """
-
-    robot: Robot
-    truth: Robot
-    frf: Path
-    options: ElasticOptions
-    delay_s: float
+    robot: Robot  # The robot file's
+    truth: Robot  # The true robot
+    frf: Path  # Where its responses lie
+    options: ElasticOptions  # Options of the fit
+    delay_s: float  # Nominal delay [s]
 
 
 @dataclass(frozen=True)
 class Individuals:
-    """What all estimators make of the individuals.
+    """What all estimators make of the individuals."""
 
-    Attributes:
-        names: Names of the parameters.
-        error: Logarithm of estimate over truth (n_individual, n_param) by estimator.
-        physical: The same of the middles of the intervals, where what the robot file may have wrong is estimated along.
-        std: Deviation of each logarithm that the fit's interval states (n_individual, n_param) by estimator.
-        inside: Whether that interval holds the truth (n_individual, n_param) by estimator.
-        misfit: Cost over what noise and the assumed model error give (n_individual,) by estimator.
-    """
-
-    names: tuple[str, ...]
-    error: dict[str, FloatArray]
+    names: tuple[str, ...]  # Names of the parameters
+    error: dict[str, FloatArray]  # Logarithm of estimate over truth (n_individual, n_param) by estimator
+    # The same of the middles of the intervals, where what the robot file may have wrong is estimated along
     physical: dict[str, FloatArray]
+    # Deviation of each logarithm that the fit's interval states (n_individual, n_param) by estimator
     std: dict[str, FloatArray]
-    inside: dict[str, BoolArray]
+    inside: dict[str, BoolArray]  # Whether that interval holds the truth (n_individual, n_param) by estimator
+    # Cost over what noise and the assumed model error give (n_individual,) by estimator
     misfit: dict[str, FloatArray]
 
 
@@ -85,7 +71,7 @@ def estimators_of(study: WernholtStudy) -> list[str]:
 
 def individual_tasks(run: Run, _earlier: Earlier) -> list[Task]:
     """Returns one task for each individual and estimator."""
-    study = study_of(run.loaded)
+    study = study_of(run.loaded, WernholtStudy)
     found = []
     for campaign_name in study.individuals:
         campaign = run.loaded.experiment.campaigns[campaign_name]

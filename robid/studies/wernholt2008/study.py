@@ -25,9 +25,9 @@ from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
-from robid.studies.paper import paper_figures
-from robid.studies.settings.study import WernholtStudy
-from robid.studies.study import Earlier
+from robid.studies.experiments import paper_figures
+from robid.studies.settings.elastic import WernholtStudy
+from robid.studies.study import Earlier, study_of
 from robid.studies.tasks import Content, Task
 
 _NOTHING_KNOWN = 1e9
@@ -37,40 +37,25 @@ ALL = -1
 
 @dataclass(frozen=True)
 class Chunk:
-    """Some starts of one estimator.
+    """Some starts of one estimator."""
 
-    Attributes:
-        robot: The robot file's.
-        frf: Where the measured responses lie.
-        configuration: Index of the only one that is fitted, or `ALL`.
-        options: Options of the fit; `starts` counts all of them and the robot file's values, which is not used.
-        scores: Options of the two costs that every model is judged by.
-        starts: Indices of the starts, from 1.
-        delay_s: Nominal delay [s].
-    """
-
-    robot: Robot
-    frf: Path
-    configuration: int
+    robot: Robot  # The robot file's
+    frf: Path  # Where the measured responses lie
+    configuration: int  # Index of the only one that is fitted, or `ALL`
+    # Options of the fit; `starts` counts all of them and the robot file's values, which is not used
     options: ElasticOptions
-    scores: tuple[ElasticOptions, ElasticOptions]
-    starts: tuple[int, ...]
-    delay_s: float
-
-
-def study_of(loaded: LoadedExperiment) -> WernholtStudy:
-    """Returns the study of an experiment that has one of this kind."""
-    study = loaded.experiment.study
-    if not isinstance(study, WernholtStudy):
-        message = "the study is of another kind"
-        raise TypeError(message)
-    return study
+    scores: tuple[ElasticOptions, ElasticOptions]  # Options of the two costs that every model is judged by
+    starts: tuple[int, ...]  # Indices of the starts, from 1
+    delay_s: float  # Nominal delay [s]
 
 
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
     """Returns the outputs of the chain that the tasks read, once the paper's figures can be read."""
-    paper_figures(study_of(loaded).paper, loaded)
-    return tuple(f"{name}/frf.h5" for name in (study_of(loaded).campaign, *study_of(loaded).individuals))
+    paper_figures(loaded)
+    return tuple(
+        f"{name}/frf.h5"
+        for name in (study_of(loaded, WernholtStudy).campaign, *study_of(loaded, WernholtStudy).individuals)
+    )
 
 
 def measured(run: Run) -> Frf:
@@ -85,7 +70,7 @@ def read_frf(path: Path) -> Frf:
 
 def robot_and_delay(loaded: LoadedExperiment) -> tuple[Robot, float]:
     """Returns the robot file's robot with the campaign's payload, and its nominal delay [s]."""
-    campaign = loaded.experiment.campaigns[study_of(loaded).campaign]
+    campaign = loaded.experiment.campaigns[study_of(loaded, WernholtStudy).campaign]
     return loaded.robot.to_robot(campaign.payload_kg), delay_s(loaded, campaign)
 
 
@@ -102,18 +87,12 @@ def with_estimator(options: ElasticOptions, estimator: EstimatorKind, weights: W
 
 @dataclass(frozen=True)
 class StartSet:
-    """All starts of one estimator.
+    """All starts of one estimator."""
 
-    Attributes:
-        group: "" for the starts and the strategy of the study, `<n>dec` for wider ones, `plain` for plain descents.
-        name: Name of the estimator.
-        alone: Whether only the best configuration is fitted.
-        options: Options of the fit; `starts` counts the robot file's values too, which are no start here.
-    """
-
-    group: str
-    name: str
-    alone: bool
+    group: str  # "" for the starts and the strategy of the study, `<n>dec` for wider ones, `plain` for plain descents
+    name: str  # Name of the estimator
+    alone: bool  # Whether only the best configuration is fitted
+    # Options of the fit; `starts` counts the robot file's values too, which are no start here
     options: ElasticOptions
 
 
@@ -145,7 +124,7 @@ def best_configuration(robot: Robot, frf: Frf, options: ElasticOptions, delay: f
 
 def tasks(run: Run, _earlier: Earlier) -> list[Task]:
     """Returns the tasks: the starts of every set in chunks."""
-    study = study_of(run.loaded)
+    study = study_of(run.loaded, WernholtStudy)
     robot, delay = robot_and_delay(run.loaded)
     path = run.path(needs(run.loaded)[0])
     decides = {"frf": read_header(path, FRF).content_sha256, **model_settings(run.loaded, study.campaign)}

@@ -14,8 +14,8 @@ from robid.report.section import Beside, Curve, Figure, Section, Table
 from robid.robot.skeleton import skeleton
 from robid.studies.zimmermann2023.effort import EffortCurves
 from robid.studies.zimmermann2023.figures import Found
-from robid.studies.zimmermann2023.step_responses import StepResponses
-from robid.studies.zimmermann2023.study import chosen_designs
+from robid.studies.zimmermann2023.models import chosen_designs
+from robid.studies.zimmermann2023.steps import StepResponses
 
 _MOST = 7
 _MM = 1e3

@@ -20,20 +20,14 @@ _FLOOR = 1e-9
 
 @dataclass(frozen=True)
 class EffortCurves:
-    """Deviations of the springs over the number of experiments.
+    """Deviations of the springs over the number of experiments."""
 
-    Attributes:
-        experiments (n_count,): Numbers of experiments.
-        average: Mean relative deviation (n_count,) by choice; infinite where the experiments do not suffice.
-        worst: Largest one.
-        sentence: What follows for who measures.
-        figures: Numbers of experiments by choice that reach what the guess reaches with a visit of each.
-    """
-
-    experiments: FloatArray
+    experiments: FloatArray  # (n_count,) numbers of experiments
+    # Mean relative deviation (n_count,) by choice; infinite where the experiments do not suffice
     average: dict[str, FloatArray]
-    worst: dict[str, FloatArray]
-    sentence: str
+    worst: dict[str, FloatArray]  # Largest one
+    sentence: str  # What follows for who measures
+    # Numbers of experiments by choice that reach what the guess reaches with a visit of each
     figures: dict[str, float]
 
 

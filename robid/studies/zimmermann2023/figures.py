@@ -1,4 +1,4 @@
-"""The figures of the study of configurations, from the results of its tasks."""
+"""The figures of the study of configurations, and which models are surely better than the optimal one."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.information import ConfigurationDesign
 from robid.pipeline import Run
-from robid.studies.settings.study import ZimmermannStudy
-from robid.studies.study import Earlier
+from robid.studies.over_individuals import Mean, differs, over_springs, scatter, scatter_error, scatters_differ
+from robid.studies.settings.elastic import ZimmermannStudy
+from robid.studies.study import Earlier, study_of
+from robid.studies.tasks import values_of
 from robid.studies.zimmermann2023.effort import EffortCurves, effort_curves
-from robid.studies.zimmermann2023.scatter import Mean, over_springs, scatter, scatter_error
-from robid.studies.zimmermann2023.sets import owners_of_sets
-from robid.studies.zimmermann2023.step_responses import StepResponses, step_figures
-from robid.studies.zimmermann2023.steps import read_steps
-from robid.studies.zimmermann2023.study import pairs, study_of
+from robid.studies.zimmermann2023.models import owners_of_sets, pairs
+from robid.studies.zimmermann2023.steps import StepResponses, read_steps, step_figures
 
 MISSED = 0.03
 """Relative error from which a first resonance counts as missed."""
@@ -31,37 +30,24 @@ _BENT = 0.01
 
 @dataclass(frozen=True)
 class Model:
-    """One model of all individuals; arrays begin with (n_seed, ...).
-
-    Attributes:
-        name: Its name.
-        used: Indices of its configurations, of the first individual.
-        wanted: Springs that deviations are given of.
-        std (n_seed, n_wanted): Relative deviation by the total covariance: the floor that noise sets.
-        fit_std (n_seed, n_wanted): Deviation of the springs themselves that the fit's intervals state.
-        effective_std (n_seed, n_wanted): That of what infinitely many configurations would give.
-        error (n_seed, n_set, n_wanted): Logarithm of the middle of each spring's interval over its true linear
-            stiffness, from its configurations and, where these were drawn, from further sets that share none.
-        fit_error (n_seed, n_set, n_wanted): The same of the fitted springs, which predict.
-        stiffness (n_seed, n_spring): Springs [N m/rad].
-        cost (n_seed, n_conf): Weighted log-amplitude error per element.
-        expected (n_seed, n_conf): What noise alone gives.
-        resonance_error (n_seed, n_conf, n_axis): Relative error of first resonances; NaN without a counterpart.
-        slope (n_seed, n_conf, n_spring): Slopes under gravity and excitation of gears that stiffen, or None.
-    """
+    """One model of all individuals; arrays begin with (n_seed, ...)."""
 
     name: str
-    used: tuple[int, ...]
-    wanted: tuple[str, ...]
-    std: FloatArray
-    fit_std: FloatArray
-    effective_std: FloatArray
+    used: tuple[int, ...]  # Indices of its configurations, of the first individual
+    wanted: tuple[str, ...]  # Springs that deviations are given of
+    std: FloatArray  # (n_seed, n_wanted) relative deviation by the total covariance: the floor that noise sets
+    fit_std: FloatArray  # (n_seed, n_wanted) deviation of the springs themselves that the fit's intervals state
+    effective_std: FloatArray  # (n_seed, n_wanted) that of what infinitely many configurations would give
+    # (n_seed, n_set, n_wanted) logarithm of the middle of each spring's interval over its true linear stiffness, from
+    # its configurations and, where these were drawn, from further sets that share none
     error: FloatArray
-    fit_error: FloatArray
-    stiffness: FloatArray
-    cost: FloatArray
-    expected: FloatArray
+    fit_error: FloatArray  # (n_seed, n_set, n_wanted) the same of the fitted springs, which predict
+    stiffness: FloatArray  # (n_seed, n_spring) springs [N m/rad]
+    cost: FloatArray  # (n_seed, n_conf) weighted log-amplitude error per element
+    expected: FloatArray  # (n_seed, n_conf) what noise alone gives
+    # (n_seed, n_conf, n_axis) relative error of first resonances; NaN without a counterpart
     resonance_error: FloatArray
+    # (n_seed, n_conf, n_spring) slopes under gravity and excitation of gears that stiffen, or None
     slope: FloatArray | None
 
     @property
@@ -91,29 +77,17 @@ class Model:
 
 @dataclass(frozen=True)
 class Found:
-    """All that the tasks found.
-
-    Attributes:
-        study: The study.
-        models: The models by name.
-        springs: Names of all springs.
-        truth (n_seed, n_spring): True linear stiffness [N m/rad].
-        there (n_seed, n_conf, n_axis): Whether the measurement shows a first resonance.
-        design: The design of the study.
-        effort: Deviations over the number of experiments.
-        steps: Responses to steps of each individual; empty where nothing was stepped.
-        first: Arrays of the first individual's models, for drawing, by model and dataset.
-    """
+    """All that the tasks found."""
 
     study: ZimmermannStudy
-    models: dict[str, Model]
-    springs: tuple[str, ...]
-    truth: FloatArray
-    there: BoolArray
-    design: ConfigurationDesign
-    effort: EffortCurves
-    steps: tuple[StepResponses, ...]
-    first: dict[str, dict[str, Any]]
+    models: dict[str, Model]  # The models by name
+    springs: tuple[str, ...]  # Names of all springs
+    truth: FloatArray  # (n_seed, n_spring) true linear stiffness [N m/rad]
+    there: BoolArray  # (n_seed, n_conf, n_axis) whether the measurement shows a first resonance
+    design: ConfigurationDesign  # The design of the study
+    effort: EffortCurves  # Deviations over the number of experiments
+    steps: tuple[StepResponses, ...]  # Responses to steps of each individual; empty where nothing was stepped
+    first: dict[str, dict[str, Any]]  # Arrays of the first individual's models, for drawing, by model and dataset
 
     @property
     def small(self) -> list[str]:
@@ -124,7 +98,7 @@ class Found:
 
 def gather(run: Run, earlier: Earlier) -> Found:
     """Puts the tasks' results together."""
-    study, names = study_of(run.loaded), list(study_of(run.loaded).models)
+    study, names = study_of(run.loaded, ZimmermannStudy), list(study_of(run.loaded, ZimmermannStudy).models)
     results = [_values(result) for result in earlier[1]]
     by_model = {name: results[index :: len(names)] for index, name in enumerate(names)}
     further = _further_sets(run, study, earlier)
@@ -148,7 +122,7 @@ def gather(run: Run, earlier: Earlier) -> Found:
 
 
 def _values(result: Artifact) -> dict[str, Any]:
-    return {name: dataset.values for name, dataset in result.datasets.items()}
+    return values_of(result)
 
 
 def _further_sets(run: Run, study: ZimmermannStudy, earlier: Earlier) -> dict[str, list[list[dict[str, Any]]]]:
@@ -268,3 +242,35 @@ def _step_summary(steps: tuple[StepResponses, ...]) -> dict[str, float]:
             values = [getattr(one[name], key) for one in every]
             found = {**found, f"{name.replace(' ', '_')}.step_{key}": float(np.median(values))}
     return dict(found)
+
+
+@dataclass(frozen=True)
+class Rivals:
+    """Models with as few configurations as the optimal one."""
+
+    lower: tuple[str, ...]  # Those that are surely below it
+    tied: tuple[str, ...]  # Those that differ from it by no more than chance over the individuals
+
+
+def rivals(found: Found, mean: Mean) -> dict[str, Rivals]:
+    """Returns the optimal model's rivals by `deviation`, as fits state it, and by `scatter` about the truth.
+
+    Args:
+        found: What the study found.
+        mean: Mean over the springs.
+    """
+    own = found.models[found.study.optimal]
+    others = [found.models[name] for name in found.small if name != found.study.optimal]
+    stated, scattered = {}, {}
+    for one in others:
+        pair = one.stated(mean), own.stated(mean)
+        stated[one.name] = float(np.median(pair[0] / pair[1])), differs(*pair)
+        ratio = scatter(one.error, mean) / scatter(own.error, mean)
+        scattered[one.name] = ratio, scatters_differ(one.error, own.error, mean)
+    return {"deviation": _rivals(stated), "scatter": _rivals(scattered)}
+
+
+def _rivals(ratios: Mapping[str, tuple[float, bool]]) -> Rivals:
+    """By each model's figure over the optimal one's, and whether that is more than chance."""
+    lower = tuple(name for name, (ratio, surely) in ratios.items() if surely and ratio < 1)
+    return Rivals(lower, tuple(name for name, (_, surely) in ratios.items() if not surely))

@@ -1,4 +1,4 @@
-"""The models of the study of configurations: which data each is fitted to, and how well each holds on the others."""
+"""The campaigns of the study of configurations, its models, and how well each holds on all others."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.artifacts.artifact import Dataset
-from robid.artifacts.frf import frf_from_artifact
+from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
-from robid.artifacts.task import TASK
+from robid.design.configurations.information import ConfigurationDesign
 from robid.design.configurations.measured import measured_information
 from robid.design.configurations.options import ALONG
 from robid.frf.frf import Frf
-from robid.frf.joined import join
 from robid.models.elastic.fit.fitted_robot import fitted_robot
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
@@ -32,16 +31,69 @@ from robid.robot.description import Robot
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
 from robid.robot.rest import settle_springs
+from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
 from robid.settings.truth import true_robot_of
 from robid.simulate.truth import with_imperfections
+from robid.studies.experiments import paper_figures
 from robid.studies.over_individuals import stated_std
-from robid.studies.settings.study import ModelChoice, ZimmermannStudy
-from robid.studies.simulated import simulate_options
-from robid.studies.study import Earlier
+from robid.studies.settings.elastic import ModelChoice, ZimmermannStudy
+from robid.studies.simulated import measurements, played, read_responses, simulate_options, threads_of
+from robid.studies.study import Earlier, study_of
 from robid.studies.tasks import Content, Task
-from robid.studies.zimmermann2023.study import Pair, pairs, study_of
+
+
+def chosen_designs(run: Run) -> dict[str, ConfigurationDesign]:
+    """Returns the designs that the study's configurations come from, by name."""
+    names = run.loaded.experiment.campaigns[study_of(run.loaded, ZimmermannStudy).estimation[0]].designs
+    paths = {name: run.path(f"designs/{name}.h5") for name in names}
+    return {name: design_from_artifact(read_artifact(path, DESIGN)) for name, path in paths.items()}
+
+
+def campaigns(study: ZimmermannStudy) -> tuple[str, ...]:
+    """Returns the campaigns of all pairs: each estimation campaign, then its validation campaign."""
+    return tuple(name for pair in zip(study.estimation, study.validation, strict=True) for name in pair)
+
+
+def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
+    """Returns the outputs of the chain that the tasks read, once the paper's figures can be read."""
+    paper_figures(loaded)
+    return tuple(f"{name}/excitation.h5" for name in campaigns(study_of(loaded, ZimmermannStudy)))
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One individual: its two campaigns, and where the responses of all configurations lie."""
+
+    estimation: str
+    validation: str
+    configurations: FloatArray
+    estimation_paths: tuple[Path, ...]
+    validation_paths: tuple[Path, ...]
+
+
+def pairs(run: Run, earlier: Earlier) -> list[Pair]:
+    """Returns the pairs of campaigns with the results of the first step."""
+    study = study_of(run.loaded, ZimmermannStudy)
+    found, left = [], list(earlier[0].paths)
+    for names in zip(study.estimation, study.validation, strict=True):
+        configurations = played(run, names[0]).configurations
+        count = len(configurations)
+        found.append(Pair(*names, configurations, tuple(left[:count]), tuple(left[count : 2 * count])))
+        left = left[2 * count :]
+    return found
+
+
+def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
+    """Returns one task for each campaign and configuration."""
+    found: list[Task] = []
+    for name in campaigns(study_of(run.loaded, ZimmermannStudy)):
+        campaign = run.loaded.experiment.campaigns[name]
+        options, content = simulate_options(campaign), played(run, name)
+        found += measurements(run.loaded, campaign, options, content, name, threads_of(run))
+    return found
+
 
 _NOTHING_KNOWN = 1e9
 _RESULT = 5
@@ -50,27 +102,17 @@ _RESULT = 5
 
 @dataclass(frozen=True)
 class Fitting:
-    """One model of one individual.
+    """One model of one individual."""
 
-    Attributes:
-        robots: The robot file's, with the payload of the estimation and with that of the validation.
-        truth: The true robot.
-        estimation: Where the responses to fit lie, of all configurations.
-        validation: Where those that validate lie; none of a model that is not judged.
-        used: Indices of the configurations that the model is fitted to.
-        options: Options of the fit.
-        delay_s: Nominal delay [s].
-        axes: Joints whose first resonances are compared.
-    """
-
+    # The robot file's, with the payload of the estimation and with that of the validation
     robots: tuple[Robot, Robot]
-    truth: Robot
-    estimation: tuple[Path, ...]
-    validation: tuple[Path, ...]
-    used: tuple[int, ...]
-    options: ElasticOptions
-    delay_s: float
-    axes: tuple[str, ...]
+    truth: Robot  # The true robot
+    estimation: tuple[Path, ...]  # Where the responses to fit lie, of all configurations
+    validation: tuple[Path, ...]  # Where those that validate lie; none of a model that is not judged
+    used: tuple[int, ...]  # Indices of the configurations that the model is fitted to
+    options: ElasticOptions  # Options of the fit
+    delay_s: float  # Nominal delay [s]
+    axes: tuple[str, ...]  # Joints whose first resonances are compared
 
 
 def model_sets(study: ZimmermannStudy, torque: dict[str, FloatArray], n_conf: int) -> dict[str, tuple[int, ...]]:
@@ -110,7 +152,7 @@ def options_of(study: ZimmermannStudy, choice: ModelChoice) -> ElasticOptions:
 
 def model_tasks(run: Run, earlier: Earlier) -> list[Task]:
     """Returns one task for each individual and model."""
-    study = study_of(run.loaded)
+    study = study_of(run.loaded, ZimmermannStudy)
     return [
         model_task(run, study, pair, name, used, f"{name}_{number}")
         for number, pair in enumerate(pairs(run, earlier), 1)
@@ -158,11 +200,6 @@ def model_task(
     paths = pair.estimation_paths, validation
     delay = delay_s(run.loaded, own)
     return Task(key, decides, Fitting(robots, truth, *paths, used, options, delay, study.axes))
-
-
-def read_responses(paths: Sequence[Path]) -> Frf:
-    """Reads the responses of some configurations as one."""
-    return join([frf_from_artifact(read_artifact(path, TASK)) for path in paths], [path.name for path in paths])
 
 
 def fit_model(one: Fitting) -> Content:
@@ -270,3 +307,45 @@ def _slopes(one: Fitting, solution: ElasticSolution) -> Dataset:
     model, parameters = fitted.linear
     slopes = settle_springs(model.rest, parameters.springs).stiffness
     return Dataset(slopes, "N m/rad", ("configuration", "spring"), "Slope under gravity and excitation")
+
+
+_FURTHER = 1  # keeps the draw of further sets apart from that of the first
+
+
+def further_sets(choice: ModelChoice, n_conf: int) -> tuple[tuple[int, ...], ...]:
+    """Returns as many further sets of configurations as a drawn model's pool has that share none.
+
+    Args:
+        choice: The model's data.
+        n_conf: Number of configurations.
+    """
+    if choice.count is None or choice.low_torque is not None:
+        return ()
+    pool = np.arange(n_conf) if choice.configurations is None else np.array(choice.configurations)
+    left = np.setdiff1d(pool, model_set(choice, {}, n_conf))
+    left = np.random.default_rng([choice.seed, _FURTHER]).permutation(left)
+    count = choice.count
+    return tuple(tuple(sorted(left[at : at + count].tolist())) for at in range(0, left.size - count + 1, count))
+
+
+def set_tasks(run: Run, earlier: Earlier) -> list[Task]:
+    """Returns one task for each individual and further set of each drawn model, in the order of `owners_of_sets`."""
+    study = study_of(run.loaded, ZimmermannStudy)
+    return [
+        model_task(run, study, pair, name, used, f"{name}_{number}_{further}", judged=False)
+        for number, pair in enumerate(pairs(run, earlier), 1)
+        for name, choice in study.models.items()
+        for further, used in enumerate(further_sets(choice, len(pair.configurations)), 2)
+    ]
+
+
+def owners_of_sets(study: ZimmermannStudy, n_conf: int) -> list[str]:
+    """Returns the model of each further set of one individual, in the order of its tasks."""
+    return [name for name, choice in study.models.items() for _ in further_sets(choice, n_conf)]
+
+
+def fit_set(one: Fitting) -> Content:
+    """Fits a model that is not judged."""
+    frf = read_responses([one.estimation[index] for index in one.used])
+    solution = fit_elastic(one.robots[0], frf, one.options, one.delay_s)
+    return Content(fitted_parameters(one, solution), {"status": solution.estimate.status, "misfit": solution.misfit})

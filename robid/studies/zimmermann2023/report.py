@@ -11,8 +11,8 @@ from robid.pipeline import Run
 from robid.report.content import Verdict
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Section, Table
-from robid.studies.conclusion import Conclusion
-from robid.studies.paper import paper_figures
+from robid.studies.experiments import paper_figures
+from robid.studies.study import Conclusion
 from robid.studies.tasks import Results
 from robid.studies.zimmermann2023.curves import (
     design_sections,
@@ -22,9 +22,7 @@ from robid.studies.zimmermann2023.curves import (
     spring_section,
     step_section,
 )
-from robid.studies.zimmermann2023.figures import MISSED, Found, explained_springs, gather, summarise
-from robid.studies.zimmermann2023.rivals import Rivals, rivals
-from robid.studies.zimmermann2023.study import study_of
+from robid.studies.zimmermann2023.figures import MISSED, Found, Rivals, explained_springs, gather, rivals, summarise
 
 _ENOUGH_COST = 1.06
 _ENOUGH_EXCESS = 0.5
@@ -34,7 +32,7 @@ _FURTHER = 2.0
 
 def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
     """Turns the tasks' results into figures, tables and what follows for the choice of configurations."""
-    found, paper = gather(run, results), paper_figures(study_of(run.loaded).paper, run.loaded)
+    found, paper = gather(run, results), paper_figures(run.loaded)
     summary = summarise(found)
     sections = (
         _data_section(found, paper),

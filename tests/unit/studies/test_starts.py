@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robid.studies.wernholt2008.starts import shares_differ, spread, within_factor
+from robid.studies.wernholt2008.figures import shares_differ, spread, within_factor
 
 
 def test_statistics_are_those_of_the_ratios_to_the_best():

@@ -13,10 +13,9 @@ from robid.robot.model import build_model
 from robid.settings.load import load_robot
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.playback import with_tool_point
-from robid.studies.settings.steps import StepOptions
-from robid.studies.zimmermann2023.step_bench import StepBench, StepTask, step_control
-from robid.studies.zimmermann2023.step_profile import StepProfile, step_profiles
-from robid.studies.zimmermann2023.step_responses import StepResponses, step_figures, step_responses
+from robid.studies.settings.elastic import StepOptions
+from robid.studies.zimmermann2023.step_bench import StepBench, StepProfile, StepTask, step_control, step_profiles
+from robid.studies.zimmermann2023.steps import StepResponses, step_figures, step_responses
 
 KR300 = Path(__file__).parents[3] / "configs" / "robots" / "kr300.yaml"
 CONFIGURATIONS = np.array([[0.3, -0.8]])

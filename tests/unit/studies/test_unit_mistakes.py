@@ -17,10 +17,18 @@ from robid.signals.record import Record
 from robid.studies.known import load_with_study
 from robid.studies.mistakes.units.cases import reading_campaign
 from robid.studies.mistakes.units.figures import UnitRow, summarise_units, unit_verdicts
-from robid.studies.mistakes.units.logs import Sizes, log_of, mapping_of, mistaken_log, stamps, write_log
-from robid.studies.mistakes.units.rough import rough_robot, rough_torque_constants
+from robid.studies.mistakes.units.logs import (
+    Sizes,
+    log_of,
+    mapping_of,
+    mistaken_log,
+    rough_robot,
+    rough_torque_constants,
+    stamps,
+    write_log,
+)
 from robid.studies.mistakes.units.scales import Said, group_of, is_named, said_of
-from robid.studies.settings.unit_mistakes import Rough, UnitMistake
+from robid.studies.settings.mistakes import Rough, UnitMistake
 from tolerances import IDENTITY
 
 ROOT = Path(__file__).parents[3]

@@ -10,7 +10,7 @@ from robid.models.elastic.fit.fitting import set_up
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.judge.extrema import own_resonance_errors
 from robid.studies.over_individuals import stated_std
-from robid.studies.settings.study import EstimatorChoice, WernholtStudy
+from robid.studies.settings.elastic import EstimatorChoice, WernholtStudy
 from robid.studies.wernholt2008.conclusions import claims
 from robid.studies.wernholt2008.figures import Found, Judge, Models, model_figures, summarise
 from robid.studies.wernholt2008.individuals import Individuals, estimators_of

@@ -7,15 +7,12 @@ import pytest
 
 from exact_systems import two_joint_robot
 from robid.design.configurations.information import ConfigurationDesign
-from robid.studies.over_individuals import differs
-from robid.studies.settings.study import ModelChoice, ZimmermannStudy
+from robid.studies.over_individuals import differs, scatter, scatter_error, scatters_differ
+from robid.studies.settings.elastic import ModelChoice, ZimmermannStudy
 from robid.studies.zimmermann2023.effort import crossing, deviations, effort_curves
-from robid.studies.zimmermann2023.figures import Found, Model, explained_springs, summarise
-from robid.studies.zimmermann2023.models import model_sets, options_of, transmission_torque
+from robid.studies.zimmermann2023.figures import Found, Model, Rivals, explained_springs, rivals, summarise
+from robid.studies.zimmermann2023.models import further_sets, model_sets, options_of, transmission_torque
 from robid.studies.zimmermann2023.report import _contradictions, _otherwise, _standing, _too_sure
-from robid.studies.zimmermann2023.rivals import Rivals, rivals
-from robid.studies.zimmermann2023.scatter import scatter, scatter_error, scatters_differ
-from robid.studies.zimmermann2023.sets import further_sets
 
 N_SEED, N_CONF = 5, 6
 SCATTER = np.array([0.97, 1.01, 1.0, 1.02, 0.99])

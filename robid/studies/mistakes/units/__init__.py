@@ -1,1 +1,1 @@
-"""Logs in wrong units, read by a fit of any family. Read `scales`, `logs`, `rough`, `robots`, `cases`, `figures`."""
+"""Logs in wrong units, read by a fit of any family. Read `logs`, `scales`, `cases`, `figures`."""

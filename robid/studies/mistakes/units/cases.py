@@ -1,4 +1,4 @@
-"""Each individual is simulated once; its logs are read with each mistake, through the whole chain of its fit."""
+"""Robots whose logs are read: each individual is simulated once, its logs are read with each mistake."""
 
 from __future__ import annotations
 
@@ -28,17 +28,119 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
 from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import require_controller
+from robid.settings.yaml import FieldPath
 from robid.simulate.experiment import simulate
 from robid.stages.simulate_or_acquire import simulated_experiment
-from robid.studies.changed import changed_simulation
-from robid.studies.mistakes.study import campaigns_of, study_of
-from robid.studies.mistakes.units.logs import Log, Sizes, log_of, mapping_of, mistaken_log, stamps, write_log
-from robid.studies.mistakes.units.robots import Individual, individuals, unit_subjects
-from robid.studies.mistakes.units.rough import rough_robot, rough_torque_constants
+from robid.studies.experiments import Further, Problems, changed_simulation, fit_problem, physics_problems, run_of
+from robid.studies.mistakes.responses import campaigns_of
+from robid.studies.mistakes.units.logs import (
+    Log,
+    Sizes,
+    log_of,
+    mapping_of,
+    mistaken_log,
+    rough_robot,
+    rough_torque_constants,
+    stamps,
+    write_log,
+)
 from robid.studies.mistakes.units.scales import Said
-from robid.studies.settings.unit_mistakes import Rough, UnitMistake, UnitRobot
-from robid.studies.study import Earlier
+from robid.studies.settings.mistakes import MistakesStudy, Rough, UnitMistake, UnitRobot
+from robid.studies.study import Earlier, study_of
 from robid.studies.tasks import Content, Task
+
+
+@dataclass(frozen=True)
+class UnitSubject:
+    """One of the robots: its experiment in a run folder of its own."""
+
+    name: str
+    run: Run
+    settings: UnitRobot
+
+    @property
+    def campaigns(self) -> dict[str, str]:
+        """Names of the campaigns that its fit is fitted to and validated on."""
+        return campaigns_of(self.run.loaded, self.settings.fit)
+
+
+@dataclass(frozen=True)
+class Individual:
+    """One true robot, whose logs are read."""
+
+    robot: str
+    seed: int  # Seed of its truth and its noise
+    number: int  # Which of its robot's it is, from 0
+    rough: bool  # Whether its logs are sound and its robot file is rough; else its logs are read in wrong units
+
+    @property
+    def key(self) -> str:
+        """A name that no other has."""
+        return f"{self.robot}_{'rough' if self.rough else 'units'}_{self.seed}"
+
+    def physics(self, settings: UnitRobot) -> Mapping[str, Any]:
+        """Returns what is simulated otherwise than its campaigns say."""
+        return settings.variants[self.number % len(settings.variants)].model_dump()
+
+    def joint(self, n_joint: int) -> int:
+        """Returns the joint of a mistake of one joint alone."""
+        return self.seed % n_joint
+
+
+def unit_subjects(run: Run) -> dict[str, UnitSubject]:
+    """Returns the robots whose logs are read, each in a folder below."""
+    study = study_of(run.loaded, MistakesStudy)
+    if study.units is None or not study.reads_units:
+        return {}
+    return {name: _subject(run, study, name, settings) for name, settings in study.units.chosen.items()}
+
+
+def individuals(study: MistakesStudy) -> list[Individual]:
+    """Returns all individuals: for each robot those whose logs are read in wrong units, then those of rough files."""
+    if study.units is None or not study.reads_units:
+        return []
+    seeds = study.chosen
+    counts = {False: seeds.units, True: seeds.rough}
+    return [
+        Individual(robot, seeds.first + number, number, rough)
+        for robot in study.units.chosen
+        for rough, count in counts.items()
+        for number in range(count)
+    ]
+
+
+def needed_by_units(run: Run) -> Further:
+    """Returns the experiments of the robots, with the outputs of their chains that the tasks read."""
+    return tuple(
+        (one.run, tuple(f"{owner}/excitation.h5" for owner in one.campaigns.values()))
+        for one in unit_subjects(run).values()
+    )
+
+
+def _subject(run: Run, study: MistakesStudy, name: str, settings: UnitRobot) -> UnitSubject:
+    def problems(loaded: LoadedExperiment) -> Problems:
+        return _problems(loaded, study, name, settings)
+
+    return UnitSubject(name, run_of(run, settings.experiment, f"units/{name}", problems), settings)
+
+
+def _problems(loaded: LoadedExperiment, study: MistakesStudy, name: str, settings: UnitRobot) -> Problems:
+    """Yields what a robot's experiment lacks."""
+    place: FieldPath = ("study", "units", "robots", name)
+    problem = fit_problem(loaded.experiment, settings.fit)
+    if problem:
+        yield (*place, "fit"), problem
+        return
+    campaigns = [loaded.experiment.campaigns[one] for one in campaigns_of(loaded, settings.fit).values()]
+    mistakes = {} if study.units is None else study.units.mistakes
+    read = {signal for one in mistakes.values() for signal in one.log.get(name, settings.log)} | set(settings.log)
+    arms = {f"{joint.name}.arm" for joint in loaded.robot.joints}
+    if "arm" in read and any(not arms <= set(campaign.outputs) for campaign in campaigns):
+        yield (*place, "log"), f"the campaigns' `outputs` lack {', '.join(sorted(arms))}"
+    for index, variant in enumerate(settings.variants):
+        found = physics_problems(campaigns[0], variant.model_dump(), None)
+        yield from (((*place, "variants", index, *field), message) for field, message in found)
+
 
 ROUGH = "rough"
 """Name of the case in which nothing is wrong but the robot file."""
@@ -46,16 +148,7 @@ ROUGH = "rough"
 
 @dataclass(frozen=True)
 class Reading:
-    """An individual, and the mistakes with which its logs are read.
-
-    Attributes:
-        of: The individual.
-        experiment: The experiment file of its robot.
-        settings: What the study says of its robot.
-        played: Where the excitation of each campaign lies, by `estimation` and `validation`.
-        mistakes: The mistakes by name; none where its robot file is rough.
-        rough: How rough that is.
-    """
+    """An individual, and the mistakes with which its logs are read."""
 
     of: Individual
     experiment: Path
@@ -67,7 +160,7 @@ class Reading:
 
 def unit_tasks(run: Run, _earlier: Earlier) -> list[Task]:
     """Returns one task for each individual."""
-    study, subjects = study_of(run.loaded), unit_subjects(run)
+    study, subjects = study_of(run.loaded, MistakesStudy), unit_subjects(run)
     if study.units is None:
         return []
     found = []

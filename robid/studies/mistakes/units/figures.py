@@ -10,10 +10,10 @@ from robid.artifacts.artifact import Artifact
 from robid.pipeline import Run
 from robid.report.numbers import percent
 from robid.report.section import Section, Table
-from robid.studies.mistakes.study import study_of
-from robid.studies.mistakes.units.robots import UnitSubject, unit_subjects
+from robid.studies.mistakes.units.cases import UnitSubject, unit_subjects
 from robid.studies.mistakes.units.scales import is_named, said_of
-from robid.studies.settings.unit_mistakes import UnitMistake
+from robid.studies.settings.mistakes import MistakesStudy, UnitMistake
+from robid.studies.study import study_of
 
 POOLED, EACH, FALSE = 0.9, 0.85, 2
 """What is asked: at least, over all robots; at least, on each; records that may be accused for nothing, at most."""
@@ -21,30 +21,20 @@ POOLED, EACH, FALSE = 0.9, 0.85, 2
 
 @dataclass(frozen=True)
 class UnitRow:
-    """One case.
+    """One case."""
 
-    Attributes:
-        name: Name of the mistake; that of no mistake for a sound record.
-        robot: Name of the robot.
-        seed: Seed of the individual.
-        rough: Whether nothing but the robot file is wrong.
-        named: Whether the mistake is named first.
-        accused: Whether units are accused first, rightly or not.
-        first: What is named first, in words.
-    """
-
-    name: str
+    name: str  # Name of the mistake; that of no mistake for a sound record
     robot: str
-    seed: int
-    rough: bool
-    named: bool
-    accused: bool
-    first: str
+    seed: int  # Seed of the individual
+    rough: bool  # Whether nothing but the robot file is wrong
+    named: bool  # Whether the mistake is named first
+    accused: bool  # Whether units are accused first, rightly or not
+    first: str  # What is named first, in words
 
 
 def unit_rows(run: Run, results: Iterable[Artifact]) -> list[UnitRow]:
     """Reads the cases."""
-    study, subjects = study_of(run.loaded), unit_subjects(run)
+    study, subjects = study_of(run.loaded, MistakesStudy), unit_subjects(run)
     mistakes = {} if study.units is None else study.units.mistakes
     return [row for held in results for row in _rows(held, subjects, mistakes)]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from robid.results.doubt import CAUSES
 from robid.results.scale import SCALES, Scale, read_scale
-from robid.studies.settings.unit_mistakes import UnitMistake
+from robid.studies.settings.mistakes import UnitMistake
 
 UNITS = "units"
 """The cause that must be blamed."""
@@ -16,17 +16,11 @@ UNITS = "units"
 
 @dataclass(frozen=True)
 class Said:
-    """What the tool said of a case.
+    """What the tool said of a case."""
 
-    Attributes:
-        causes: The causes that its grade names, the first to blame first; none where it was refused.
-        scales: What the first of them says is wrongly scaled.
-        refusal: Why it was refused; empty where it was not.
-    """
-
-    causes: tuple[str, ...]
-    scales: tuple[Scale, ...]
-    refusal: str
+    causes: tuple[str, ...]  # The causes that its grade names, the first to blame first; none where it was refused
+    scales: tuple[Scale, ...]  # What the first of them says is wrongly scaled
+    refusal: str  # Why it was refused; empty where it was not
 
     @property
     def accuses_units(self) -> bool:

@@ -10,11 +10,9 @@ import pytest
 from scipy.io import loadmat
 
 from robid.models.known import load_experiment
-from robid.studies.fleet.check import KINDS
-from robid.studies.fleet.faults import faulty_bytes, faulty_log
 from robid.studies.fleet.logs import log_bytes, softened
-from robid.studies.fleet.robots import Fault, plan_robots
-from robid.studies.settings.fleet import FleetFaults, FleetStudy
+from robid.studies.fleet.robots import Fault, faulty_bytes, faulty_log, plan_robots
+from robid.studies.settings.study import KINDS, FleetFaults, FleetStudy
 
 JOINTS = ("turn", "lift")
 SIGNALS = Fault("", "", 1, "angle", 0.3, 7, 5)

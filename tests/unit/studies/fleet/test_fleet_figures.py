@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from robid.errors import BackendError
-from robid.studies.fleet import memory, speed
+from robid.studies.fleet import speed
+from robid.studies.fleet import whole as memory
 from robid.studies.fleet.whole import count_found
 
 

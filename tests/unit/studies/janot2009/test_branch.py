@@ -9,10 +9,9 @@ from robid.errors import DataError
 from robid.models.rigid.fit.options import PreprocessingOptions
 from robid.settings.load import load_robot
 from robid.signals.filters import central_differences
-from robid.studies.janot2009.branch.motion import Branch
-from robid.studies.janot2009.branch.rig import make_rig, record_branch
-from robid.studies.janot2009.seeded.identification import identify
-from robid.studies.settings.study import BranchCase
+from robid.studies.janot2009.branch import Branch, make_rig, record_branch
+from robid.studies.janot2009.seeded import identify
+from robid.studies.settings.parts import BranchCase
 
 FILE = load_robot(Path(__file__).parents[4] / "configs/robots/branch.yaml")
 MIDDLE = np.deg2rad([0.0, 25, -90])

@@ -6,7 +6,7 @@ import pytest
 
 from robid.pipeline import Run
 from robid.settings.yaml import load_yaml
-from robid.studies.janot2009.emps import asked_of, conclude_emps, further_emps
+from robid.studies.janot2009.recorded import EMPS, asked_of
 from robid.studies.known import load_with_study
 
 ROOT = Path(__file__).parents[4]
@@ -29,8 +29,8 @@ def test_limits_are_those_of_the_published_values():
 
 def test_without_its_log_the_axis_is_left_out_with_the_reason(run, monkeypatch, tmp_path):
     monkeypatch.setenv("ROBID_DATA", str(tmp_path))
-    assert further_emps(run) == ()
-    found = conclude_emps(run, ())
+    assert EMPS.further(run, EMPS.case_of(run)) == ()
+    found = EMPS.conclude(run, EMPS.case_of(run), ())
     assert found.figures == {}
     assert found.asked == {}
     assert "DATA_EMPS.mat" in found.warnings[0]
@@ -38,6 +38,6 @@ def test_without_its_log_the_axis_is_left_out_with_the_reason(run, monkeypatch, 
 
 def test_with_its_log_both_fits_are_asked_for(run, data_folder):
     data_folder("emps")
-    ((own, outputs),) = further_emps(run)
+    ((own, outputs),) = EMPS.further(run, EMPS.case_of(run))
     assert outputs == ("fits/axis/model.h5", "fits/asymmetric/model.h5")
     assert own.folder == run.folder / "emps"

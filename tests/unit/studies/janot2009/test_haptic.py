@@ -8,12 +8,21 @@ import pytest
 from robid.artifacts.artifact import Artifact, Provenance
 from robid.artifacts.task import TASK
 from robid.signals.filters import central_differences
-from robid.studies.janot2009.haptic.device import NOMINAL, Bench, Device, measured, reference, simulate
-from robid.studies.janot2009.haptic.page import variations
-from robid.studies.janot2009.haptic.runs import bench_of, haptic_machine, record
-from robid.studies.janot2009.seeded.chunks import BENDS, FILTERS, gather, judge_chunk
-from robid.studies.janot2009.seeded.figures import errors_of, verdict_figures
-from robid.studies.settings.study import SeededCase
+from robid.studies.janot2009.haptic import (
+    NOMINAL,
+    Bench,
+    Device,
+    bench_of,
+    haptic_machine,
+    measured,
+    record,
+    reference,
+    simulate,
+    variations,
+)
+from robid.studies.janot2009.seeded import BENDS, FILTERS, gather, judge_chunk
+from robid.studies.janot2009.verdicts import errors_of, verdict_figures
+from robid.studies.settings.parts import SeededCase
 
 BENCH = Bench()
 

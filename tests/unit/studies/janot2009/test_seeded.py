@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robid.studies.janot2009.haptic.page import variations
-from robid.studies.janot2009.seeded.chunks import Judged
-from robid.studies.janot2009.seeded.figures import errors_of, verdict_figures
-from robid.studies.part import Asked
+from robid.studies.janot2009.haptic import variations
+from robid.studies.janot2009.seeded import Judged
+from robid.studies.janot2009.verdicts import errors_of, verdict_figures
+from robid.studies.study import Asked
 
 TRUTH = np.array([2.0, 3.0, 4.0])
 

@@ -12,7 +12,7 @@ from robid.models.rigid.fit.shots import shots_of
 from robid.models.rigid.settings import rigid_fit
 from robid.robot.description import Inertial, Joint, Motor, Robot
 from robid.stages.acquire import acquire_shots
-from robid.studies.janot2009.tx40.published import PUBLISHED, arm_side, published_rows, tx40_figures
+from robid.studies.janot2009.recorded import PUBLISHED, arm_side, published_rows, tx40_figures
 
 EXPERIMENT = Path(__file__).parents[4] / "configs" / "tx40.yaml"
 RATIOS = (32.0, 32.0, 45.0, -48.0, 45.0, 32.0)

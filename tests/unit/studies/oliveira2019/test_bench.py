@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from robid.settings.yaml import load_yaml
-from robid.studies.oliveira2019.plants.bench import Bench, Plant, bench_of, plants_of
-from robid.studies.settings.oliveira2019 import PlantsCase
+from robid.studies.oliveira2019.bench import Bench, Plant, bench_of, plants_of
+from robid.studies.settings.parts import PlantsCase
 
 ROOT = Path(__file__).parents[4]
 PAPER = load_yaml(ROOT / "data/oliveira2019.yaml").data

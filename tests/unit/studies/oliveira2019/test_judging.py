@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robid.studies.oliveira2019.plants.judging import (
+from robid.studies.oliveira2019.judging import (
     RootValue,
     band_errors,
     judge_roots,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robid.studies.trust.coverage import Intervals
 from robid.studies.trust.figures import (
+    Intervals,
     RobotRow,
     Springs,
     cause_figures,

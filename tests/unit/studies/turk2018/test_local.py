@@ -12,10 +12,17 @@ from robid.models.lpv.fit.options import BasisOptions, LpvOptions, PathOptions
 from robid.models.lpv.fit.solution import Ports
 from robid.report.charts import Waterfall
 from robid.report.numbers import MINUS, MISSING
-from robid.studies.turk2018.local.figures import below_response_db, deviations, error_ratio, rest_figures, share_within
-from robid.studies.turk2018.local.page import asked_of
-from robid.studies.turk2018.local.pictures import bode_section, left_out_section
-from robid.studies.turk2018.local.tables import block_section, nearness_section
+from robid.studies.turk2018.pictures import bode_section, left_out_section
+from robid.studies.turk2018.rest import (
+    asked_of,
+    below_response_db,
+    block_section,
+    deviations,
+    error_ratio,
+    nearness_section,
+    rest_figures,
+    share_within,
+)
 
 PORTS = Ports(("u",), ("N m",), ("y1", "y2"), ("rad/s^2", "m/s^2"), ("slide",), ("m",), 1.0)
 PAPER = {

@@ -18,9 +18,14 @@ from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Controller, Imperfections, SimulateOptions, Truth
 from robid.simulate.truth import TrueRobot
-from robid.studies.turk2018.moving.figures import Travelled, total_over_noise, travel_figures
-from robid.studies.turk2018.moving.frozen import drive_amplitudes, freeze_drive
-from robid.studies.turk2018.moving.prediction import deviation, measured_amplitudes, split_errors
+from robid.studies.turk2018.moving import Travelled, total_over_noise, travel_figures
+from robid.studies.turk2018.prediction import (
+    deviation,
+    drive_amplitudes,
+    freeze_drive,
+    measured_amplitudes,
+    split_errors,
+)
 
 STEP, COUNT = 2.5e-4, 4096
 LINES = np.arange(11, 150, 2)

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from robid.studies.turk2018.known_structure import POSITIONS, synthetic_systems
-from robid.studies.turk2018.synthetic import count_structures
+from robid.studies.turk2018.synthetic import POSITIONS, count_structures, synthetic_systems
 
 
 def kept(*names):

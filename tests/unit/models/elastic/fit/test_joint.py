@@ -16,7 +16,7 @@ from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.fit.physical import find_physical
 from robid.models.elastic.fit.problem import make_problem
 from robid.robot.doubts import Doubts
-from robid.studies.trust.doubted import doubted_responses, draw_doubted
+from robid.studies.trust.linear import doubted_responses, draw_doubted
 
 FREQUENCY_HZ = np.geomspace(1.5, 70.0, 40)
 PLACES = np.array([[0.3, -0.7], [-0.5, 0.9], [1.1, 0.4], [-1.2, -1.4], [0.7, 1.8], [-0.1, -0.2]])

@@ -12,7 +12,7 @@ from robid.models.lpv.fit.fitting import estimate_lpv
 from robid.models.lpv.fit.options import LpvOptions, PathOptions
 from robid.models.lpv.fit.responses import LocalResponses
 from robid.models.lpv.fit.state_space import StateSpace, block_names, response
-from robid.studies.turk2018.known_structure import finds_structure
+from robid.studies.turk2018.synthetic import finds_structure
 
 SHORT = LpvOptions(order=3, path=PathOptions(count=3, smallest=10, largest=1000))
 

@@ -5,8 +5,7 @@ import pytest
 
 from robid.models.rigid.fit.cutoff import choose_cut_off, excited_band
 from robid.models.rigid.fit.options import PreprocessingOptions
-from robid.studies.janot2009.haptic.device import Bench, Device
-from robid.studies.janot2009.haptic.runs import record
+from robid.studies.janot2009.haptic import Bench, Device, record
 
 BENCH = Bench()
 

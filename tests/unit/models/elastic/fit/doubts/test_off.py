@@ -20,7 +20,7 @@ from robid.models.elastic.fit.fitting import set_up
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.linearize import axial_inertia
 from robid.robot.model import build_model
-from robid.studies.trust.doubted import Doubted, doubted_responses
+from robid.studies.trust.linear import Doubted, doubted_responses
 
 FREQUENCY_HZ = np.geomspace(2.0, 60.0, 12)
 PLACES = np.array([[0.3, -0.7], [-0.5, 0.9], [1.1, 0.4]])

@@ -1,0 +1,154 @@
+"""The experiments that studies read: their own and others beside it, what both must have, and the paper's figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+from pydantic import ValidationError
+
+from robid.errors import SettingsError
+from robid.models.known import load_experiment
+from robid.pipeline import Run
+from robid.settings.checks.truth import check_truth
+from robid.settings.experiment import Campaign, Experiment, Source
+from robid.settings.load import LoadedExperiment
+from robid.settings.problems import format_field, suggest
+from robid.settings.robot import RobotFile
+from robid.settings.truth import SimulateSettings
+from robid.settings.yaml import FieldPath, load_yaml
+
+Problems: TypeAlias = Iterator[tuple[FieldPath, str]]
+"""Fields of a file, each with what is wrong with it."""
+
+Further: TypeAlias = tuple[tuple[Run, tuple[str, ...]], ...]
+"""Runs of other experiments, each with outputs of its chain."""
+
+
+def paper_figures(loaded: LoadedExperiment) -> dict[str, Any]:
+    """Returns the figures of the paper that a study redraws, or nothing where it names no file.
+
+    Raises:
+        SettingsError: If the file cannot be read.
+    """
+    name: str | None = loaded.experiment.study.paper
+    return {} if name is None else load_yaml(loaded.path.parent / name).data
+
+
+def run_of(
+    run: Run,
+    experiment: str,
+    folder: str,
+    problems: Callable[[LoadedExperiment], Iterable[tuple[FieldPath, str]]] = lambda _loaded: (),
+) -> Run:
+    """Returns the run of another experiment file in a folder of the study's own.
+
+    Args:
+        run: The study's.
+        experiment: The file, relative to the study's.
+        folder: The folder, in the study's run folder.
+        problems: Finds what the study and the experiment have against each other.
+
+    Raises:
+        SettingsError: If there is such a thing.
+    """
+    loaded = load_experiment(run.loaded.path.parent / experiment)
+    told = [f"{format_field(field)}: {what}" for field, what in problems(loaded)]
+    if told:
+        raise SettingsError("; ".join(told), where=str(loaded.path), remedy="correct the file, or the study")
+    return replace(run, loaded=loaded, folder=run.folder / folder)
+
+
+def missing_log(run: Run) -> str:
+    """Name of the first log of a run that is not there; empty when all are."""
+    folder = run.loaded.path.parent
+    for campaign in run.loaded.experiment.campaigns.values():
+        if campaign.source is not None and campaign.source.acquire is not None:
+            path = campaign.source.acquire.log_path(folder)
+            if not path.exists():
+                return path.name
+    return ""
+
+
+def campaign_problem(experiment: Experiment, name: str, unknown: str = "response") -> str:
+    """Says why a campaign cannot be studied: it is not there, or its truth is not known; empty when it can be."""
+    campaign = experiment.campaigns.get(name)
+    if campaign is None:
+        return f"there is no campaign `{name}`; {suggest(name, experiment.campaigns)}"
+    if campaign.source is None or campaign.source.simulate is None:
+        return f"campaign `{name}` is not simulated, so its true {unknown} is not known"
+    return ""
+
+
+def fit_problem(experiment: Experiment, name: str) -> str:
+    """Says why a fit cannot be studied: it is not there, or its robot's truth is not known."""
+    fit = experiment.fits.get(name)
+    if fit is None:
+        return f"there is no fit `{name}`; {suggest(name, experiment.fits)}"
+    if fit.validate_on is None or len(fit.campaigns) > 1 or fit.configurations is not None:
+        return f"fit `{name}` needs one campaign with all its configurations, and one to `validate_on`"
+    problems = (campaign_problem(experiment, each, "robot") for each in (fit.campaign, str(fit.validate_on)))
+    return next((problem for problem in problems if problem), "")
+
+
+def family_problem(experiment: Experiment, name: str, family: str, *, validated: bool) -> str:
+    """Says why a fit is none of a family, with a campaign to validate on where one is needed; empty when it is."""
+    fit = experiment.fits.get(name)
+    if fit is None:
+        return f"there is no fit `{name}`; {suggest(name, experiment.fits)}"
+    if fit.family != family:
+        return f"fit `{name}` is of the family `{fit.family}`, not `{family}`"
+    return f"fit `{name}` names no campaign in `validate_on`" if validated and fit.validate_on is None else ""
+
+
+def name_problems(names: Sequence[str], known: Sequence[str], what: str = "") -> list[tuple[int, str]]:
+    """Returns what is wrong with a list of names, each with its index: unknown ones, and those that are there twice."""
+    found = []
+    for index, name in enumerate(names):
+        if name not in known:
+            found.append((index, f"there is no {what and what + ' '}`{name}`; {suggest(name, known)}"))
+        elif name in names[:index]:
+            found.append((index, f"`{name}` is there twice"))
+    return found
+
+
+def changed_simulation(
+    campaign: Campaign, physics: Mapping[str, Any], seed: int | None = None, noise: int = 0
+) -> SimulateSettings:
+    """Returns how a campaign is simulated with changed imperfections and another truth.
+
+    Args:
+        campaign: The campaign, simulated.
+        physics: `imperfections` and `truth` that take the place of the campaign's.
+        seed: Seed of the true robot; the campaign's when None.
+        noise: Seed of the noise, where `seed` is given.
+
+    Raises:
+        ValidationError: If there is no such option, or its value is not allowed.
+    """
+    if campaign.source is None:
+        message = "the settings' checks let a study without a simulated campaign pass"
+        raise RuntimeError(message)
+    plain = campaign.source.model_dump(mode="json")["simulate"]
+    for key in ("imperfections", "truth"):
+        changed = physics.get(key) or {}
+        plain[key] = {**plain[key], **changed} if isinstance(changed, dict) else plain[key]
+    if seed is not None:
+        plain["truth"]["seed"], plain["seed"] = seed, noise
+    options = Source.model_validate({"simulate": plain}).simulate
+    if options is None:
+        message = "the settings' checks let a study without a simulated campaign pass"
+        raise RuntimeError(message)
+    return options
+
+
+def physics_problems(campaign: Campaign, physics: Mapping[str, Any], robot: RobotFile | None) -> Problems:
+    """Yields what `physics` names that a campaign's simulation, or the robot where it could be read, does not have."""
+    try:
+        changed = changed_simulation(campaign, physics)
+    except ValidationError as error:
+        yield from (((*each["loc"][1:3],), each["msg"]) for each in error.errors())
+        return
+    if robot is not None:
+        yield from check_truth((), campaign, changed, robot)

@@ -1,1 +1,0 @@
-"""The one-axis haptic device of the paper. Read `device`, `runs`, `page`."""

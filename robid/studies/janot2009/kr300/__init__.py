@@ -1,1 +1,0 @@
-"""An arm of six axes, simulated many times. Read `runs`, then `page`."""

@@ -1,0 +1,260 @@
+"""Machines of known parameters over many seeds at once: recorded, identified with either of two filters, and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+import numpy as np
+
+from robid.arrays import FloatArray, IntArray
+from robid.artifacts.artifact import Artifact, Attribute, Dataset
+from robid.artifacts.mapping import from_datasets, to_datasets
+from robid.models.rigid.fit.conclusion import Conclusion, Verdict, conclude, solve_instruments
+from robid.models.rigid.fit.options import ConclusionOptions, HuberOptions, PreprocessingOptions
+from robid.models.rigid.fit.regression import (
+    Regression,
+    huber_weights,
+    ordinary_least_squares,
+    reduce_rows,
+    residuals,
+    sweep_bend,
+    weighted_least_squares,
+)
+from robid.models.rigid.fit.residuals import Influence
+from robid.models.rigid.fit.rows import Reading, Regressor, Remembered, prepare
+from robid.settings.plain import plain_settings
+from robid.studies.settings.parts import SeededCase
+from robid.studies.tasks import Content, Task, columns_of, in_chunks, kept
+
+FILTERS = ("good", "bad")
+"""Filters that suit, and filters that do not."""
+BENDS = (HuberOptions.bend, 0.2, 0.01, 1e3)
+"""Bends `H` that are shown: the usual one, the paper's 0.2, towards 0 and towards infinity."""
+TESTS = ("Huber", "instruments", "normality", "whiteness")
+_ITERATIONS = 1000  # towards H = 0 the weights settle slowly
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some seeds of a case."""
+
+    case: SeededCase
+    seeds: range
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What seeds gave, and the first of them in detail."""
+
+    names: Annotated[tuple[str, ...], kept("1", "parameter", "Names of the parameters")]
+    units: Annotated[tuple[str, ...], kept("1", "parameter", "Their units")]
+    truth: Annotated[FloatArray, kept("as in units", "parameter", "Their true values")]
+    size: Annotated[
+        FloatArray, kept("as in units", "parameter", "What errors are relative to: the truth, of a vector its norm")
+    ]
+    trust: Annotated[IntArray, kept("1", "seed", "1 where least squares was trusted")]
+    alarms: Annotated[IntArray, kept("1", "seed test", "Which of `TESTS` spoke against it")]
+    plain: Annotated[FloatArray, kept("as in units", "seed parameter", "Least squares as the paper has it")]
+    instrumental: Annotated[FloatArray, kept("as in units", "seed parameter", "Instrumental variables")]
+    deviation: Annotated[FloatArray, kept("N m", "seed joint", "Deviations of the residuals of `plain`")]
+    value: Annotated[
+        FloatArray, kept("as in units", "estimate parameter", "First seed: least squares, then Huber at `BENDS`")
+    ]
+    std: Annotated[FloatArray, kept("as in units", "estimate parameter", "Their deviations by eq. 8 and 19")]
+    sigma: Annotated[FloatArray, kept("N m", "estimate joint", "Deviations of residuals, weighted by eq. 19")]
+    iterations: Annotated[IntArray, kept("1", "estimate", "Passes that they took")]
+    time_s: Annotated[FloatArray, kept("s", "row", "Time of the first seed's rows")]
+    residual: Annotated[FloatArray, kept("N m", "row joint", "Of least squares, NaN where unused", compact=True)]
+    weight: Annotated[FloatArray, kept("1", "row joint", "Huber's at the usual bend", compact=True)]
+    sentence: str
+    """The verdict on it."""
+
+
+def chunk_tasks(
+    case: SeededCase, name: str, decides: dict[str, Any], argument: Callable[[Chunk], object]
+) -> list[Task]:
+    """Returns the tasks of a case: its seeds in chunks, with either of the filters.
+
+    Args:
+        case: The case.
+        name: Its name.
+        decides: What decides its results beside its settings.
+        argument: Makes what the task's function is given.
+    """
+    own = plain_settings(case)
+    settings = {key: own[key] for key in own if key not in ("seeds", "seeds_per_task", "first_seed")}
+    found = []
+    for seeds in in_chunks(case.first_seed, case.seeds, case.seeds_per_task):
+        place = {"seeds": [seeds.start, seeds.stop], "bends": BENDS}
+        found.append(Task(f"{name}_{seeds.start}", {**decides, **settings, **place}, argument(Chunk(case, seeds))))
+    return found
+
+
+def judge_chunk(machine: Machine, recording: Recording, case: SeededCase) -> Content:
+    """Identifies every seed of a recording with either of the filters, the first seed in detail."""
+    datasets: dict[str, Dataset] = {}
+    attributes: dict[str, Attribute] = {}
+    for name, cut in zip(FILTERS, (case.good_cut_hz, case.bad_cut_hz), strict=True):
+        options = PreprocessingOptions(cut, drop_deviations=case.drop_deviations)
+        judged = _judged(machine, identify(machine, recording, options), _detail(machine, recording, options))
+        table = {f"{name}/{key}": column for key, column in columns_of(Judged).items()}
+        arrays, scalars = to_datasets(judged, table, f"{name}/")
+        datasets, attributes = datasets | arrays, attributes | scalars
+    return Content(datasets, attributes)
+
+
+def gather(results: Iterable[Artifact], filters: str) -> Judged:
+    """Joins the seeds of several tasks with one of the filters; the details are those of the first."""
+    parts = [from_datasets(Judged, held, f"{filters}/") for held in results]
+    joined = {
+        key: np.concatenate([getattr(part, key) for part in parts])
+        for key in ("trust", "alarms", "plain", "instrumental", "deviation")
+    }
+    return Judged(**{**vars(parts[0]), **joined})
+
+
+@dataclass(frozen=True)
+class _Detail:
+    estimates: tuple[Regression, ...]
+    time_s: FloatArray
+    residual: FloatArray
+    weight: FloatArray
+
+
+def _detail(machine: Machine, recording: Recording, options: PreprocessingOptions) -> _Detail:
+    """The paper's tables of the first seed: rows chosen by the measured speed, equal weights."""
+    rows = read(machine, recording, 0, options)
+    reduction = reduce_rows(rows)
+    plain = ordinary_least_squares(reduction)
+    swept = sweep_bend(rows, reduction, BENDS, HuberOptions(covariance="weighted", iteration_limit=_ITERATIONS))
+    residual = residuals(rows, plain.parameters)
+    period = recording.sampling_period_s * options.decimator(recording.sampling_period_s).factor
+    weight = huber_weights(residuals(rows, swept[0].parameters) / swept[0].scale, BENDS[0])
+    return _Detail((plain, *swept), np.arange(len(residual)) * period, residual, weight)
+
+
+def _judged(machine: Machine, found: Identified, detail: _Detail) -> Judged:
+    size = np.abs(machine.truth)
+    for vector in machine.vectors:
+        size[list(vector)] = np.linalg.norm(machine.truth[list(vector)])
+    verdicts = [one.verdict for one in found.conclusions]
+    instrumental = [one.instruments.parameters for one in found.conclusions if one.instruments is not None]
+    return Judged(
+        names=tuple(machine.regressor.names),
+        units=tuple(machine.regressor.units),
+        truth=machine.truth,
+        size=size,
+        trust=np.array([verdict.trust for verdict in verdicts], int),
+        alarms=np.array([_alarms(verdict) for verdict in verdicts], int),
+        plain=np.array([one.parameters for one in found.plain]),
+        instrumental=np.array(instrumental),
+        deviation=np.array([one.deviation for one in found.plain]),
+        value=np.array([one.parameters for one in detail.estimates]),
+        std=np.array([one.standard_deviation for one in detail.estimates]),
+        sigma=np.array([one.deviation for one in detail.estimates]),
+        iterations=np.array([one.iterations for one in detail.estimates]),
+        time_s=detail.time_s,
+        residual=detail.residual,
+        weight=detail.weight,
+        sentence=verdicts[0].sentence,
+    )
+
+
+def _alarms(verdict: Verdict) -> tuple[bool, ...]:
+    against = verdict.instruments is not None and verdict.instruments.alarm
+    return verdict.huber.alarm, against, verdict.normality_alarm, verdict.whiteness_alarm
+
+
+_SIMULATIONS = 5
+_SETTLED = 1.0  # standard deviations; a further simulation moves the parameters by a hundredth of the step before
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine whose parameters are known."""
+
+    regressor: Regressor  # Its inverse dynamics
+    truth: FloatArray  # (n_param,) its parameters
+    vectors: Sequence[Sequence[int]]  # Indices of the parameters that are one vector, such as a body's first moments
+    # Simulates its loop without noise: positions (n_run, n_sample, n_joint) [rad] of parameters (n_run, n_param)
+    simulate: Callable[[FloatArray], FloatArray]
+    weighted: bool  # Whether least squares weighs its joints by their residuals
+    # (n_param,) what the first instrument is simulated with; what least squares finds where there is none
+    guess: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One machine recorded in closed loop, once a seed."""
+
+    sampling_period_s: float  # Period of the samples [s]
+    position: FloatArray  # (n_seed, n_sample, n_joint) encoder positions [rad]
+    torque: FloatArray  # (n_seed, n_sample, n_joint) measured torques, each held until the next sample [N m]
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What the seeds of a recording gave."""
+
+    plain: list[Regression]  # Least squares as the paper has it, without instruments, of each seed
+    conclusions: list[Conclusion]  # What the rows that are chosen by the instrument say, of each seed
+
+
+def read(
+    machine: Machine,
+    recording: Recording,
+    seed: int,
+    options: PreprocessingOptions,
+    instrument: FloatArray | None = None,
+) -> Remembered:
+    """Returns the rows of one seed, chosen by the instrument's speed (n_sample, n_joint) where there is one."""
+    period = recording.sampling_period_s
+    motion = prepare(
+        recording.position[seed], recording.torque[seed], period, options, instrument=instrument, held=True
+    )
+    return Remembered(Reading([motion], machine.regressor, options.decimator(period)))
+
+
+def identify(machine: Machine, recording: Recording, options: PreprocessingOptions) -> Identified:
+    """Identifies every seed of a recording.
+
+    Args:
+        machine: What was recorded.
+        recording: Its records.
+        options: The filters.
+    """
+    fit = weighted_least_squares if machine.weighted else ordinary_least_squares
+    plain = [fit(reduce_rows(read(machine, recording, seed, options))) for seed in range(len(recording))]
+    rows, found = _instruments(machine, recording, options, plain)
+    decimator = options.decimator(recording.sampling_period_s)
+    chosen = replace(ConclusionOptions(), weighted=machine.weighted)
+    conclusions = [
+        conclude(own, decimator, machine.regressor.names, one, vectors=machine.vectors, options=chosen)
+        for own, one in zip(rows, found, strict=True)
+    ]
+    return Identified(plain, conclusions)
+
+
+def _instruments(
+    machine: Machine, recording: Recording, options: PreprocessingOptions, start: list[Regression]
+) -> tuple[list[Remembered], list[tuple[Regression, Influence]]]:
+    """Simulates all seeds at once, again and again, as `instrumental_variables` does for one."""
+    known = None if machine.guess is None else np.tile(machine.guess, (len(start), 1))
+    parameters = np.array([estimate.parameters for estimate in start]) if known is None else known
+    for _ in range(_SIMULATIONS):
+        instrument = machine.simulate(parameters)
+        rows = [read(machine, recording, seed, options, own) for seed, own in enumerate(instrument)]
+        found = [solve_instruments(own, estimate.weights) for own, estimate in zip(rows, start, strict=True)]
+        step = [
+            np.abs(one.parameters - before) / one.standard_deviation
+            for (one, _), before in zip(found, parameters, strict=True)
+        ]
+        parameters = np.array([one.parameters for one, _ in found])
+        if np.max(step) <= _SETTLED:
+            break
+    return rows, found

@@ -1,1 +1,0 @@
-"""Machines of known parameters over many seeds. Read `identification`, `chunks`, `figures`."""

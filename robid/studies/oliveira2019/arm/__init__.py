@@ -1,1 +1,0 @@
-"""A simulated arm on a rail, seen from outside. Read `homes`, then `page`."""

@@ -1,1 +1,0 @@
-"""The paper's transfer functions as plants. Read `bench`, `identification`, `runs`, `coverage`, then `page`."""

@@ -1,0 +1,252 @@
+"""Studies of elastic fits, wernholt2008 and zimmermann2023: their sections, and their checks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from robid.frf.residual import EstimatorKind
+from robid.models.elastic.fit.options import ElasticOptions, WeightsKind
+from robid.robot.parameters import ElasticKind
+from robid.settings.base import Name, Section
+from robid.settings.checks.configurations import configuration_count
+from robid.settings.experiment import Campaign, Experiment
+from robid.settings.problems import suggest
+from robid.settings.robot import RobotFile
+from robid.settings.yaml import FieldPath
+from robid.simulate.options import SimulateOptions
+from robid.studies.experiments import Problems, campaign_problem, name_problems
+
+
+@dataclass(frozen=True)
+class StepOptions:
+    """Short steps of one axis at a time, as fast as the motors allow."""
+
+    configurations: int = field(
+        default=5, metadata={"description": "Random configurations in which every axis is stepped.", "ge": 1}
+    )
+    seed: int = field(default=1, metadata={"description": "Seed of the configurations.", "ge": 0})
+    step_deg: float = field(default=1.0, metadata={"description": "Size of a step, arm side [deg].", "gt": 0})
+    step_m: float = field(default=0.01, metadata={"description": "The same of prismatic joints [m].", "gt": 0})
+    peak_motor_speed_rad_s: float = field(
+        default=20.0, metadata={"description": "Largest speed of any motor during a step [rad/s].", "gt": 0}
+    )
+    torque_share: float = field(
+        default=0.8,
+        metadata={"description": "Share of the torque limits that a step may need; feedback has the rest.", "gt": 0},
+    )
+    shortest_ramp_s: float = field(
+        default=0.1, metadata={"description": "Shortest time in which a step reaches its speed [s].", "gt": 0}
+    )
+    duration_s: float = field(
+        default=1.0, metadata={"description": "Time that is compared, from the beginning of a step [s].", "gt": 0}
+    )
+
+
+class ModelChoice(Section):
+    """The data of one model of a design study, and what it frees beyond the others."""
+
+    configurations: tuple[Annotated[int, Field(ge=0)], ...] | None = Field(
+        default=None, description="Indices, from 0, of the campaigns' configurations; all when not given.", min_length=1
+    )
+    count: int | None = Field(default=None, description="How many of these are taken; all when not given.", ge=1)
+    seed: int = Field(default=1, description="Seed of the draw that takes them.", ge=0)
+    low_torque: Name | None = Field(
+        default=None,
+        description="Name of the joint with whose smallest gravity torques they are taken, not drawn.",
+    )
+    free: tuple[ElasticKind, ...] = Field(default=(), description="Kinds that it frees beside those of `fit`.")
+    fixed: tuple[str, ...] = Field(default=(), description="Parameters that it fixes beside those of `fit`.")
+
+
+class ZimmermannStudy(Section):
+    """Models from few configurations, chosen in different ways, against the model from all of them."""
+
+    kind: Literal["zimmermann2023"] = Field(description="What is studied.")
+    estimation: tuple[Name, ...] = Field(
+        description="Names of simulated campaigns, one for each individual of the robot, in the same configurations.",
+        min_length=1,
+    )
+    validation: tuple[Name, ...] = Field(
+        description="Names of the campaigns that validate: the same individuals and configurations, in this order.",
+        min_length=1,
+    )
+    fit: ElasticOptions = Field(
+        default_factory=lambda: ElasticOptions(free=("stiffness", "viscous"), estimator="lls"),
+        description="Options that all fits share.",
+    )
+    models: dict[Name, ModelChoice] = Field(description="The models, by name.", min_length=1)
+    axes: tuple[Name, ...] = Field(
+        default=("axis_2", "axis_3"),
+        description="Joints by whose first resonance, of the motor's own response, the models are judged.",
+        min_length=1,
+    )
+    reference: Name = Field(default="m49", description="The model that has all configurations.")
+    optimal: Name = Field(default="opt2", description="The model that has those of `design`.")
+    guess: Name = Field(default="guess", description="The model that has those an engineer would choose.")
+    nonlinear: Name | None = Field(
+        default=None, description="The model whose gears stiffen, which explains the others' springs."
+    )
+    design: Name = Field(description="The design of the study.")
+    steps: StepOptions = Field(
+        default_factory=StepOptions, description="Steps that compare the models in the time domain."
+    )
+    stepped: tuple[Name, ...] = Field(default=(), description="Models that control the steps, the robot file beside.")
+    paper: str | None = Field(
+        default=None, description="File with the paper's figures, relative to this one.", min_length=1
+    )
+
+
+def check_zimmermann2023(study: ZimmermannStudy, experiment: Experiment, robot: RobotFile | None) -> Problems:
+    """Yields the field and the message of everything that is wrong with a study of designs."""
+    unusable: list[tuple[FieldPath, str]] = [
+        (("study", key, index), message)
+        for key, names in (("estimation", study.estimation), ("validation", study.validation))
+        for index, name in enumerate(names)
+        if (message := campaign_problem(experiment, name, "robot"))
+    ]
+    yield from unusable
+    yield from _check_names(experiment, study, robot)
+    if len(study.validation) != len(study.estimation):
+        message = f"has {len(study.validation)} campaigns for the {len(study.estimation)} of `estimation`: one for each"
+        yield ("study", "validation"), message
+    elif not unusable:
+        yield from _check_pairs(experiment, study)
+    if not unusable:
+        yield from _check_configurations(
+            study, configuration_count(experiment, experiment.campaigns[study.estimation[0]])
+        )
+
+
+def _simulated(campaign: Campaign) -> SimulateOptions | None:
+    return None if campaign.source is None else campaign.source.simulate
+
+
+def _check_pairs(experiment: Experiment, study: ZimmermannStudy) -> Problems:
+    first = experiment.campaigns[study.estimation[0]]
+    for key, names in (("estimation", study.estimation), ("validation", study.validation)):
+        for index, name in enumerate(names):
+            if experiment.campaigns[name].configurations != first.configurations:
+                message = f"`{name}` has other configurations than `{study.estimation[0]}`"
+                yield ("study", key, index), message
+    for index, pair in enumerate(zip(study.estimation, study.validation, strict=True)):
+        own, other = (_simulated(experiment.campaigns[name]) for name in pair)
+        if own is not None and other is not None and own.truth != other.truth:
+            message = f"`{pair[1]}` simulates another individual than `{pair[0]}`: give both the same `truth`"
+            yield ("study", "validation", index), message
+
+
+def _check_names(experiment: Experiment, study: ZimmermannStudy, robot: RobotFile | None) -> Problems:
+    if study.design not in experiment.designs:
+        message = f"there is no design `{study.design}`; {suggest(study.design, experiment.designs)}"
+        yield ("study", "design"), message
+    roles: list[tuple[FieldPath, str | None]] = [
+        ((key,), getattr(study, key)) for key in ("reference", "optimal", "guess", "nonlinear")
+    ]
+    roles += [(("stepped", index), name) for index, name in enumerate(study.stepped)]
+    for place, name in roles:
+        if name is not None and name not in study.models:
+            yield ("study", *place), f"there is no model `{name}`; {suggest(name, study.models)}"
+    joints = [] if robot is None else [joint.name for joint in robot.joints]
+    asked: list[tuple[FieldPath, str | None]] = [
+        (("models", name, "low_torque"), choice.low_torque) for name, choice in study.models.items()
+    ]
+    asked += [(("axes", index), joint) for index, joint in enumerate(study.axes)]
+    for place, joint in asked:
+        if robot is not None and joint is not None and joint not in joints:
+            yield ("study", *place), f"there is no joint `{joint}`; {suggest(joint, joints)}"
+
+
+def _check_configurations(study: ZimmermannStudy, n_conf: int | None) -> Problems:
+    for name, model in study.models.items():
+        field = ("study", "models", name)
+        for index, chosen in enumerate(model.configurations or ()):
+            if n_conf is not None and chosen >= n_conf:
+                yield (*field, "configurations", index), f"there are {n_conf} configurations, numbered from 0"
+        there = n_conf if model.configurations is None else len(model.configurations)
+        if model.count is not None and there is not None and model.count > there:
+            yield (*field, "count"), f"cannot take {model.count} of {there} configurations"
+
+
+class EstimatorChoice(Section):
+    """One estimator of the parameters."""
+
+    estimator: EstimatorKind = Field(description="As in a fit.")
+    weights: WeightsKind = Field(default="user", description="As `kind` in the weights of a fit.")
+    configurations: Literal["all", "best"] = Field(
+        default="all", description="All, or the one with the smallest predicted covariance."
+    )
+
+
+class WernholtStudy(Section):
+    """Estimators of springs and dampers by the models that they reach from many starts."""
+
+    kind: Literal["wernholt2008"] = Field(description="What is studied.")
+    campaign: Name = Field(description="Name of the simulated campaign whose responses are fitted.")
+    fit: ElasticOptions = Field(
+        default_factory=lambda: ElasticOptions(free=("stiffness", "damping"), correct_torques=False, starts=100),
+        description="Options that all estimators share: free parameters, starts, strategy. All starts are random, the"
+        " same for all estimators.",
+    )
+    estimators: dict[Name, EstimatorChoice] = Field(description="What is compared, by name.", min_length=1)
+    reference: Name = Field(
+        default="lls15u", description="The estimator whose best model the others' parameters are divided by."
+    )
+    wide: tuple[Name, ...] = Field(default=(), description="Estimators that also start over `wide_decades`.")
+    wide_decades: float = Field(default=2.0, description="Spread of these starts [decades].", gt=0)
+    plain: bool = Field(
+        default=True, description="Whether every start is also fitted with `strategy: plain`, as in the paper."
+    )
+    starts_per_task: int = Field(default=25, description="Starts that are fitted in one go.", ge=1)
+    individuals: tuple[Name, ...] = Field(
+        default=(),
+        description="Names of further simulated campaigns, one for each individual of the robot, on which estimates"
+        " from all configurations are held against the truth.",
+    )
+    individual_estimators: tuple[Name, ...] = Field(
+        default=(),
+        description="Estimators that are held against them; all with all configurations when not given.",
+    )
+    individual_starts: int = Field(
+        default=3, description="Starts of each of these fits, the robot file's values the first one.", ge=1
+    )
+    element: tuple[int, int] = Field(
+        default=(1, 1), description="Numbers, from 1, of the output and the input of the response that is drawn."
+    )
+    paper: str | None = Field(
+        default=None, description="File with the paper's figures, relative to this one.", min_length=1
+    )
+
+
+def check_wernholt2008(study: WernholtStudy, experiment: Experiment, _robot: RobotFile | None) -> Problems:
+    """Yields the field and the message of everything that is wrong with a study of parameter estimators."""
+    if message := campaign_problem(experiment, study.campaign):
+        yield ("study", "campaign"), message
+    problems = dict(name_problems(study.individuals, study.individuals))
+    problems |= {
+        index: message
+        for index, name in enumerate(study.individuals)
+        if (message := campaign_problem(experiment, name))
+    }
+    yield from ((("study", "individuals", index), message) for index, message in problems.items())
+    if found := [
+        *name_problems((study.reference,), list(study.estimators)),
+        *_one_configuration(study, (study.reference,)),
+    ]:
+        yield ("study", "reference"), found[0][1]
+    for key, names in (("wide", study.wide), ("individual_estimators", study.individual_estimators)):
+        found = name_problems(names, list(study.estimators))
+        if key != "wide":
+            found += _one_configuration(study, names)
+        yield from ((("study", key, index), message) for index, message in found)
+
+
+def _one_configuration(study: WernholtStudy, names: tuple[str, ...]) -> list[tuple[int, str]]:
+    """Estimators that use one configuration alone."""
+    return [
+        (index, f"`{name}` does not use all configurations")
+        for index, name in enumerate(names)
+        if name in study.estimators and study.estimators[name].configurations != "all"
+    ]

@@ -1,1 +1,0 @@
-"""The model at rest beside the paper's. Read `figures`, `tables`, `pictures`, then `page`."""

@@ -1,1 +1,0 @@
-"""The model while the slide moves: `frozen` is the truth it is held beside; then `figures` and `page`."""
