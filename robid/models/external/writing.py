@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-import robid
 from robid.arrays import FloatArray
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact
 from robid.errors import ArtifactError, SettingsError
-from robid.models.encode import Content, encode_csv, encode_json, encode_mat
+from robid.models.encode import Content, encode_csv, encode_json, encode_mat, origin_of
 from robid.models.external.files import solution_from_artifact
 from robid.models.external.fit.solution import ExternalSolution
 from robid.models.family import ExportTask
@@ -27,18 +26,6 @@ _POWERS = ("channel", "input", "output", "polynomial", "power", "value", "std")
 _TIMING = ("delay_samples", "sampling_period_s", "hold", "moving_average_samples")
 
 
-def _origin(task: ExportTask, solution: ExternalSolution) -> dict[str, str]:
-    loaded = task.data.loaded
-    return {
-        "robot": loaded.robot.name,
-        "experiment": loaded.experiment.name,
-        "fit": task.data.name,
-        "fitted_utc": task.model.provenance.finished_utc,
-        "status": solution.estimate.status,
-        "robid_version": robid.__version__,
-    }
-
-
 def write_json(task: ExportTask) -> bytes:
     """Writes transfer functions, parameters and covariances as JSON."""
     solution = solution_from_artifact(task.model)
@@ -46,7 +33,7 @@ def write_json(task: ExportTask) -> bytes:
     values = (found.value, found.lower, found.upper, found.relative_std, found.identifiable)
     rows = zip(found.names, found.kinds, found.units, *(each.tolist() for each in values), strict=True)
     content: Content = {
-        **_origin(task, solution),
+        **origin_of(task, solution.estimate.status),
         "sampling_period_s": ports.sampling_period_s,
         "hold": ports.hold,
         "moving_average_samples": solution.transfers.moving_average,
@@ -125,7 +112,7 @@ def write_mat(task: ExportTask) -> bytes:
         numerator_std[own.channels_of(block), -above.shape[1] :] = above
         denominator_std[block, -len(below) :] = below
     content: Content = {
-        **_origin(task, solution),
+        **origin_of(task, solution.estimate.status),
         "sampling_period_s": ports.sampling_period_s,
         "hold": ports.hold,
         "moving_average_samples": own.moving_average,
@@ -151,7 +138,7 @@ def write_mat(task: ExportTask) -> bytes:
 def write_control(task: ExportTask) -> bytes:
     """Writes a script that makes the transfer functions with python-control."""
     solution = solution_from_artifact(task.model)
-    own, origin = solution.transfers, _origin(task, solution)
+    own, origin = solution.transfers, origin_of(task, solution.estimate.status)
     lines = [
         f'"""Transfer functions of {origin["robot"]}, experiment {origin["experiment"]}, fit {origin["fit"]}.',
         "",

@@ -10,12 +10,11 @@ from typing import Any
 import h5py
 import numpy as np
 
-import robid
 from robid.artifacts.layout import DAMAGE
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import kind_of, read_artifact
 from robid.errors import ArtifactError, DataError
-from robid.models.encode import Content, encode_json, encode_mat
+from robid.models.encode import Content, encode_json, encode_mat, origin_of
 from robid.models.family import ExportTask
 from robid.models.lpv.files import solution_from_artifact
 from robid.models.lpv.fit.model import LpvModel
@@ -106,16 +105,11 @@ _FUNCTIONS = "polynomials: psi = prod_j ((p_j - center_j) / scale_j)^exponent_j;
 
 def _content(task: ExportTask) -> Content:
     """What every format holds; arrays as they are."""
-    solution, loaded = solution_from_artifact(task.model), task.data.loaded
+    solution = solution_from_artifact(task.model)
     ports, basis = solution.ports, solution.basis
     return {
         "format": FORMAT,
-        "robot": loaded.robot.name,
-        "experiment": loaded.experiment.name,
-        "fit": task.data.name,
-        "fitted_utc": task.model.provenance.finished_utc,
-        "status": solution.estimate.status,
-        "robid_version": robid.__version__,
+        **origin_of(task, solution.estimate.status),
         "equations": f"{_EQUATIONS}. {_FUNCTIONS}",
         "sampling_period_s": ports.sampling_period_s,
         "inputs": ports.inputs,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 import robid
-from robid.models.encode import Content, encode_csv, encode_json, encode_mat
+from robid.models.encode import Content, encode_csv, encode_json, encode_mat, origin_of
 from robid.models.family import ExportTask
 from robid.models.handed_on import standard_from_artifact, standard_robot
 from robid.models.rigid.files import solution_from_artifact
@@ -97,18 +97,6 @@ def _moved(solution: RigidSolution) -> list[str]:
 _COLUMNS = ("name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable")
 
 
-def _origin(task: ExportTask, solution: RigidSolution) -> dict[str, str]:
-    loaded = task.data.loaded
-    return {
-        "robot": loaded.robot.name,
-        "experiment": loaded.experiment.name,
-        "fit": task.data.name,
-        "fitted_utc": task.model.provenance.finished_utc,
-        "status": solution.estimate.status,
-        "robid_version": robid.__version__,
-    }
-
-
 def _records(solution: RigidSolution) -> list[dict[str, object]]:
     found = solution.estimate
     values = (found.nominal, found.value, found.lower, found.upper, found.relative_std, found.identifiable)
@@ -128,7 +116,7 @@ def _standard(solution: RigidSolution) -> dict[str, dict[str, float]]:
 def write_json(task: ExportTask) -> bytes:
     """Writes the parameters as JSON."""
     solution = solution_from_artifact(task.model)
-    content: Content = {**_origin(task, solution), "confidence": solution.estimate.confidence}
+    content: Content = {**origin_of(task, solution.estimate.status), "confidence": solution.estimate.confidence}
     return encode_json({**content, "parameters": _records(solution), "standard": _standard(solution)})
 
 
@@ -143,7 +131,7 @@ def write_mat(task: ExportTask) -> bytes:
     solution = solution_from_artifact(task.model)
     found, standard = solution.estimate, solution.standard
     content: Content = {
-        **_origin(task, solution),
+        **origin_of(task, solution.estimate.status),
         "names": found.names,
         "kinds": found.kinds,
         "units": found.units,
