@@ -378,7 +378,7 @@ def show_schema(
 ) -> int:
     """Prints the JSON schema of the experiment file, for editors."""
     del as_json, debug
-    from robid.models.files import experiment_schema
+    from robid.models.known import experiment_schema
     from robid.settings.schema import robot_schema
     from robid.studies.settings.study import Study
 

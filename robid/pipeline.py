@@ -20,7 +20,7 @@ from robid.stages.stage import Job, Plan, Stage, check_room
 if TYPE_CHECKING:
     from robid.backends.map import Map
     from robid.backends.progress import Progress
-    from robid.models.family import Graded
+    from robid.results.grade import Grade
     from robid.settings.load import LoadedExperiment
 
 _SMALL_BYTES = 1e6
@@ -68,7 +68,7 @@ class Result:
     text: str
     problem: str = ""
     seconds: float = 0.0
-    grade: Graded | None = None
+    grade: Grade | None = None
 
     def fails(self, *, strict: bool) -> bool:
         """Whether the command exits with 5 for it."""
@@ -218,7 +218,7 @@ def run_all(
     return results
 
 
-def grade_of(run: Run, node: Node, output: Path | None = None) -> Graded | None:
+def grade_of(run: Run, node: Node, output: Path | None = None) -> Grade | None:
     """Reads how far to trust the model of a node's output; None where the node does not say."""
     return node.stage.grade(run.loaded, node.owner, output or run.path(node.output))
 

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from robid.design.excitation.excitation import design_excitation
 from robid.design.excitation.options import MultisineOptions
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import motion_matrices, nominal_parameters

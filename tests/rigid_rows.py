@@ -11,12 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from default_campaign import ROBOT
-from robid.models.rigid.fit.huber import huber
 from robid.models.rigid.fit.options import PreprocessingOptions
-from robid.models.rigid.fit.preprocessing import prepare
-from robid.models.rigid.fit.reading import Reading
-from robid.models.rigid.fit.reduction import reduce_rows
-from robid.models.rigid.fit.rows import Remembered
+from robid.models.rigid.fit.regression import huber, reduce_rows
+from robid.models.rigid.fit.rows import Reading, Remembered, prepare
 from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.model import build_rigid_model
 

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from robid.models.files import experiment_schema
+from robid.models.known import experiment_schema
 from robid.settings.schema import robot_schema
 from robid.studies.settings.study import Study
 

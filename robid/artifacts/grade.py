@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robid.artifacts.artifact import Artifact, Attribute, Dataset
+from robid.artifacts.artifact import Artifact, Attribute, Dataset, Kind
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.artifacts.store import read_group
 
 if TYPE_CHECKING:
     from robid.results.grade import Grade
@@ -43,3 +45,8 @@ def grade_from_artifact(artifact: Artifact) -> Grade:
     told = artifact.datasets[_SCALES].values.tolist() if _SCALES in artifact.datasets else []
     scales = tuple(tuple(read_scale(one) for one in text.split("; ") if one) for text in told)
     return from_datasets(Grade, artifact, "grade/", {"scales": scales})
+
+
+def read_grade(path: Path, kind: Kind) -> Grade:
+    """Reads the grade in a file of a model or a validation, and nothing else; see `read_artifact` for errors."""
+    return grade_from_artifact(read_group(path, kind, "grade"))

@@ -170,6 +170,18 @@ def visit(path: Path, kind: Kind, read: Callable[[h5py.File], Result]) -> Result
     return _read(path, kind, lambda file, _: read(file))[1]
 
 
+def read_group(path: Path, kind: Kind, group: str) -> Artifact:
+    """Reads attributes and the datasets of one group, their content unchecked; see `read_artifact` for errors."""
+
+    def read(file: h5py.File, _: Header) -> tuple[dict[str, Attribute], dict[str, Dataset]]:
+        found = {f"{group}/{name}": (item, read_label(item)) for name, item in file[group].items()}
+        datasets = {name: decode(label, read_values(item, label, None)) for name, (item, label) in found.items()}
+        return get_attributes(file[_ATTRIBUTES]), datasets
+
+    header, (attributes, datasets) = _read(path, kind, read)
+    return Artifact(replace(kind, version=header.version), datasets, attributes, header.provenance)
+
+
 def inspect_artifact(path: Path) -> dict[str, Any]:
     """Describes any artifact in plain values; of its arrays, short lists of texts. See `read_artifact` for errors."""
     header, (attributes, datasets) = _read(path, None, _description)

@@ -5,18 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from robid.artifacts.lock import FOLDER_LOCK
 from robid.errors import SettingsError, require_module
-from robid.models.family import Graded
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.pipeline import Result, Run, run_folder
 from robid.report.numbers import duration
 from robid.settings.checks.other_units import other_units
 from robid.settings.experiment import Execution
 from robid.settings.load import LoadedExperiment
 from robid.stages.terminal import Shell, make_console
+
+if TYPE_CHECKING:
+    from robid.results.grade import Grade
 
 PROBLEM = 5
 _TRUST = 2
@@ -83,12 +85,12 @@ def make_shell(run: Run, *, as_json: bool) -> Shell:
     return shell
 
 
-def graded(grade: Graded | None) -> dict[str, Any]:
+def graded(grade: Grade | None) -> dict[str, Any]:
     """What `--json` says of a grade."""
     return {} if grade is None else {"grade": grade.value, "grade_sentence": grade.sentence}
 
 
-def doubts(grade: Graded | None) -> str:
+def doubts(grade: Grade | None) -> str:
     """What a grade below the best warns of."""
     return grade.sentence if grade is not None and grade.value < _TRUST else ""
 

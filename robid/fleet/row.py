@@ -20,7 +20,7 @@ from robid.fleet.ledger import FileKey, Ledger, RowError, file_key, write_ledger
 from robid.fleet.results import misfits_of, results_of
 from robid.fleet.rows import chain_of, logs_of, settings_hash_of
 from robid.interrupts import stop_if_interrupted
-from robid.models.files import load_row
+from robid.models.known import load_row
 from robid.pipeline import Node, Run, run_all
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.load import LoadedExperiment

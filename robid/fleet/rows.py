@@ -15,7 +15,7 @@ from robid.artifacts.provenance import canonical_hash
 from robid.errors import SettingsError
 from robid.fleet.manifest import ID, Manifest, read_manifest, wrong_rows
 from robid.fleet.robots import COLUMNS, Robots, robots_of, wrong_times
-from robid.models.files import load_row
+from robid.models.known import load_row
 from robid.pipeline import Node, asked_for
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.experiment import Experiment

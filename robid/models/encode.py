@@ -1,4 +1,4 @@
-"""Content of exported files as bytes that depend on nothing but the content."""
+"""Content of exported files: where it comes from, and as bytes that depend on nothing but the content."""
 
 from __future__ import annotations
 
@@ -6,12 +6,16 @@ import csv
 import io
 import json
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+import robid
 from robid.arrays import FloatArray
 from robid.artifacts.atomic import plain
+
+if TYPE_CHECKING:
+    from robid.models.family import ExportTask
 
 Content: TypeAlias = dict[str, Any]
 
@@ -23,6 +27,19 @@ PARAMETER_COLUMNS = (
 )
 """Columns of parameters that have two intervals, each beside the value that it is of."""
 _MAT_TITLE = 116
+
+
+def origin_of(task: ExportTask, status: str) -> dict[str, str]:
+    """Returns where an exported model comes from, and how its fit ended."""
+    loaded = task.data.loaded
+    return {
+        "robot": loaded.robot.name,
+        "experiment": loaded.experiment.name,
+        "fit": task.data.name,
+        "fitted_utc": task.model.provenance.finished_utc,
+        "status": status,
+        "robid_version": robid.__version__,
+    }
 
 
 def encode_json(content: Content) -> bytes:

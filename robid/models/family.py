@@ -22,18 +22,6 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Graded:
-    """How far to trust a model: 2 to trust, 1 it predicts but single parameters may be off, 0 not to be used."""
-
-    value: int
-    sentence: str
-
-    def fails(self, *, strict: bool) -> bool:
-        """Whether a command that gives this grade exits with 5."""
-        return self.value < (2 if strict else 1)
-
-
-@dataclass(frozen=True)
 class Data:
     """What a fit or its validation reads.
 
@@ -139,12 +127,19 @@ class Export:
     takes_friction: bool = False
 
 
+def verdict_of(validation: Artifact) -> str:
+    """Says what a validation found, from its artifact."""
+    from robid.artifacts.validation import outcome_from_artifact
+
+    return outcome_from_artifact(validation).verdict
+
+
 @dataclass(frozen=True)
 class Family:
     """A kind of model.
 
     Loading a file and the graph need its settings, problems, decides and the names of its exports: they import no
-    science. What fits, validates and writes is imported by the functions that do it.
+    science. What fits, validates and writes is imported with its first call, see `robid.later`.
 
     Attributes:
         name: What `family` says in an experiment file.
@@ -157,13 +152,13 @@ class Family:
         fit: Fits a model and grades it by itself; the stage adds the provenance.
         validate: Holds a fitted model against data that it never saw; takes the data, the model, and the true robot
             where it is known.
+        phrase: How a fit ended, from its artifact.
+        report: Lays out a fit for page, terminal and summary.
+        exports: Formats that a model can be written in, by name.
         seed: Seed of a fit, for its provenance.
         true_values: True value of every parameter, by name, in a true robot; takes the fit's name.
-        phrase: How a fit ended, from its artifact.
         verdict: What a validation found, from its artifact.
-        report: Lays out a fit for page, terminal and summary.
         compare: Numbers that compare fits of this family with each other, by dotted name.
-        exports: Formats that a model can be written in, by name.
         free_too: The experiment with more names in a fit's `free`, checked; takes the fit's name. None where nothing
             can be freed.
         refit: Fits again from the minimum of a model, with what the data's experiment now frees.
@@ -179,13 +174,13 @@ class Family:
     decides: Callable[[LoadedExperiment, str], dict[str, Any]]
     fit: Callable[[Data, Work], Artifact]
     validate: Callable[[Data, Artifact, TrueRobot | None], Artifact]
-    seed: Callable[[FitSettings], int | None]
-    true_values: Callable[[LoadedExperiment, str, TrueRobot], Mapping[str, float]]
     phrase: Callable[[Artifact], str]
-    verdict: Callable[[Artifact], str]
     report: Callable[[Shown], FitReport]
-    compare: Callable[[Sequence[Shown]], Mapping[str, float]]
     exports: Mapping[str, Export]
+    seed: Callable[[FitSettings], int | None] = lambda _settings: None
+    true_values: Callable[[LoadedExperiment, str, TrueRobot], Mapping[str, float]] = lambda _loaded, _fit, _true: {}
+    verdict: Callable[[Artifact], str] = verdict_of
+    compare: Callable[[Sequence[Shown]], Mapping[str, float]] = lambda _every: {}
     free_too: Callable[[LoadedExperiment, str, Sequence[str]], LoadedExperiment] | None = None
     refit: Callable[[Data, Artifact, Work], Artifact] | None = None
     needs_robot: bool = True

@@ -43,6 +43,10 @@ class Grade:
     sentence: str
     scales: tuple[tuple[Scale, ...], ...] = ()
 
+    def fails(self, *, strict: bool) -> bool:
+        """Whether a command that gives this grade exits with 5."""
+        return self.value < (TRUST if strict else PREDICTS)
+
     @property
     def doubts(self) -> tuple[Doubt, ...]:
         """The doubts, the first to blame first."""

@@ -25,7 +25,7 @@ from robid.frf.options import IDENTIFYING, EstimateOptions
 from robid.frf.quality import dropped_lines, saturation_text
 from robid.frf.reading import READS_REFERENCE
 from robid.frf.silent import identify_laws, start_laws
-from robid.models.friction import friction_from_artifact
+from robid.models.handed_on import friction_from_artifact
 from robid.results.plausible.evidence import Evidence, gather_evidence, join_evidence
 from robid.robot.description import Motor
 from robid.settings.acquire import Acquire

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from robid.backends.map import Map
     from robid.backends.progress import Progress
-    from robid.models.family import Graded
+    from robid.results.grade import Grade
     from robid.settings.experiment import Campaign, Experiment
     from robid.settings.load import LoadedExperiment
 
@@ -131,7 +131,7 @@ class Stage:
     show: Callable[[Path, LoadedExperiment], Group | None] = lambda *_: None
     told: Callable[[Path], dict[str, Any]] = lambda _: {}
     takes_what_is_there: bool = False
-    grade: Callable[[LoadedExperiment, str, Path], Graded | None] = lambda *_: None
+    grade: Callable[[LoadedExperiment, str, Path], Grade | None] = lambda *_: None
     on_request: Callable[[LoadedExperiment, str], bool] = lambda *_: False
     vouched: Callable[[Sequence[Path]], str] = lambda _: ""
 

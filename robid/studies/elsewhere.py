@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.pipeline import Run
 
 

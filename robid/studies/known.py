@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.settings.checks.experiment import Studies
 from robid.settings.experiment import Experiment
 from robid.settings.load import LoadedExperiment

@@ -5,12 +5,10 @@ import pytest
 
 from lpv_baseline import cvxpy_step
 from lpv_systems import POSITIONS, basis, local_responses, problem
-from robid.models.lpv.fit import penalised
-from robid.models.lpv.fit.alignment import align_neighbours
-from robid.models.lpv.fit.local import fit_local_models
+from robid.models.lpv.fit import sparse as penalised
+from robid.models.lpv.fit.local import align_neighbours, fit_local_models, interpolate
 from robid.models.lpv.fit.options import SparsityOptions
 from robid.models.lpv.fit.problem import cost
-from robid.models.lpv.fit.smile import interpolate
 from robid.models.lpv.fit.sparse import fit_sparse
 
 _GAMMA = 100.0

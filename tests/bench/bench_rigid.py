@@ -12,8 +12,8 @@ from scipy.signal import butter, sosfiltfilt
 import rigid_rows
 from default_campaign import ROBOT
 from rigid_rows import OPTIONS, PERIOD_S, estimate, long_record
-from robid.models.rigid.fit.huber import huber_weights, robust_scale
 from robid.models.rigid.fit.options import HuberOptions
+from robid.models.rigid.fit.regression import huber_weights, robust_scale
 from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.links import COMPONENTS
 from robid.robot.regressor.model import build_rigid_model

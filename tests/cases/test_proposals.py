@@ -8,7 +8,7 @@ import pytest
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 
 
 def propose(folder, *log, options=()):

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from rigid_models import random_rows, stacked
-from robid.models.rigid.fit.huber import huber
 from robid.models.rigid.fit.options import HuberOptions
-from robid.models.rigid.fit.reduction import reduce_rows
+from robid.models.rigid.fit.regression import huber, reduce_rows
 
 sm = pytest.importorskip("statsmodels.api")
 

@@ -6,11 +6,10 @@ import pytest
 
 from lpv_baseline import cvxpy_step
 from lpv_systems import POSITIONS, basis, local_responses, problem, true_parameters
-from robid.models.lpv.fit import penalised
-from robid.models.lpv.fit.blocks import list_blocks, measure
-from robid.models.lpv.fit.cone_program import minimise_model
-from robid.models.lpv.fit.penalised import Penalised, descend
+from robid.models.lpv.fit import sparse as penalised
 from robid.models.lpv.fit.problem import normal
+from robid.models.lpv.fit.sparse import Penalised, descend, minimise_model
+from robid.models.lpv.fit.state_space import list_blocks, measure
 
 
 def _priced(gamma):

@@ -9,7 +9,7 @@ import pytest
 from arbitrary_logs import SIGNALS, STEP_S, play, truth
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.simulate.options import Imperfections
 from robid.stages.estimate_frf import stated_law
 

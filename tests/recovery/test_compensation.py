@@ -11,7 +11,7 @@ from robid.frf.estimate import estimate_frf
 from robid.frf.laws import combine_laws
 from robid.frf.options import EstimateOptions
 from robid.frf.silent import identify_laws, start_laws
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response

@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.cli import run_command
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response

@@ -5,10 +5,10 @@ import pytest
 from scipy.stats import norm
 
 from external_shots import CHANNELS, shot, sweep, transfer
+from robid.models.external.fit.graphs import output_deviation, response_deviation
 from robid.models.external.fit.output_error import fit_block
+from robid.models.external.fit.parameters import poles_of, zeros_of
 from robid.models.external.fit.problem import Structure
-from robid.models.external.fit.roots import poles_of, zeros_of
-from robid.models.external.fit.uncertainty import output_deviation, response_deviation
 
 LEVEL = 0.97
 QUANTILE = norm.ppf(0.5 + LEVEL / 2)

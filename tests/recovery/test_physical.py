@@ -13,8 +13,7 @@ from robid.models.elastic.fit.doubts.column import RobotMove
 from robid.models.elastic.fit.doubts.listing import list_doubts
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.files import load_experiment
-from robid.models.known import FAMILIES
+from robid.models.known import FAMILIES, load_experiment
 from robid.robot.doubts import Doubts
 
 KR300 = Path(__file__).parents[2] / "configs" / "kr300.yaml"

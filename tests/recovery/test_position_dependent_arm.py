@@ -9,7 +9,7 @@ import pytest
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.cli import run_command
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.models.lpv.family import evaluate
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model

@@ -9,7 +9,7 @@ import pytest
 from robid.design.excitation.signal import design_signal
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response

@@ -10,7 +10,7 @@ from arbitrary_logs import SIGNALS, play, truth, write_logs
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.simulate.options import Imperfections
 
 CONFIGURATION_DEG = (20.0, 30.0)

@@ -14,7 +14,7 @@ from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.design.configurations.candidates import candidate_information
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from tolerances import IDENTITY
 from two_mass_log import LINES, LOAD, MOTOR, PERIOD_S, STEP_S, STIFFNESS, bench_log
 

@@ -20,7 +20,7 @@ from robid.models.elastic.files import (
     validation_from_artifact,
     validation_of,
 )
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 
 CHAIN = (
     ("design-configs",),

@@ -18,7 +18,7 @@ from robid.models.elastic.fit.fitting import set_up
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.fit.uncertainty import sandwich
 from robid.models.elastic.fit.weights import make_weights
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from tolerances import IDENTITY
 
 FILE = "design.yaml"

@@ -16,10 +16,9 @@ from robid.artifacts.model import MODEL, estimate_from_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.truth import read_truth
 from robid.artifacts.validation import VALIDATION, outcome_from_artifact
-from robid.models import files
+from robid.models import known as files
 from robid.models.family import Family
-from robid.models.files import experiment_schema, load_experiment
-from robid.models.known import FAMILIES
+from robid.models.known import FAMILIES, experiment_schema, load_experiment
 from robid.pipeline import graph
 from robid.settings.plain import plain_settings
 from toy_family import INERTIA

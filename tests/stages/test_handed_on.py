@@ -16,9 +16,8 @@ from robid.artifacts.truth import read_truth
 from robid.errors import DataError
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fitting import nominal_robot
-from robid.models.files import load_experiment
-from robid.models.friction import friction_from_artifact
-from robid.models.standard import standard_from_artifact
+from robid.models.handed_on import friction_from_artifact, standard_from_artifact
+from robid.models.known import load_experiment
 from robid.stages.chain import fit as fit_stage
 from robid.stages.fit import read_data
 

@@ -10,9 +10,9 @@ import pytest
 from robid.artifacts.model import MODEL, estimate_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.models.rigid.files import solution_from_artifact
-from robid.models.rigid.truth import values_in
+from robid.models.rigid.fitting import values_in
 from robid.robot.chain import extract_chain
 from robid.robot.foreign import read_model
 from robid.robot.regressor.links import COMPONENTS, standard_parameters

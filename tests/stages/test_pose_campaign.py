@@ -15,7 +15,7 @@ from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
 from robid.design.excitation.options import PoseChirpOptions
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.pipeline import graph
 from robid.settings.pose import tool_arm
 from robid.simulate.pose_response import pose_response

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rigid_logs import PERIOD_S, fourier_motion, shot_along, write_log
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 
 EXPERIMENT = """schema_version: 1
 name: small

@@ -5,7 +5,7 @@ import pytest
 
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact, read_header
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.models.rigid.files import solution_from_artifact
 from robid.robot.regressor.base import find_base_parameters
 from sensed_joints import EXPERIMENT, MOTOR, ROBOT, SENSOR, write_logs

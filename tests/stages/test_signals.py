@@ -8,7 +8,7 @@ from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.candidates import candidate_information
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from tolerances import IDENTITY
 
 KIND = "excitation: {<<: *excitation, seed: 2}"

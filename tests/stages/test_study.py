@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.pipeline import Run
 from robid.stages import terminal
 from robid.studies.frf import study as frf

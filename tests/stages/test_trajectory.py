@@ -12,7 +12,7 @@ from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.excitation.options import TrajectoryOptions
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.pipeline import graph
 from robid.settings.load import load_robot
 from robid.stages.design_excitation import base_model

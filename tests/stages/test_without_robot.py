@@ -9,8 +9,8 @@ from scipy.signal import lfilter
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
-from robid.models import files
-from robid.models.files import load_experiment
+from robid.models import known as files
+from robid.models.known import load_experiment
 from toy_family import INERTIA
 
 OWN = replace(INERTIA, needs_robot=False)

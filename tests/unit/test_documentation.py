@@ -17,7 +17,7 @@ from robid.artifacts.validation import VALIDATION
 from robid.cli import app
 from robid.errors import ArtifactError, DataError, SettingsError
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.pipeline import graph
 from robid.settings.load import load_robot
 from robid.simulate.truth import true_robot

@@ -39,7 +39,7 @@ def test_status_imports_nothing_that_only_computing_needs(tmp_path, experiment):
 
 
 def test_no_package_of_science_comes_with_the_settings_and_the_families():
-    found = modules_after("import robid.models.files")
+    found = modules_after("import robid.models.known")
     assert found.isdisjoint(
         {
             "robid.robot.model",

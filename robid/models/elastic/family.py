@@ -1,82 +1,77 @@
-"""The elastic family: springs and dampers from frequency responses."""
+"""The elastic family: springs and dampers from frequency responses, and what must hold of a fit for a robot."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from typing import TypeAlias
 
-from robid.models.elastic.exports import EXPORTS
-from robid.models.elastic.settings import ElasticFit, model_settings, problems
-from robid.models.family import Data, Family, Shown, Work
+from robid.later import later
+from robid.models.elastic.fit.names import name_problems
+from robid.models.elastic.settings import ElasticFit, elastic_fit, model_settings
+from robid.models.family import Export, Family
+from robid.settings.checks.limits import TORQUE, missing_limits
+from robid.settings.checks.sensed import without_motor_text
+from robid.settings.experiment import Experiment
+from robid.settings.parameter_names import kinds_by_name
+from robid.settings.problems import suggest
+from robid.settings.robot import RobotFile
+from robid.settings.yaml import FieldPath
 
-if TYPE_CHECKING:
-    from robid.artifacts.artifact import Artifact
-    from robid.report.content import FitReport
-    from robid.settings.load import LoadedExperiment
-    from robid.simulate.truth import TrueRobot
+with later(__name__):
+    from robid.models.elastic.fitting import (
+        fit,
+        misfits,
+        phrase_of_model,
+        refit,
+        validate,
+        values_in,
+        verdict_of_validation,
+    )
+    from robid.models.elastic.freed import free_too, freed_names, freed_problems
+    from robid.models.elastic.page.report import compare, report
+    from robid.models.elastic.writing import write_csv, write_json, write_mat, write_mjcf, write_state_space
 
-
-def _fit(data: Data, work: Work) -> Artifact:
-    from robid.models.elastic.fitting import fit
-
-    return fit(data, work)
-
-
-def _free_too(loaded: LoadedExperiment, name: str, more: Sequence[str]) -> LoadedExperiment:
-    from robid.models.elastic.freed import free_too
-
-    return free_too(loaded, name, more)
-
-
-def _refit(data: Data, model: Artifact, work: Work) -> Artifact:
-    from robid.models.elastic.fitting import refit
-
-    return refit(data, model, work)
-
-
-def _validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
-    from robid.models.elastic.fitting import validate
-
-    return validate(data, model, true)
+_Found: TypeAlias = Iterator[tuple[FieldPath, str]]
 
 
-def _true_values(loaded: LoadedExperiment, name: str, true: TrueRobot) -> dict[str, float]:
-    from robid.models.elastic.fitting import values_in
+def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
+    """Yields what is wrong with an elastic fit for a robot: names, starts at zero, missing limits."""
+    fit = elastic_fit(experiment, name)
+    if robot.without_motor:
+        told = without_motor_text(robot.without_motor)
+        yield ("family",), f"an elastic model has a motor and a transmission at every joint: {told}"
+        return
+    yield from _arm_torques(experiment, fit)
+    known = kinds_by_name(robot, fit.kinds)
+    if fit.freed and robot.is_complete:
+        yield from freed_problems(experiment, fit, robot)
+        known |= freed_names(experiment, fit, robot)
+    for index, parameter in enumerate(fit.fixed):
+        if parameter not in known:
+            message = f"there is no free parameter `{parameter}`; {suggest(parameter, known)}"
+            yield ("fixed", index), message
+    free = {name: kind for name, kind in known.items() if name not in fit.fixed}
+    for section, problem in name_problems(fit.options(), free):
+        yield (section,), problem
+    for spring in robot.all_springs:
+        parameter = f"{spring.name}.damping"
+        damping = spring.value("damping", linear=spring.is_linear(robot.joints))
+        if damping == 0 and parameter in known and parameter not in fit.fixed:
+            message = f"`{parameter}` is 0 in the robot file, but must start above 0 to be estimated: put it in `fixed`"
+            yield ("free",), message
+    if "cubic" in fit.kinds and robot.is_complete:
+        yield from missing_limits(("free",), "the scale of `cubic` needs", robot, (TORQUE,))
 
-    return values_in(loaded, name, true)
 
-
-def _phrase(model: Artifact) -> str:
-    from robid.models.elastic.fitting import phrase_of_model
-
-    return phrase_of_model(model)
-
-
-def _verdict(validation: Artifact) -> str:
-    from robid.models.elastic.fitting import verdict_of_validation
-
-    return verdict_of_validation(validation)
-
-
-def _report(shown: Shown) -> FitReport:
-    from robid.models.elastic.page.report import report
-
-    return report(shown)
-
-
-def _compare(every: Sequence[Shown]) -> dict[str, float]:
-    from robid.models.elastic.page.report import compare
-
-    return compare(every)
-
-
-def _misfits(model: Artifact, validation: Artifact | None) -> dict[str, float]:
-    from robid.models.elastic.files import solution_from_artifact, validation_from_artifact
-
-    found = {"misfit": solution_from_artifact(model).misfit}
-    if validation is not None:
-        found["misfit of the validation"] = validation_from_artifact(validation).cost_ratio
-    return found
+def _arm_torques(experiment: Experiment, fit: ElasticFit) -> _Found:
+    """Yields logs whose torques are of the arm side: springs lie between motor and arm."""
+    for name in fit.campaigns:
+        source = experiment.campaigns[name].source if name in experiment.campaigns else None
+        inputs = () if source is None or source.acquire is None else source.acquire.inputs
+        felt = [one.name for one in inputs if one.side == "arm"]
+        if felt:
+            told = f"the inputs of `{name}` are of the arm side ({', '.join(f'`{one}.arm`' for one in felt)})"
+            yield ("from",), f"{told}: an elastic model reads torques or currents of motors, which go without `.arm`"
 
 
 ELASTIC = Family(
@@ -85,16 +80,22 @@ ELASTIC = Family(
     reads=("frf",),
     problems=problems,
     decides=model_settings,
-    fit=_fit,
-    validate=_validate,
+    fit=fit,
+    validate=validate,
+    phrase=phrase_of_model,
+    report=report,
+    exports={
+        "mjcf": Export("model.xml", (".xml",), write_mjcf, takes_friction=True),
+        "json": Export("parameters.json", (".json",), write_json, takes_configuration=False),
+        "csv": Export("parameters.csv", (".csv",), write_csv, takes_configuration=False),
+        "mat": Export("model.mat", (".mat",), write_mat),
+        "statespace": Export("statespace.mat", (".mat", ".json", ".npz"), write_state_space),
+    },
     seed=lambda settings: settings.seed if isinstance(settings, ElasticFit) else None,
-    true_values=_true_values,
-    phrase=_phrase,
-    verdict=_verdict,
-    report=_report,
-    compare=_compare,
-    exports=EXPORTS,
-    free_too=_free_too,
-    refit=_refit,
-    misfits=_misfits,
+    true_values=values_in,
+    verdict=verdict_of_validation,
+    compare=compare,
+    free_too=free_too,
+    refit=refit,
+    misfits=misfits,
 )

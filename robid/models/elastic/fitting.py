@@ -11,7 +11,7 @@ from robid.artifacts.artifact import Artifact
 from robid.artifacts.grade import grade_from_artifact
 from robid.artifacts.validation import outcome_from_artifact
 from robid.errors import DataError
-from robid.models.elastic.files import model_of, solution_from_artifact, validation_of
+from robid.models.elastic.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.elastic.fit.bootstrap import bootstrap_tasks
 from robid.models.elastic.fit.considered import DoubtfulRobot
 from robid.models.elastic.fit.doubts.freed import options_of
@@ -24,7 +24,7 @@ from robid.models.elastic.judge.validating import validate_elastic
 from robid.models.elastic.settings import elastic_fit
 from robid.models.elastic.truth import true_values
 from robid.models.family import Data, Work
-from robid.models.rigid_source import RigidSource, rigid_source
+from robid.models.handed_on import RigidSource, rigid_source
 from robid.results.doubt import blamed
 from robid.results.outcome import Outcome, recovery_sentence
 from robid.results.plausible.doubts import data_doubts
@@ -112,6 +112,14 @@ def verdict(outcome: Outcome) -> str:
     """Says whether the model holds, in a sentence or two."""
     known = recovery_sentence(outcome.recovery)
     return f"{outcome.verdict}. {known}" if known else outcome.verdict
+
+
+def misfits(model: Artifact, validation: Artifact | None) -> dict[str, float]:
+    """Cost over what noise and the assumed model error allow, of the fit and of its validation."""
+    found = {"misfit": solution_from_artifact(model).misfit}
+    if validation is not None:
+        found["misfit of the validation"] = validation_from_artifact(validation).cost_ratio
+    return found
 
 
 def phrase_of_model(model: Artifact) -> str:

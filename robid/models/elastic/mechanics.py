@@ -20,7 +20,7 @@ from robid.models.elastic.judge.fitted import fitted_model
 from robid.models.elastic.settings import elastic_fit
 from robid.models.encode import PARAMETER_COLUMNS as COLUMNS
 from robid.models.encode import Content
-from robid.models.units import with_torque_unit
+from robid.models.parameters import with_torque_unit
 from robid.results.estimate import Estimate
 from robid.robot.description import Robot
 from robid.robot.export import to_mjcf

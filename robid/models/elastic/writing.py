@@ -31,32 +31,28 @@ def _rows(task: ExportTask) -> list[int]:
     return [chosen.index(task.configuration)]
 
 
-def _mjcf(task: ExportTask) -> bytes:
+def write_mjcf(task: ExportTask) -> bytes:
+    """Writes the elastic robot as MJCF."""
     return mjcf(_found(task), _rows(task), friction=task.friction is not False).encode()
 
 
-def _json(task: ExportTask) -> bytes:
+def write_json(task: ExportTask) -> bytes:
+    """Writes the parameters as JSON."""
     found = _found(task)
     content = {**found.origin, "confidence": found.solution.estimate.confidence, "parameters": parameter_records(found)}
     return encode_json(content)
 
 
-def _csv(task: ExportTask) -> bytes:
+def write_csv(task: ExportTask) -> bytes:
+    """Writes the parameters as a table."""
     return encode_csv(PARAMETER_COLUMNS, [list(record.values()) for record in parameter_records(_found(task))])
 
 
-def _mat(task: ExportTask) -> bytes:
+def write_mat(task: ExportTask) -> bytes:
+    """Writes parameters and responses for MATLAB."""
     return encode_mat(arrays(_found(task), _rows(task)))
 
 
-def _state_space(task: ExportTask) -> bytes:
+def write_state_space(task: ExportTask) -> bytes:
+    """Writes the linearised models."""
     return _ENCODERS[task.suffix](state_spaces(_found(task), _rows(task)))
-
-
-WRITERS: Mapping[str, Callable[[ExportTask], bytes]] = {
-    "mjcf": _mjcf,
-    "json": _json,
-    "csv": _csv,
-    "mat": _mat,
-    "statespace": _state_space,
-}

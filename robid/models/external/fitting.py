@@ -12,18 +12,19 @@ from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.grade import grade_from_artifact
 from robid.errors import DataError
-from robid.models.external.files import model_of, solution_from_artifact, validation_of
+from robid.models.external.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.external.fit.data import commands_of, shots_of
 from robid.models.external.fit.fitting import fit_external
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.solution import Ports
-from robid.models.external.judge.grading import assess_external
-from robid.models.external.judge.homes import compare_homes
+from robid.models.external.judge.plausible import assess_external
+from robid.models.external.judge.prediction import compare_homes
 from robid.models.external.judge.validating import validate_external
 from robid.models.external.settings import external_fit
 from robid.models.family import Data, Shown, Work
 from robid.signals.quantities import Channel, channel_names, describe
 from robid.signals.record import Record
+from robid.simulate.truth import TrueRobot
 
 _SAME_HOME = 1e-6  # rad, or m
 _ALIKE = "validate on a record of the same channels and units, held alike"
@@ -53,8 +54,8 @@ def fit(data: Data, work: Work) -> Artifact:
     return model_of(solution, assess_external(solution, options))
 
 
-def validate(data: Data, model: Artifact) -> Artifact:
-    """Holds transfer functions against motions that they never saw."""
+def validate(data: Data, model: Artifact, _true: TrueRobot | None = None) -> Artifact:
+    """Holds transfer functions against motions that they never saw; no robot file states poles and zeros."""
     settings = external_fit(data.loaded.experiment, data.name)
     options = settings.options()
     campaign = settings.validate_on or settings.campaign
@@ -78,6 +79,15 @@ def compare(every: Sequence[Shown]) -> dict[str, float]:
                 f"{key}.phase_deg": each.phase_deg,
                 f"{key}.significant": float(each.significant),
             }
+    return found
+
+
+def misfits(model: Artifact, validation: Artifact | None) -> dict[str, float]:
+    """What the worst output lacks to an NRMSE of 1, of the fit and of its validation."""
+    found = {"relative error": 1 - float(solution_from_artifact(model).quality.nrmse.min())}
+    if validation is not None:
+        worst = min(each.nrmse for each in validation_from_artifact(validation).agreements)
+        found["relative error of the validation"] = 1 - worst
     return found
 
 

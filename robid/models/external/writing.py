@@ -1,42 +1,39 @@
-"""Writing transfer functions in each of their formats."""
+"""Writing transfer functions in each of their formats, and reading them for python-control."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-import robid
 from robid.arrays import FloatArray
-from robid.models.encode import Content, encode_csv, encode_json, encode_mat
+from robid.artifacts.model import MODEL
+from robid.artifacts.store import read_artifact
+from robid.errors import ArtifactError, SettingsError
+from robid.models.encode import Content, encode_csv, encode_json, encode_mat, origin_of
 from robid.models.external.files import solution_from_artifact
 from robid.models.external.fit.solution import ExternalSolution
 from robid.models.family import ExportTask
+
+if TYPE_CHECKING:
+    import control
+
 
 _COLUMNS = ("name", "kind", "unit", "estimate", "lower", "upper", "relative_std", "identifiable")
 _POWERS = ("channel", "input", "output", "polynomial", "power", "value", "std")
 _TIMING = ("delay_samples", "sampling_period_s", "hold", "moving_average_samples")
 
 
-def _origin(task: ExportTask, solution: ExternalSolution) -> dict[str, str]:
-    loaded = task.data.loaded
-    return {
-        "robot": loaded.robot.name,
-        "experiment": loaded.experiment.name,
-        "fit": task.data.name,
-        "fitted_utc": task.model.provenance.finished_utc,
-        "status": solution.estimate.status,
-        "robid_version": robid.__version__,
-    }
-
-
-def _json(task: ExportTask) -> bytes:
+def write_json(task: ExportTask) -> bytes:
+    """Writes transfer functions, parameters and covariances as JSON."""
     solution = solution_from_artifact(task.model)
     ports, found = solution.ports, solution.estimate
     values = (found.value, found.lower, found.upper, found.relative_std, found.identifiable)
     rows = zip(found.names, found.kinds, found.units, *(each.tolist() for each in values), strict=True)
     content: Content = {
-        **_origin(task, solution),
+        **origin_of(task, solution.estimate.status),
         "sampling_period_s": ports.sampling_period_s,
         "hold": ports.hold,
         "moving_average_samples": solution.transfers.moving_average,
@@ -79,7 +76,8 @@ def _numerators(solution: ExternalSolution, block: int) -> FloatArray:
     return np.asarray(model.numerator.reshape(-1, model.numerator.shape[2]))
 
 
-def _csv(task: ExportTask) -> bytes:
+def write_csv(task: ExportTask) -> bytes:
+    """Writes a row for each coefficient of each channel."""
     return encode_csv((*_POWERS, *_TIMING), list(_powers(solution_from_artifact(task.model))))
 
 
@@ -104,7 +102,8 @@ def _deviations(solution: ExternalSolution, block: int) -> tuple[FloatArray, Flo
     return std[: numerators.size].reshape(numerators.shape), np.concatenate([[0.0], std[numerators.size :]])
 
 
-def _mat(task: ExportTask) -> bytes:
+def write_mat(task: ExportTask) -> bytes:
+    """Writes polynomials with their deviations for MATLAB."""
     solution = solution_from_artifact(task.model)
     own, ports, found = solution.transfers, solution.ports, solution.estimate
     numerator_std, denominator_std = np.zeros_like(own.numerator), np.zeros_like(own.denominator)
@@ -113,7 +112,7 @@ def _mat(task: ExportTask) -> bytes:
         numerator_std[own.channels_of(block), -above.shape[1] :] = above
         denominator_std[block, -len(below) :] = below
     content: Content = {
-        **_origin(task, solution),
+        **origin_of(task, solution.estimate.status),
         "sampling_period_s": ports.sampling_period_s,
         "hold": ports.hold,
         "moving_average_samples": own.moving_average,
@@ -136,9 +135,10 @@ def _mat(task: ExportTask) -> bytes:
     return encode_mat(content)
 
 
-def _control(task: ExportTask) -> bytes:
+def write_control(task: ExportTask) -> bytes:
+    """Writes a script that makes the transfer functions with python-control."""
     solution = solution_from_artifact(task.model)
-    own, origin = solution.transfers, _origin(task, solution)
+    own, origin = solution.transfers, origin_of(task, solution.estimate.status)
     lines = [
         f'"""Transfer functions of {origin["robot"]}, experiment {origin["experiment"]}, fit {origin["fit"]}.',
         "",
@@ -169,4 +169,36 @@ def _control(task: ExportTask) -> bytes:
     return "\n".join(lines).encode()
 
 
-WRITERS: Mapping[str, Callable[[ExportTask], bytes]] = {"json": _json, "csv": _csv, "mat": _mat, "control": _control}
+def transfer_functions(path: str | Path, *, pade_order: int = 0) -> dict[str, control.TransferFunction]:
+    """Reads the transfer functions of a fit as those of python-control.
+
+    Args:
+        path: The fit's `model.h5`.
+        pade_order: Order of the Padé approximation of the delay; 0 leaves the delay out. The moving average of the
+            commands is left out.
+
+    Returns:
+        Continuous transfer functions by the channel's name.
+
+    Raises:
+        SettingsError: If python-control is not installed.
+        ArtifactError: If the model is of another family.
+    """
+    try:
+        import control
+    except ImportError as error:
+        message = "python-control is not installed"
+        raise SettingsError(message, remedy="install it with `pip install robid[control]`") from error
+    artifact = read_artifact(Path(path), MODEL)
+    if artifact.attributes["family"] != "external":
+        message = f"the model is of family {artifact.attributes['family']}"
+        raise ArtifactError(message, where=str(path), remedy="name the model of an external fit")
+    solution = solution_from_artifact(artifact)
+    own, found = solution.transfers, {}
+    for block in range(len(own.blocks)):
+        model = solution.transfer(block)
+        late = control.TransferFunction(*control.pade(model.delay_samples * model.sampling_period_s, pade_order))
+        for place, channel in enumerate(own.channels_of(block).tolist()):
+            numerator = model.numerator.reshape(-1, model.numerator.shape[2])[place]
+            found[own.names[channel]] = control.TransferFunction(numerator, model.denominator) * late
+    return found

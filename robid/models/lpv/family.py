@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robid.models.family import Data, Family, Shown, Work
-from robid.models.lpv.exports import EXPORTS
+from robid.later import later
+from robid.models.family import Export, Family
 from robid.models.lpv.settings import LpvFit, model_settings, problems
 
 if TYPE_CHECKING:
-    from robid.artifacts.artifact import Artifact
     from robid.models.lpv.fit.model import LpvModel
-    from robid.report.content import FitReport
-    from robid.settings.fits import FitSettings
-    from robid.settings.load import LoadedExperiment
-    from robid.simulate.truth import TrueRobot
+
+with later(__name__):
+    from robid.models.lpv.fitting import fit, misfits, phrase_of_model, validate
+    from robid.models.lpv.page.report import report
+    from robid.models.lpv.writing import read_model, write_hdf5, write_json, write_mat
 
 
 def evaluate(path: Path | str) -> LpvModel:
@@ -30,60 +29,7 @@ def evaluate(path: Path | str) -> LpvModel:
     Raises:
         ArtifactError: If it holds no model of this family.
     """
-    from robid.models.lpv.reading import read_model
-
     return read_model(Path(path))
-
-
-def _fit(data: Data, work: Work) -> Artifact:
-    from robid.models.lpv.fitting import fit
-
-    return fit(data, work)
-
-
-def _validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
-    from robid.models.lpv.fitting import validate
-
-    del true  # no robot file states poles
-    return validate(data, model)
-
-
-def _true_values(loaded: LoadedExperiment, name: str, true: TrueRobot) -> dict[str, float]:
-    del loaded, name, true
-    return {}
-
-
-def _phrase(model: Artifact) -> str:
-    from robid.models.lpv.fitting import phrase_of_model
-
-    return phrase_of_model(model)
-
-
-def _verdict(validation: Artifact) -> str:
-    from robid.artifacts.validation import outcome_from_artifact
-
-    return outcome_from_artifact(validation).verdict
-
-
-def _report(shown: Shown) -> FitReport:
-    from robid.models.lpv.page.report import report
-
-    return report(shown)
-
-
-def _compare(every: Sequence[Shown]) -> dict[str, float]:
-    del every
-    return {}
-
-
-def _seed(_settings: FitSettings) -> int | None:
-    return None
-
-
-def _misfits(model: Artifact, validation: Artifact | None) -> dict[str, float]:
-    from robid.models.lpv.files import misfits
-
-    return misfits(model, validation)
 
 
 LPV = Family(
@@ -92,15 +38,15 @@ LPV = Family(
     reads=("frf",),
     problems=problems,
     decides=model_settings,
-    fit=_fit,
-    validate=_validate,
-    seed=_seed,
-    true_values=_true_values,
-    phrase=_phrase,
-    verdict=_verdict,
-    report=_report,
-    compare=_compare,
-    exports=EXPORTS,
+    fit=fit,
+    validate=validate,
+    phrase=phrase_of_model,
+    report=report,
+    exports={
+        "json": Export("lpv.json", (".json",), write_json, takes_configuration=False),
+        "mat": Export("lpv.mat", (".mat",), write_mat, takes_configuration=False),
+        "hdf5": Export("lpv.h5", (".h5",), write_hdf5, takes_configuration=False),
+    },
     needs_robot=False,
-    misfits=_misfits,
+    misfits=misfits,
 )

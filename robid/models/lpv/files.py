@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.artifacts.model import estimate_from_artifact, model_to_artifact
@@ -100,11 +98,3 @@ def validation_of(validation: LpvValidation) -> Artifact:
 def validation_from_artifact(artifact: Artifact) -> LpvValidation:
     """The inverse of `validation_of`."""
     return from_datasets(LpvValidation, artifact, "lpv/", {"outcome": outcome_from_artifact(artifact)})
-
-
-def misfits(model: Artifact, validation: Artifact | None) -> dict[str, float]:
-    """Error over response, in the median over positions and elements."""
-    held = {"relative error": solution_from_artifact(model).own}
-    if validation is not None:
-        held["relative error of the validation"] = validation_from_artifact(validation).held
-    return {name: float(np.nanmedian(each.agreement.relative_error)) for name, each in held.items()}

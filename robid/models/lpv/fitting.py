@@ -14,19 +14,19 @@ from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.frf.quality import saturated_signals
 from robid.models.family import Data, Work
-from robid.models.lpv.files import model_of, solution_from_artifact, validation_of
+from robid.models.lpv.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.lpv.fit.basis import is_outside
-from robid.models.lpv.fit.blocks import block_names
 from robid.models.lpv.fit.fitting import fit_lpv
 from robid.models.lpv.fit.responses import LocalResponses
 from robid.models.lpv.fit.solution import Ports
-from robid.models.lpv.judge.grading import assess_lpv
-from robid.models.lpv.judge.validating import validate_lpv
+from robid.models.lpv.fit.state_space import block_names
+from robid.models.lpv.judge.validating import assess_lpv, validate_lpv
 from robid.models.lpv.settings import LpvFit, lpv_fit
 from robid.results.doubt import Doubt
 from robid.results.saturated import saturation_doubts
 from robid.settings.load import LoadedExperiment
 from robid.signals.quantities import Channel
+from robid.simulate.truth import TrueRobot
 
 _SAME = 1e-3  # rad, or m
 _STILL = 0.1  # of the range, up to which an output that schedules may move in one position
@@ -81,8 +81,8 @@ def _refuse_outside(points: FloatArray, lower: FloatArray, upper: FloatArray, po
         raise DataError(f"{told}, which leaves a position out.", where=ports.place(points[outside][0]), remedy=remedy)
 
 
-def validate(data: Data, model: Artifact) -> Artifact:
-    """Holds a model against responses that it never saw."""
+def validate(data: Data, model: Artifact, _true: TrueRobot | None = None) -> Artifact:
+    """Holds a model against responses that it never saw; no robot file states poles."""
     settings = lpv_fit(data.loaded.experiment, data.name)
     frf, solution = data.response, solution_from_artifact(model)
     ports, responses = ports_of(frf, data.loaded, settings), responses_of(frf, data.loaded, settings)
@@ -90,6 +90,14 @@ def validate(data: Data, model: Artifact) -> Artifact:
     _refuse_outside(responses.points, solution.basis.lower, solution.basis.upper, ports, remedy)
     doubts = grade_from_artifact(model).doubts
     return validation_of(validate_lpv(solution, ports, responses, frf.degrees_of_freedom, doubts))
+
+
+def misfits(model: Artifact, validation: Artifact | None) -> dict[str, float]:
+    """Error over response, in the median over positions and elements."""
+    held = {"relative error": solution_from_artifact(model).own}
+    if validation is not None:
+        held["relative error of the validation"] = validation_from_artifact(validation).held
+    return {name: float(np.nanmedian(each.agreement.relative_error)) for name, each in held.items()}
 
 
 def phrase_of_model(model: Artifact) -> str:

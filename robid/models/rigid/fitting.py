@@ -1,4 +1,4 @@
-"""The rigid family's fit and validation: settings and artifacts in, artifacts out."""
+"""The rigid family's fit, validation and true values: settings and artifacts in, artifacts out."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from robid.artifacts.artifact import Artifact
 from robid.artifacts.grade import grade_from_artifact
 from robid.errors import DataError
 from robid.models.family import Data, Work
-from robid.models.rigid.files import model_of, solution_from_artifact, validation_of
+from robid.models.rigid.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.rigid.fit.fitting import Simulate, fit_rigid
 from robid.models.rigid.fit.shots import Shot, refuse_unusable, shots_of
-from robid.models.rigid.judge.grading import assess_rigid
-from robid.models.rigid.judge.scales import motions_of, rigid_scale_doubts
-from robid.models.rigid.judge.sums import sum_doubts
+from robid.models.rigid.judge.plausible import assess_rigid
+from robid.models.rigid.judge.scales import motions_of, rigid_scale_doubts, sum_doubts
 from robid.models.rigid.judge.validating import validate_rigid
 from robid.models.rigid.settings import loaded_campaign, rigid_fit
-from robid.models.rigid.truth import values_in
 from robid.results.doubt import blamed
 from robid.robot.description import Robot
-from robid.robot.regressor.model import RigidModel
+from robid.robot.regressor.base import find_base_parameters
+from robid.robot.regressor.model import RigidModel, build_rigid_model
 from robid.settings.experiment import payload_kg
+from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
 from robid.simulate.rigid_loop import simulate_rigid
 from robid.simulate.truth import TrueRobot
@@ -63,6 +63,14 @@ def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
         _loop(data, robot, shots),
     )
     return validation_of(validation)
+
+
+def misfits(model: Artifact, validation: Artifact | None) -> dict[str, float]:
+    """Error of the torques over their size, of the fit and of its validation."""
+    found = {"relative error": solution_from_artifact(model).residuals.total_error}
+    if validation is not None:
+        found["relative error of the validation"] = validation_from_artifact(validation).total_error
+    return found
 
 
 def phrase_of_model(model: Artifact) -> str:
@@ -116,3 +124,16 @@ def _loop(data: Data, robot: Robot, shots: Sequence[Shot]) -> Simulate | None:
         return [found[index] for index in range(len(shots))]
 
     return simulate
+
+
+def values_in(loaded: LoadedExperiment, name: str, true: TrueRobot) -> dict[str, float]:
+    """Returns the true value of every base parameter of the model, by the name of its first standard parameter.
+
+    Parameters that a motion cannot tell apart are regrouped by the fit: these have no value here.
+    """
+    options = rigid_fit(loaded.experiment, name).options()
+    robot = loaded.robot.to_robot(loaded_campaign(loaded, name).payload_kg)
+    nominal = build_rigid_model(robot, options.model)
+    base = find_base_parameters(nominal, options.base)
+    values = base.values(build_rigid_model(true.robot, options.model).nominal)
+    return dict(zip(base.base_names, values.tolist(), strict=True))

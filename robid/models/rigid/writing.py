@@ -1,29 +1,100 @@
-"""Writing a rigid model in each of its formats."""
+"""Writing a rigid model in each of its formats: as parameters, and as robots of real bodies for other programs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
 
 import robid
-from robid.models.encode import Content, encode_csv, encode_json, encode_mat
+from robid.models.encode import Content, encode_csv, encode_json, encode_mat, origin_of
 from robid.models.family import ExportTask
+from robid.models.handed_on import standard_from_artifact, standard_robot
 from robid.models.rigid.files import solution_from_artifact
 from robid.models.rigid.fit.solution import RigidSolution
-from robid.models.rigid.robots import mjcf, robot_file, urdf
+from robid.robot.rigid_export import to_rigid_mjcf, to_urdf
+from robid.robot.standard import StandardRobot
+from robid.settings.robot_values import robot_text, with_values
+
+_FAR = 1.0  # deviations
+
+
+def robot_file(task: ExportTask) -> bytes:
+    """Writes the robot file with what the fit found in place of its values."""
+    found = _found(task)
+    # A robot file states Coulomb friction of motors alone.
+    dry = (one.name for one in found.robot.joints if not one.has_motor and one.motor.friction.coulomb_nm > 0)
+    found = replace(found, homeless=(*found.homeless, *(f"{name}.coulomb" for name in dry)))
+    return robot_text(with_values(task.data.loaded.robot, found.robot), "\n".join(_header(task, found))).encode()
+
+
+def urdf(task: ExportTask) -> bytes:
+    """Writes frames, links and limits as URDF."""
+    found = _found(task)
+    gravity = np.array2string(found.robot.gravity_m_s2, separator=", ")
+    own = [
+        "Units: m, kg, s, rad, N m; joint positions, damping and friction are the arm's.",
+        "The payload is in the last link. Not in here: rotor inertias, couplings of motors, counterbalances, offsets.",
+        f"Gravity in the frame of the base link [m/s^2]: {gravity}",
+    ]
+    return to_urdf(found.robot, "\n".join([*_header(task, found), *own])).encode()
+
+
+def mjcf(task: ExportTask) -> bytes:
+    """Writes the rigid robot with its motors as MJCF."""
+    found, friction = _found(task), task.friction is not False
+    own = [
+        "Units: m, kg, s, rad, N m; joint positions are the arm's, controls are motor torques, motor side.",
+        *_sensed(found),
+        "The payload is in the last link; rotor inertias and friction are the joints', of coupled motors tendons'.",
+        "Coulomb friction is `frictionloss`." if friction else "Friction is left out.",
+    ]
+    return to_rigid_mjcf(found.robot, "\n".join([*_header(task, found), *own]), friction=friction).encode()
+
+
+def _sensed(found: StandardRobot) -> list[str]:
+    """Says which controls are no motor torques."""
+    names = [joint.name for joint in found.robot.joints if not joint.has_motor]
+    return (
+        [f"Controls of joints without a motor are torques or forces at the joint: {', '.join(names)}"] if names else []
+    )
+
+
+def _found(task: ExportTask) -> StandardRobot:
+    standard = standard_from_artifact(task.model, task.data.name)
+    return standard_robot(task.data.loaded, task.data.name, standard)
+
+
+def _header(task: ExportTask, found: StandardRobot) -> list[str]:
+    loaded, solution = task.data.loaded, solution_from_artifact(task.model)
+    lines = [
+        f"{loaded.robot.name}: rigid model identified by robid {robid.__version__}",
+        f"experiment {loaded.experiment.name}, fit {task.data.name} of {task.model.provenance.finished_utc},"
+        f" {solution.estimate.status}",
+        "Torques determine combinations of masses and inertias alone: these are the real bodies nearest to the robot"
+        " file's that have them.",
+        *_moved(solution),
+    ]
+    if found.payload_is_in_link:
+        lines.append("The payload is in the last link: without it no real body would be left.")
+    if found.averaged:
+        lines.append(f"Friction is the mean of both directions: {', '.join(found.averaged)}")
+    if found.homeless:
+        lines.append(f"Estimated, but without a place here: {', '.join(found.homeless)}")
+    return lines
+
+
+def _moved(solution: RigidSolution) -> list[str]:
+    """Says how far the base parameters of the real bodies are from the estimated ones, where they are."""
+    moved = None if solution.standard is None else np.abs(solution.standard.moved)
+    if moved is None or moved.max(initial=0.0) < _FAR:
+        return []
+    worst = int(np.argmax(moved))
+    name = solution.estimate.names[worst]
+    return [f"No real bodies have the estimated ones exactly: {name} is off by {moved[worst]:.2g} deviations."]
+
 
 _COLUMNS = ("name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable")
-
-
-def _origin(task: ExportTask, solution: RigidSolution) -> dict[str, str]:
-    loaded = task.data.loaded
-    return {
-        "robot": loaded.robot.name,
-        "experiment": loaded.experiment.name,
-        "fit": task.data.name,
-        "fitted_utc": task.model.provenance.finished_utc,
-        "status": solution.estimate.status,
-        "robid_version": robid.__version__,
-    }
 
 
 def _records(solution: RigidSolution) -> list[dict[str, object]]:
@@ -42,22 +113,25 @@ def _standard(solution: RigidSolution) -> dict[str, dict[str, float]]:
     return {name: {"nominal": nominal, "value": value} for name, nominal, value in rows}
 
 
-def _json(task: ExportTask) -> bytes:
+def write_json(task: ExportTask) -> bytes:
+    """Writes the parameters as JSON."""
     solution = solution_from_artifact(task.model)
-    content: Content = {**_origin(task, solution), "confidence": solution.estimate.confidence}
+    content: Content = {**origin_of(task, solution.estimate.status), "confidence": solution.estimate.confidence}
     return encode_json({**content, "parameters": _records(solution), "standard": _standard(solution)})
 
 
-def _csv(task: ExportTask) -> bytes:
+def write_csv(task: ExportTask) -> bytes:
+    """Writes the parameters as a table."""
     rows = _records(solution_from_artifact(task.model))
     return encode_csv((*_COLUMNS, "combination"), [list(row.values()) for row in rows])
 
 
-def _mat(task: ExportTask) -> bytes:
+def write_mat(task: ExportTask) -> bytes:
+    """Writes parameters and covariance for MATLAB."""
     solution = solution_from_artifact(task.model)
     found, standard = solution.estimate, solution.standard
     content: Content = {
-        **_origin(task, solution),
+        **origin_of(task, solution.estimate.status),
         "names": found.names,
         "kinds": found.kinds,
         "units": found.units,
@@ -73,13 +147,3 @@ def _mat(task: ExportTask) -> bytes:
     if standard is not None:
         content |= {"standard": standard.value, "standard_covariance": standard.covariance}
     return encode_mat(content)
-
-
-WRITERS: Mapping[str, Callable[[ExportTask], bytes]] = {
-    "robot": robot_file,
-    "urdf": urdf,
-    "mjcf": mjcf,
-    "json": _json,
-    "csv": _csv,
-    "mat": _mat,
-}

@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from robid.artifacts.grade import read_grade
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import inspect_artifact, read_artifact
-from robid.models.family import Graded, family_of
+from robid.models.family import family_of
 from robid.stages.stage import Job, Plan, Stage
 
 if TYPE_CHECKING:
+    from robid.results.grade import Grade
     from robid.settings.experiment import Experiment
     from robid.settings.fits import FitSettings, Read
     from robid.settings.load import LoadedExperiment
@@ -50,15 +52,9 @@ def data_inputs(reads: Sequence[Read], campaigns: Sequence[str]) -> dict[str, st
     }
 
 
-def read_grade(path: Path) -> Graded:
-    """Reads the grade that an artifact holds."""
-    attributes = inspect_artifact(path)["attributes"]
-    return Graded(int(attributes["grade/value"]), str(attributes["grade/sentence"]))
-
-
-def _grade(loaded: LoadedExperiment, owner: str, output: Path) -> Graded | None:
+def _grade(loaded: LoadedExperiment, owner: str, output: Path) -> Grade | None:
     """Where a fit is validated, the validation owns the grade."""
-    return read_grade(output) if loaded.experiment.fits[owner].validate_on is None else None
+    return read_grade(output, MODEL) if loaded.experiment.fits[owner].validate_on is None else None
 
 
 def _problem(output: Path) -> str:

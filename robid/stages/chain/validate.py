@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from robid.artifacts.grade import read_grade
 from robid.artifacts.store import read_artifact
 from robid.artifacts.validation import VALIDATION
 from robid.models.family import family_of
-from robid.stages.chain.fit import data_inputs, payloads, read_grade, taken_inputs
+from robid.stages.chain.fit import data_inputs, payloads, taken_inputs
 from robid.stages.stage import Job, Plan, Stage
 
 if TYPE_CHECKING:
@@ -67,5 +68,5 @@ STAGE = Stage(
     _plan,
     _run,
     _phrase,
-    grade=lambda _loaded, _owner, output: read_grade(output),
+    grade=lambda _loaded, _owner, output: read_grade(output, VALIDATION),
 )

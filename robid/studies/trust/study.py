@@ -9,7 +9,7 @@ from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.errors import SettingsError
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.pipeline import Run
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment

@@ -6,11 +6,10 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.models.lpv.fit.basis import Basis, polynomial_basis
-from robid.models.lpv.fit.blocks import block_names
-from robid.models.lpv.fit.estimation import LpvResult, estimate_lpv
+from robid.models.lpv.fit.fitting import LpvResult, estimate_lpv
 from robid.models.lpv.fit.options import LpvOptions
 from robid.models.lpv.fit.responses import LocalResponses
-from robid.models.lpv.fit.state_space import StateSpace, response, transform
+from robid.models.lpv.fit.state_space import StateSpace, block_names, response, transform
 
 POSITIONS: FloatArray = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None]
 LEFT_OUT: FloatArray = np.array([[-0.25]])

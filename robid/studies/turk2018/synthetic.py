@@ -9,8 +9,8 @@ import numpy as np
 
 from robid.arrays import BoolArray
 from robid.artifacts.artifact import Artifact, Dataset
-from robid.models.lpv.fit.blocks import block_names
 from robid.models.lpv.fit.options import LpvOptions
+from robid.models.lpv.fit.state_space import block_names
 from robid.pipeline import Run
 from robid.report.section import Section, Table
 from robid.settings.plain import plain_settings

@@ -13,13 +13,11 @@ import pytest
 from external_loops import BANDS, NEW_BAND, channels, command_of, linear, shot_of
 from robid.models.external.fit.fitting import fit_external
 from robid.models.external.fit.options import CouplingOptions, ExternalOptions
-from robid.models.external.judge.grading import assess_external
+from robid.models.external.judge.plausible import assess_external
 from robid.models.external.judge.validating import validate_external
 from robid.models.external.page.charts import excitation_figures, locus_figure, response_figures, step_figure
-from robid.models.external.page.coupling import coupling_section
-from robid.models.external.page.data import new_section, own_section
-from robid.models.external.page.formula import transfer_text
-from robid.models.external.page.sections import sections
+from robid.models.external.page.data import coupling_section, new_section, own_section
+from robid.models.external.page.sections import sections, transfer_text
 from robid.models.parameters import parameter_rows
 from robid.report.content import ReportContent, Verdict
 from robid.report.numbers import MINUS

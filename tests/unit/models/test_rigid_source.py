@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.models.files import load_experiment
-from robid.models.rigid_source import RigidSource
-from robid.models.standard import Standard, standard_robot
+from robid.models.handed_on import RigidSource, Standard, standard_robot
+from robid.models.known import load_experiment
 from robid.robot.regressor.model import build_rigid_model
 from robid.robot.regressor.options import RigidOptions
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robid.models.units import with_torque_unit
+from robid.models.parameters import with_torque_unit
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 from robid.design.configurations.candidates import candidate_information
 from robid.design.configurations.information import design_configurations
 from robid.design.excitation.excitation import design_excitation
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.stages.configurations import configurations_of

@@ -6,7 +6,7 @@ import pytest
 
 from robid.errors import SettingsError
 from robid.models.elastic.settings import model_settings
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.robot.doubts import Doubts
 from robid.settings.load import load_robot
 

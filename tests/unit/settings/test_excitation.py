@@ -6,7 +6,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from robid.design.excitation.options import ChirpOptions, ExcitationOptions, FourierOptions, MultisineOptions
-from robid.models.files import experiment_schema
+from robid.models.known import experiment_schema
 from robid.settings.excitation import ExcitationSettings
 from robid.settings.experiment import Experiment
 from robid.settings.problems import validate_document

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from robid.errors import SettingsError
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 ROBOT = """schema_version: 1

@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 
 from robid.errors import SettingsError
 from robid.models.elastic.fit.fitted_robot import with_estimates
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.robot.model import build_model
 from robid.settings.load import load_robot
 from robid.settings.robot_values import robot_text, with_values

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from robid.errors import DataError, SettingsError
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 

@@ -3,7 +3,7 @@ from typing import Any
 
 import pytest
 
-from robid.models.files import experiment_schema
+from robid.models.known import experiment_schema
 from robid.settings.schema import robot_schema
 from robid.studies.settings.study import Study
 

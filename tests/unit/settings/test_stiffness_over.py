@@ -8,7 +8,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from robid.errors import SettingsError
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.settings.load import load_robot
 from robid.simulate.options import Truth
 from robid.simulate.truth import true_robot

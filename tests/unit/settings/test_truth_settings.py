@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robid.errors import SettingsError
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.settings.truth import true_robot_of
 
 JOINT = """

@@ -1,1 +1,5 @@
-"""Transfer functions from commands to positions. Read `options`, `data`, `channels`, `transfer`, then `fitting`."""
+"""Transfer functions from commands to positions.
+
+Read `fitting` and `options` from above; then `data`, `transfer` and `hold`; `problem`, `reduction`, `descent`, `search`
+and `output_error`; `choice` and `covariance`; last what is told of them: `etfe`, `coupling`, `checks`, `parameters`.
+"""

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robid.models.external.fit.candidates import Candidate, Candidates
 from robid.models.external.fit.covariance import WHITE
+from robid.models.external.fit.output_error import Candidate, Candidates
 from robid.models.external.fit.problem import Structure
 
 if TYPE_CHECKING:

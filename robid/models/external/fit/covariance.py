@@ -9,10 +9,16 @@ from itertools import pairwise
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
+from robid.models.external.fit.descent import Numerators, Point, columns_of, natural_steps, slopes_of
 from robid.models.external.fit.hold import Hold
-from robid.models.external.fit.linear import Numerators, Point, columns_of, natural_steps, slopes_of
-from robid.models.external.fit.reduction import Experiment, Reduced, states_of
-from robid.models.external.fit.whiteness import excited_lines, smoothed_spectrum, whiteness
+from robid.models.external.fit.reduction import (
+    Experiment,
+    Reduced,
+    excited_lines,
+    smoothed_spectrum,
+    states_of,
+    whiteness,
+)
 
 _EXCLUDED = 4.0  # standard deviations
 

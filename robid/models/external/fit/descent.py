@@ -1,15 +1,215 @@
-"""Search of the poles: Gauss-Newton with Levenberg's damping on what numerators leave over."""
+"""Search of the poles: numerators by linear least squares, poles by Gauss-Newton on what these leave over."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.models.external.fit.linear import Point, natural_steps
+from robid.models.external.fit.reduction import Basis, Reduced
 from robid.results.levenberg import Status
+
+_LEAST_STEP = 1e-6  # of the reference frequency
+_DEPENDENT = 1e-13  # of the largest singular value
+
+
+@dataclass(frozen=True)
+class Numerators:
+    """Which numerators are sought, as weights of a cascade's last states.
+
+    Attributes:
+        n_zero: Their degree.
+        static_gain_one: Whether the channels on the block's diagonal have static gain one.
+    """
+
+    n_zero: int
+    static_gain_one: bool = False
+
+    def fixed(self, basis: Basis, output: int, input_: int) -> FloatArray:
+        """Weights (n_zero + 1,) that are not estimated."""
+        found = np.zeros(self.n_zero + 1)
+        if self.static_gain_one and output == input_:
+            found[-1] = basis.denominator[-1] / basis.single.numerators[-1, -1]
+        return found
+
+    def free(self, basis: Basis, output: int, input_: int) -> FloatArray:
+        """Directions (n_free, n_zero + 1) of the weights that are estimated."""
+        directions = np.eye(self.n_zero + 1)
+        if self.static_gain_one and output == input_:
+            levels = basis.single.numerators[-(self.n_zero + 1) :, -1]
+            return np.asarray((directions - np.outer(levels / levels[-1], directions[-1]))[:-1])
+        return directions
+
+    def slopes(self, basis: Basis, numerator: FloatArray, output: int, input_: int) -> FloatArray:
+        """Weights (2 n_pole, n_pole) of the derivative by the denominator's change along each state's numerator."""
+        n_pole = basis.n_pole
+        rows = np.zeros((n_pole, 2 * n_pole))
+        for row, direction in zip(rows, basis.single.numerators, strict=True):
+            product = np.convolve(numerator, direction)
+            row[len(row) - len(product) :] = -product
+            if self.static_gain_one and output == input_:
+                row[n_pole - 1 :] += direction[-1] * basis.denominator
+        return basis.double.expand(rows).T
+
+
+@dataclass(frozen=True)
+class Point:
+    """The best that given poles can do.
+
+    Attributes:
+        basis: The poles and their states.
+        weights (n_out, n_in, n_zero + 1): Numerators as weights of the last states.
+        free: Weights (n_out, n_pole) of the free response of each shot with a free start.
+        cost: Weighted sum of squares of the rest.
+        residual (n_row,): The rest, reduced.
+        slope (n_row, n_pole): Its derivative, with the sign of the model's, by the denominator's change along each
+            state's numerator; what the linear part takes up is gone.
+        n_rows: Rows of each shot in one output's part of the two.
+    """
+
+    basis: Basis
+    weights: FloatArray
+    free: tuple[FloatArray, ...]
+    cost: float
+    residual: FloatArray
+    slope: FloatArray
+    n_rows: tuple[int, ...]
+
+
+def natural_steps(point: Point) -> FloatArray:
+    """Returns the steps (n_pole,) along the states' numerators that change poles by about their own size."""
+    parts = [[abs(stage.pole) / stage.gain] * (1 + stage.is_pair) for stage in point.basis.single.stages]
+    return np.maximum(np.cumprod(np.concatenate(parts)), _LEAST_STEP)
+
+
+def solve(
+    reduced: Sequence[Reduced], basis: Basis, sought: Numerators, n_in: int, noise: FloatArray, *, slopes: bool = True
+) -> Point:
+    """Solves for numerators and free responses, and projects the derivatives by the poles.
+
+    Args:
+        reduced: The shots at these poles, with the states of the double cascade where `slopes` are wanted.
+        basis: The poles.
+        sought: The numerators.
+        n_in: Inputs of the block.
+        noise (n_shot, n_out): Standard deviation of each output's noise in each shot.
+        slopes: Whether the derivatives are wanted.
+
+    Source:
+        Golub and Pereyra (2003), "Separable nonlinear least squares"; Kaufman's approximation.
+    """
+    n_out = noise.shape[1]
+    weights = np.zeros((n_out, n_in, sought.n_zero + 1))
+    free = tuple(np.zeros((n_out, basis.n_pole)) for _ in reduced)
+    residuals, tilts = [], []
+    for output in range(n_out):
+        # Variable projection: at given poles the model is linear in numerators and free responses. These are solved
+        # for, so that the poles see the rest (I - P) y alone.
+        scale = 1 / noise[:, output]
+        columns, right = columns_of(reduced, basis, sought, n_in, scale, output)
+        solution, within = _least_squares(columns, right)
+        _unpack(solution, reduced, basis, sought, weights[output], [part[output] for part in free], output)
+        residuals.append(right - within @ (within.T @ right))
+        if slopes:
+            # Kaufman: the derivative of (I - P) y is (I - P) dW x; the term with dP' is of the order of the rest and is
+            # left out.
+            found = slopes_of(reduced, basis, sought, weights[output], [part[output] for part in free], scale, output)
+            tilts.append(found - within @ (within.T @ found))
+    residual = np.concatenate(residuals)
+    slope = np.concatenate(tilts) if slopes else np.zeros((len(residual), 0))
+    n_rows = tuple(len(each.triangle) for each in reduced)
+    return Point(basis, weights, free, float(residual @ residual), residual, slope, n_rows)
+
+
+def _rows(reduced: Sequence[Reduced]) -> list[slice]:
+    ends = np.cumsum([0, *(len(each.triangle) for each in reduced)]).tolist()
+    return [slice(first, last) for first, last in pairwise(ends)]
+
+
+def columns_of(
+    reduced: Sequence[Reduced], basis: Basis, sought: Numerators, n_in: int, scale: FloatArray, output: int
+) -> tuple[FloatArray, FloatArray]:
+    """Returns weighted columns (n_row, n_linear) of numerators and free responses, and weighted rows (n_row,)."""
+    n_pole, last = basis.n_pole, slice(basis.n_pole - sought.n_zero - 1, basis.n_pole)
+    directions = [sought.free(basis, output, index) for index in range(n_in)]
+    starts = np.cumsum([0, *(len(each) for each in directions)]).tolist()
+    rows = _rows(reduced)
+    n_free = sum(each.is_free for each in reduced)
+    columns = np.zeros((rows[-1].stop, starts[-1] + n_free * n_pole))
+    right = np.zeros(rows[-1].stop)
+    place = starts[-1]
+    for shot, span, size in zip(reduced, rows, scale, strict=True):
+        right[span] = shot.output(output) * size
+        for index, moved in enumerate(shot.moved):
+            states = shot.states(index)[:, last] * size
+            columns[span, starts[moved] : starts[moved + 1]] = states @ directions[moved].T
+            right[span] -= states @ sought.fixed(basis, output, moved)
+        if shot.is_free:
+            columns[span, place : place + n_pole] = shot.states(len(shot.moved))[:, :n_pole] * size
+            place += n_pole
+    return columns, right
+
+
+def _least_squares(columns: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns the least solution (n_column,) and an orthonormal basis (n_row, n_rank) of the columns."""
+    if columns.shape[1] == 0:
+        return np.zeros(0), columns
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0] = 1.0
+    left, values, turned = np.linalg.svd(columns / size, full_matrices=False)
+    # Directions that the states do not tell apart take no part: the shortest solution among the equal ones.
+    kept = values > _DEPENDENT * values[0]
+    solution = turned[kept].T @ ((left[:, kept].T @ right) / values[kept]) / size
+    return solution, left[:, kept]
+
+
+def _unpack(
+    solution: FloatArray,
+    reduced: Sequence[Reduced],
+    basis: Basis,
+    sought: Numerators,
+    weights: FloatArray,
+    free: Sequence[FloatArray],
+    output: int,
+) -> None:
+    """Writes one output's solution into its weights (n_in, n_zero + 1) and free responses."""
+    place = 0
+    for index in range(len(weights)):
+        directions = sought.free(basis, output, index)
+        part = solution[place : place + len(directions)]
+        weights[index] = sought.fixed(basis, output, index) + part @ directions
+        place += len(directions)
+    for shot, part in zip(reduced, free, strict=True):
+        if shot.is_free:
+            part[:] = solution[place : place + basis.n_pole]
+            place += basis.n_pole
+
+
+def slopes_of(
+    reduced: Sequence[Reduced],
+    basis: Basis,
+    sought: Numerators,
+    weights: FloatArray,
+    free: Sequence[FloatArray],
+    scale: FloatArray,
+    output: int,
+) -> FloatArray:
+    """Derivative (n_row, n_pole) of one output's weighted rows by the denominator at fixed numerators."""
+    rows = _rows(reduced)
+    found = np.zeros((rows[-1].stop, basis.n_pole))
+    above = basis.single.numerators[-weights.shape[1] :, -weights.shape[1] :]
+    expanded = [sought.slopes(basis, part @ above, output, index) for index, part in enumerate(weights)]
+    for shot, span, size, part in zip(reduced, rows, scale, free, strict=True):
+        for index, moved in enumerate(shot.moved):
+            found[span] += shot.states(index) @ expanded[moved] * size
+        if shot.is_free:
+            own = Numerators(basis.n_pole - 1).slopes(basis, part @ basis.single.numerators, output, -1)
+            found[span] += shot.states(len(shot.moved)) @ own * size
+    return found
+
 
 _FIRST_DAMPING = 1e-3
 _DAMPING_LIMIT = 1e8
@@ -69,6 +269,8 @@ def descend(
         model = _Model(here, limit)
         if damping == 0.0:
             damping = _FIRST_DAMPING * model.values[0] ** 2
+        # What an undamped step would gain of the cost, over the cost of a sample: the square of its length in
+        # deviations.
         _, reachable = model.step(0.0)
         if reachable <= tolerance**2 * here.cost / n_row or here.cost <= floor:
             return Descent(here, iteration, "converged", reflected)
@@ -77,6 +279,7 @@ def descend(
         there = evaluate(trial)
         gain = (here.cost - there.cost) / predicted if there is not None else -1.0
         if there is not None and gain > 0:
+            # The better the quadratic model foresaw the gain, the less damping; refused steps raise it ever faster.
             damping, growth = damping * max(0.1, 1 - (2 * gain - 1) ** 3), 2.0
             here, reflected = there, reflected or folded
         else:
@@ -119,6 +322,7 @@ class _Model:
 def moved(point: Point, step: FloatArray) -> FloatArray:
     """Returns the denominator (n_pole + 1,) after a step (n_pole,) along the states' numerators."""
     denominator = point.basis.denominator
+    # What scales the whole denominator changes no transfer function, as numerators are solved for: it is projected out.
     change = np.concatenate([[0.0], step @ point.basis.single.numerators])
     scaling = (change @ denominator) / (denominator @ denominator)
     return np.asarray(denominator + change - scaling * denominator)
@@ -141,5 +345,6 @@ def admit(denominator: FloatArray, limit: float, *, stable: bool) -> tuple[Float
     poles = np.where(size > limit, poles * (limit / np.maximum(size, limit)), poles)
     unstable = poles.real > 0
     if stable and unstable.any():
+        # Mirrored at the imaginary axis a pole keeps the magnitude of its response.
         poles = np.where(unstable, -poles.conj(), poles)
     return np.real(np.poly(poles)), bool(stable and unstable.any())

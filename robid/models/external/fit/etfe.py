@@ -1,4 +1,4 @@
-"""The empirical response: spectra of outputs over those of commands, with a confidence radius, where excited."""
+"""The empirical response where commands excite, with a confidence radius, and what the commands contain."""
 
 from __future__ import annotations
 
@@ -187,3 +187,126 @@ def _regressor(group: _Group, window: IntArray, powers: FloatArray) -> ComplexAr
     if group.settled:
         return np.asarray(columns)
     return np.asarray(np.hstack([columns, np.kron(np.eye(len(group.inputs)), powers)]))
+
+
+_SAMPLES = 2000
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Commands and their own outputs in the shots that move them.
+
+    Attributes:
+        names: Name of each channel: of the first of those that a command has, of its own name where there is one.
+        shots: Names of the shots.
+        time_channel (n_row,): Index into `names` of each sample.
+        time_shot (n_row,): Index into `shots`.
+        time_s (n_row,): Time since the shot began [s].
+        command (n_row,): Command.
+        answer (n_row,): Output, less its mean in a period, less its first value in a shot, where it has an offset.
+        line_channel (n_line,): Index into `names` of each line of a spectrum.
+        line_shot (n_line,): Index into `shots`.
+        frequency_hz (n_line,): Frequency [Hz].
+        command_amplitude (n_line,): Largest amplitude of the command's components around it.
+        answer_amplitude (n_line,): The same of the output.
+        command_resolution (n_name,): Resolution of each command.
+        answer_resolution (n_name,): The same of each output.
+    """
+
+    names: tuple[str, ...]
+    shots: tuple[str, ...]
+    time_channel: IntArray
+    time_shot: IntArray
+    time_s: FloatArray
+    command: FloatArray
+    answer: FloatArray
+    line_channel: IntArray
+    line_shot: IntArray
+    frequency_hz: FloatArray
+    command_amplitude: FloatArray
+    answer_amplitude: FloatArray
+    command_resolution: FloatArray
+    answer_resolution: FloatArray
+
+
+@dataclass(frozen=True)
+class OwnChannel:
+    """A command and the output that it is meant for.
+
+    Attributes:
+        name: Name of the channel.
+        input: Index of the command.
+        output: Index of the output.
+    """
+
+    name: str
+    input: int
+    output: int
+
+
+def show_excitation(
+    shots: Sequence[Shot],
+    channels: Sequence[OwnChannel],
+    floor: FloatArray,
+    input_resolution: FloatArray,
+    output_resolution: FloatArray,
+) -> Excitation:
+    """Gathers what each command did in the shots that move it.
+
+    Args:
+        shots: What was recorded.
+        channels: A channel of each command.
+        floor (n_in,): Amplitude from which on a command counts as moving.
+        input_resolution (n_in,): Resolution of each command, in its unit.
+        output_resolution (n_out,): The same of each output.
+
+    Source:
+        Oliveira et al. (2019), Fig. 5.
+    """
+    times, lines = [], []
+    for place, channel in enumerate(channels):
+        for index, shot in enumerate(shots):
+            if moved_inputs(shot, floor)[channel.input]:
+                command, answer = shot.inputs[:, channel.input], shot.outputs[:, channel.output]
+                level = answer.mean() if shot.start == "periodic" else answer[0]
+                shown = answer - level if shot.offset else answer
+                times.append(_labelled(place, index, _course(command, shown, shot.sampling_period_s)))
+                lines.append(_labelled(place, index, _spectrum(command, answer, shot.sampling_period_s)))
+    time, line = (np.concatenate(each, axis=1) if each else np.zeros((5, 0)) for each in (times, lines))
+    return Excitation(
+        names=tuple(channel.name for channel in channels),
+        shots=tuple(shot.name for shot in shots),
+        time_channel=time[0].astype(int),
+        time_shot=time[1].astype(int),
+        time_s=time[2],
+        command=time[3],
+        answer=time[4],
+        line_channel=line[0].astype(int),
+        line_shot=line[1].astype(int),
+        frequency_hz=line[2],
+        command_amplitude=line[3],
+        answer_amplitude=line[4],
+        command_resolution=input_resolution[[channel.input for channel in channels]],
+        answer_resolution=output_resolution[[channel.output for channel in channels]],
+    )
+
+
+def _labelled(place: int, shot: int, rows: FloatArray) -> FloatArray:
+    """Channel and shot above rows (3, n)."""
+    return np.vstack([np.full(rows.shape[1], place), np.full(rows.shape[1], shot), rows])
+
+
+def _course(command: FloatArray, answer: FloatArray, period_s: float) -> FloatArray:
+    """Time, command and output (3, n)."""
+    kept = np.arange(0, len(command), max(1, -(-len(command) // _SAMPLES)))
+    return np.stack([kept * period_s, command[kept], answer[kept]])
+
+
+def _spectrum(command: FloatArray, answer: FloatArray, period_s: float) -> FloatArray:
+    """Frequency and amplitudes of command and output (3, n), the largest of lines that lie closely."""
+    both = np.stack([command, answer])
+    size = 2 / len(command) * np.abs(np.fft.rfft(both - both.mean(axis=1, keepdims=True), axis=1))[:, 1:]
+    frequency = np.fft.rfftfreq(len(command), period_s)[1:]
+    place = np.floor(np.log10(frequency / frequency[0]) * _PER_DECADE)
+    first = np.flatnonzero(np.diff(place, prepend=-1))
+    return np.stack([frequency[first], *np.maximum.reduceat(size, first, axis=1)])

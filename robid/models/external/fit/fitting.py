@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
-from robid.models.external.fit.channels import Block, blocks_of, is_own
 from robid.models.external.fit.checks import (
+    Block,
     Finding,
+    blocks_of,
+    is_own,
     mixed_findings,
     shots_for,
     signal_findings,

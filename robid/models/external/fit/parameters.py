@@ -1,4 +1,4 @@
-"""Poles, zeros and static gains of transfer functions as an estimate."""
+"""Poles, zeros and static gains with their deviations as an estimate, and what is remarkable about them."""
 
 from __future__ import annotations
 
@@ -6,13 +6,83 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 
-from robid.arrays import BoolArray, FloatArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.models.external.fit.options import ExternalOptions
-from robid.models.external.fit.roots import Root, poles_of, zeros_of
 from robid.models.external.fit.transfer import TransferMatrix
 from robid.results.estimate import Estimate
+
+
+@dataclass(frozen=True)
+class Root:
+    """A real root, or that with positive imaginary part of a pair.
+
+    Attributes:
+        place: Where it is [rad/s].
+        moves (n_root,): What each column of the coefficients' covariance root moves it by [rad/s].
+    """
+
+    place: complex
+    moves: ComplexArray
+
+    @property
+    def relative_std(self) -> float:
+        """Standard deviation of the magnitude, a rate or a natural frequency, over the magnitude."""
+        size = abs(self.place)
+        if size == 0:
+            return float("inf")
+        return float(np.linalg.norm((np.conj(self.place) * self.moves).real)) / size**2
+
+    @property
+    def real_std(self) -> float:
+        """Standard deviation of the real part [rad/s]."""
+        return float(np.linalg.norm(self.moves.real))
+
+    def differs(self, other: Root, quantile: float) -> bool:
+        """Whether it lies significantly apart from another root of the same fit.
+
+        Args:
+            other: The other root.
+            quantile: Largest distance in standard deviations that chance explains.
+        """
+        distance, moves = self.place - other.place, self.moves - other.moves
+        both = np.stack([moves.real, moves.imag])
+        value = np.array([distance.real, distance.imag])
+        if not np.isfinite(both).all():
+            return False
+        kept = np.linalg.norm(both, axis=1) > 0
+        covariance = (both @ both.T)[np.ix_(kept, kept)]
+        return bool(value[kept] @ np.linalg.pinv(covariance) @ value[kept] > quantile**2)
+
+
+def poles_of(model: TransferMatrix, root: FloatArray) -> tuple[Root, ...]:
+    """Returns the poles, slow ones first.
+
+    Args:
+        model: The transfer functions.
+        root (n_param, n_root): Root of the covariance of `[numerators, denominator]` without the latter's first.
+    """
+    n_pole = len(model.denominator) - 1
+    return _roots(model.denominator, np.concatenate([np.zeros((1, root.shape[1])), root[-n_pole:]]))
+
+
+def zeros_of(model: TransferMatrix, root: FloatArray, output: int = 0, input: int = 0) -> tuple[Root, ...]:  # noqa: A002
+    """Returns the zeros of one channel, slow ones first."""
+    n_weight = model.numerator.shape[-1]
+    first = (output * len(model.inputs) + input) * n_weight
+    return _roots(model.numerator[output, input], root[first : first + n_weight])
+
+
+def _roots(polynomial: FloatArray, root: FloatArray) -> tuple[Root, ...]:
+    """Finds the roots of a polynomial (n_power,) with a covariance root (n_power, n_root) of its coefficients."""
+    found = sorted(np.roots(polynomial).astype(complex).tolist(), key=lambda each: (abs(each), each.real))
+    upper = [each for each in found if each.imag >= 0]
+    slope = np.polyder(polynomial)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moves = [-(np.vander([each], len(polynomial))[0] @ root) / np.polyval(slope, each) for each in upper]
+    return tuple(Root(place, np.asarray(move, dtype=complex)) for place, move in zip(upper, moves, strict=True))
+
 
 _LEAST_DAMPING = 0.05
 
@@ -157,3 +227,112 @@ def _diagonal(blocks: Sequence[FloatArray]) -> FloatArray:
     for first, block in zip(ends, blocks, strict=False):
         whole[first : first + len(block), first : first + len(block)] = block
     return whole
+
+
+CANCELLING = 0.05
+"""Distance of a pole and a zero over their magnitude below which they count as nearly cancelling."""
+
+_WITHIN_REACH = 0.5  # of the magnitude: farther apart, an insignificant distance only tells of undetermined roots
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What is to be known of one channel's poles and zeros.
+
+    Attributes:
+        undetermined: Poles and zeros that the data do not determine, a sentence each.
+        cancelling: Nearly cancelling pairs, a sentence each.
+        pairs: Pole and zero [rad/s] of each of them.
+        non_minimum_phase: Zeros in the right half plane, a sentence each.
+        non_minimum_phase_zeros: Those zeros [rad/s].
+        significant: Whether each of those is significantly there.
+    """
+
+    undetermined: tuple[str, ...]
+    cancelling: tuple[str, ...]
+    pairs: tuple[tuple[complex, complex], ...]
+    non_minimum_phase: tuple[str, ...]
+    non_minimum_phase_zeros: tuple[complex, ...]
+    significant: tuple[bool, ...]
+
+
+def find_findings(
+    model: TransferMatrix,
+    root: FloatArray,
+    output: int = 0,
+    input: int = 0,  # noqa: A002
+    *,
+    confidence: float = 0.95,
+    largest_relative_std: float = 0.2,
+) -> Findings:
+    """Looks through the poles and zeros of one channel.
+
+    Args:
+        model: The transfer functions.
+        root (n_param, n_root): Root of the covariance of `[numerators, denominator]` without the latter's first.
+        output: Output of the channel.
+        input: Input of the channel.
+        confidence: Level of the tests.
+        largest_relative_std: Relative deviation above which a pole or zero counts as undetermined.
+    """
+    poles, zeros = poles_of(model, root), zeros_of(model, root, output, input)
+    nyquist = np.pi / model.sampling_period_s
+    undetermined = [
+        *_undetermined("pole", poles, nyquist, largest_relative_std),
+        *_undetermined("zero", zeros, nyquist, largest_relative_std),
+    ]
+    cancelling = _cancelling(poles, zeros, float(np.sqrt(chi2.ppf(confidence, 2))))
+    right = [each for each in zeros if each.place.real > 0]
+    significant = [each.place.real > norm.ppf(confidence) * each.real_std for each in right]
+    return Findings(
+        undetermined=tuple(undetermined),
+        cancelling=tuple(sentence for sentence, _ in cancelling),
+        pairs=tuple(pair for _, pair in cancelling),
+        non_minimum_phase=tuple(
+            f"the zero at {_written(each.place)} rad/s is not of minimum phase{'' if sure else ', not significantly'}"
+            for each, sure in zip(right, significant, strict=True)
+        ),
+        non_minimum_phase_zeros=tuple(each.place for each in right),
+        significant=tuple(significant),
+    )
+
+
+def _undetermined(word: str, roots: Sequence[Root], nyquist: float, largest: float) -> list[str]:
+    """Writes a sentence for each root beyond the sampling or with a large deviation."""
+    found = []
+    for each in roots:
+        named = f"the {word} at {_written(each.place)} rad/s"
+        if abs(each.place) > nyquist:
+            found.append(
+                f"{named} lies above the Nyquist frequency of {nyquist:.4g} rad/s: its value follows from the assumed"
+                " structure, not from the samples"
+            )
+        elif not each.relative_std <= largest:
+            found.append(f"{named} is not determined: its relative deviation is {100 * each.relative_std:.3g} %")
+    return found
+
+
+def _cancelling(
+    poles: Sequence[Root], zeros: Sequence[Root], quantile: float
+) -> list[tuple[str, tuple[complex, complex]]]:
+    """Names poles and zeros that lie as near to each other as nothing, or as the data can tell."""
+    found, left = [], list(zeros)
+    for pole in poles:
+        alike = [each for each in left if (each.place.imag == 0) == (pole.place.imag == 0)]
+        if not alike:
+            continue
+        zero = alike[int(np.argmin([abs(each.place - pole.place) for each in alike]))]
+        apart = abs(zero.place - pole.place) / max(abs(zero.place), abs(pole.place))
+        unclear = apart <= _WITHIN_REACH and not pole.differs(zero, quantile)
+        if apart <= CANCELLING or unclear:
+            left.remove(zero)
+            why = f"{100 * apart:.2g} % apart{', not significantly' if unclear else ''}"
+            sentence = f"the pole at {_written(pole.place)} rad/s and the zero at {_written(zero.place)} rad/s"
+            found.append((f"{sentence} nearly cancel: {why}", (pole.place, zero.place)))
+    return found
+
+
+def _written(place: complex) -> str:
+    if place.imag == 0:
+        return f"{place.real:.4g}"
+    return f"{place.real:.4g} ± {abs(place.imag):.4g}j"

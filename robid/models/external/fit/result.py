@@ -9,18 +9,15 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.models.external.fit.agreement import Agreement, agreements
-from robid.models.external.fit.channels import Block, is_own, pair_name
-from robid.models.external.fit.checks import Finding
+from robid.models.external.fit.checks import Block, Finding, is_own, pair_name
 from robid.models.external.fit.choice import Choice
 from robid.models.external.fit.coupling import CouplingMap
 from robid.models.external.fit.data import Shot
-from robid.models.external.fit.etfe import Etfe
-from robid.models.external.fit.excitation import Excitation, OwnChannel, show_excitation
-from robid.models.external.fit.findings import Findings, find_findings
+from robid.models.external.fit.etfe import Etfe, Excitation, OwnChannel, show_excitation
 from robid.models.external.fit.graphs import Fitted, frequency_responses, root_loci, step_responses
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.output_error import BlockFit
-from robid.models.external.fit.parameters import block_parameters, estimate_of
+from robid.models.external.fit.parameters import Findings, block_parameters, estimate_of, find_findings
 from robid.models.external.fit.solution import ExternalSolution, FitQuality, Ports, Traces, Transfers, Tried
 
 _REMEDIES = {

@@ -11,8 +11,7 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.models.external.fit.agreement import Agreement
 from robid.models.external.fit.checks import Finding
 from robid.models.external.fit.coupling import CouplingMap
-from robid.models.external.fit.etfe import Etfe
-from robid.models.external.fit.excitation import Excitation
+from robid.models.external.fit.etfe import Etfe, Excitation
 from robid.models.external.fit.transfer import TransferMatrix
 from robid.results.estimate import Estimate
 

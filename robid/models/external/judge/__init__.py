@@ -1,1 +1,1 @@
-"""What transfer functions are worth. Read `prediction`, then `validating` and `grading`."""
+"""What transfer functions are worth. Read `prediction`, `plausible`, then `validating`."""

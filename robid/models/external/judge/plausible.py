@@ -1,20 +1,47 @@
-"""Transfer functions that cannot be, and data that tell too little, each with its likely cause."""
+"""Transfer functions that cannot be, data that tell too little, and how far to trust a fit."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from robid.models.external.fit.agreement import Agreement
 from robid.models.external.fit.choice import STRONG_EVIDENCE
 from robid.models.external.fit.covariance import WHITE
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.solution import ExternalSolution
-from robid.models.external.judge.limits import NRMSE_LIMIT, excess_doubts, expected_std
 from robid.results.doubt import Doubt, two_digits
+from robid.results.grade import Grade, forbidding, grade_alone, grade_held, ordered, weakening
 from robid.results.scale import SCALES, Scale
 from robid.signals.pose import POSE
+
+NRMSE_LIMIT = 0.9
+"""Least normalised root mean square of a model that may be used."""
+
+MODEL_ERROR = 0.01
+"""Share of the motion that a model of a robot may be off without a doubt."""
+
+_BEYOND = 1.5  # of what is expected
+
+
+def expected_std(found: Agreement, parameter_std: float = 0.0) -> float:
+    """Error that noise, parameters and the assumed model error give; NaN where the noise is unknown."""
+    return float(np.sqrt(found.noise_std**2 + parameter_std**2 + (MODEL_ERROR * found.motion_std) ** 2))
+
+
+def excess_doubts(found: Sequence[Agreement], expected: Sequence[float]) -> Iterator[Doubt]:
+    """Yields a doubt where an output's error is beyond what is expected of it."""
+    ratio = np.nan_to_num([one.error_std / each for one, each in zip(found, expected, strict=True)])
+    worst = int(np.argmax(ratio))
+    if ratio[worst] > _BEYOND:
+        told = (
+            f"{found[worst].output} is off by {ratio[worst]:.2g} times what noise and a model error of "
+            f"{MODEL_ERROR:.0%} of the motion explain ({found[worst].place})"
+        )
+        yield Doubt("model", told, decisive=False, strength=float(ratio[worst]) / _BEYOND)
+
 
 _FAR, _TOO_FAR = 1.25, 3.0
 _CAUSES = {"quantised": "excitation", "stuck": "saturation", "mixed": "coupling", "unsteady": "unsteady"}
@@ -202,3 +229,21 @@ def _coupling(solution: ExternalSolution) -> Iterator[Doubt]:
         worst = max(float(np.nanmax(solution.coupling.ratio[:, out, told])) for out, told in missed)
         told_so = f"channels are coupled: {listed}{more}; decoupled up to {solution.coupling.overall_hz:.3g} Hz only"
         yield Doubt("coupling", told_so, decisive=False, strength=1 + worst)
+
+
+def assess_external(solution: ExternalSolution, options: ExternalOptions) -> Grade:
+    """Gathers the doubts about an external fit and grades it by itself: it predicts at best."""
+    doubts = ordered(solution_doubts(solution, options))
+    return grade_alone(forbidding(doubts, solution.estimate.status), weakening(doubts), doubts)
+
+
+def grade_external(solution: ExternalSolution, doubts: Sequence[Doubt], failures: Sequence[str]) -> Grade:
+    """Grades an external fit that was held against motions that it never saw.
+
+    Args:
+        solution: What the fit found.
+        doubts: Doubts about it, the first to blame first.
+        failures: What the validation found beyond its limits, a clause each.
+    """
+    every = ordered(doubts)
+    return grade_held((*forbidding(every, solution.estimate.status), *failures), weakening(every), every)

@@ -1,19 +1,20 @@
-"""What transfer functions predict of new shots, with bounds from their parameters and the noise."""
+"""What transfer functions predict of new shots, what is new in these, and fits of several homes compared."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from robid.arrays import FloatArray, IntArray
-from robid.models.external.fit.comparison import predict
+from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.models.external.fit.data import Shot
 from robid.models.external.fit.etfe import moved_inputs
+from robid.models.external.fit.graphs import output_deviation, response_deviation
+from robid.models.external.fit.output_error import predict
 from robid.models.external.fit.solution import ExternalSolution
-from robid.models.external.fit.uncertainty import output_deviation
+from robid.results.doubt import Doubt
 
 _ROUNDED = 12**-0.5  # of a step: repeats of what hardly moves are rounded alike
 
@@ -148,3 +149,125 @@ def _noise(solution: ExternalSolution, one: NewShots, shot: Shot) -> FloatArray:
         # The fit's own shots may be averages of several repeats; this one is not.
         found.append(alike.error_std if np.isnan(alike.single_noise_std) else alike.single_noise_std)
     return np.array(found)
+
+
+_OUTSIDE = 0.02  # of a motion's power
+_LARGER = 1.2
+_SAME = 0.01  # of the motion
+
+
+def novelty_doubts(solution: ExternalSolution, found: Sequence[NewShots]) -> Iterator[Doubt]:
+    """Yields what the new shots of each block ask of the model that its fit never saw, or saw already."""
+    first = solution.quality.first_output
+    for one in found:
+        name = solution.transfers.blocks[one.block]
+        high_hz, low_hz = float(solution.quality.highest_hz[one.block]), float(solution.quality.lowest_hz[one.block])
+        share = max(
+            _outside(shot.inputs[:, list(one.inputs)], shot.sampling_period_s, low_hz, high_hz) for shot in one.shots
+        )
+        if share > _OUTSIDE:
+            told = (
+                f"{share:.0%} of the new motion of {name} lie outside the band of its fit, {low_hz:.3g} to "
+                f"{high_hz:.3g} Hz"
+            )
+            yield Doubt("band", told, decisive=False, strength=share / _OUTSIDE)
+        before = max(each.amplitude for each in solution.agreements if each.output in one.names)
+        ratio = max(float(np.abs(shot.inputs[:, list(one.inputs)]).max()) for shot in one.shots) / before
+        if ratio > _LARGER:
+            told = f"the new motion of {name} is {ratio:.2g} times as large as any of its fit"
+            yield Doubt("band", told, decisive=False, strength=ratio / _LARGER)
+        if any(_seen(solution, int(first[one.block]) + place, shot.outputs[:, output])
+               for shot in one.shots for place, output in enumerate(one.outputs)):  # fmt: skip
+            told = f"the validation repeats a motion of the fit of {name}: it says nothing of other motions"
+            yield Doubt("same_motion", told, decisive=False, strength=2.0)
+
+
+def _outside(commands: FloatArray, sampling_period_s: float, low_hz: float, high_hz: float) -> float:
+    """Share of the commands' power (n_sample, n_in) outside a band."""
+    power = (np.abs(np.fft.rfft(commands - commands.mean(axis=0), axis=0)) ** 2).sum(axis=1)
+    frequency_hz = np.fft.rfftfreq(len(commands), sampling_period_s)
+    slack = frequency_hz[1]
+    outside = (frequency_hz > high_hz + slack) | (frequency_hz < low_hz - slack)
+    return float(power[outside].sum() / max(power.sum(), np.finfo(float).tiny))
+
+
+def _seen(solution: ExternalSolution, output: int, measured: FloatArray) -> bool:
+    """Whether an output (n_sample,) did the same in a shot of the fit."""
+    traces, moved = solution.traces, measured - measured.mean()
+    for shot in np.unique(traces.shot[traces.output == output]):
+        before = traces.measured[(traces.output == output) & (traces.shot == shot)]
+        if len(before) == len(moved) and np.std(before - before.mean() - moved) < _SAME * moved.std():
+            return True
+    return False
+
+
+_FREQUENCIES = 200
+_DEVIATIONS = 3.0
+
+
+@dataclass(frozen=True)
+class HomeDifference:
+    """Where a channel differs most between two fits, in the band that both excited.
+
+    Attributes:
+        channel: Name of the channel.
+        relative: Largest distance of the responses over their mean magnitude.
+        at_hz: Frequency of it [Hz].
+        magnitude_db: Difference of the magnitudes there [dB].
+        phase_deg: Difference of the phases there [deg].
+        significant: Whether it is beyond three deviations of both.
+    """
+
+    channel: str
+    relative: float
+    at_hz: float
+    magnitude_db: float
+    phase_deg: float
+    significant: bool
+
+
+def compare_homes(one: ExternalSolution, other: ExternalSolution) -> Iterator[HomeDifference]:
+    """Compares the channels that two fits have in common; those without a common band are left out."""
+    for name in one.transfers.names:
+        if name not in other.transfers.names:
+            continue
+        bands = [_band(each, name) for each in (one, other)]
+        low, high = max(band[0] for band in bands), min(band[1] for band in bands)
+        if not low < high:
+            continue
+        frequency_hz = np.geomspace(low, high, _FREQUENCIES)
+        (first, std), (second, other_std) = (_response(each, name, frequency_hz) for each in (one, other))
+        size = 0.5 * (np.abs(first) + np.abs(second))
+        distance = np.abs(first - second) / size
+        worst = int(np.argmax(distance))
+        ratio = second[worst] / first[worst]
+        spread = np.hypot(std * np.abs(first), other_std * np.abs(second)) / size
+        yield HomeDifference(
+            channel=name,
+            relative=float(distance[worst]),
+            at_hz=float(frequency_hz[worst]),
+            magnitude_db=float(20 * np.log10(np.abs(ratio))),
+            phase_deg=float(np.degrees(np.angle(ratio))),
+            significant=bool((distance > _DEVIATIONS * spread).any()),
+        )
+
+
+def _place(solution: ExternalSolution, name: str) -> tuple[int, int]:
+    """Block of a channel, and its place in it."""
+    channel = solution.transfers.names.index(name)
+    block = int(solution.transfers.block_of[channel])
+    return block, int(np.flatnonzero(solution.transfers.channels_of(block) == channel)[0])
+
+
+def _band(solution: ExternalSolution, name: str) -> tuple[float, float]:
+    block, _ = _place(solution, name)
+    return float(solution.quality.lowest_hz[block]), float(solution.quality.highest_hz[block])
+
+
+def _response(solution: ExternalSolution, name: str, frequency_hz: FloatArray) -> tuple[ComplexArray, FloatArray]:
+    """Response (n_freq,) of a channel from samples to samples, and its deviation over its magnitude."""
+    block, place = _place(solution, name)
+    model, omega = solution.transfer(block), 2 * np.pi * frequency_hz
+    found = response_deviation(model, solution.transfers.root_of(block), omega, sampled=True).largest
+    whole = model.sampled_response(omega)
+    return whole.reshape(len(omega), -1)[:, place], found.reshape(len(omega), -1)[:, place]

@@ -11,16 +11,15 @@ from scipy.stats import norm
 from robid.errors import DataError
 from robid.models.external.fit.agreement import Agreement, agreements
 from robid.models.external.fit.data import Shot
+from robid.models.external.fit.reduction import whiteness
 from robid.models.external.fit.solution import ExternalSolution
-from robid.models.external.fit.whiteness import whiteness
-from robid.models.external.judge.grading import grade_external
-from robid.models.external.judge.limits import NRMSE_LIMIT, excess_doubts, expected_std
-from robid.models.external.judge.novelty import novelty_doubts
+from robid.models.external.judge.plausible import NRMSE_LIMIT, excess_doubts, expected_std, grade_external
 from robid.models.external.judge.prediction import (
     NewShots,
     PredictedShot,
     PredictedTraces,
     new_shots,
+    novelty_doubts,
     predict_shots,
     traces_of,
 )

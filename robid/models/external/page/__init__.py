@@ -1,1 +1,1 @@
-"""What of an external fit stands on the page, in the terminal and in the summary."""
+"""What of an external fit stands on page, terminal and summary. Read `report`, `sections`, `data`, then `charts`."""

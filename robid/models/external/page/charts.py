@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.models.external.fit.excitation import Excitation
+from robid.models.external.fit.etfe import Excitation
 from robid.models.external.fit.solution import ExternalSolution, StepResponses
 from robid.report.section import Curve, Figure, Line
 

@@ -1,4 +1,4 @@
-"""One linear model per position, by nonlinear least squares on its frequency response."""
+"""One linear model per position from its response, all in one basis of states, interpolated (SMILE)."""
 
 from __future__ import annotations
 
@@ -7,12 +7,188 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.models.lpv.fit.problem import Problem, solve
-from robid.models.lpv.fit.state_space import StateSpace, balance, pack, stack, unpack
-from robid.models.lpv.fit.subspace import subspace_model
+from robid.models.lpv.fit.state_space import StateSpace, balance, pack, remap, resolvent, stack, transform, unpack
 from robid.results.levenberg import Status
+
+
+def subspace_model(
+    z: ComplexArray, response: ComplexArray, root_weight: FloatArray, *, order: int, n_block: int
+) -> StateSpace:
+    """Realises a frequency response from the space that its states span.
+
+    The lines are first spread over the circle: lines far below the sampling rate crowd at 1, and their powers tell
+    states apart badly.
+
+    Args:
+        z (n_freq,): Points of the unit circle.
+        response (n_freq, n_out, n_in): Frequency response.
+        root_weight (n_freq, n_out, n_in): Root of each element's weight.
+        order: Number of states.
+        n_block: Block rows, more than `order / n_out`.
+
+    Returns:
+        A stable model.
+
+    Source:
+        McKelvey, Akcay and Ljung (1996), Subspace-based multivariable system identification from frequency response
+        data, algorithm 2.
+    """
+    # The bilinear map of tan(angle / 2) by its median brings the median line to a quarter turn; `remap` takes it back.
+    tangent = np.tan(np.angle(z) / 2)
+    middle = float(np.median(tangent))
+    w = (middle + 1j * tangent) / (middle - 1j * tangent)
+    A, C = _states(w, response, root_weight.mean(axis=(1, 2)), order, n_block)
+    A = _reflect(A)
+    B, D = _inputs(w, response, root_weight, A, C)
+    return remap(StateSpace(A, B, C, D), middle + 1, middle - 1, middle - 1, middle + 1)
+
+
+def _states(
+    w: ComplexArray, response: ComplexArray, weight: FloatArray, order: int, n_block: int
+) -> tuple[FloatArray, FloatArray]:
+    _, n_out, n_in = response.shape
+    # Y = O X + Gamma U over the lines, block row k multiplied by w^k; real and imaginary parts are rows of their own,
+    # so that the model is real.
+    powers = w ** np.arange(n_block)[:, None] * weight
+    inputs = np.einsum("bf,ij->bifj", powers, np.eye(n_in)).reshape(n_block * n_in, -1)
+    outputs = np.einsum("bf,foj->bofj", powers, response).reshape(n_block * n_out, -1)
+    rows = np.concatenate([inputs, outputs])
+    # LQ of [U; Y]: the last block is Y without what U explains. Its columns span those of the observability matrix O.
+    triangle = np.asarray(np.linalg.qr(np.concatenate([rows.real, rows.imag], axis=1).T, mode="r")).T
+    seen = triangle[n_block * n_in :, n_block * n_in :]
+    space = np.linalg.svd(seen)[0][:, :order]
+    # O without its last block row, times A, is O without its first; C is its first block row.
+    return np.linalg.lstsq(space[:-n_out], space[n_out:], rcond=None)[0], space[:n_out]
+
+
+def _reflect(A: FloatArray) -> FloatArray:
+    """Brings poles into the unit circle."""
+    values, vectors = np.linalg.eig(A)
+    size = np.abs(values)
+    # 1 / conj(pole) has the same magnitude response but for a factor; a little inside, so that it is never on the
+    # circle.
+    inside = np.where(size >= 1, values / np.maximum(size, 1e-300) ** 2 * 0.999, values)
+    return np.asarray(np.real(vectors @ (inside[:, None] * np.linalg.inv(vectors))))
+
+
+def _inputs(
+    w: ComplexArray, response: ComplexArray, root_weight: FloatArray, A: FloatArray, C: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Weighted least squares for B and D: the response is linear in them, input by input."""
+    ahead = np.concatenate([C @ resolvent(A, w), np.broadcast_to(np.eye(len(C)), (len(w), len(C), len(C)))], axis=2)
+    columns = []
+    for index in range(response.shape[2]):
+        weight = root_weight[:, :, index]
+        left = (ahead * weight[..., None]).reshape(-1, ahead.shape[2])
+        right = (response[:, :, index] * weight).ravel()
+        real = np.concatenate([left.real, left.imag]), np.concatenate([right.real, right.imag])
+        columns.append(np.linalg.lstsq(*real, rcond=None)[0])
+    both = np.array(columns).T
+    return both[: len(A)], both[len(A) :]
+
+
+_SINGULAR = 1e-8  # of the largest, a singular value of a transformation that loses a state
+
+
+def align_neighbours(systems: StateSpace, points: FloatArray) -> StateSpace:
+    """Brings local models to the basis of a middle one, balanced, each by way of a neighbour that is there already.
+
+    A transformation makes a model as much like its neighbour as a basis can: linear least squares, from its own
+    balanced basis, so that the basis it came in does not matter.
+
+    Args:
+        systems: Stable local models, one per position.
+        points (n_pos, n_scheduling): Their positions.
+
+    Raises:
+        DataError: If a model has nothing in common with its neighbour.
+    """
+    reduced = (points - points.mean(axis=0)) / np.maximum(np.ptp(points, axis=0), np.finfo(float).tiny)
+    distance = np.linalg.norm(reduced[:, None] - reduced, axis=2)
+    middle = middle_position(points)
+    balanced = [balance(systems[index])[0] for index in range(len(points))]
+    aligned = {middle: balanced[middle]}
+    while len(aligned) < len(points):
+        done, left = list(aligned), [index for index in range(len(points)) if index not in aligned]
+        near = distance[np.ix_(done, left)]
+        row, column = np.unravel_index(np.argmin(near), near.shape)
+        aligned[left[column]] = _like(balanced[left[column]], aligned[done[row]], left[column])
+    return stack([aligned[index] for index in range(len(points))])
+
+
+def middle_position(points: FloatArray) -> int:
+    """Returns the position nearest to the mean of all."""
+    reduced = (points - points.mean(axis=0)) / np.maximum(np.ptp(points, axis=0), np.finfo(float).tiny)
+    return int(np.argmin(np.linalg.norm(reduced, axis=1)))
+
+
+def _like(system: StateSpace, other: StateSpace, index: int) -> StateSpace:
+    """The model in the states `T x` that minimise `|T A - A' T|^2 + |T B - B'|^2 + |C - C' T|^2`."""
+    n = system.A.shape[0]
+    eye = np.eye(n)
+    # Row by row, vec(T A) = kron(1, A^T) vec(T) and vec(A' T) = kron(A', 1) vec(T): one linear least-squares problem in
+    # T.
+    rows = [
+        np.kron(eye, system.A.T) - np.kron(other.A, eye),
+        np.kron(eye, system.B.T),
+        np.kron(other.C, eye),
+    ]
+    right = [np.zeros(n * n), other.B.ravel(), system.C.ravel()]
+    T = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0].reshape(n, n)
+    values = np.linalg.svd(T, compute_uv=False)
+    if not values[-1] > _SINGULAR * values[0]:
+        raise DataError(
+            "No basis makes the local model resemble its neighbour's.",
+            where=f"position {index}",
+            remedy="Measure positions in between, or choose another order.",
+        )
+    return transform(system, T)
+
+
+def check_positions(values: FloatArray) -> None:
+    """Refuses positions that do not tell the basis functions apart.
+
+    Args:
+        values (n_pos, n_function + 1): The functions at the positions.
+
+    Raises:
+        DataError: If there are fewer positions than functions, or they leave a combination of functions open.
+    """
+    n_pos, n_function = values.shape
+    if n_pos < n_function:
+        raise DataError(
+            f"{n_pos} different positions cannot tell {n_function} basis functions apart (the constant one counted).",
+            remedy="Fit more positions, or take fewer functions (`basis`).",
+        )
+    if np.linalg.matrix_rank(values / np.linalg.norm(values, axis=0)) < n_function:
+        raise DataError(
+            "At these positions some basis functions are combinations of others.",
+            remedy="Take fewer functions (`basis`), or positions that vary every scheduling parameter.",
+        )
+
+
+def interpolate(systems: StateSpace, values: FloatArray) -> FloatArray:
+    """Fits every element of the matrices over the positions by least squares.
+
+    Args:
+        systems: Local models in one basis.
+        values (n_pos, n_function + 1): The basis functions at the positions.
+
+    Returns:
+        The packed matrices of each function (n_function + 1, n_local).
+
+    Raises:
+        DataError: If the positions do not tell the basis functions apart.
+
+    Source:
+        De Caigny, Camino and Swevers (2009), Interpolating model identification for SISO linear parameter-varying
+        systems; Turk et al. (2018), sec. III-B.
+    """
+    check_positions(values)
+    return np.asarray(np.linalg.lstsq(values, pack(systems), rcond=None)[0])
 
 
 @dataclass(frozen=True)
@@ -44,6 +220,7 @@ def fit_local_models(problem: Problem, *, max_iterations: int = 100) -> LocalMod
         DataError: If there are too few lines for the order, or a model is unstable.
     """
     n_state, n_out, n_in = problem.sizes.n_state, problem.sizes.n_out, problem.sizes.n_in
+    # A complex line tells two numbers. A model in any basis has n (n_out + n_in) + n_out n_in of them.
     told = np.count_nonzero(problem.root_weight, axis=(1, 2, 3)) * 2
     # Subspace models, with which every fit begins, have a block row to spare.
     most = min((int(told.min()) - n_out * n_in) // (n_out + n_in), (len(problem.z) // 2 - 1) * n_out)
@@ -55,6 +232,7 @@ def fit_local_models(problem: Problem, *, max_iterations: int = 100) -> LocalMod
         )
     n_pos = len(problem.response)
     found = [_fit(at_position(problem, index), max_iterations) for index in range(n_pos)]
+    # Forth and back, so that a good minimum reaches every position from wherever it was found.
     for index in [*range(1, n_pos), *range(n_pos - 2, -1, -1)]:
         for neighbour in {max(index - 1, 0), min(index + 1, n_pos - 1)} - {index}:
             again = _descend(at_position(problem, index), found[neighbour][0], max_iterations)

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from robid.models.lpv.fit.agreement import Agreement
-from robid.models.lpv.fit.bands import model_response
 from robid.models.lpv.fit.basis import Basis, Polynomials, Splines
 from robid.models.lpv.fit.model import LpvModel, add_integrators
+from robid.models.lpv.fit.responses import Agreement
 from robid.models.lpv.fit.state_space import Sizes
-from robid.models.lpv.fit.uncertainty import ResponseUncertainty
+from robid.models.lpv.fit.uncertainty import ResponseUncertainty, model_response
 from robid.results.estimate import Estimate
 
 

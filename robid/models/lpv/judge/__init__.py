@@ -1,1 +1,1 @@
-"""What a position-dependent model is worth. Read `validating`, then `grading`."""
+"""What a position-dependent model is worth, in `validating`."""

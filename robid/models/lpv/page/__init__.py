@@ -1,1 +1,1 @@
-"""What of a position-dependent fit stands on the page, in the terminal and in the summary."""
+"""What of a position-dependent fit stands on page, terminal and summary. Read `report`, then `charts`."""

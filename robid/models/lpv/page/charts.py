@@ -7,8 +7,8 @@ from statistics import NormalDist
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.models.lpv.fit.parameters import continuous_poles
 from robid.models.lpv.fit.solution import Held, LpvSolution, Ports
+from robid.models.lpv.fit.uncertainty import continuous_poles
 from robid.report.numbers import joint_text, significant
 from robid.report.section import Curve, Figure, Line
 

@@ -1,5 +1,4 @@
 """Rigid dynamics and friction by inverse-dynamics least squares.
 
-Read `fitting` from above; then `shots`, `rows`, `preprocessing`, `reading`, `reduction`, `least_squares`, `huber`,
-`instruments` and `uncertainty`, last `verdict` and `conclusion`.
+Read `fitting` from above; then `shots`, `rows`, `regression` and `residuals`, last `conclusion`.
 """

@@ -9,13 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.models.rigid.fit.least_squares import weighted_least_squares
 from robid.models.rigid.fit.options import PreprocessingOptions
-from robid.models.rigid.fit.preprocessing import prepare
-from robid.models.rigid.fit.reading import Reading
-from robid.models.rigid.fit.reduction import reduce_rows, residuals
-from robid.models.rigid.fit.residual_tests import check_whiteness, expected_correlation
-from robid.models.rigid.fit.rows import Regressor, Remembered
+from robid.models.rigid.fit.regression import reduce_rows, residuals, weighted_least_squares
+from robid.models.rigid.fit.residuals import check_whiteness, expected_correlation
+from robid.models.rigid.fit.rows import Reading, Regressor, Remembered, prepare
 from robid.signals.filters import central_differences, low_pass_reach
 
 _ABOVE_FLOOR = 20.0

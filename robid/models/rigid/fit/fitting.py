@@ -11,22 +11,21 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.models.rigid.fit.conclusion import conclude
+from robid.models.rigid.fit.conclusion import conclude, instrumental_variables
 from robid.models.rigid.fit.cutoff import CutOffChoice, choose_cut_off, excited_band, fewest_rows, row_count
-from robid.models.rigid.fit.huber import sweep_bend
-from robid.models.rigid.fit.instruments import instrumental_variables
-from robid.models.rigid.fit.least_squares import Regression, ordinary_least_squares, weighted_least_squares
 from robid.models.rigid.fit.options import ConclusionOptions, PreprocessingOptions, RigidFitOptions
-from robid.models.rigid.fit.preprocessing import Motion, prepare
-from robid.models.rigid.fit.reading import Reading
-from robid.models.rigid.fit.reduction import reduce_rows
-from robid.models.rigid.fit.residual_tests import FEWEST_TESTED
+from robid.models.rigid.fit.regression import (
+    Regression,
+    ordinary_least_squares,
+    reduce_rows,
+    sweep_bend,
+    weighted_least_squares,
+)
+from robid.models.rigid.fit.residuals import FEWEST_TESTED, Influence
 from robid.models.rigid.fit.result import Found, first_moments, make_solution
-from robid.models.rigid.fit.rows import Remembered, RowSource
-from robid.models.rigid.fit.shots import Shot, refuse_unusable
+from robid.models.rigid.fit.rows import Motion, Reading, Remembered, RowSource, prepare
+from robid.models.rigid.fit.shots import Shot, refuse_unusable, travel_of
 from robid.models.rigid.fit.solution import RigidSolution
-from robid.models.rigid.fit.travel import travel_of
-from robid.models.rigid.fit.uncertainty import Influence
 from robid.robot.description import Robot
 from robid.robot.regressor.base import BaseParameters, find_base_parameters, label, select_base
 from robid.robot.regressor.model import RigidModel, build_rigid_model

@@ -9,13 +9,11 @@ import numpy as np
 from scipy.stats import norm, t
 
 from robid.arrays import BoolArray, FloatArray, IntArray
-from robid.models.rigid.fit.conclusion import HUBER, INSTRUMENTS, LEAST_SQUARES, Conclusion
-from robid.models.rigid.fit.consistency import make_consistent, parameter_scale, pseudo_inertia
+from robid.models.rigid.fit.conclusion import HUBER, INSTRUMENTS, LEAST_SQUARES, Conclusion, Verdict, scale_of
+from robid.models.rigid.fit.consistency import against_nominal, make_consistent, parameter_scale, pseudo_inertia
 from robid.models.rigid.fit.cutoff import CutOffChoice
-from robid.models.rigid.fit.huber import HuberRegression, huber_weights
-from robid.models.rigid.fit.least_squares import Regression
-from robid.models.rigid.fit.nominal import against_nominal
 from robid.models.rigid.fit.options import EstimatorName, PreprocessingOptions, RigidFitOptions
+from robid.models.rigid.fit.regression import HuberRegression, Regression, huber_weights
 from robid.models.rigid.fit.solution import (
     Base,
     Checks,
@@ -26,7 +24,6 @@ from robid.models.rigid.fit.solution import (
     StandardSet,
     Travel,
 )
-from robid.models.rigid.fit.verdict import Verdict, scale_of
 from robid.results.estimate import Estimate
 from robid.robot.regressor.base import BaseParameters
 from robid.robot.regressor.model import RigidModel

@@ -1,14 +1,16 @@
-"""What every estimator reads: rows of an inverse-dynamics model, in blocks that pass again and again."""
+"""Rows of the regression: positions and torques filtered alike, and the regressor along the motion by blocks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray
+from robid.arrays import BoolArray, FloatArray, check_shape
+from robid.models.rigid.fit.options import PreprocessingOptions
+from robid.signals.filters import Decimator, central_differences, low_pass, low_pass_gain, low_pass_reach
 
 _BUDGET_BYTES = 256 << 20
 
@@ -124,3 +126,184 @@ class Remembered:
 
     def __iter__(self) -> Iterator[Rows]:
         return (self[index] for index in range(len(self)))
+
+
+_MARGIN = 4  # reaches after which a filter's beginning is forgotten to rounding
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One uninterrupted record and what is to be done with it; its samples are those of the caller, not copies.
+
+    Attributes:
+        sampling_period_s: Sampling period [s].
+        position (n_sample, n_joint): Measured positions [rad, or m].
+        torque (n_sample, n_joint): Motor torques [N m, or N].
+        options: The filters.
+        instrument (n_sample, n_joint): Positions of a simulation without noise, or None.
+        slow (n_joint,): Speeds below which rows are dropped [rad/s, or m/s]; 0 drops none.
+        held: Whether each torque is a command held until the next sample; its mean about a sample is then taken.
+        load_dependent: Whether friction grows with the torque.
+        loaded: Whether a payload with parameters of its own is there.
+    """
+
+    sampling_period_s: float
+    position: FloatArray
+    torque: FloatArray
+    options: PreprocessingOptions
+    instrument: FloatArray | None
+    slow: FloatArray
+    held: bool
+    load_dependent: bool
+    loaded: bool
+
+    @property
+    def reach(self) -> int:
+        """Samples at either end that the low pass cannot filter."""
+        options = self.options
+        return low_pass_reach(self.sampling_period_s, options.cut_hz, options.position_order)
+
+    def smooth(self, signal: FloatArray, first: int, end: int) -> FloatArray:
+        """Low-passes the samples from `first` to before `end` of a signal (n_sample, n_joint) as if it were whole."""
+        margin = _MARGIN * self.reach
+        start = max(0, first - margin)
+        options = self.options
+        part = signal[start : end + margin]
+        filtered = low_pass(part, self.sampling_period_s, options.cut_hz, options.position_order)
+        return filtered[first - start : end - start]
+
+    def centred_torque(self, first: int, end: int) -> FloatArray:
+        """Returns the mean torques about the samples from `first`, the second one at least, to before `end`."""
+        if not self.held:
+            return self.torque[first:end]
+        return np.asarray(0.5 * (self.torque[first:end] + self.torque[first - 1 : end - 1]))
+
+
+def prepare(
+    position: FloatArray,
+    torque: FloatArray,
+    sampling_period_s: float,
+    options: PreprocessingOptions,
+    *,
+    instrument: FloatArray | None = None,
+    held: bool = False,
+    load_dependent: bool = False,
+    loaded: bool = True,
+) -> Motion:
+    """Checks a record and finds the speeds that are too slow.
+
+    Args:
+        position (n_sample, n_joint): Measured positions [rad, or m].
+        torque (n_sample, n_joint): Motor torques [N m, or N].
+        sampling_period_s: Sampling period [s].
+        options: The filters.
+        instrument (n_sample, n_joint): Positions of a simulation without noise, for instrumental variables.
+        held: Whether each torque is a command held until the next sample.
+        load_dependent: Whether friction grows with the torque.
+        loaded: Whether a payload with parameters of its own is there.
+
+    Raises:
+        ValueError: If the record is too short for its filters.
+    """
+    n_sample, n_joint = position.shape
+    check_shape("torque", torque, "n_sample n_joint", n_sample=n_sample, n_joint=n_joint)
+    if instrument is not None:
+        check_shape("instrument", instrument, "n_sample n_joint", n_sample=n_sample, n_joint=n_joint)
+    slow: FloatArray = np.full(n_joint, options.drop_below_rad_s)
+    motion = Motion(sampling_period_s, position, torque, options, instrument, slow, held, load_dependent, loaded)
+    if n_sample <= 2 * motion.reach + 2:
+        message = f"The record has {n_sample} samples, but the ends of its filter alone reach into {2 * motion.reach}."
+        raise ValueError(message)
+    if options.drop_deviations:
+        inner = slice(motion.reach, n_sample - motion.reach)
+        removed = position[inner] - motion.smooth(position, inner.start, inner.stop)
+        slow = np.maximum(slow, options.drop_deviations * speed_noise(removed, sampling_period_s, options))
+    return replace(motion, slow=slow)
+
+
+def speed_noise(removed: FloatArray, sampling_period_s: float, options: PreprocessingOptions) -> FloatArray:
+    """Estimates the deviation (n_joint,) of the filtered speed's noise [rad/s, or m/s].
+
+    Args:
+        removed (n_sample, n_joint): What the low pass took from the positions, white noise for its greater part.
+        sampling_period_s: Sampling period [s].
+        options: The filters.
+    """
+    angle, gain = low_pass_gain(sampling_period_s, options.cut_hz, options.position_order)
+    kept = np.mean((gain * np.sin(angle) / sampling_period_s) ** 2)
+    return np.asarray(np.std(removed, axis=0) * np.sqrt(kept / np.mean((1 - gain) ** 2)))
+
+
+_BLOCK_SAMPLES = 8192
+_BLOCK_REACHES = 8
+
+
+class Reading:
+    """Rows of motions, filtered and decimated block by block.
+
+    Args:
+        motions: The records; no row lies across two.
+        regressor: The inverse dynamics.
+        decimator: What torque and columns pass.
+        block_samples: Samples of a block, for memory; a block has at least some reaches of the filter.
+    """
+
+    def __init__(
+        self,
+        motions: Sequence[Motion],
+        regressor: Regressor,
+        decimator: Decimator,
+        block_samples: int = _BLOCK_SAMPLES,
+    ) -> None:
+        self._regressor = regressor
+        self._decimator = decimator
+        n_row = max(1, max(block_samples, _BLOCK_REACHES * decimator.reach) // decimator.factor)
+        self._blocks: list[tuple[Motion, int, int]] = []
+        for motion in motions:
+            ends = motion.reach + 1
+            kept = decimator.kept(len(motion.position) - 2 * ends) + ends
+            for first in range(0, len(kept), n_row):
+                last = kept[min(first + n_row, len(kept)) - 1]
+                self._blocks.append((motion, int(kept[first]) - decimator.reach, int(last) + decimator.reach + 1))
+
+    def __len__(self) -> int:
+        return len(self._blocks)
+
+    def __getitem__(self, index: int, /) -> Rows:
+        motion, first, end = self._blocks[index]
+        measured = _differentiated(motion, motion.position, first, end)
+        simulated = None if motion.instrument is None else _differentiated(motion, motion.instrument, first, end)
+        deciding = (simulated or measured)[1]
+        load = motion.smooth(motion.torque, first, end) if motion.load_dependent else None
+
+        def columns(path: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
+            whole = self._regressor.columns(*path, torque=load, friction_speed=deciding, loaded=motion.loaded)
+            return self._decimator(whole)
+
+        return Rows(
+            columns(measured),
+            self._decimator(motion.centred_torque(first, end)),
+            self._fast(deciding, motion.slow),
+            None if simulated is None else columns(simulated),
+        )
+
+    def __iter__(self) -> Iterator[Rows]:
+        return (self[index] for index in range(len(self)))
+
+    def _fast(self, speed: FloatArray, slow: FloatArray) -> BoolArray:
+        """Which kept samples have no slow one nearer than the next kept one."""
+        kept = self._decimator.kept(len(speed))
+        ok = np.ones((len(kept), speed.shape[1]), dtype=bool)
+        if not np.any(slow > 0):
+            return ok
+        nearest = min(self._decimator.factor, self._decimator.reach)
+        window = kept[:, None] + np.arange(-nearest, nearest + 1)
+        return np.asarray(np.all(np.abs(speed[window]) >= slow, axis=1))
+
+
+def _differentiated(
+    motion: Motion, position: FloatArray, first: int, end: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Returns low-passed positions, speeds and accelerations of some samples."""
+    around = motion.smooth(position, first - 1, end + 1)
+    return around[1:-1], *central_differences(around, motion.sampling_period_s)

@@ -1,1 +1,1 @@
-"""What a rigid model is worth. Read `prediction`, then `validating` and `grading`."""
+"""What a rigid fit is worth. Read `scales` (before it), `plausible`, then `validating`."""

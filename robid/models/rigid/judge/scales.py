@@ -1,8 +1,9 @@
-"""Wrong units, sides and times of a record of large motions: what its channels say of each other and of the robot."""
+"""Wrong units and other scales of a record, told from its torques and motions before the fit."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -11,9 +12,9 @@ import numpy as np
 from robid.arrays import FloatArray, IntArray
 from robid.models.rigid.fit.cutoff import excited_band
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
-from robid.models.rigid.fit.preprocessing import prepare
+from robid.models.rigid.fit.rows import prepare
 from robid.models.rigid.fit.shots import Shot, positions_of
-from robid.results.doubt import Doubt
+from robid.results.doubt import Doubt, two_digits
 from robid.results.plausible.hypotheses import Hypothesis, Seen, hypotheses_of, joined, name_scales
 from robid.results.plausible.pairs import Pair, pairs_of
 from robid.results.plausible.scales import named_doubt
@@ -271,3 +272,100 @@ def _compare(estimated: FloatArray, stated: FloatArray, torque: FloatArray) -> t
     likeness = float(estimated @ stated / (sizes[0] * sizes[1]))
     # What is in proportion counts, not what else an estimate makes of it.
     return float(abs(estimated @ stated) / (stated @ stated)), likeness
+
+
+_UNEXPLAINED = 0.15
+_BETTER = 0.4
+_CLEARLY = 0.7  # of what the next best leaves
+
+
+def sum_doubts(robot: Robot, shots: Sequence[Shot], options: RigidFitOptions) -> tuple[Doubt, ...]:
+    """Names an angle that looks like the sum or the difference of two joints', at most one.
+
+    Controllers show some axes against the horizontal, though their motors turn them against the link before. Where
+    the torques are badly explained, they are explained again with each angle less or plus each other.
+
+    Args:
+        robot: The robot file's.
+        shots: What was recorded, motor side.
+        options: Options of the fit.
+    """
+    if len(robot.joints) < 2:
+        return ()
+    try:
+        rows = thinned(shots, options)
+    except ValueError:
+        return ()
+    before = _unexplained(_base_model(robot, options), rows)
+    if before < _UNEXPLAINED:
+        return ()
+    free = replace(robot, joints=tuple(replace(joint, couplings={}) for joint in robot.joints))
+    model = _base_model(free, options)
+    tried = [
+        (_unexplained(model, changed), joint, other, sign) for changed, joint, other, sign in _changed(robot, rows)
+    ]
+    tried.sort(key=lambda one: one[0])
+    (share, joint, other, sign), following = tried[0], [each for each in tried[1:] if each[1] != tried[0][1]]
+    if share > _BETTER * before or any(share > _CLEARLY * each[0] for each in following):
+        return ()
+    told = f"the torques are explained to {_percent(share)} instead of {_percent(before)} "
+    return (Doubt("gear_coupling", told + _what(robot, joint, other, sign), decisive=True, strength=before / share),)
+
+
+def _base_model(robot: Robot, options: RigidFitOptions) -> RigidModel:
+    model = build_rigid_model(robot, options.model)
+    return model.only(find_base_parameters(model, options.base).columns.tolist())
+
+
+def _changed(
+    robot: Robot, rows: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+) -> Iterator[tuple[tuple[FloatArray, ...], int, int, int]]:
+    """Rows of a robot without couplings: each arm's motion less or plus each other's; the arms' own where none is."""
+    *motions, torque = rows
+    arms = [motion @ robot.arm_per_motor.T for motion in motions]
+    coupled = any(joint.couplings for joint in robot.joints)
+    if coupled:
+        yield (*(arm * robot.gear_ratio for arm in arms), torque), -1, -1, 0
+        return
+    for (joint, other), sign in itertools.product(itertools.permutations(range(len(robot.joints)), 2), (1, -1)):
+        other_way = np.eye(len(robot.joints))
+        other_way[joint, other] = -sign
+        yield (*(arm @ other_way.T * robot.gear_ratio for arm in arms), torque), joint, other, sign
+
+
+def _unexplained(model: RigidModel, rows: tuple[FloatArray, ...]) -> float:
+    """Share of the torques that no parameters explain."""
+    position, velocity, acceleration, torque = rows
+    columns = model.columns(position, velocity, acceleration, torque=torque if model.needs_torque else None)
+    scale = np.maximum(torque.std(axis=0), 1e-300)
+    left = (columns @ solved(columns / scale[:, None], torque / scale) - torque) / scale
+    return float(np.linalg.norm(left) / np.linalg.norm((torque - torque.mean(axis=0)) / scale))
+
+
+def _what(robot: Robot, joint: int, other: int, sign: int) -> str:
+    names = [one.name for one in robot.joints]
+    ratio = robot.gear_ratio
+    if sign:
+        weights = {(joint, other): -sign * ratio[joint] / ratio[other]}
+        kind = "sum" if sign > 0 else "difference"
+        told = f"if the angle of {names[joint]} is the {kind} of those of {names[joint]} and {names[other]}: "
+    else:
+        turns = (robot.arm_per_motor - np.diag(1 / ratio)) * ratio[:, None]
+        weights = {(row, column): turns[row, column] for row, column in np.argwhere(turns).tolist()}
+        listed = ", ".join(dict.fromkeys(names[row] for row, _ in weights))
+        told = (
+            f"if the motors of {listed} turn their own joints alone, and only their logged angles count others' too: "
+            "leave `couplings` out of the robot file, and "
+        )
+    sums = [
+        f"`<{names[row]}> {'+' if weight > 0 else '-'} {abs(weight):.6g}*<{names[column]}>`"
+        for (row, column), weight in weights.items()
+    ]
+    listed = " and ".join(sums)
+    return (
+        f"{told}state as its `variable` {listed}, of the log's variables of the motors (weights of 1 where arms' are)"
+    )
+
+
+def _percent(share: float) -> str:
+    return f"{two_digits(100 * share)} %"

@@ -1,4 +1,4 @@
-"""Validation of a rigid model on a motion that its fit never saw."""
+"""A rigid model held against a motion that it never saw: its torques, its simulated motion, and its grade."""
 
 from __future__ import annotations
 
@@ -7,21 +7,98 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
 from robid.models.rigid.fit.fitting import Simulate
-from robid.models.rigid.fit.options import RigidFitOptions
-from robid.models.rigid.fit.residual_tests import FEWEST_TESTED
-from robid.models.rigid.fit.shots import Shot
+from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
+from robid.models.rigid.fit.residuals import FEWEST_TESTED
+from robid.models.rigid.fit.rows import Reading, prepare
+from robid.models.rigid.fit.shots import Shot, repeats
 from robid.models.rigid.fit.solution import RigidSolution
-from robid.models.rigid.fit.travel import repeats
-from robid.models.rigid.judge.grading import grade_rigid
-from robid.models.rigid.judge.plausible import TOTAL_ERROR_LIMIT
-from robid.models.rigid.judge.prediction import Prediction, predict
+from robid.models.rigid.judge.plausible import TOTAL_ERROR_LIMIT, grade_rigid
 from robid.results.doubt import Doubt
 from robid.results.outcome import Outcome, recover
 from robid.robot.description import Robot
-from robid.robot.regressor.model import build_rigid_model
+from robid.robot.regressor.model import RigidModel, build_rigid_model
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Measured and predicted torques, filtered alike; NaN where a row does not count.
+
+    Attributes:
+        time_s (n_row,): Time of each row from the beginning, shots after each other [s].
+        measured (n_row, n_joint): Measured torque [N m].
+        predicted (n_row, n_joint): The model's [N m].
+    """
+
+    time_s: FloatArray
+    measured: FloatArray
+    predicted: FloatArray
+
+    @property
+    def n_row(self) -> IntArray:
+        """Rows of each joint (n_joint,) that count."""
+        return np.asarray(np.isfinite(self.measured).sum(axis=0))
+
+    @property
+    def relative_error(self) -> FloatArray:
+        """Norm of the error over that of the measured torque (n_joint,); NaN of a joint without rows."""
+        error = np.nansum((self.measured - self.predicted) ** 2, axis=0)
+        size = np.nansum(self.measured**2, axis=0)
+        return np.asarray(np.sqrt(np.divide(error, size, out=np.full_like(error, np.nan), where=size > 0)))
+
+    @property
+    def total_error(self) -> float:
+        """Norm of the error over that of the measured torque, all joints together."""
+        error = np.nansum((self.measured - self.predicted) ** 2)
+        return float(np.sqrt(error / np.nansum(self.measured**2)))
+
+    @property
+    def deviation(self) -> FloatArray:
+        """Root mean square of the error (n_joint,); NaN of a joint without rows [N m]."""
+        error = np.nansum((self.measured - self.predicted) ** 2, axis=0)
+        count = self.n_row
+        return np.asarray(np.sqrt(np.divide(error, count, out=np.full_like(error, np.nan), where=count > 0)))
+
+
+def predict(
+    model: RigidModel, parameters: FloatArray, shots: Sequence[Shot], filters: PreprocessingOptions
+) -> Prediction:
+    """Predicts torques along the measured motion of some shots.
+
+    Args:
+        model: The model.
+        parameters (n_param,): Values of its columns.
+        shots: What was recorded.
+        filters: Filters of positions, torques and columns.
+
+    Raises:
+        ValueError: If a shot is too short for its filters.
+    """
+    decimator = filters.decimator(shots[0].sampling_period_s)
+    motions = [
+        prepare(
+            shot.position,
+            shot.torque,
+            shot.sampling_period_s,
+            filters,
+            held=shot.held,
+            load_dependent=model.needs_torque,
+            loaded=shot.loaded,
+        )
+        for shot in shots
+    ]
+    measured, predicted = [], []
+    for rows in Reading(motions, model, decimator):
+        measured.append(np.where(rows.used, rows.torque, np.nan))
+        predicted.append(np.where(rows.used, rows.columns @ parameters, np.nan))
+    if not measured:
+        raise ValueError("The filters leave no rows of the record: it is shorter than they reach.")
+    whole = np.concatenate(measured)
+    time_s = np.arange(len(whole)) * decimator.factor * shots[0].sampling_period_s
+    return Prediction(time_s, whole, np.concatenate(predicted))
+
 
 MOTOR_ERROR_LIMIT = 0.3
 _WORSE = 2.0  # times what the fit left

@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.models.rigid.fit.solution import Checks, Filtered, RowResiduals
-from robid.models.rigid.judge.prediction import Prediction
+from robid.models.rigid.judge.validating import Prediction
 from robid.report.section import Curve, Figure
 
 _BINS = 40

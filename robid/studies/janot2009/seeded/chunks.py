@@ -11,11 +11,16 @@ import numpy as np
 from robid.arrays import FloatArray, IntArray
 from robid.artifacts.artifact import Artifact, Attribute, Dataset
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
-from robid.models.rigid.fit.huber import huber_weights, sweep_bend
-from robid.models.rigid.fit.least_squares import Regression, ordinary_least_squares
+from robid.models.rigid.fit.conclusion import Verdict
 from robid.models.rigid.fit.options import HuberOptions, PreprocessingOptions
-from robid.models.rigid.fit.reduction import reduce_rows, residuals
-from robid.models.rigid.fit.verdict import Verdict
+from robid.models.rigid.fit.regression import (
+    Regression,
+    huber_weights,
+    ordinary_least_squares,
+    reduce_rows,
+    residuals,
+    sweep_bend,
+)
 from robid.settings.plain import plain_settings
 from robid.studies.janot2009.seeded.identification import Identified, Machine, Recording, identify, read
 from robid.studies.settings.study import SeededCase

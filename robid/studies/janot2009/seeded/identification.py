@@ -8,15 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.models.rigid.fit.conclusion import Conclusion, conclude
-from robid.models.rigid.fit.instruments import solve_instruments
-from robid.models.rigid.fit.least_squares import Regression, ordinary_least_squares, weighted_least_squares
+from robid.models.rigid.fit.conclusion import Conclusion, conclude, solve_instruments
 from robid.models.rigid.fit.options import ConclusionOptions, PreprocessingOptions
-from robid.models.rigid.fit.preprocessing import prepare
-from robid.models.rigid.fit.reading import Reading
-from robid.models.rigid.fit.reduction import reduce_rows
-from robid.models.rigid.fit.rows import Regressor, Remembered
-from robid.models.rigid.fit.uncertainty import Influence
+from robid.models.rigid.fit.regression import Regression, ordinary_least_squares, reduce_rows, weighted_least_squares
+from robid.models.rigid.fit.residuals import Influence
+from robid.models.rigid.fit.rows import Reading, Regressor, Remembered, prepare
 
 _SIMULATIONS = 5
 _SETTLED = 1.0  # standard deviations; a further simulation moves the parameters by a hundredth of the step before

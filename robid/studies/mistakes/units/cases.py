@@ -19,7 +19,7 @@ from robid.artifacts.store import read_artifact, read_header
 from robid.artifacts.validation import VALIDATION
 from robid.errors import DataError, SettingsError
 from robid.fleet.row import Told
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.pipeline import Run, run_all
 from robid.results.scale import read_scale
 from robid.settings.acquire import Acquire

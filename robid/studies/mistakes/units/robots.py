@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from robid.errors import SettingsError
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.pipeline import Run
 from robid.settings.load import LoadedExperiment
 from robid.settings.problems import format_field

@@ -13,7 +13,7 @@ from robid.artifacts.artifact import Artifact
 from robid.artifacts.mapping import Column, from_datasets, to_datasets
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_header
-from robid.models.external.fit.channels import blocks_of
+from robid.models.external.fit.checks import blocks_of
 from robid.models.external.fit.coupling import CouplingMap, Pairs, map_coupling
 from robid.models.external.fit.data import commands_of, shots_of
 from robid.models.external.fit.etfe import Etfe, estimate_etfe

@@ -15,7 +15,7 @@ from robid.artifacts.validation import VALIDATION
 from robid.models.external.files import solution_from_artifact, validation_from_artifact
 from robid.models.external.fit.solution import ExternalSolution
 from robid.models.external.judge.validating import ExternalValidation
-from robid.models.external.page.coupling import coupling_section
+from robid.models.external.page.data import coupling_section
 from robid.models.external.settings import external_fit
 from robid.pipeline import Run
 from robid.report.numbers import MISSING, significant

@@ -9,11 +9,11 @@ import numpy as np
 from scipy.stats import norm
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.models.external.fit.comparison import nrmse, predict
 from robid.models.external.fit.data import Shot
 from robid.models.external.fit.fitting import fit_external
 from robid.models.external.fit.graphs import Fitted
 from robid.models.external.fit.options import ExternalOptions
+from robid.models.external.fit.output_error import nrmse, predict
 from robid.models.external.fit.solution import ExternalSolution
 from robid.signals.quantities import Channel
 from robid.studies.oliveira2019.plants.bench import PRINTED, Bench, Plant

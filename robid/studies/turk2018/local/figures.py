@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
-from robid.models.lpv.fit.agreement import expected_share
-from robid.models.lpv.fit.responses import smooth_variance
+from robid.models.lpv.fit.responses import expected_share, smooth_variance
 from robid.models.lpv.fit.solution import Held, LpvSolution
 from robid.report.numbers import MINUS
 

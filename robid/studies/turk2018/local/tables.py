@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from robid.models.lpv.fit.agreement import expected_share
-from robid.models.lpv.fit.blocks import block_names, measure
 from robid.models.lpv.fit.model import LpvModel
+from robid.models.lpv.fit.responses import expected_share
 from robid.models.lpv.fit.solution import Held, LpvSolution
-from robid.models.lpv.fit.state_space import MATRICES
+from robid.models.lpv.fit.state_space import MATRICES, block_names, measure
 from robid.report.numbers import MISSING, percent, pretty_unit, significant
 from robid.report.section import Row, Section, Table
 from robid.studies.turk2018.local.figures import deviations, error_ratio, places, share_within

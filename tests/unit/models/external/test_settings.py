@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from robid.models.external.settings import ExternalFit, problems
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 
 STAGES = Path(__file__).parents[3] / "stages"
 BOTH = ("estimation", "validation")

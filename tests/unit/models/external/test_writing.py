@@ -17,7 +17,6 @@ from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.validation import VALIDATION
 from robid.errors import ArtifactError, SettingsError
-from robid.models.external.control import transfer_functions
 from robid.models.external.family import EXTERNAL
 from robid.models.external.files import (
     model_of,
@@ -27,8 +26,9 @@ from robid.models.external.files import (
 )
 from robid.models.external.fit.fitting import fit_external
 from robid.models.external.fit.options import ExternalOptions
-from robid.models.external.judge.grading import assess_external
+from robid.models.external.judge.plausible import assess_external
 from robid.models.external.judge.validating import validate_external
+from robid.models.external.writing import transfer_functions
 from robid.models.family import ExportTask
 
 PLANTS = [linear([3.0, 400.0], [1.0, 22.0, 400.0], 3), linear([900.0], [1.0, 40.0, 900.0], 3)]

@@ -12,7 +12,7 @@ from robid.design.excitation.lines import choose_lines
 from robid.frf.estimate import estimate_frf
 from robid.frf.joined import join
 from robid.frf.options import EstimateOptions
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.results.plausible.doubts import data_doubts, evidence_doubts
 from robid.results.plausible.evidence import gather_evidence, join_evidence
 from robid.robot.description import Friction, Inertial, Joint, Motor, Robot, Spring

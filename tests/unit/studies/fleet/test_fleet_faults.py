@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.studies.fleet.check import KINDS
 from robid.studies.fleet.faults import faulty_bytes, faulty_log
 from robid.studies.fleet.logs import log_bytes, softened

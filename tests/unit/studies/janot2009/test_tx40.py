@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.models.rigid.fit.fitting import fit_rigid
 from robid.models.rigid.fit.shots import shots_of
 from robid.models.rigid.settings import rigid_fit

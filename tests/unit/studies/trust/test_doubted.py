@@ -12,7 +12,7 @@ from robid.models.elastic.fit.doubts.listing import list_doubts
 from robid.models.elastic.fit.doubts.scene import Scene
 from robid.models.elastic.fit.fitting import set_up
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 from robid.studies.trust.doubted import Doubted, as_file, doubted_responses, draw_doubted, load_shares
 
 CONFIGS = Path(__file__).parents[4] / "configs"

@@ -13,7 +13,7 @@ from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.assessment import assess_fit
 from robid.models.elastic.judge.fitted import fitted_model
 from robid.models.elastic.judge.uncoupled import uncoupled_doubts
-from robid.models.files import load_experiment
+from robid.models.known import load_experiment
 
 GANTRY = load_experiment(Path(__file__).parents[5] / "configs" / "gantry.yaml").robot.to_robot()
 FREQUENCY_HZ = np.geomspace(2, 60, 25)

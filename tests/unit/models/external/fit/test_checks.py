@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.models.external.fit.channels import Block
-from robid.models.external.fit.checks import mixed_findings, signal_findings, unsteady_findings, usable_blocks
+from robid.models.external.fit.checks import Block, mixed_findings, signal_findings, unsteady_findings, usable_blocks
 from robid.models.external.fit.data import Shot, quantum_of
 from robid.models.external.fit.etfe import estimate_etfe, floors
 from robid.models.external.fit.options import ExternalOptions

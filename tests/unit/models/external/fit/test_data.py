@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.models.external.fit.channels import blocks_of
+from robid.models.external.fit.checks import blocks_of
 from robid.models.external.fit.data import commands_of, shots_of
 from robid.models.external.fit.options import ExternalOptions
 from robid.signals.quantities import Channel, motor_channels

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robid.models.external.fit.data import Shot
-from robid.models.external.fit.excitation import OwnChannel, show_excitation
+from robid.models.external.fit.etfe import OwnChannel, show_excitation
 
 STEP, N = 0.01, 5000
 TIME = STEP * np.arange(N)

@@ -2,11 +2,10 @@ import numpy as np
 import pytest
 
 from external_shots import CHANNELS, shot, sweep, transfer
-from robid.models.external.fit.findings import find_findings
+from robid.models.external.fit.graphs import output_deviation, response_deviation
 from robid.models.external.fit.output_error import fit_block
+from robid.models.external.fit.parameters import find_findings, poles_of, zeros_of
 from robid.models.external.fit.problem import Structure
-from robid.models.external.fit.roots import poles_of, zeros_of
-from robid.models.external.fit.uncertainty import output_deviation, response_deviation
 from tolerances import FINITE_DIFFERENCE, RECOVERY_SIGMA
 
 MODEL = transfer([2.0, 3.0, 40.0], np.real(np.poly([-2.0, -5 + 6j, -5 - 6j])), delay=2, average=2)

@@ -6,7 +6,7 @@ from robid.errors import DataError
 from robid.models.external.fit.data import Shot
 from robid.models.external.fit.output_error import fit_block
 from robid.models.external.fit.problem import Structure, first_noise, pose
-from robid.models.external.fit.starting import refine
+from robid.models.external.fit.search import refine
 from robid.models.external.fit.transfer import TransferMatrix
 from tolerances import FINITE_DIFFERENCE, RECOVERY, RECOVERY_SIGMA
 

@@ -6,7 +6,7 @@ import pytest
 from external_loops import BANDS, channels, linear, shot_of
 from robid.models.external.fit.fitting import fit_external
 from robid.models.external.fit.options import ExternalOptions
-from robid.models.external.judge.homes import compare_homes
+from robid.models.external.judge.prediction import compare_homes
 
 DENOMINATOR = np.polymul([1.0, 30.0], [1.0, 20.0, 500.0])
 

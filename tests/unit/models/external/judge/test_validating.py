@@ -9,8 +9,7 @@ from external_loops import BANDS, NEW_BAND, PERIOD_S, channels, limited_rate, li
 from robid.errors import DataError
 from robid.models.external.fit.fitting import fit_external
 from robid.models.external.fit.options import ExternalOptions
-from robid.models.external.judge.grading import assess_external
-from robid.models.external.judge.plausible import solution_doubts
+from robid.models.external.judge.plausible import assess_external, solution_doubts
 from robid.models.external.judge.validating import validate_external
 from robid.results.grade import DO_NOT_USE, PREDICTS, TRUST
 

@@ -8,11 +8,10 @@ import pytest
 from lpv_systems import LEFT_OUT, POSITIONS, STRUCTURE, basis, local_responses, true_systems
 from robid.errors import DataError
 from robid.models.lpv.fit.basis import Basis, Polynomials, polynomial_basis
-from robid.models.lpv.fit.blocks import block_names
-from robid.models.lpv.fit.estimation import estimate_lpv
+from robid.models.lpv.fit.fitting import estimate_lpv
 from robid.models.lpv.fit.options import LpvOptions, PathOptions
 from robid.models.lpv.fit.responses import LocalResponses
-from robid.models.lpv.fit.state_space import StateSpace, response
+from robid.models.lpv.fit.state_space import StateSpace, block_names, response
 from robid.studies.turk2018.known_structure import finds_structure
 
 SHORT = LpvOptions(order=3, path=PathOptions(count=3, smallest=10, largest=1000))

@@ -7,13 +7,12 @@ import pytest
 
 from lpv_systems import LEFT_OUT, POSITIONS, local_responses, true_systems
 from robid.errors import DataError
-from robid.models.lpv.fit.agreement import agree, expected_share, hidden_error
 from robid.models.lpv.fit.basis import polynomial_basis, spline_basis
 from robid.models.lpv.fit.fitting import fit_lpv
 from robid.models.lpv.fit.options import BasisOptions, LpvOptions, PathOptions
-from robid.models.lpv.fit.parameters import estimate_poles
-from robid.models.lpv.fit.responses import LocalResponses
+from robid.models.lpv.fit.responses import LocalResponses, agree, expected_share, hidden_error
 from robid.models.lpv.fit.solution import Ports, tabulate_basis
+from robid.models.lpv.fit.uncertainty import estimate_poles
 
 SHORT = LpvOptions(order=3, path=PathOptions(count=2, smallest=30, largest=300))
 PORTS = Ports(("u",), ("N m",), ("y1", "y2"), ("rad", "m"), ("slide",), ("m",), 1.0)

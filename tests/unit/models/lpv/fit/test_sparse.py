@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from lpv_systems import LEFT_OUT, POSITIONS, SIZES, STRUCTURE, basis, local_responses, problem, true_parameters
-from robid.models.lpv.fit import penalised
-from robid.models.lpv.fit.blocks import block_names, list_blocks, measure, spread
-from robid.models.lpv.fit.cone_program import minimise_model
+from robid.models.lpv.fit import sparse as penalised
 from robid.models.lpv.fit.options import PathOptions, SparsityOptions
 from robid.models.lpv.fit.path import PathPoint, choose_point, follow_path
-from robid.models.lpv.fit.penalised import Penalised, descend
 from robid.models.lpv.fit.problem import cost, normal, solve
-from robid.models.lpv.fit.sparse import fit_sparse
+from robid.models.lpv.fit.sparse import Penalised, descend, fit_sparse, minimise_model
+from robid.models.lpv.fit.state_space import block_names, list_blocks, measure, spread
 
 LARGEST = basis().largest
 ALL = np.ones((4, 4), bool)

@@ -6,12 +6,9 @@ from scipy.io import loadmat
 
 from rigid_models import Slide, stacked
 from robid.models.rigid.fit.cutoff import choose_cut_off
-from robid.models.rigid.fit.huber import huber
-from robid.models.rigid.fit.least_squares import ordinary_least_squares
 from robid.models.rigid.fit.options import PreprocessingOptions
-from robid.models.rigid.fit.preprocessing import prepare
-from robid.models.rigid.fit.reading import Reading
-from robid.models.rigid.fit.reduction import reduce_rows
+from robid.models.rigid.fit.regression import huber, ordinary_least_squares, reduce_rows
+from robid.models.rigid.fit.rows import Reading, prepare
 
 OPTIONS = PreprocessingOptions(position_cut_hz=100.0, decimation=10)
 PERIOD_S = 1e-3

@@ -5,10 +5,15 @@ import pytest
 from scipy.optimize import linprog, minimize
 
 from rigid_models import random_rows, stacked
-from robid.models.rigid.fit.huber import huber, huber_weights, robust_scale, sweep_bend
-from robid.models.rigid.fit.least_squares import ordinary_least_squares
 from robid.models.rigid.fit.options import HuberOptions
-from robid.models.rigid.fit.reduction import reduce_rows
+from robid.models.rigid.fit.regression import (
+    huber,
+    huber_weights,
+    ordinary_least_squares,
+    reduce_rows,
+    robust_scale,
+    sweep_bend,
+)
 from robid.models.rigid.fit.rows import Rows
 from tolerances import RECOVERY
 

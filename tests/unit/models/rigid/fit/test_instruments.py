@@ -7,12 +7,11 @@ import pytest
 
 from rigid_models import random_rows
 from robid.errors import DataError
-from robid.models.rigid.fit.instruments import instrumental_variables, solve_instruments
-from robid.models.rigid.fit.least_squares import ordinary_least_squares
+from robid.models.rigid.fit.conclusion import instrumental_variables, solve_instruments
 from robid.models.rigid.fit.options import InstrumentOptions
-from robid.models.rigid.fit.reduction import reduce_rows
+from robid.models.rigid.fit.regression import ordinary_least_squares, reduce_rows
+from robid.models.rigid.fit.residuals import long_run_covariance
 from robid.models.rigid.fit.rows import Rows
-from robid.models.rigid.fit.uncertainty import long_run_covariance
 
 TRUTH = np.array([1.0, -2.0, 3.0])
 

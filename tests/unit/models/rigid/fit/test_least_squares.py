@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from rigid_models import random_rows, stacked
-from robid.models.rigid.fit.least_squares import ordinary_least_squares, weighted_least_squares
-from robid.models.rigid.fit.reduction import reduce_rows, residuals
+from robid.models.rigid.fit.regression import ordinary_least_squares, reduce_rows, residuals, weighted_least_squares
 from robid.models.rigid.fit.rows import Rows, rows_of
 from tolerances import IDENTITY, RECOVERY
 

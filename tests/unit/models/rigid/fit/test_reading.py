@@ -5,9 +5,7 @@ import pytest
 
 from rigid_models import Arm, Slide
 from robid.models.rigid.fit.options import PreprocessingOptions
-from robid.models.rigid.fit.preprocessing import prepare, speed_noise
-from robid.models.rigid.fit.reading import Reading
-from robid.models.rigid.fit.rows import Remembered
+from robid.models.rigid.fit.rows import Reading, Remembered, prepare, speed_noise
 from robid.signals.filters import central_differences, low_pass, low_pass_reach
 from tolerances import IDENTITY
 

@@ -7,9 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from rigid_models import random_rows
-from robid.models.rigid.fit.least_squares import ordinary_least_squares
-from robid.models.rigid.fit.reduction import reduce_rows, residuals
-from robid.models.rigid.fit.residual_tests import check_normality, check_whiteness, expected_correlation
+from robid.models.rigid.fit.regression import ordinary_least_squares, reduce_rows, residuals
+from robid.models.rigid.fit.residuals import check_normality, check_whiteness, expected_correlation
 from robid.models.rigid.fit.rows import Rows
 from robid.signals.filters import design_decimator
 

@@ -6,12 +6,10 @@ from scipy.signal import lfilter
 
 from block_bootstrap import bootstrap_blocks
 from rigid_models import random_rows
-from robid.models.rigid.fit.huber import huber
-from robid.models.rigid.fit.least_squares import ordinary_least_squares, weighted_least_squares
 from robid.models.rigid.fit.options import HuberOptions
-from robid.models.rigid.fit.reduction import reduce_rows
+from robid.models.rigid.fit.regression import huber, ordinary_least_squares, reduce_rows, weighted_least_squares
+from robid.models.rigid.fit.residuals import huber_influence, least_squares_influence, long_run_covariance
 from robid.models.rigid.fit.rows import Rows
-from robid.models.rigid.fit.uncertainty import huber_influence, least_squares_influence, long_run_covariance
 
 TRUTH = np.array([1.0, -2.0, 3.0, 0.5])
 

@@ -5,11 +5,9 @@ import pytest
 from scipy.signal import lfilter
 
 from rigid_models import random_rows
-from robid.models.rigid.fit.conclusion import INSTRUMENTS, conclude
-from robid.models.rigid.fit.instruments import solve_instruments
+from robid.models.rigid.fit.conclusion import INSTRUMENTS, conclude, scale_of, solve_instruments
 from robid.models.rigid.fit.options import ConclusionOptions, VerdictOptions
 from robid.models.rigid.fit.rows import Rows
-from robid.models.rigid.fit.verdict import scale_of
 from robid.signals.filters import design_decimator
 
 NAMES = ("a", "b", "c")

@@ -8,13 +8,12 @@ import pytest
 from rigid_logs import PERIOD_S, fourier_motion, shot_along, with_masses
 from rigid_robots import random_chain
 from robid.errors import DataError
+from robid.models.rigid.fit.consistency import against_nominal
 from robid.models.rigid.fit.fitting import fit_rigid
-from robid.models.rigid.fit.nominal import against_nominal
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
-from robid.models.rigid.fit.travel import repeats, travel_of
-from robid.models.rigid.judge.grading import assess_rigid
-from robid.models.rigid.judge.scales import motions_of, rigid_scale_doubts
-from robid.models.rigid.judge.sums import sum_doubts
+from robid.models.rigid.fit.shots import repeats, travel_of
+from robid.models.rigid.judge.plausible import assess_rigid
+from robid.models.rigid.judge.scales import motions_of, rigid_scale_doubts, sum_doubts
 from robid.models.rigid.judge.validating import validate_rigid
 from robid.results.scale import Scale
 from robid.robot.regressor.model import build_rigid_model
@@ -163,7 +162,7 @@ def test_real_bodies_are_found_for_a_record_with_fewer_independent_moments_than_
 
 
 def test_torques_of_links_are_compared_as_the_regressor_has_them(robot, shot):
-    from robid.models.rigid.fit.reduction import reduce_rows
+    from robid.models.rigid.fit.regression import reduce_rows
     from robid.models.rigid.fit.rows import rows_of
     from robid.robot.regressor.base import find_base_parameters
 

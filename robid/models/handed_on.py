@@ -1,22 +1,107 @@
-"""The masses, inertias and viscous friction of a rigid fit as robots: what it found, and how far that may be off."""
+"""What fits hand on to others: motor friction, standard parameters, robots with the masses of a rigid fit.
+
+Families never import each other: what is handed on is read from what every model has and from `rigid/standard`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact
+from robid.artifacts.model import estimate_from_artifact
 from robid.errors import DataError
-from robid.models.standard import Standard, standard_from_artifact
+from robid.results.estimate import Estimate
 from robid.robot.description import Inertial, Robot
 from robid.robot.inertia import about_origin
 from robid.robot.regressor.links import COMPONENTS
 from robid.robot.standard import StandardRobot, inertial_of, is_real, with_standard
 from robid.settings.experiment import heaviest, payload_kg
 from robid.settings.load import LoadedExperiment
+
+_GROUP = "rigid/standard"
+_NEWTON_METRES = "N m"
+
+
+@dataclass(frozen=True)
+class Standard:
+    """Standard parameters of real bodies as a fit of rigid dynamics found them.
+
+    Attributes:
+        names: Their names.
+        units: Their units.
+        value (n_std,): The values.
+        covariance (n_std, n_std): Their covariance by what was estimated.
+        status: `estimated`, or `moved` where only the nearest real bodies could be had.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    value: FloatArray
+    covariance: FloatArray
+    status: str
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The values by name."""
+        return dict(zip(self.names, self.value.tolist(), strict=True))
+
+    def mean(self, joint: str, kind: str) -> tuple[float, float]:
+        """Returns a joint's friction, the mean of both directions where they differ, and its deviation."""
+        wanted = (f"{joint}.{kind}", f"{joint}.{kind}_forward", f"{joint}.{kind}_backward")
+        own = np.isin(np.array(self.names), wanted)
+        share = own / max(1, own.sum())
+        return float(share @ self.value), float(np.sqrt(share @ self.covariance @ share))
+
+
+def standard_from_artifact(model: Artifact, fit: str) -> Standard:
+    """Reads the standard parameters from the model of a rigid fit.
+
+    Args:
+        model: Its artifact.
+        fit: Its name.
+
+    Raises:
+        DataError: If it has none that could be handed on.
+    """
+    unit = str(model.attributes.get("rigid/torque_unit", _NEWTON_METRES))
+    if unit != _NEWTON_METRES:
+        message = f"fit `{fit}` knows torques in {unit} alone: its masses are ratios to the torque constant"
+        raise DataError(message, where=f"fits.{fit}", remedy="import torques in N m; json, csv and mat hold the ratios")
+    status = str(model.attributes.get(f"{_GROUP}/status", "missing"))
+    if status not in ("estimated", "moved"):
+        message = f"fit `{fit}` has no standard parameters of real bodies ({status})"
+        remedy = "leave `physical` at true, and give the robot file's links masses and inertias that a body can have"
+        raise DataError(message, where=f"fits.{fit}", remedy=remedy)
+    found = {key: model.datasets[f"{_GROUP}/{key}"].values for key in ("names", "units", "value", "covariance")}
+    return Standard(
+        names=tuple(map(str, found["names"])),
+        units=tuple(map(str, found["units"])),
+        value=np.asarray(found["value"], float),
+        covariance=np.asarray(found["covariance"], float),
+        status=status,
+    )
+
+
+def standard_robot(loaded: LoadedExperiment, fit: str, standard: Standard) -> StandardRobot:
+    """Returns the robot file's robot with the standard parameters of a rigid fit, and with that fit's payload."""
+    campaign = loaded.experiment.campaigns[heaviest(loaded.experiment, loaded.experiment.fits[fit], loaded.robot)]
+    found = with_standard(loaded.robot.to_robot(campaign.payload_kg), standard.values)
+    return replace(found, robot=_with_std(found.robot, standard))
+
+
+def _with_std(robot: Robot, standard: Standard) -> Robot:
+    """The robot with the relative deviations of its Coulomb friction."""
+    joints = []
+    for joint in robot.joints:
+        law, (level, std) = joint.motor.friction, standard.mean(joint.name, "coulomb")
+        friction = replace(law, relative_std=std / level) if level > 0 else law
+        joints.append(replace(joint, motor=replace(joint.motor, friction=friction)))
+    return replace(robot, joints=tuple(joints))
+
 
 _RIGID = (*COMPONENTS, "motor_inertia", "viscous", "viscous_forward", "viscous_backward")
 _SHARE = 0.99  # of the variance that counts
@@ -141,3 +226,59 @@ def _sizes(standard: Standard) -> FloatArray:
 def _scaled(body: Inertial, factor: float) -> Inertial:
     """A body of another mass and the same shape."""
     return Inertial(factor * body.mass_kg, body.com_m, factor * body.inertia_kgm2)
+
+
+_UNIT = "rigid/torque_unit"
+
+
+@dataclass(frozen=True)
+class MotorFriction:
+    """Friction of some motors, motor side; where it differs between the directions the mean of both.
+
+    Attributes:
+        coulomb_nm (n_joint,): Coulomb levels [N m].
+        coulomb_std (n_joint,): Their standard deviations [N m].
+        uneven_nms_rad (n_joint,): Half of what viscous friction is larger forward than backward [N m s/rad].
+    """
+
+    coulomb_nm: FloatArray
+    coulomb_std: FloatArray
+    uneven_nms_rad: FloatArray
+
+
+def friction_from_artifact(model: Artifact, fit: str, joints: Sequence[str], torque_unit: str = "N m") -> MotorFriction:
+    """Reads motor friction from the model of a fit.
+
+    Args:
+        model: Its artifact.
+        fit: Its name.
+        joints: Names of the motors' joints.
+        torque_unit: Unit of the torques that the friction is subtracted from: A for currents.
+
+    Raises:
+        DataError: If it knows no friction of a motor, or torques in another unit.
+    """
+    unit = str(model.attributes.get(_UNIT, "N m"))
+    if unit != torque_unit:
+        message = f"fit `{fit}` knows friction in {unit}, but it is subtracted from torques in {torque_unit}"
+        raise DataError(message, where=f"fits.{fit}", remedy="import both logs in the same unit")
+    estimate = estimate_from_artifact(model)
+    rows = [_weights(estimate, joint, "coulomb") for joint in joints]
+    missing = [joint for joint, row in zip(joints, rows, strict=True) if not row.any()]
+    if missing:
+        message = f"fit `{fit}` found no Coulomb friction of {', '.join(missing)}"
+        raise DataError(message, where=f"fits.{fit}", remedy="record a motion that reverses these motors often")
+    mean = np.array(rows)
+    uneven = np.array([_weights(estimate, joint, "viscous", opposite=-1.0) for joint in joints])
+    return MotorFriction(
+        coulomb_nm=mean @ estimate.value,
+        coulomb_std=np.sqrt(np.einsum("jp,pq,jq->j", mean, estimate.covariance, mean)),
+        uneven_nms_rad=uneven @ estimate.value,
+    )
+
+
+def _weights(estimate: Estimate, joint: str, kind: str, opposite: float = 1.0) -> FloatArray:
+    """Weights (n_param,) of the parameters in a mean of both directions, or, with -1, in half their difference."""
+    one_way = {f"{joint}.{kind}_forward": 0.5, f"{joint}.{kind}_backward": 0.5 * opposite}
+    both = {} if opposite < 0 else {f"{joint}.{kind}": 1.0}
+    return np.array([{**one_way, **both}.get(name, 0.0) for name in estimate.names])
