@@ -29,6 +29,7 @@ _DATED = ("date", "numbers")
 """Kinds of moments that have a date."""
 CHUNK = 1 << 20
 """Characters that are read at a time; memory beyond the columns themselves is less than ten times that."""
+_BEGINS_NUMBERS = "0123456789+-.,"
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 
 
@@ -139,15 +140,23 @@ class _Table:
             widths = [1 + line.count(layout.separator) for _, line in rows]
         kept = []
         for (number, line), width in zip(rows, widths, strict=True):
-            if width in allowed and self._foot is None:
+            is_row = width in allowed and not self._is_text(line)
+            if is_row and self._foot is None:
                 kept.append((number, line))
             elif self._foot is None and not self._has_number(line):
                 self._foot = number, width
-            elif width in allowed or self._has_number(line):
+            elif is_row or self._has_number(line):
                 number, width = self._foot or (number, width)
-                what = f"line {number}: The table is broken: {width} values for {len(layout.names)} columns."
+                how = "no number" if width in allowed else f"{width} values for {len(layout.names)} columns"
+                what = f"line {number}: The table is broken: {how}."
                 raise UnreadableLogError(what, "Correct or delete this line.")
         return kept
+
+    def _is_text(self, line: str) -> bool:
+        """Whether a line, of as many words as the table has columns, holds neither a number nor a word for a gap."""
+        if self._layout.kinds[0] != "number" or line.lstrip(AROUND)[:1] in _BEGINS_NUMBERS:
+            return False
+        return not self._has_number(line) and not any(map(is_missing, self._layout.cells(line)))
 
     def _has_number(self, line: str) -> bool:
         layout = self._layout

@@ -209,10 +209,13 @@ def test_a_head_that_stands_there_again_is_passed_over(tmp_path, head):
         find_variable(load(tmp_path, rows[0].join([head, "other;head\n"]) + rows[1]), "q")
 
 
-@pytest.mark.parametrize("foot", ["EOF\n", "EOF", "\n(4 rows affected)\n", "*** end ***\n\n", "End;of;file\n"])
+@pytest.mark.parametrize(
+    "foot",
+    ["EOF\n", "EOF", "\n(4 rows affected)\n", "*** end ***\n\n", "End;of;file\n", "The;end\n", "The;end\nof;it\n"],
+)
 def test_words_below_the_table_are_passed_over(tmp_path, foot):
     np.testing.assert_array_equal(load(tmp_path, f"t;q\n0;1\n1;2\n{foot}")["q"], [1, 2])
-    with pytest.raises(DataError, match=r"line 4: .*1 values|line 4: .*3 values|line 5"):
+    with pytest.raises(DataError, match=r"line [45]: "):
         load(tmp_path, f"t;q\n0;1\n1;2\n{foot.rstrip()}\n3;4\n")
 
 
