@@ -40,7 +40,7 @@ def logarithmic(blocks: Blocks) -> BlockEstimate:
     """Mean of the logarithms of the blocks' elements, its branch relative to the arithmetic mean.
 
     Source:
-        METHODS sec. 4; Wernholt and Moberg, LiTH-ISY-R-2827.
+        docs/methods, sec. 4; Wernholt and Moberg, LiTH-ISY-R-2827.
     """
     inverse = np.linalg.inv(blocks.inputs)
     return BlockEstimate(logarithmic_mean(blocks.outputs @ inverse), inverse / len(inverse))

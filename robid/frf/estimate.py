@@ -75,7 +75,7 @@ def estimate_frf(
             is wrong, see `robid.frf.checks`.
 
     Source:
-        Wernholt and Moberg (2008), eq. 2; METHODS sec. 4.
+        Wernholt and Moberg (2008), eq. 2; docs/methods, sec. 4.
     """
     record.require_periods("A frequency response")
     if options.compensation == "none" or laws is None or all(law.is_zero for law in laws):

@@ -51,7 +51,7 @@ class Frf:
 
     The covariance is structured: `cov(vec G) = S (input_factor (x) C_v) S`, with `vec` stacking columns, `C_v`
     the covariance of the output residual, `input_factor` the mean of `(U U^H)^-T` over realizations divided by
-    their number (METHODS sec. 4), and `S` diagonal with the roots of `element_scale`: distortion that follows
+    their number (docs/methods, sec. 4), and `S` diagonal with the roots of `element_scale`: distortion that follows
     the inputs through a block, as friction does, gathers in some elements, which the product alone cannot hold.
 
     Attributes:

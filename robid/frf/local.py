@@ -67,7 +67,7 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
 
     Source:
         Pintelon and Schoukens (2012), System Identification, 2nd ed., ch. 7; McKelvey and Guerin (2012), IFAC
-        SYSID (rational); METHODS sec. 4.
+        SYSID (rational); docs/methods, sec. 4.
     """
     n_in, n_power = blocks.inputs.shape[2], options.local_order + 1
     inputs, outputs = windows.rows(blocks.inputs), windows.rows(blocks.outputs)

@@ -96,7 +96,7 @@ def identify_laws(record: Record, start: Sequence[TorqueLaw], delay_s: float, ov
         DataError: If too few lines are silent.
 
     Source:
-        METHODS sec. 4.
+        docs/methods, sec. 4.
     """
     silent = _silent(record, start, delay_s, oversampling)
     values, bristle = values_of(start), np.array([law.presliding_rad > 0 for law in start])

@@ -59,7 +59,7 @@ class Collocated:
     were sampled, the lines' images follow, and the folding's last frequency in every configuration. Springs come first
     and are eliminated without pivoting, which their dampers make safe. What is left is of the motors' size: with rotors
     and viscous friction on its diagonal it is the inverse of the response; where those are known, the motors are swept
-    once beforehand and it is the response itself, negative (METHODS sec. 1).
+    once beforehand and it is the response itself, negative (docs/methods, sec. 1).
 
     Args:
         model: Linearised robot whose outputs are its motors.

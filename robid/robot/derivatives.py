@@ -28,7 +28,7 @@ def jacobian(
         (n_conf, n_freq, n_out, n_in, n_param), with respect to the plain (not logarithmic) values.
 
     Source:
-        METHODS sec. 1: `dG = w^2 X_o' (dZ) X_i`.
+        docs/methods, sec. 1: `dG = w^2 X_o' (dZ) X_i`.
     """
     model = result.model
     slopes = loaded_slopes(model, parameters, result.springs, kinds)

@@ -59,7 +59,7 @@ def inverse_motion(
         DataError: If the springs give way, or a shaft lies between a motor and its transmission.
 
     Source:
-        METHODS sec. 10; Zimmermann et al. (2023), eq. 1 and sec. V-E.
+        docs/methods, sec. 10; Zimmermann et al. (2023), eq. 1 and sec. V-E.
     """
     if any(spring.place == "shaft" for spring in model.robot.springs):
         message, remedy = "the inverse dynamics know no shafts", "step robots whose transmissions follow their motors"

@@ -64,7 +64,7 @@ class LinearModel:
     """What a configuration's dynamic stiffness holds besides springs, dampers and rotors.
 
     Coordinates are `z = (q_m, spring deflections)`, so that springs, dampers, rotor inertias and motor
-    viscosities are diagonal (METHODS sec. 1); viscous friction of the arms is not.
+    viscosities are diagonal (docs/methods, sec. 1); viscous friction of the arms is not.
 
     Attributes:
         mass (n_conf, n, n): Inertia matrix without the rotors' and the links' own axial inertia.
@@ -166,7 +166,7 @@ def linearize(
         Constant matrices of all configurations.
 
     Source:
-        Wernholt and Moberg (2008), sec. 5; METHODS sec. 1.
+        Wernholt and Moberg (2008), sec. 5; docs/methods, sec. 1.
     """
     data = mujoco.MjData(model.mujoco)
     to_spring = model.to_spring

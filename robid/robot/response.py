@@ -109,7 +109,7 @@ def response(
         `-w^2 C Z^-1 B`, with hold, delay and what folds down onto outputs that are sampled as positions or as rates.
 
     Source:
-        METHODS sec. 1 (FRF, Sampling).
+        docs/methods, sec. 1 (Response, Sampling).
     """
     omega = 2 * np.pi * np.asarray(frequency_hz, float)
     model, springs = at_rest(model, parameters)

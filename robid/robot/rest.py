@@ -138,7 +138,7 @@ def settle_springs(rest: Rest, values: SpringValues) -> Springs:
         The springs; not finite where a softening one gives way.
 
     Source:
-        METHODS sec. 1 (Linearisation), for signals that need not be normal.
+        docs/methods, sec. 1 (Linearisation), for signals that need not be normal.
     """
     values = _here(rest, values)
     deflection, shift = rest.deflection.copy(), _shift(rest, values)

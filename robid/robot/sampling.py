@@ -112,7 +112,7 @@ def make_folding(
         Both maps. Accelerations that follow a torque at once are sampled before it changes.
 
     Source:
-        Poisson's sum formula; METHODS sec. 1 (Sampling) for positions.
+        Poisson's sum formula; docs/methods, sec. 1 (Sampling) for positions.
     """
     share = omega * sampling_period_s / (2 * np.pi)
     high = (share > _SIMPLE_SHARE) & (share < 0.5) & bool(rates)

@@ -63,7 +63,7 @@ def state_space(
         their accelerations.
 
     Source:
-        METHODS sec. 1 (Linearisation), in spring coordinates.
+        docs/methods, sec. 1 (Linearisation), in spring coordinates.
     """
     mass, damping, stiffness = motion_matrices(model, parameters, configuration)
     n, n_motor, output = mass.shape[0], model.n_motor, model.output[configuration]

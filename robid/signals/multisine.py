@@ -47,7 +47,7 @@ def multisine(amplitude: FloatArray, phase: FloatArray, turn: FloatArray | None 
         turns; the signal is the real part of their sum over the lines.
 
     Source:
-        Wernholt and Moberg (2008), sec. 4; METHODS sec. 2.
+        Wernholt and Moberg (2008), sec. 4; docs/methods, sec. 2.
     """
     n_motor, n_lines = amplitude.shape
     check_shape("phase", phase, "n_real n_motor n_lines", n_motor=n_motor, n_lines=n_lines)

@@ -223,3 +223,15 @@ def test_only_make_bench_collects_the_bench():
     assert not any(name.startswith("test_") for name in names)
     recipe = re.search(r"^bench:.*\n\t(.*)$", text_of(ROOT / "Makefile"), re.MULTILINE).group(1)
     assert "python_files=bench_*.py" in recipe
+
+
+def test_sections_of_methods_that_docstrings_cite_have_a_page():
+    pages = {int(path.name[:2]) for path in (ROOT / "docs/methods").glob("[0-9]*.md")}
+    source = "\n".join(text_of(path) for path in (ROOT / "robid").rglob("*.py"))
+    cited = {
+        int(number)
+        for part in re.findall(r"docs/methods,\s+sec\. (\d+(?: and \d+)?)", source)
+        for number in part.split(" and ")
+    }
+    assert cited
+    assert cited <= pages

@@ -61,7 +61,7 @@ class Bound:
 def tangent(criterion: Criterion, totals: FloatArray, smoothing: float) -> Bound:
     """Tangent at totals (n_draw, n_param, n_param).
 
-    For every other total `M*`: `worth(M*) / worth(M) <= 1 + (sum tr(G (M* - M)) + excess) / scale`, see METHODS
+    For every other total `M*`: `worth(M*) / worth(M) <= 1 + (sum tr(G (M* - M)) + excess) / scale`, see docs/methods,
     sec. 6: arithmetic over geometric mean for `d`, Cauchy and Schwarz for `a`, `lambda_min(M*) <= tr(Z M*)` for `e`.
     """
     if criterion == "e":

@@ -158,7 +158,7 @@ def design_configurations(
             leave a combination of parameters unseen.
 
     Source:
-        METHODS sec. 6 and 11; Zimmermann et al. (2023), eq. 4-6.
+        docs/methods, sec. 6 and 11; Zimmermann et al. (2023), eq. 4-6.
     """
     n_conf, n_param = len(configurations), len(parameter_names)
     draws = matrices if matrices.ndim == 4 else matrices[None]

@@ -168,7 +168,7 @@ def measured_information(
         DataError: If the inputs are not the robot's motors, or the covariance has no inverse.
 
     Source:
-        Zimmermann et al. (2023), eq. 4; METHODS sec. 4 and 6.
+        Zimmermann et al. (2023), eq. 4; docs/methods, sec. 4 and 6.
     """
     derivatives = _Derivatives(robot, frf, delay_s, kinds, nuisance, fixed, model_error, prior_decades)
     freedom, n_out = frf.degrees_of_freedom, frf.response.shape[2]

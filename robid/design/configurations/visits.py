@@ -68,8 +68,8 @@ def make_visits(alone: FloatArray, between: FloatArray) -> Visits:
         between (n_all,): Variance of each parameter between places.
 
     Source:
-        METHODS sec. 11: `(I^-1 + T)^-1` in place of the information; the scores of a fit with weights of its own vary
-        by `B T B` more.
+        docs/methods, sec. 11: `(I^-1 + T)^-1` in place of the information; the scores of a fit with weights of its own
+        vary by `B T B` more.
     """
     if not between.any():
         return Visits(alone, between, alone)

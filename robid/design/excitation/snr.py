@@ -50,7 +50,7 @@ def predicted_snr_db(
         Signal-to-noise ratio (n_freq, n_out, n_in), at least -120 dB [dB].
 
     Source:
-        METHODS sec. 4 (covariance).
+        docs/methods, sec. 4 (covariance).
     """
     # A DFT over the number of samples gives half of a cosine's amplitude.
     inverse = np.linalg.inv(torque.transpose(0, 2, 3, 1) / 2)

@@ -107,7 +107,7 @@ def select_base(factor: FloatArray, model: RigidModel, threshold: float = BaseOp
         threshold: Distance, over its own length, at which a column is dependent on others.
 
     Source:
-        Gautier (1991); METHODS sec. 7.
+        Gautier (1991); docs/methods, sec. 7.
     """
     check_shape("factor", factor, "n_row n_std", n_std=len(model.names))
     length = np.linalg.norm(factor, axis=0)

@@ -146,7 +146,7 @@ def step_responses(
         DataError: If a robot finds no equilibrium or a simulation blows up.
 
     Source:
-        Zimmermann et al. (2023), sec. V-E; METHODS sec. 10.
+        Zimmermann et al. (2023), sec. V-E; docs/methods, sec. 10.
     """
     check_shape("configurations", configurations, "n_conf n_joint", n_joint=len(true.joints))
     point = true.payload.com_m if tool_m is None else tool_m

@@ -51,7 +51,7 @@ def place_evidence(
         doubts: Further columns; none when not given.
 
     Source:
-        METHODS sec. 11.
+        docs/methods, sec. 11.
     """
     error, derivative = problem.linear(internal)
     variance, middle = problem.parameters.prior_std**2, internal

@@ -75,7 +75,7 @@ def fit_elastic(
             motors, the robot file's springs give way under gravity, or a free parameter changes nothing.
 
     Source:
-        Wernholt and Moberg (2008), sec. 5; METHODS sec. 5.
+        Wernholt and Moberg (2008), sec. 5; docs/methods, sec. 5.
     """
     check_inputs(robot, frf)
     check_data(robot, frf, options)

@@ -58,7 +58,7 @@ def estimate_model_error(problem: Problem, internal: FloatArray, found: Influenc
         Ratios, bands, and the model error that inflated weights need; None without a covariance.
 
     Source:
-        METHODS sec. 5; the level is the moment estimator of Paule and Mandel (1982).
+        docs/methods, sec. 5; the level is the moment estimator of Paule and Mandel (1982).
     """
     frf = problem.frf
     modelled = problem.model_response(internal)

@@ -36,7 +36,7 @@ def make_weights(
         over lines and configurations like the others: relative to the element's mean power.
 
     Source:
-        Wernholt and Moberg (2008), eq. 6, 8 and sec. 6; METHODS sec. 5.
+        Wernholt and Moberg (2008), eq. 6, 8 and sec. 6; docs/methods, sec. 5.
     """
     size = np.abs(frf.response) if size is None else size
     power = size**2

@@ -66,7 +66,7 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[
         options: Options of the fit.
 
     Source:
-        Rao's score test; METHODS sec. 11.
+        Rao's score test; docs/methods, sec. 11.
     """
     signs = try_signs(robot, fitted, options)
     reversed_ = [] if signs is None else [of_signs(robot, signs)]

@@ -115,7 +115,7 @@ def validate_elastic(
         DataError: If the data and the model do not belong together.
 
     Source:
-        Zimmermann et al. (2023), sec. V-C and Table II; METHODS sec. 10.
+        Zimmermann et al. (2023), sec. V-C and Table II; docs/methods, sec. 10.
     """
     fitted = fitted_model(robot, solution, frf, options, delay_s)
     costs = weighted_costs(robot, fitted)

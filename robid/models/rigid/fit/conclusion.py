@@ -208,7 +208,7 @@ def judge(
         options: When to speak.
 
     Source:
-        Janot et al. (2009), eq. 22 and sec. IV; Hausman (1978); METHODS sec. 7.
+        Janot et al. (2009), eq. 22 and sec. IV; Hausman (1978); docs/methods, sec. 7.
     """
     chosen = options or VerdictOptions()
     share = chosen.level / (3 if instruments is None else 4)

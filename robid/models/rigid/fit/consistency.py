@@ -70,7 +70,7 @@ def make_consistent(
         ValueError: If shapes differ.
 
     Source:
-        Wensing, Kim and Slotine (2018): pseudo-inertias that are positive definite; METHODS sec. 7.
+        Wensing, Kim and Slotine (2018): pseudo-inertias that are positive definite; docs/methods, sec. 7.
     """
     check_shape("combination", combination, "n_base n_std", n_base=len(base), n_std=len(nominal))
     check_shape("bodies", bodies, "n_body n_moment", n_moment=10)

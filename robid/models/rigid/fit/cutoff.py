@@ -82,7 +82,7 @@ def choose_cut_off(
         ValueError: If the record is too short for any of them.
 
     Source:
-        METHODS sec. 7: residual whiteness against the excited band.
+        docs/methods, sec. 7: residual whiteness against the excited band.
     """
     excited = excited_band(position, sampling_period_s)
     cuts = sorted(candidates_hz) or _ladder(float(excited.max()), sampling_period_s)

@@ -55,7 +55,7 @@ def fit_rigid(
         DataError: If a motor never moves, a record is too short, or the motion determines nothing.
 
     Source:
-        Janot et al. (2009); METHODS sec. 7.
+        Janot et al. (2009); docs/methods, sec. 7.
     """
     refuse_unusable(robot, shots)
     if options.estimator == "instruments" and simulate is None:
