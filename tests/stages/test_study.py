@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.models.known import load_experiment
 from robid.pipeline import Run
 from robid.stages import terminal
 from robid.studies.frf import study as frf
+from robid.studies.known import load_with_study
 
 _HERE = Path(__file__).parent
 TASKS = {f"configuration_{index}_chunk_{chunk}" for index in (1, 2) for chunk in (1, 2)}
@@ -86,7 +86,7 @@ def test_a_linear_robot_without_noise_has_no_bias(study):
 
 
 def test_chunks_differ_in_phases_and_noise_alone(done):
-    run = Run(load_experiment(Path("study.yaml")), done.runs, "serial", 1)
+    run = Run(load_with_study(Path("study.yaml")), done.runs, "serial", 1)
     chunks = [task.argument for task in frf.tasks(run)]
     assert [(chunk.index, len(chunk.experiment.reference)) for chunk in chunks] == [(0, 2), (0, 2), (1, 2), (1, 2)]
     seeds = [chunk.experiment.options.seed for chunk in chunks]
