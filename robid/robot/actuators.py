@@ -5,8 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from robid.robot.description import HarmonicBalance, Joint, Motor, Robot
-from robid.robot.static_friction import StaticLaw, friction_ramps, ramp_count
+from robid.robot.description import HarmonicBalance, Joint, Robot
+from robid.robot.friction import Bristles, FrictionLaw
 
 
 def motor_drives(robot: Robot) -> list[tuple[str, float]]:
@@ -22,15 +22,16 @@ def add_torque(
     joint: Joint,
     drive: tuple[str, float],
     *,
-    friction: bool,
+    friction: FrictionLaw | None,
     ripple: bool,
     second_ripple: tuple[float, int] = (0.0, 1),
 ) -> None:
-    """Adds a motor's torque, and LuGre friction and ripple inside the integrator, the second by amplitude and order."""
+    """Adds a motor's torque, and bristles and ripple inside the integrator, the second by amplitude and order."""
     actuator = _add_actuator(spec, f"torque_{joint.name}", drive)
     actuator.set_to_motor()
     motor = joint.motor
-    lugre = _lugre(motor) if friction and motor.friction.coulomb_nm > 0 else None
+    form = friction.in_engine(motor.friction) if friction and motor.friction.coulomb_nm > 0 else None
+    lugre = form.lugre if isinstance(form, Bristles) else None
     cogging = [motor.ripple_nm, motor.ripple_order, motor.ripple_phase_rad] if ripple and motor.ripple_nm > 0 else None
     if lugre or cogging:
         passive = _add_actuator(spec, f"friction_{joint.name}", drive)
@@ -53,11 +54,11 @@ def _add_actuator(spec: mujoco.MjSpec, name: str, drive: tuple[str, float]) -> m
     return actuator
 
 
-def add_static_friction(spec: mujoco.MjSpec, joint: Joint, drive: tuple[str, float], law: StaticLaw) -> None:
-    """Adds friction without memory to a motor, as clipped ramps."""
-    if joint.motor.friction.coulomb_nm == 0:
+def add_ramps(spec: mujoco.MjSpec, joint: Joint, drive: tuple[str, float], law: FrictionLaw) -> None:
+    """Adds friction to a motor that has no memory in the engine, as clipped ramps."""
+    ramps = law.in_engine(joint.motor.friction)
+    if isinstance(ramps, Bristles) or joint.motor.friction.coulomb_nm == 0:
         return
-    ramps = friction_ramps(joint.motor.friction, law)
     for number, (slope, level) in enumerate(zip(ramps.slope.tolist(), ramps.level.tolist(), strict=True)):
         ramp = _add_actuator(spec, f"friction_{joint.name}_{number}", drive)
         # The gain of 1 on a control that stays zero keeps MuJoCo from reading the slope as a damping ratio.
@@ -67,26 +68,21 @@ def add_static_friction(spec: mujoco.MjSpec, joint: Joint, drive: tuple[str, flo
         ramp.forcelimited, ramp.forcerange = 1, [-level, level]
 
 
-def friction_rows(model: mujoco.MjModel, robot: Robot, law: StaticLaw | None) -> list[tuple[int, int]]:
+def friction_rows(model: mujoco.MjModel, robot: Robot, law: FrictionLaw) -> list[tuple[int, int]]:
     """Returns the motor and the index of every actuator that rubs on it.
 
     Args:
         model: What was compiled.
         robot: The robot.
-        law: Friction without memory; None for LuGre.
+        law: Law of its friction.
     """
-    parts = [""] if law is None else [f"_{number}" for number in range(ramp_count(law))]
-    return [
-        (motor, int(model.actuator(f"friction_{joint.name}{part}").id))
-        for motor, joint in enumerate(robot.joints)
-        if joint.motor.friction.coulomb_nm > 0
-        for part in parts
-    ]
-
-
-def _lugre(motor: Motor) -> list[float]:
-    law = motor.friction
-    return [law.coulomb_nm / law.presliding_rad, 0.0, law.coulomb_nm, law.static_nm, law.stribeck_rad_s]
+    rows = []
+    for motor, joint in enumerate(robot.joints):
+        if joint.motor.friction.coulomb_nm > 0:
+            form = law.in_engine(joint.motor.friction)
+            parts = [""] if isinstance(form, Bristles) else [f"_{number}" for number in range(len(form.slope))]
+            rows += [(motor, int(model.actuator(f"friction_{joint.name}{part}").id)) for part in parts]
+    return rows
 
 
 def set_passive(
