@@ -233,28 +233,30 @@ class Curve(FrictionLaw):
         static = friction.static_nm if self.breaks_away else friction.coulomb_nm
         return _numbers(friction.coulomb_nm, static, friction.stribeck_rad_s, self.sign_share * friction.stribeck_rad_s)
 
-    def curve(self, speed: FloatArray, coefficients: Coefficients) -> FloatArray:
-        """Returns the torque at some speeds (..., n_motor) [N m]."""
-        level = coefficients.coulomb * np.tanh(speed / coefficients.width)
-        return np.asarray(level * coefficients.stribeck_curve(speed))
+    def curve(self, friction: Friction, speed: FloatArray) -> FloatArray:
+        """Returns the torque of a robot file's coefficients at some speeds of any shape [N m]."""
+        relative, static = speed / friction.stribeck_rad_s, float(self.coefficients(friction).static)
+        level = friction.coulomb_nm + (static - friction.coulomb_nm) * np.exp(-(relative**2))
+        return np.asarray(level * np.tanh(relative / self.sign_share))
 
     def periodic_torque(self, speed: FloatArray, _step_s: float, coefficients: Coefficients) -> FloatArray:
         """Evaluates the curve."""
-        return self.curve(speed, coefficients)
+        level = coefficients.coulomb * np.tanh(speed / coefficients.width)
+        return np.asarray(level * coefficients.stribeck_curve(speed))
 
     def in_engine(self, friction: Friction) -> Ramps:
         """Returns a polygon whose knots lie as densely as the root of the curvature asks.
 
         It is within 0.3 % of the breakaway level of the curve.
         """
-        coefficients = self.coefficients(friction)
         speed = friction.stribeck_rad_s * np.linspace(0.0, _REACH, _FINE) ** 2 / _REACH
-        curve = self.curve(speed, coefficients)
+        curve = self.curve(friction, speed)
+        # The grid is finest at rest, where this second difference rounds: another form of the same curve moves knots.
         # A chord over a knot spacing d misses the curve by f'' d^2 / 8: alike everywhere if d ~ 1 / sqrt(f'').
         bend = np.sqrt(np.abs(np.gradient(np.gradient(curve, speed), speed)))
         share = np.concatenate([[0.0], np.cumsum(0.5 * (bend[1:] + bend[:-1]) * np.diff(speed))])
         knots = np.interp(np.linspace(0.0, share[-1], self.knots + 1), share, speed)
-        values = self.curve(knots, coefficients)
+        values = self.curve(friction, knots)
         values[-1] = friction.coulomb_nm
         # Each ramp ends at its own knot, so that its slope is what the polygon's slope loses there.
         slope = np.append(np.diff(values) / np.diff(knots), 0.0)

@@ -17,7 +17,7 @@ FRICTION = Friction(0.002, 0.5, 0.65, 2.0, 0.05)
 
 def curve(friction, law, speed):
     """Torque of a law without memory at some speeds, viscous part left out."""
-    return LAWS[law].curve(speed, LAWS[law].coefficients(friction))
+    return LAWS[law].curve(friction, speed)
 
 
 @pytest.mark.parametrize("law", CURVES)
