@@ -9,8 +9,8 @@ import numpy as np
 from scipy.linalg import qr, solve_triangular
 
 from robid.arrays import FloatArray, IntArray, check_shape
+from robid.robot.regressor.drives import BaseOptions
 from robid.robot.regressor.model import RigidModel
-from robid.robot.regressor.options import BaseOptions
 
 _TIDY = 1e-7  # a smaller share of a column is rounding
 _SILENT = 1e-12  # a column this much smaller than the largest one does nothing

@@ -10,8 +10,8 @@ from robid.errors import DataError
 from robid.models.files import load_experiment
 from robid.models.rigid_source import RigidSource
 from robid.models.standard import Standard, standard_robot
+from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.model import build_rigid_model
-from robid.robot.regressor.options import RigidOptions
 
 STAGES = Path(__file__).parents[2] / "stages"
 

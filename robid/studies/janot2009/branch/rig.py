@@ -9,8 +9,8 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.models.rigid.fit.result import first_moments
 from robid.robot.regressor.base import find_base_parameters
+from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.model import RigidModel, build_rigid_model
-from robid.robot.regressor.options import RigidOptions
 from robid.simulate.rigid_loop import simulate_rigid, simulate_rigid_loop
 from robid.studies.janot2009.branch.motion import Branch, exciting_motion
 from robid.studies.janot2009.seeded.identification import Machine, Recording
