@@ -11,8 +11,7 @@ from robid.arrays import FloatArray
 from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Spring, SpringBalance
 from robid.robot.friction import Friction, with_level
 from robid.robot.inertia import about_origin, remove
-from robid.robot.regressor.links import COMPONENTS
-from robid.robot.regressor.tree import PAYLOAD
+from robid.robot.regressor.links import COMPONENTS, PAYLOAD
 
 _HOMELESS = ("torque_offset", "load_friction", "coupling_inertia", "coupling_viscous", "coupling_coulomb")
 _NO_PAYLOAD = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))

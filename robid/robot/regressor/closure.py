@@ -6,7 +6,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.robot.description import Robot
-from robid.robot.regressor.tree import Tree, rigid_tree
+from robid.robot.regressor.links import Tree, rigid_tree
 
 
 def pin_gaps(robot: Robot, positions: FloatArray) -> FloatArray:
