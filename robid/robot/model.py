@@ -11,11 +11,22 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.robot.actuators import add_balance, add_ramps, add_torque, motor_drives, set_passive
+from robid.robot.actuators import (
+    MASSLESS_KG,
+    add_balance,
+    add_elastic_hinge,
+    add_motor,
+    add_ramps,
+    add_shafts,
+    add_torque,
+    motor_drives,
+    quaternion_of,
+    set_passive,
+    shafts_of,
+)
 from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Sensor, Spring
 from robid.robot.friction import FrictionLaw
 from robid.robot.inertia import combine, remove
-from robid.robot.rotors import MASSLESS_KG, add_elastic_hinge, add_motor, add_shafts, quaternion_of, shafts_of
 from robid.robot.stiffness_law import VaryingSprings
 
 _LEAST_KG = 1e-12  # MuJoCo wants some
