@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 
 from exact_systems import two_mass_robot
 from robid.frf.compensation import periodic_speed
-from robid.robot.friction import KINDS, LAWS, LUGRE, Friction, TorqueLaw, friction_torque, periodic_recurrence
+from robid.robot.actuators import friction_rows
+from robid.robot.friction import KINDS, LAWS, LUGRE, Curve, Friction, TorqueLaw, friction_torque, periodic_recurrence
 from robid.robot.model import build_model
 
 PERIOD_S = 1.0
@@ -149,3 +150,28 @@ def test_law_without_memory_is_its_curve():
     both = friction_torque(np.tile(speed, 2), 1e-3, (LAW, law))
     np.testing.assert_array_equal(both[:, 1:], friction_torque(speed, 1e-3, (law,)))
     np.testing.assert_array_equal(both[:, :1], friction_torque(speed, 1e-3, (LAW,)))
+
+
+class Arctan(Curve):
+    """A law that the house does not have: a softer sign than tanh's."""
+
+    def curve(self, friction, speed):
+        """Torque at some speeds."""
+        return friction.coulomb_nm * 2 / np.pi * np.arctan(speed / friction.stribeck_rad_s)
+
+    def periodic_torque(self, speed, _step_s, coefficients):
+        """The same of several motors."""
+        return coefficients.coulomb * 2 / np.pi * np.arctan(speed / coefficients.width)
+
+
+def test_a_further_law_is_one_class():
+    law, friction = Arctan("arctan", sign_share=1.0, breaks_away=False, knots=40), Friction(0.0, 0.5, 0.5, 2.0)
+    robot = two_mass_robot()
+    joint = replace(robot.joints[0], motor=replace(robot.joints[0].motor, friction=friction))
+    model = build_model(replace(robot, joints=(joint,)), friction=law)
+    assert len(friction_rows(model.mujoco, model.robot, law)) == 40
+    speed = np.linspace(-5, 5, 11)[:, None]
+    own = TorqueLaw(0.5, 0.5, 2.0, 2.0, 0.1, 0.0, 6, law)
+    both = friction_torque(np.tile(speed, 2), 1e-3, (LAW, own))
+    np.testing.assert_allclose(both[:, 1:], law.curve(friction, speed))
+    assert own.at(own.coordinates).law is law
