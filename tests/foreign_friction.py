@@ -17,13 +17,12 @@ from robid.robot.response import motion_matrices, nominal_parameters
 from robid.signals.quantities import INJECTED, motor_channels
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade, angle_reference
-from robid.stages.estimate_frf import stated_law
 
 LOADED = load_experiment(Path(__file__).parent / "stages/small.yaml")
 NOMINAL = LOADED.robot.to_robot()
 CONTROLLER = LOADED.robot.controller
 STEP = CONTROLLER.sampling_period_s
-STATED = tuple(stated_law(joint.motor) for joint in NOMINAL.joints)
+STATED = tuple(joint.motor.torque_law for joint in NOMINAL.joints)
 NAMES = tuple(joint.name for joint in NOMINAL.joints)
 EXCITATION = MultisineOptions(period_s=2, low_hz=3, high_hz=60, count=30, rms=6.0, phase_iterations=5)
 SUBSTEPS = 4

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from exact_systems import NO_PAYLOAD
-from robid.robot.description import Friction, Inertial, Joint, Motor, Robot, Spring
+from robid.robot.description import Inertial, Joint, Motor, Robot, Spring
+from robid.robot.friction import Friction
 from robid.robot.model import build_model
 
 

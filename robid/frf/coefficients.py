@@ -9,7 +9,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.frf.blocks import BlockEstimate
 from robid.frf.compensation import coefficient_names, law_table
-from robid.signals.friction import TorqueLaw
+from robid.robot.friction import TorqueLaw
 from robid.signals.record import Record
 
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import irfft, rfft
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.spectra import line_amplitudes, mean_without_drift
-from robid.signals.friction import KINDS, VALUES, TorqueLaw, friction_torque, periodic_speed
+from robid.robot.friction import KINDS, VALUES, TorqueLaw, friction_torque
 from robid.signals.quantities import MOTOR_TORQUE, Channel, UsableChannels, channel_names, describe
 from robid.signals.record import Record
 
@@ -50,7 +51,7 @@ class Disturbance:
     Attributes:
         torque (n_real, n_freq, n_in, n_exp): Torque that opposes the motion [N m].
         derivative (n_kind, n_real, n_freq, n_in, n_exp): Its derivative with respect to the coefficients in
-            `robid.signals.friction.KINDS` [N m].
+            `robid.robot.friction.KINDS` [N m].
     """
 
     torque: ComplexArray
@@ -137,7 +138,7 @@ def ripple_spectra(motion: Motion, laws: Sequence[TorqueLaw]) -> ComplexArray:
 def disturbance(motion: Motion, laws: Sequence[TorqueLaw]) -> Disturbance:
     """Torque of the laws along a motion, and what each coefficient changes."""
     level = friction_spectrum(motion, laws)
-    changed = friction_spectrum(motion, [_shaped(law) for law in laws])
+    changed = friction_spectrum(motion, [law.shaped(1 + _SHAPE_STEP) for law in laws])
     ripple = ripple_spectra(motion, laws)
     known = np.array([[law.ripple_sin for law in laws], [law.ripple_cos for law in laws]])
     lag = -1j * (motion.omega * motion.sampling_period_s)[:, None, None] * level
@@ -164,9 +165,25 @@ def law_table(record: Record, laws: Sequence[TorqueLaw]) -> tuple[tuple[str, ...
     return names, np.ravel([law.values for law in laws]), np.ravel([law.values_std for law in laws])
 
 
-def _shaped(law: TorqueLaw) -> TorqueLaw:
-    names = ("stribeck_rad_s", "presliding_rad", "smoothing_rad_s")
-    return replace(law, **{name: getattr(law, name) * (1 + _SHAPE_STEP) for name in names})
+def periodic_speed(angle: FloatArray, sampling_period_s: float, cut_hz: float, oversampling: int) -> FloatArray:
+    """Differentiates one period of an angle by its DFT, on a finer grid.
+
+    Args:
+        angle (n_sample, ...): One period [rad].
+        sampling_period_s: Sampling period [s].
+        cut_hz: Content above is dropped: it is noise of the encoder.
+        oversampling: Grid points per sample.
+
+    Returns:
+        Speed (n_sample * oversampling, ...) [rad/s].
+    """
+    n_sample = angle.shape[0]
+    spectrum = rfft(angle, axis=0)
+    omega = 2 * np.pi * np.fft.rfftfreq(n_sample, sampling_period_s)
+    omega = np.where(omega <= 2 * np.pi * cut_hz, omega, 0.0)
+    rate = 1j * omega.reshape(-1, *(1,) * (angle.ndim - 1))
+    # The longer inverse transform pads with zeros: the trigonometric interpolant between the samples.
+    return np.asarray(irfft(rate * spectrum, n_sample * oversampling, axis=0) * oversampling)
 
 
 def _held(motion: Motion, torque: FloatArray) -> ComplexArray:

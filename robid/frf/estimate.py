@@ -24,7 +24,7 @@ from robid.frf.reading import Spectra, read_spectra, silent_of
 from robid.frf.spectra import Blocks
 from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_notes
 from robid.frf.windows import Windows
-from robid.signals.friction import TorqueLaw
+from robid.robot.friction import TorqueLaw
 from robid.signals.record import Record
 
 UNSTEADY = frozenset({"local", "robust_local"})

@@ -79,7 +79,7 @@ class Frf:
             for no distance.
         uncompensated_response (n_conf, n_freq, n_out, n_in): The response without compensation, or None.
         law_names: Name of each value of the subtracted torque laws, `<motor>.<value>`.
-        law_values (n_law,): The values, in the units of `robid.signals.friction.VALUES`.
+        law_values (n_law,): The values, in the units of `robid.robot.friction.VALUES`.
         law_std (n_law,): Their standard deviations.
         sampling_period_s: Sampling period of the experiment [s].
         input_channels: What each input is: name, quantity, unit and side.

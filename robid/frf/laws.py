@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.signals.friction import TorqueLaw
+from robid.robot.friction import TorqueLaw, with_level
 
 _MIN_EXPLAINED = 0.5
 _SIGNIFICANT = 2.0  # friction as strong as the noise
@@ -20,8 +20,7 @@ class LawEstimate:
     """Torque laws of all motors as one configuration shows them.
 
     Attributes:
-        values (n_in, 7): Coulomb level [N m], excess of breakaway over it, logarithms of Stribeck speed and of
-            presliding deflection or smoothing speed, lag [samples], ripple's sine and cosine over its amplitude.
+        values (n_in, 7): The laws' coordinates, in the order of `robid.robot.friction.COORDINATES`.
         covariance (n_in, 7, 7): Their covariance, robust against errors that all experiments share at a line.
         form_deviation (n_in, 7): Their deviations if all that the law leaves were the error of its form.
         explained (n_in,): Share of the silent lines' torque above noise that the law explains.
@@ -76,7 +75,7 @@ def combine_laws(
         if significant[motor]:
             combined.append(_distance(_combine(estimates, motor, law), stated[motor]))
         else:
-            combined.append(replace(law, coulomb_nm=0.0, static_nm=0.0, ripple_nm=0.0))
+            combined.append(law.silenced())
             notes.append(f"Motor {names[motor]}: the silent lines show noise only, nothing was compensated.")
     _refuse_absurd(combined, np.max([estimate.torque_peak for estimate in estimates], axis=0), names)
     return tuple(combined), tuple(notes)
@@ -108,17 +107,13 @@ def _combine(estimates: Sequence[LawEstimate], motor: int, law: TorqueLaw) -> To
     form = np.mean([estimate.form_deviation[motor] ** 2 for estimate in estimates], axis=0)
     scattered = np.diag(covariance) * (scatter / freedom if freedom else 1.0)
     deviation = np.sqrt(np.maximum((1 - share) * np.diag(covariance) + share * form, scattered))
-    fitted = law_of(law, mean)
-    level = np.hypot(deviation[0] * (1 + mean[1]), fitted.coulomb_nm * deviation[1])
-    speeds = deviation[2] * fitted.stribeck_rad_s, deviation[3] * fitted.width
-    std = (deviation[0], level, *speeds, deviation[4], *(deviation[5:] * (law.ripple_nm > 0)))
-    return replace(fitted, identified_std=tuple(float(value) for value in std))
+    return law.at(mean).deviating(deviation)
 
 
 def _distance(law: TorqueLaw, stated: TorqueLaw) -> TorqueLaw:
     """The law with its distance from the robot file's, where that has friction of the same kind."""
     ripple = (law.ripple_sin - stated.ripple_sin, law.ripple_cos - stated.ripple_cos)
-    if stated.coulomb_nm == 0 or (stated.presliding_rad > 0) != (law.presliding_rad > 0):
+    if stated.coulomb_nm == 0 or stated.law != law.law:
         return replace(law, offset=(0.0, 0.0, 0.0, *ripple))
     relative = (law.coulomb_nm / stated.coulomb_nm - 1, law.width / stated.width - 1)
     return replace(law, offset=(*relative, law.lag_samples - stated.lag_samples, *ripple))
@@ -139,46 +134,10 @@ def with_levels(
     """
     found = []
     for law, own, deviation, more in zip(stated, np.maximum(level, 0.0).tolist(), std.tolist(), uneven, strict=True):
-        ratio = max(law.static_nm / law.coulomb_nm, 1.0) if law.coulomb_nm > 0 else 1.0
         shape = (law.relative_std * law.stribeck_rad_s, law.relative_std * law.width)
         # Lag and ripple are as little known as the robot file's.
-        changed = replace(law, coulomb_nm=own, static_nm=ratio * own, uneven_nms_rad=float(more))
+        changed = replace(with_level(law, own), uneven_nms_rad=float(more))
         others = changed.coefficient_std[2:]
-        identified = (deviation, ratio * deviation, *shape, *others)
+        identified = (deviation, with_level(law, deviation).static_nm, *shape, *others)
         found.append(_distance(replace(changed, identified_std=identified), law))
     return tuple(found)
-
-
-def values_of(laws: Sequence[TorqueLaw]) -> FloatArray:
-    """The values (n_in, 7) of some laws with friction, as `LawEstimate` has them."""
-    return np.array(
-        [
-            [
-                law.coulomb_nm,
-                law.static_nm / law.coulomb_nm - 1,
-                np.log(law.stribeck_rad_s),
-                np.log(law.width),
-                law.lag_samples,
-                law.ripple_sin,
-                law.ripple_cos,
-            ]
-            for law in laws
-        ]
-    )
-
-
-def law_of(law: TorqueLaw, values: FloatArray) -> TorqueLaw:
-    """A law of the same kind with other values."""
-    coulomb, breakaway, stribeck, width, lag, sine, cosine = values.tolist()
-    bristle = law.presliding_rad > 0
-    return replace(
-        law,
-        coulomb_nm=coulomb,
-        static_nm=coulomb * (1 + breakaway),
-        stribeck_rad_s=float(np.exp(stribeck)),
-        presliding_rad=float(np.exp(width)) if bristle else 0.0,
-        smoothing_rad_s=0.0 if bristle else float(np.exp(width)),
-        lag_samples=lag,
-        ripple_sin=sine,
-        ripple_cos=cosine,
-    )

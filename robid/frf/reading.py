@@ -19,7 +19,7 @@ from robid.frf.options import EstimateOptions
 from robid.frf.spectra import Blocks, record_blocks
 from robid.frf.transient import robust_blocks
 from robid.frf.windows import Windows, bin_windows, half_width, line_windows
-from robid.signals.friction import TorqueLaw
+from robid.robot.friction import TorqueLaw
 from robid.signals.record import Record
 
 READS_REFERENCE = frozenset({*NEEDS_REFERENCE, *LOCAL})

@@ -12,9 +12,9 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.blocks import logarithmic
 from robid.frf.compensation import Motion, friction_spectrum, record_motion, ripple_spectra
-from robid.frf.laws import LawEstimate, law_of, values_of
+from robid.frf.laws import LawEstimate
 from robid.frf.spectra import Blocks, record_blocks
-from robid.signals.friction import TorqueLaw
+from robid.robot.friction import COORDINATES, EXCESS, LAWS, LEVEL, SINE, STRIBECK, WIDTH, TorqueLaw
 from robid.signals.record import Record
 
 _MIN_LINES = 14  # two for each coefficient
@@ -23,11 +23,9 @@ _CONDITION_LIMIT = 1e8
 _ITERATIONS = 12
 _TOLERANCE = 0.1  # of the standard deviation
 _REALIZATIONS = 2
-_PRIOR_STD = np.array([np.inf, 0.5, 1.0, 2.0, 1.0, 3.0, 3.0])
-_LARGEST_STEP = np.array([np.inf, 0.5, 0.5, 0.7, 1.0, np.inf, np.inf])
+_PRIOR_STD = np.array([coordinate.prior_std for coordinate in COORDINATES])
+_LARGEST_STEP = np.array([coordinate.largest_step for coordinate in COORDINATES])
 _DIFFERENCE = 0.02
-_BRISTLES_RAD = (0.005, 0.02, 0.08, 0.3)
-_SMOOTHINGS_RAD_S = (0.1, 0.4, 1.6, 6.4)
 _STRIBECK_RAD_S = 3.0
 _ROUNDS = 3
 _FLOOR = 1e-3
@@ -66,9 +64,8 @@ def start_laws(record: Record, laws: Sequence[TorqueLaw], delay_s: float) -> tup
     """
     silent = _silent(record, laws, delay_s)
     generic = [replace(law, coulomb_nm=1.0, static_nm=1.0, stribeck_rad_s=_STRIBECK_RAD_S) for law in laws]
-    candidates = [[replace(law, presliding_rad=width) for law in generic] for width in _BRISTLES_RAD]
-    candidates += [
-        [replace(law, presliding_rad=0.0, smoothing_rad_s=width) for law in generic] for width in _SMOOTHINGS_RAD_S
+    candidates = [
+        [replace(law, law=form, width=width) for law in generic] for form in LAWS.values() for width in form.widths
     ]
     candidates.append([law if law.coulomb_nm > 0 else rough for law, rough in zip(laws, candidates[0], strict=True)])
     levels, costs = zip(*(_level_only(silent, candidate) for candidate in candidates), strict=True)
@@ -99,20 +96,21 @@ def identify_laws(record: Record, start: Sequence[TorqueLaw], delay_s: float, ov
         docs/methods, sec. 4.
     """
     silent = _silent(record, start, delay_s, oversampling)
-    values, bristle = values_of(start), np.array([law.presliding_rad > 0 for law in start])
+    values = np.array([law.coordinates for law in start])
     origin = values.copy()
     for _ in range(_ITERATIONS):
-        torque, derivative = _linearise(silent, values, bristle)
+        torque, derivative = _linearise(silent, values)
         error = _torque_error(silent, torque)
         solved = [_step(error[:, :, m], derivative[:, :, :, m], values[m] - origin[m]) for m in range(len(values))]
         step = np.clip([step for step, _, _ in solved], -_LARGEST_STEP, _LARGEST_STEP)
-        step[:, 0] = np.maximum(step[:, 0], -0.7 * values[:, 0])
+        # A level stays positive, and breakaway is never below it.
+        step[:, LEVEL] = np.maximum(step[:, LEVEL], -0.7 * values[:, LEVEL])
         values = values + step
-        values[:, 1] = np.maximum(values[:, 1], 0)
+        values[:, EXCESS] = np.maximum(values[:, EXCESS], 0)
         deviation = np.sqrt([np.diag(covariance) for _, covariance, _ in solved])
         if np.all(np.abs(step) < _TOLERANCE * deviation):
             break
-    torque, derivative = _linearise(silent, values, bristle)
+    torque, derivative = _linearise(silent, values)
     error = _torque_error(silent, torque)
     before, after, noise = _powers(silent, error, torque)
     significance = np.divide(before, noise, out=np.full_like(before, np.inf), where=noise > 0)
@@ -177,29 +175,26 @@ def _torque_error(silent: _Silent, removed: ComplexArray) -> ComplexArray:
     return np.asarray(motion - silent.blocks.inputs[:, quiet] + removed[:, quiet])
 
 
-def _linearise(silent: _Silent, values: FloatArray, bristle: BoolArray) -> tuple[ComplexArray, ComplexArray]:
+def _linearise(silent: _Silent, values: FloatArray) -> tuple[ComplexArray, ComplexArray]:
     """Torque (n_real, n_freq, n_in, n_exp) of the laws at all lines, and its derivative (7, ...) at the silent ones."""
     quiet = ~silent.excited
 
     def friction(moved: FloatArray) -> ComplexArray:
-        laws = [
-            law_of(replace(law, presliding_rad=float(kind)), row)
-            for law, row, kind in zip(silent.laws, moved, bristle, strict=True)
-        ]
-        return friction_spectrum(silent.motion, laws)
+        return friction_spectrum(silent.motion, [law.at(row) for law, row in zip(silent.laws, moved, strict=True)])
 
     level = friction(values)
     slopes = []
-    for column in (1, 2, 3):
+    # Levels and lag enter in closed form; what bends the curve is differenced.
+    for column in (EXCESS, STRIBECK, WIDTH):
         moved = values.copy()
         moved[:, column] += _DIFFERENCE
         slopes.append((friction(moved)[:, quiet] - level[:, quiet]) / _DIFFERENCE)
     here = level[:, quiet]
     omega = silent.motion.omega[quiet] * silent.motion.sampling_period_s
     derivative = np.stack(
-        [here / values[:, 0, None], *slopes, -1j * omega[:, None, None] * here, *silent.ripple[:, :, quiet]]
+        [here / values[:, LEVEL, None], *slopes, -1j * omega[:, None, None] * here, *silent.ripple[:, :, quiet]]
     )
-    return level + np.einsum("iw,wrfie->rfie", values[:, 5:], silent.ripple), derivative
+    return level + np.einsum("iw,wrfie->rfie", values[:, SINE:], silent.ripple), derivative
 
 
 def _step(

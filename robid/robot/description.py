@@ -10,6 +10,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.robot.doubts import Doubts
+from robid.robot.friction import Friction, TorqueLaw
 from robid.signals.positions import METRES, RADIANS, shown
 
 JointType = Literal["revolute", "prismatic"]
@@ -32,27 +33,6 @@ class Inertial:
     mass_kg: float
     com_m: FloatArray
     inertia_kgm2: FloatArray
-
-
-@dataclass(frozen=True)
-class Friction:
-    """LuGre motor friction with its Coulomb level as the limit of fast motion; motor side.
-
-    Attributes:
-        viscous_nms_rad: Viscous coefficient [N m s/rad].
-        coulomb_nm: Coulomb level [N m].
-        static_nm: Breakaway level [N m].
-        stribeck_rad_s: Stribeck speed [rad/s].
-        presliding_rad: Bristle deflection at the Coulomb level: `sigma_0 = coulomb / presliding` [rad].
-        relative_std: Standard deviation of the relative error of the coefficients.
-    """
-
-    viscous_nms_rad: float = 0.0
-    coulomb_nm: float = 0.0
-    static_nm: float = 0.0
-    stribeck_rad_s: float = 1.0
-    presliding_rad: float = 0.02
-    relative_std: float = 0.1
 
 
 @dataclass(frozen=True)
@@ -83,6 +63,13 @@ class Motor:
     ripple_phase_rad: float = 0.0
     inertia_relative_std: float = 0.05
     torque_constant_nm_a: float | None = None
+
+    @property
+    def torque_law(self) -> TorqueLaw:
+        """What the robot file says of the motor's torque nonlinearities; its friction is LuGre's."""
+        law = self.friction
+        levels = (law.coulomb_nm, law.static_nm, law.stribeck_rad_s, law.presliding_rad)
+        return TorqueLaw(*levels, law.relative_std, self.ripple_nm, self.ripple_order)
 
 
 def no_motor() -> Motor:

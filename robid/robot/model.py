@@ -11,11 +11,22 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.robot.actuators import add_balance, add_static_friction, add_torque, motor_drives, set_passive
+from robid.robot.actuators import (
+    MASSLESS_KG,
+    add_balance,
+    add_elastic_hinge,
+    add_motor,
+    add_ramps,
+    add_shafts,
+    add_torque,
+    motor_drives,
+    quaternion_of,
+    set_passive,
+    shafts_of,
+)
 from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Sensor, Spring
+from robid.robot.friction import FrictionLaw
 from robid.robot.inertia import combine, remove
-from robid.robot.rotors import MASSLESS_KG, add_elastic_hinge, add_motor, add_shafts, quaternion_of, shafts_of
-from robid.robot.static_friction import StaticLaw
 from robid.robot.stiffness_law import VaryingSprings
 
 _LEAST_KG = 1e-12  # MuJoCo wants some
@@ -80,8 +91,7 @@ class ElasticModel:
 def build_model(
     robot: Robot,
     *,
-    friction: bool = False,
-    static_law: StaticLaw | None = None,
+    friction: FrictionLaw | None = None,
     ripple: bool = False,
     second_ripple: tuple[float, int] = (0.0, 1),
     backlash: tuple[float, float] = (0.0, 0.0),
@@ -95,9 +105,8 @@ def build_model(
 
     Args:
         robot: The robot.
-        friction: Adds LuGre friction to the motors inside the integrator.
-        static_law: Adds friction without memory to the motors, as polygons; their actuators come after the motors',
-            with controls that stay zero.
+        friction: Adds friction to the motors inside the integrator. Polygons of a law without memory come after all
+            motors, with controls that stay zero.
         ripple: Adds torque ripple to the motors inside the integrator.
         second_ripple: A further ripple of all motors: amplitude [N m] and periods per motor turn.
         backlash: Dead band of the transmissions, arm side: of revolute [rad] and of prismatic joints [m].
@@ -145,8 +154,9 @@ def build_model(
         add_torque(spec, joint, drive, friction=friction, ripple=ripple, second_ripple=second_ripple)
         if isinstance(joint.counterbalance, HarmonicBalance):
             add_balance(spec, joint, joint.counterbalance)
-    for joint, drive in zip(robot.joints, motor_drives(robot), strict=True) if static_law else ():
-        add_static_friction(spec, joint, drive, static_law or "tanh")
+    if friction is not None:
+        for joint, drive in zip(robot.joints, motor_drives(robot), strict=True):
+            add_ramps(spec, joint, drive, friction)
     for sensor in robot.sensors if sensors else ():
         kind = mujoco.mjtSensor.mjSENS_FRAMEPOS if sensor.kind == "tracker" else mujoco.mjtSensor.mjSENS_ACCELEROMETER
         spec.add_sensor(name=sensor.name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site_name(sensor))

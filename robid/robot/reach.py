@@ -1,9 +1,11 @@
-"""Where a robot can go: floor, self-collision, and the mirror image of a configuration."""
+"""Where an arm can be: the shapes of its links, the heights of its parts, and the configurations within reach."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -11,8 +13,102 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.description import Robot
+from robid.robot.foreign import name_everything
 from robid.robot.model import ElasticModel, build_model
-from robid.robot.shapes import Shapes
+from robid.robot.quiet import quiet_reading
+from robid.robot.urdf import read_urdf
+
+
+class Shapes:
+    """Shapes of a robot's own file without meshes, to tell where it touches itself."""
+
+    def __init__(self, path: Path, joints: Sequence[str], locked: Mapping[str, float]) -> None:
+        """Reads them.
+
+        Args:
+            path: The MJCF or URDF file, of which `read_model` found nothing wrong.
+            joints: Names of the driven joints, base to flange.
+            locked: Positions of other joints [rad, or m].
+        """
+        with quiet_reading():
+            self._model = _shapes_of(path)
+        self._data = mujoco.MjData(self._model)
+        for name, angle in locked.items():
+            self._data.joint(name).qpos = angle
+        self._hinges = [int(self._model.joint(name).qposadr[0]) for name in joints]
+
+    def touching(self, angles: FloatArray) -> str:
+        """Names two bodies that are in contact at joint positions (n_joint,) [rad, or m]; empty if there are none."""
+        self._data.qpos[self._hinges] = angles
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_collision(self._model, self._data)
+        for contact in self._data.contact:
+            bodies = [self._model.body(int(self._model.geom_bodyid[geom])).name for geom in contact.geom]
+            if contact.dist < 0:
+                return f"`{bodies[0]}` and `{bodies[1]}` touch"
+        return ""
+
+
+def _shapes_of(path: Path) -> mujoco.MjModel:
+    root = ET.fromstring(path.read_bytes())
+    is_urdf = root.tag == "robot"
+    text = read_urdf(root, with_shapes=True).text if is_urdf else ""
+    spec = mujoco.MjSpec.from_string(text) if is_urdf else mujoco.MjSpec.from_file(str(path))
+    name_everything(spec)
+    for geom in list(spec.geoms):
+        if geom.type == mujoco.mjtGeom.mjGEOM_MESH:
+            spec.delete(geom)
+    for mesh in list(spec.meshes):
+        spec.delete(mesh)
+    for body in spec.bodies[1:]:
+        # Contacts ask for no masses; what is wrong with them is told where they matter.
+        body.explicitinertial, body.mass, body.inertia = True, 1.0, np.ones(3)
+        body.fullinertia = np.full(6, np.nan)
+    return spec.compile()
+
+
+def heights(robot: Robot, configurations: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Computes heights of joint origins, of the links' centres of mass and of the payload's, springs at rest.
+
+    Args:
+        robot: The robot.
+        configurations (n_conf, n_joint): Arm-side joint positions [rad, or m].
+
+    Returns:
+        Heights (n_conf, n_point) in the world frame [m], and their slopes (n_conf, n_point, n_joint) [m/rad, or 1].
+    """
+    position, rotation = np.zeros((len(configurations), 3)), np.broadcast_to(np.eye(3), (len(configurations), 3, 3))
+    origins, axes, found = [], [], []
+    last = len(robot.joints) - 1
+    for index, joint in enumerate(robot.joints):
+        position = position + rotation @ joint.position_m
+        rotation = rotation @ joint.rotation
+        axes.append(rotation[:, :, 2])
+        if joint.type == "prismatic":
+            position = position + configurations[:, index, None] * axes[-1]
+        else:
+            rotation = rotation @ _about_z(configurations[:, index])
+        origins.append(position)
+        own = [np.zeros(3), joint.link.com_m] + ([robot.payload.com_m] if index == last else [])
+        found += [(index, position + rotation @ point) for point in own]
+    slopes = np.zeros((len(configurations), len(found), len(robot.joints)))
+    for row, (carrier, point) in enumerate(found):
+        for index in range(carrier + 1):
+            slides = robot.joints[index].type == "prismatic"
+            moved = axes[index] if slides else np.cross(axes[index], point - origins[index])
+            slopes[:, row, index] = moved[:, 2]
+    return np.stack([point[:, 2] for _, point in found], axis=1), slopes
+
+
+def _about_z(angle: FloatArray) -> FloatArray:
+    """Rotations (n_conf, 3, 3) about the z axis."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    turned = np.zeros((len(angle), 3, 3))
+    turned[:, 0, 0], turned[:, 0, 1] = cosine, -sine
+    turned[:, 1, 0], turned[:, 1, 1] = sine, cosine
+    turned[:, 2, 2] = 1.0
+    return turned
+
 
 TOUCH_M = 1e-3
 """How far a point may be below the floor."""

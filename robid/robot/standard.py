@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.robot.description import Friction, HarmonicBalance, Inertial, Joint, Robot, Spring, SpringBalance
+from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Spring, SpringBalance
+from robid.robot.friction import Friction, with_level
 from robid.robot.inertia import about_origin, remove
-from robid.robot.regressor.links import COMPONENTS
-from robid.robot.regressor.tree import PAYLOAD
+from robid.robot.regressor.links import COMPONENTS, PAYLOAD
 
 _HOMELESS = ("torque_offset", "load_friction", "coupling_inertia", "coupling_viscous", "coupling_coulomb")
 _NO_PAYLOAD = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
@@ -151,8 +151,7 @@ def _friction(joint: Joint, values: Mapping[str, float]) -> Friction:
     law, arm = joint.motor.friction, 0.0 if joint.couplings else joint.reflected_viscous_nms_rad
     viscous = max(0.0, _mean(joint.name, "viscous", values, law.viscous_nms_rad + arm) - arm)
     coulomb = _mean(joint.name, "coulomb", values, law.coulomb_nm)
-    ratio = max(law.static_nm / law.coulomb_nm, 1.0) if law.coulomb_nm > 0 else 1.0
-    return replace(law, viscous_nms_rad=viscous, coulomb_nm=coulomb, static_nm=ratio * coulomb)
+    return replace(with_level(law, coulomb), viscous_nms_rad=viscous)
 
 
 def _mean(name: str, kind: str, values: Mapping[str, float], stated: float) -> float:

@@ -9,7 +9,8 @@ import numpy as np
 from pydantic import Field
 
 from robid.arrays import FloatArray
-from robid.robot.description import Friction, Inertial, JointType, Motor, Sensor, Spring, TorquePlace, no_motor
+from robid.robot.description import Inertial, JointType, Motor, Sensor, Spring, TorquePlace, no_motor
+from robid.robot.friction import Friction
 from robid.robot.parameters import PARAMETER_KINDS
 from robid.settings.base import Assumed, Name, Section, Vector
 from robid.settings.counterbalance import CounterbalanceSection

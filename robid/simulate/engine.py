@@ -14,6 +14,7 @@ from mujoco.batch import Batch
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.description import Robot
+from robid.robot.friction import LAWS
 from robid.robot.model import ElasticModel, build_model
 from robid.robot.quiet import quiet_warnings
 from robid.simulate.options import Controller, SimulateOptions
@@ -28,8 +29,7 @@ def true_model(robot: Robot, controller: Controller, options: SimulateOptions, *
         raise ValueError(message)
     return build_model(
         with_imperfections(robot, flaws),
-        friction=flaws.friction == "lugre",
-        static_law=flaws.friction if flaws.friction in ("tanh", "stribeck") else None,
+        friction=LAWS.get(flaws.friction),
         ripple=flaws.ripple,
         second_ripple=(flaws.second_ripple_nm, flaws.second_ripple_order),
         backlash=(flaws.backlash_rad, flaws.backlash_m),

@@ -7,8 +7,8 @@ from mujoco.batch import Batch
 
 from robid.arrays import FloatArray
 from robid.robot.actuators import friction_rows
+from robid.robot.friction import LAWS, SIGN_SHARE, FrictionLaw, Ramps
 from robid.robot.model import ElasticModel
-from robid.robot.static_friction import SIGN_SHARE, StaticLaw
 from robid.simulate.options import Imperfections
 
 
@@ -47,7 +47,7 @@ class LoadEffects:
             laws = [joint.motor.friction for joint in robot.joints]
             self._coulomb = np.array([law.coulomb_nm for law in laws])
             self._turn = SIGN_SHARE * np.array([law.stribeck_rad_s for law in laws])
-            self._levels = _levels(model, batch, flaws.friction if flaws.friction in ("tanh", "stribeck") else None)
+            self._levels = _levels(model, batch, LAWS[flaws.friction])
 
     def follow(self) -> None:
         """Moves every level on to what the coming sample asks for."""
@@ -73,12 +73,15 @@ class LoadEffects:
         return np.asarray(growth * (1 + self._flaws.friction_asymmetry * direction))
 
 
-def _levels(model: ElasticModel, batch: Batch, law: StaticLaw | None) -> list[tuple[int, FloatArray, FloatArray]]:
-    """Motor, live values (n_sim, n) and values without load of all that a level of friction scales; None is LuGre."""
+def _levels(model: ElasticModel, batch: Batch, law: FrictionLaw) -> list[tuple[int, FloatArray, FloatArray]]:
+    """Motor, live values (n_sim, n) and values without load of all that a level of friction scales."""
     engine, bias = model.mujoco, batch.expand("actuator_biasprm")
     rows = friction_rows(model.mujoco, model.robot, law)
-    if law is None:
-        return [(motor, bias[:, row, 3:5], engine.actuator_biasprm[row, 3:5].copy()) for motor, row in rows]
-    limits = batch.expand("actuator_forcerange")
-    slopes = [(motor, bias[:, row, 2:3], engine.actuator_biasprm[row, 2:3].copy()) for motor, row in rows]
-    return slopes + [(motor, limits[:, row], engine.actuator_forcerange[row].copy()) for motor, row in rows]
+    # Bristles have both levels beside each other, a ramp its slope and its ends: at a given speed both grow alike.
+    ramps = bool(rows) and isinstance(law.in_engine(model.robot.joints[rows[0][0]].motor.friction), Ramps)
+    scaled = slice(2, 3) if ramps else slice(3, 5)
+    levels = [(motor, bias[:, row, scaled], engine.actuator_biasprm[row, scaled].copy()) for motor, row in rows]
+    if ramps:
+        limits = batch.expand("actuator_forcerange")
+        levels += [(motor, limits[:, row], engine.actuator_forcerange[row].copy()) for motor, row in rows]
+    return levels

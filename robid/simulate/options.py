@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import Literal
 
-FrictionLaw: TypeAlias = Literal["none", "lugre", "tanh", "stribeck"]
+from robid.robot.friction import LAWS, LawName
+
 # Limits of the rule; a change of one changes what the settings ask for, so they are among the settings that decide.
-STEP_LIMITS = {"response_error": 1e-3, "bristle_rate": 2.0, "bristle_frequency": 0.1, "sign_rate": 1.0}
+STEP_LIMITS = {
+    "response_error": 1e-3,
+    **{name: most for law in LAWS.values() for name, most in law.step_limits.items()},
+}
 
 
 @dataclass(frozen=True)
@@ -126,7 +130,7 @@ class Imperfections:
         default=2, metadata={"description": "Periods of the resolver's error per motor turn.", "ge": 1}
     )
     ripple: bool = field(default=False, metadata={"description": "Torque ripple as the robot file gives it."})
-    friction: FrictionLaw = field(
+    friction: Literal["none", LawName] = field(
         default="none",
         metadata={
             "description": "Law of the motor friction inside the integrator; without memory: `tanh`, the Coulomb level"

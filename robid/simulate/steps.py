@@ -8,11 +8,11 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.robot.description import Robot
+from robid.robot.friction import LAWS, stacked_coefficients
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters
 from robid.robot.statespace import StateSpace, discretise, state_space
-from robid.robot.static_friction import SIGN_SHARE
 from robid.simulate.controller import angle_reference
 from robid.simulate.options import STEP_LIMITS, Controller, SimulateOptions
 from robid.simulate.truth import with_imperfections
@@ -49,10 +49,7 @@ def choose_steps(
 
     The stiffest modes: RK4 turns each eigenvalue's `exp(lambda h)` into its Taylor polynomial of fourth order. The
     sampled response that it gives differs from the exact one by at most a thousandth of its norm at every line.
-    The bristles: MuJoCo advances them apart from RK4 by their rate `|v| / presliding`, which may be 2 per step (motors
-    stay below what they are told), and their torque comes half a step late. Resting bristles are springs `sigma_0`
-    on the rotors, whose damping that takes `w_b h / 4` of critical, `w_b^2 = sigma_0 / J`: 2.5 % at the limit.
-    Friction without memory adds the rate of its steepest slope over the rotor's inertia, at most 1 per step.
+    Friction has needs of its own: `FrictionLaw.step_needs`.
 
     Args:
         robot: The true robot.
@@ -133,23 +130,10 @@ def _friction_needs(
     robot: Robot, options: SimulateOptions, period_s: float, peak_speed: FloatArray
 ) -> dict[str, float]:
     """Steps per sample that the friction asks for, by reason."""
-    law = options.imperfections.friction
-    frictions = [joint.motor.friction for joint in robot.joints]
-    coulomb = np.array([friction.coulomb_nm for friction in frictions])
-    if law == "none" or not coulomb.any():
+    law, frictions = LAWS.get(options.imperfections.friction), [joint.motor.friction for joint in robot.joints]
+    if law is None or not any(friction.coulomb_nm for friction in frictions):
         return {}
-    inertia, stribeck = robot.motor_inertia_kgm2, np.array([friction.stribeck_rad_s for friction in frictions])
-    if law == "lugre":
-        presliding = np.array([friction.presliding_rad for friction in frictions])
-        rate = np.where(coulomb > 0, peak_speed / presliding, 0.0).max() * period_s
-        resonance = np.sqrt(coulomb / presliding / inertia).max() * period_s
-        return {
-            "the bristles' rate": float(rate) / STEP_LIMITS["bristle_rate"],
-            "the bristles' resonance with the rotors": float(resonance) / STEP_LIMITS["bristle_frequency"],
-        }
-    static = np.array([friction.static_nm for friction in frictions])
-    slope = coulomb / stribeck if law == "tanh" else static / (SIGN_SHARE * stribeck)
-    return {"the friction's jump at reversals": float((slope / inertia).max()) * period_s / STEP_LIMITS["sign_rate"]}
+    return law.step_needs(stacked_coefficients(law, frictions), robot.motor_inertia_kgm2, peak_speed, period_s)
 
 
 def _linear_need(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.robot.description import Friction, HarmonicBalance, Inertial, Joint, Robot, Spring
+from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Spring
 from robid.robot.doubts import Doubts
 from robid.simulate.options import Imperfections, Truth
 
@@ -171,14 +171,7 @@ def _reweighed(robot: Robot, truth: Truth) -> Robot:
 
 def _deviate(joint: Joint, viscous: float, coulomb: float, shape: float) -> Joint:
     law = joint.motor.friction
-    friction = Friction(
-        viscous_nms_rad=law.viscous_nms_rad * viscous,
-        coulomb_nm=law.coulomb_nm * coulomb,
-        static_nm=law.static_nm * coulomb,
-        stribeck_rad_s=law.stribeck_rad_s * shape,
-        presliding_rad=law.presliding_rad * shape,
-        relative_std=law.relative_std,
-    )
+    friction = replace(law.scaled(coulomb, shape), viscous_nms_rad=law.viscous_nms_rad * viscous)
     motor = replace(joint.motor, friction=friction)
     return replace(joint, motor=motor, arm_viscous=joint.arm_viscous * viscous)
 

@@ -12,8 +12,7 @@ from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.errors import SettingsError
 from robid.robot.description import Robot
-from robid.robot.reach import Reach, mirror
-from robid.robot.shapes import Shapes
+from robid.robot.reach import Reach, Shapes, mirror
 from robid.settings.experiment import Campaign, Configurations, RandomConfigurations
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_sections import given

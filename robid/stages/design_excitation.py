@@ -25,8 +25,8 @@ from robid.design.excitation.travel import with_travel
 from robid.report.plan import plan_table
 from robid.robot.description import Robot
 from robid.robot.regressor.base import find_base_parameters
+from robid.robot.regressor.drives import FrictionForm, RigidOptions
 from robid.robot.regressor.model import build_rigid_model
-from robid.robot.regressor.options import FrictionForm, RigidOptions
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.pose import commanded_channels, input_count, require_pose_interface, tool_arm

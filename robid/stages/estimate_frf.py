@@ -27,12 +27,11 @@ from robid.frf.reading import READS_REFERENCE
 from robid.frf.silent import identify_laws, start_laws
 from robid.models.handed_on import friction_from_artifact
 from robid.results.plausible.evidence import Evidence, gather_evidence, join_evidence
-from robid.robot.description import Motor
+from robid.robot.friction import TorqueLaw
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
-from robid.signals.friction import TorqueLaw
 from robid.stages.chain.estimate_frf import STAGE
 from robid.stages.plausible import contradictions
 from robid.stages.stage import Job, counted
@@ -175,32 +174,18 @@ def stated_laws(
     """Returns the robot file's torque laws and the delay [s], where these options compensate."""
     if options.compensation == "none" or loaded.experiment.robot is None:
         return None, 0.0
-    laws = tuple(stated_law(joint.motor) for joint in loaded.robot.to_robot().joints)
+    laws = tuple(joint.motor.torque_law for joint in loaded.robot.to_robot().joints)
     acquire = None if campaign.source is None else campaign.source.acquire
     if acquire is not None and options.compensation == "auto" and not _shows_friction(acquire):
         return None, 0.0
     if acquire is not None and any(channel.normalised for channel in acquire.inputs):
         # Levels in N m say nothing about a current with an unknown torque constant.
-        laws = tuple(replace(law, coulomb_nm=0.0, static_nm=0.0, ripple_nm=0.0) for law in laws)
+        laws = tuple(law.silenced() for law in laws)
     return laws, delay_s(loaded, campaign)
 
 
 def _shows_friction(acquire: Acquire) -> bool:
     return shows_friction([one.channel for one in acquire.inputs], [one.channel for one in acquire.outputs])
-
-
-def stated_law(motor: Motor) -> TorqueLaw:
-    """Returns what a robot file says of a motor's torque nonlinearities."""
-    law = motor.friction
-    return TorqueLaw(
-        coulomb_nm=law.coulomb_nm,
-        static_nm=law.static_nm,
-        stribeck_rad_s=law.stribeck_rad_s,
-        presliding_rad=law.presliding_rad,
-        relative_std=law.relative_std,
-        ripple_nm=motor.ripple_nm,
-        ripple_order=motor.ripple_order,
-    )
 
 
 def phrase(output: Path) -> str:

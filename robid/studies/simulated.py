@@ -25,12 +25,12 @@ from robid.frf.options import EstimateOptions
 from robid.models.elastic.files import solution_content, solution_from_artifact
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.pipeline import Run
+from robid.robot.friction import TorqueLaw
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import robot_settings
 from robid.settings.truth import SimulateSettings
-from robid.signals.friction import TorqueLaw
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.stages.estimate_frf import stated_laws

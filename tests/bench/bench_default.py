@@ -10,6 +10,7 @@ from exact_systems import exact_frf
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.parameters import map_parameters
 from robid.models.elastic.fit.problem import make_problem
+from robid.robot.friction import LUGRE
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters
@@ -22,7 +23,7 @@ def same_model(experiment):
     options, controller = experiment.options, experiment.controller
     model = build_model(
         with_imperfections(experiment.robot, options.imperfections),
-        friction=True,
+        friction=LUGRE,
         ripple=True,
         timestep_s=controller.sampling_period_s / (options.steps_per_sample or 1),
     )

@@ -11,7 +11,6 @@ from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.models.known import load_experiment
 from robid.simulate.options import Imperfections
-from robid.stages.estimate_frf import stated_law
 
 pytestmark = pytest.mark.slow
 
@@ -37,7 +36,7 @@ def estimated(robot, name, flaws, *, reference, compensated=False):
     record = record if reference else replace(record, reference=None, reference_channels=())
     if not compensated:
         return estimate_frf(record, LOCAL)
-    laws = tuple(stated_law(joint.motor) for joint in robot.joints)
+    laws = tuple(joint.motor.torque_law for joint in robot.joints)
     return estimate_frf(record, replace(LOCAL, compensation="nominal"), laws, STEP_S)
 
 

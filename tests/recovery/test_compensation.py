@@ -18,7 +18,6 @@ from robid.robot.response import nominal_parameters, response
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Imperfections
 from robid.simulate.truth import true_robot
-from robid.stages.estimate_frf import stated_law
 
 pytestmark = pytest.mark.slow
 
@@ -30,8 +29,8 @@ TRUTH = true_robot(NOMINAL, CAMPAIGN.source.simulate.truth)
 DELAY_S = CONTROLLER.delay_samples * CONTROLLER.sampling_period_s
 CONFIGURATIONS = np.deg2rad([[20.0, -60.0, 60.0, 40.0, 50.0, 10.0], [-50.0, -95.0, 20.0, -70.0, -60.0, 120.0]])
 NAMES = tuple(joint.name for joint in NOMINAL.joints)
-STATED = tuple(stated_law(joint.motor) for joint in NOMINAL.joints)
-EXACT = tuple(stated_law(joint.motor) for joint in TRUTH.joints)
+STATED = tuple(joint.motor.torque_law for joint in NOMINAL.joints)
+EXACT = tuple(joint.motor.torque_law for joint in TRUTH.joints)
 # Nothing of the robot file's friction: all that is known is the order of the ripple.
 BLIND = tuple(replace(law, coulomb_nm=0.0, static_nm=0.0) for law in STATED)
 

@@ -10,9 +10,9 @@ from robid.models.rigid.fit.fitting import fit_rigid
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.shots import Shot
 from robid.robot.description import Joint, Motor, Robot
+from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.links import COMPONENTS
 from robid.robot.regressor.model import build_rigid_model
-from robid.robot.regressor.options import RigidOptions
 
 OPTIONS = RigidFitOptions(
     model=RigidOptions(friction="viscous", payload="body"), filters=PreprocessingOptions(position_cut_hz=20.0)

@@ -24,6 +24,7 @@ from robid.models.parameters import with_torque_unit
 from robid.results.estimate import Estimate
 from robid.robot.description import Robot
 from robid.robot.export import to_mjcf
+from robid.robot.friction import LUGRE
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import ElasticModel, build_model
 from robid.robot.response import nominal_parameters
@@ -230,7 +231,7 @@ def _build(found: FittedExport, *, friction: bool) -> ElasticModel:
         step_s = found.frf.sampling_period_s / steps
         return build_model(
             found.robot,
-            friction=friction,
+            friction=LUGRE if friction else None,
             ripple=friction,
             bristles=found.bristles,
             timestep_s=step_s,

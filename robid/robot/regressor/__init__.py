@@ -1,4 +1,4 @@
 """The inverse-dynamics regressor.
 
-Read `options`, `tree`, `closure`, `motion`, `links`, `drives`, `model`, `base`, then `forward`.
+Read `links`, `drives`, `model`, `base`, then `forward`.
 """

@@ -8,10 +8,8 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.robot.regressor.drives import DriveMotion, DriveTerm
-from robid.robot.regressor.links import COMPONENTS, ROTOR
+from robid.robot.regressor.links import COMPONENTS, ROTOR, BodyMotion, Tree, body_motions, empty_states
 from robid.robot.regressor.model import RigidModel
-from robid.robot.regressor.motion import BodyMotion, body_motions, empty_states
-from robid.robot.regressor.tree import Tree
 
 _INERTIAL = ("motor_inertia", "coupling_inertia")
 

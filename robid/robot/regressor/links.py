@@ -1,16 +1,222 @@
-"""The regressor's columns of links and rotors."""
+"""Bodies of a rigid robot.
+
+The tree that they form, their motion, and the regressor columns of their standard parameters.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.robot.description import Inertial
+from robid.robot.description import Inertial, LoopLink, Robot
 from robid.robot.inertia import about_origin
-from robid.robot.regressor.motion import BodyMotion, body_motions, empty_states
-from robid.robot.regressor.tree import Tree
+
+Side = Literal["motor", "arm"]
+PAYLOAD = "payload"
+"""Name of the payload as a body of its own."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body about or along the z axis of whose frame it moves.
+
+    Attributes:
+        name: Name of its joint, loop link or motor, or `payload`.
+        parent: Index of the body that carries it, -1 for the base.
+        position_m (3,): Origin of its frame in the parent's frame [m].
+        rotation (3, 3): Orientation of its frame in the parent's frame at zero position.
+        slides: Whether it slides instead of turning.
+        is_rotor: Whether it is a rotor that rides on its parent.
+        is_payload: Whether it is the payload as a body of its own.
+    """
+
+    name: str
+    parent: int
+    position_m: FloatArray
+    rotation: FloatArray
+    slides: bool = False
+    is_rotor: bool = False
+    is_payload: bool = False
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Bodies, each after its parent, and how independent coordinates move them.
+
+    Attributes:
+        bodies: The links of the joints, loop links, rotors that ride on links, and the payload where it is a body
+            of its own.
+        turns (n_body, n_coordinate): Position of each body per unit of each independent coordinate; constant, as
+            parallelograms keep sums of angles.
+        offset (n_body,): Position of each body where the coordinates are zero.
+        gravity_m_s2 (3,): Gravity in the base frame [m/s^2].
+    """
+
+    bodies: tuple[Body, ...]
+    turns: FloatArray
+    offset: FloatArray
+    gravity_m_s2: FloatArray
+
+    @property
+    def reach(self) -> tuple[int, ...]:
+        """How many of the coordinates, from the first on, can move each body or what carries it."""
+        found: list[int] = []
+        for body, row in zip(self.bodies, self.turns, strict=True):
+            own = np.flatnonzero(row)
+            last = int(own[-1]) + 1 if own.size else 0
+            found.append(max(last, found[body.parent] if body.parent >= 0 else 0))
+        return tuple(found)
+
+
+def rigid_tree(robot: Robot, side: Side = "motor", *, rotors: bool = True, payload: bool = False) -> Tree:
+    """Returns a robot's tree of rigid bodies.
+
+    Args:
+        robot: The robot; its springs are taken as rigid.
+        side: Coordinates: motor angles, or arm positions of the joints.
+        rotors: Whether rotors that ride on links are among the bodies, on the motor side; they turn with their motors.
+        payload: Whether the payload is a body of its own.
+
+    Source:
+        Janot et al. (2009), the branch of the interface: independent coordinates and the loop's Jacobian.
+    """
+    n_joint = len(robot.joints)
+    bodies = [
+        Body(joint.name, index - 1, joint.position_m, joint.rotation, slides=joint.type == "prismatic")
+        for index, joint in enumerate(robot.joints)
+    ]
+    names = [joint.name for joint in robot.joints]
+    turns, offset = [*np.eye(n_joint)], [0.0] * n_joint
+    for link in robot.loop_links:
+        bodies.append(Body(link.name, _parent(link, bodies), link.position_m, link.rotation))
+        turns.append(np.array([link.turns.get(name, 0.0) for name in names]))
+        offset.append(link.offset_rad)
+    moves = np.array(turns) if side == "arm" else np.array(turns) @ robot.arm_per_motor
+    if rotors and side == "motor" and robot.rotor == "on_link":
+        driven = [index for index, joint in enumerate(robot.joints) if joint.has_motor]
+        for index in driven:
+            joint = robot.joints[index]
+            bodies.append(Body(joint.name, index - 1, joint.position_m, joint.rotation, is_rotor=True))
+        moves = np.vstack([moves, np.eye(n_joint)[driven]])
+    if payload:
+        bodies.append(Body(PAYLOAD, n_joint - 1, np.zeros(3), np.eye(3), is_payload=True))
+        moves = np.vstack([moves, np.zeros(n_joint)])
+    still = np.zeros(len(bodies) - len(offset))
+    return Tree(tuple(bodies), moves, np.concatenate([offset, still]), robot.gravity_m_s2)
+
+
+def _parent(link: LoopLink, bodies: list[Body]) -> int:
+    return -1 if link.parent is None else [body.name for body in bodies].index(link.parent)
+
+
+_VELOCITY, _ACCELERATION, _SCREWS = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class BodyMotion:
+    """Motion of a body in its own frame.
+
+    Attributes:
+        rate (3, n_sample): Angular velocity [rad/s].
+        angular (3, n_sample): Angular acceleration [rad/s^2].
+        linear (3, n_sample): Acceleration of the frame's origin less gravity [m/s^2].
+        turn (n_reach, 3, n_sample): Angular velocity per unit speed of each coordinate that can move it.
+        shift (n_reach, 3, n_sample): Velocity of the frame's origin per unit speed of each of these [m].
+    """
+
+    rate: FloatArray
+    angular: FloatArray
+    linear: FloatArray
+    turn: FloatArray
+    shift: FloatArray
+
+
+def body_motions(
+    tree: Tree, position: FloatArray, velocity: FloatArray, acceleration: FloatArray, states: list[FloatArray]
+) -> Iterator[BodyMotion]:
+    """Yields the motion of each body of a tree.
+
+    Args:
+        tree: The tree.
+        position (n_coordinate, n_sample): Independent coordinates [rad, or m].
+        velocity (n_coordinate, n_sample): Their speeds.
+        acceleration (n_coordinate, n_sample): Their accelerations.
+        states: What `empty_states` returns for as many samples; it is overwritten.
+    """
+    own = [tree.turns @ position + tree.offset[:, None], tree.turns @ velocity, tree.turns @ acceleration]
+    base = np.zeros((_SCREWS, 2, 3, position.shape[1]))
+    base[_ACCELERATION, 1] = -tree.gravity_m_s2[:, None]
+    for index, (body, state) in enumerate(zip(tree.bodies, states, strict=True)):
+        _carry(states[body.parent] if body.parent >= 0 else base, body, state)
+        move = _slide if body.slides else _turn
+        move(state, *(values[index] for values in own))
+        reach = len(state) - _SCREWS
+        state[_SCREWS:, 1 if body.slides else 0, 2] += tree.turns[index, :reach, None]
+        yield BodyMotion(
+            rate=state[_VELOCITY, 0],
+            angular=state[_ACCELERATION, 0],
+            linear=state[_ACCELERATION, 1],
+            turn=state[_SCREWS:, 0],
+            shift=state[_SCREWS:, 1],
+        )
+
+
+def empty_states(tree: Tree, n_sample: int) -> list[FloatArray]:
+    """Returns room for the motion of each body, (2 + n_reach, 2, 3, n_sample).
+
+    The first axis is velocity, acceleration and the screw of each coordinate that can move the body, the second is
+    angular and linear. What the velocity has there as linear part is not used.
+    """
+    return [np.empty((_SCREWS + reach, 2, 3, n_sample)) for reach in tree.reach]
+
+
+def _carry(parent: FloatArray, body: Body, state: FloatArray) -> None:
+    """Writes the motion of the parent at the origin of a body's frame, in that frame at zero position."""
+    size, turned = len(parent), body.rotation.T
+    np.matmul(turned, parent, out=state[:size])
+    state[size:] = 0.0
+    if body.position_m.any():
+        state[:size, 1] -= (turned @ cross_matrix(body.position_m)) @ parent[:, 0]
+        offset, rate = turned @ body.position_m, state[_VELOCITY, 0]
+        state[_ACCELERATION, 1] += rate * (offset @ rate) - offset[:, None] * (rate * rate).sum(axis=0)
+
+
+def _turn(state: FloatArray, angle: FloatArray, speed: FloatArray, acceleration: FloatArray) -> None:
+    """Turns a motion in place by a joint's motion about z."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    x, y = state[:, :, 0], state[:, :, 1]
+    turned = cosine * x
+    turned += sine * y
+    y *= cosine
+    x *= sine
+    y -= x
+    x[...] = turned
+    rate, angular = state[_VELOCITY, 0], state[_ACCELERATION, 0]
+    angular[0] += rate[1] * speed
+    angular[1] -= rate[0] * speed
+    angular[2] += acceleration
+    rate[2] += speed
+
+
+def _slide(state: FloatArray, travel: FloatArray, speed: FloatArray, acceleration: FloatArray) -> None:
+    """Shifts a motion in place by a joint's motion along z."""
+    state[:, 1, 0] += travel * state[:, 0, 1]
+    state[:, 1, 1] -= travel * state[:, 0, 0]
+    rate, linear = state[_VELOCITY, 0], state[_ACCELERATION, 1]
+    linear[0] += travel * rate[0] * rate[2] + 2 * speed * rate[1]
+    linear[1] += travel * rate[1] * rate[2] - 2 * speed * rate[0]
+    linear[2] += acceleration - travel * (rate[0] ** 2 + rate[1] ** 2)
+
+
+def cross_matrix(vector: FloatArray) -> FloatArray:
+    """Returns the matrix (3, 3) of the cross product from the left."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
 
 COMPONENTS = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
 """Standard parameters of a link: entries of its inertia about the frame's origin, first moments, mass."""

@@ -12,10 +12,17 @@ from robid.arrays import FloatArray, check_shape
 from robid.robot.description import Inertial, Robot
 from robid.robot.inertia import combine
 from robid.robot.parameters import PARAMETER_KINDS, RigidKind
-from robid.robot.regressor.drives import DriveMotion, DriveTerm, drive_terms
-from robid.robot.regressor.links import COMPONENTS, INERTIAS, MOMENTS, add_inertial_columns, standard_parameters
-from robid.robot.regressor.options import RigidOptions
-from robid.robot.regressor.tree import PAYLOAD, Tree, rigid_tree
+from robid.robot.regressor.drives import DriveMotion, DriveTerm, RigidOptions, drive_terms
+from robid.robot.regressor.links import (
+    COMPONENTS,
+    INERTIAS,
+    MOMENTS,
+    PAYLOAD,
+    Tree,
+    add_inertial_columns,
+    rigid_tree,
+    standard_parameters,
+)
 
 _BLOCK = 4096
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from robid.robot.regressor.closure import pin_gaps
+from robid.robot.regressor.base import pin_gaps
 from robid.settings.counterbalance import HARMONIC_KEYS, SPRING_KEYS
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile

@@ -16,10 +16,10 @@ from robid.frf.laws import combine_laws
 from robid.frf.options import IDENTIFYING, EstimateOptions
 from robid.frf.silent import identify_laws, start_laws
 from robid.pipeline import Run
+from robid.robot.friction import TorqueLaw
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
-from robid.signals.friction import TorqueLaw
 from robid.signals.quantities import units_text
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate

@@ -14,8 +14,8 @@ from robid.pipeline import Run
 from robid.report.section import Section
 from robid.robot.description import Robot
 from robid.robot.regressor.base import find_base_parameters
+from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.model import RigidModel, build_rigid_model
-from robid.robot.regressor.options import RigidOptions
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import require_controller, robot_settings
 from robid.simulate.options import Controller

@@ -9,7 +9,7 @@ from robid.errors import DataError
 from robid.frf.channels import require
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
-from robid.signals.friction import TorqueLaw
+from robid.robot.friction import TorqueLaw
 from robid.signals.quantities import ACCELERATION, MOTOR_TORQUE, Channel, motor_channels
 from robid.signals.record import Record
 from tolerances import IDENTITY

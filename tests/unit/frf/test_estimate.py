@@ -10,7 +10,7 @@ from robid.frf.blocks import ESTIMATORS, logarithmic_mean
 from robid.frf.covariance import pool
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
-from robid.signals.friction import TorqueLaw
+from robid.robot.friction import TorqueLaw
 from robid.signals.multisine import multisine, time_signal
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
@@ -278,7 +278,7 @@ def test_compensation_takes_the_nominal_friction_out():
 def test_sensitivity_is_the_derivative(name, estimator):
     record = with_reference(make_record(realizations=2))
     motor, kind = ("first", "second").index(name.partition(".")[0]), name.partition(".")[2]
-    fields = ("coulomb_nm", "static_nm") if kind == "level" else ("stribeck_rad_s", "presliding_rad")
+    fields = ("coulomb_nm", "static_nm") if kind == "level" else ("stribeck_rad_s", "width")
 
     def moved(relative):
         law = LAWS[motor]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robid.frf.laws import with_levels
-from robid.signals.friction import TorqueLaw, friction_torque
+from robid.robot.friction import TorqueLaw, friction_torque
 
 STATED = TorqueLaw(2.0, 3.0, 1.5, 0.02, 0.1, 0.5, 6)
 
@@ -18,7 +18,7 @@ def one(law=STATED, level=2.5, std=0.05, uneven=0.0):
 def test_the_level_is_the_fits_and_the_shape_the_files():
     law = one()
     assert (law.coulomb_nm, law.static_nm) == (2.5, 3.75)
-    assert (law.stribeck_rad_s, law.presliding_rad, law.ripple_nm) == (1.5, 0.02, 0.5)
+    assert (law.stribeck_rad_s, law.width, law.ripple_nm) == (1.5, 0.02, 0.5)
     assert law.offset[:2] == pytest.approx((0.25, 0.0))
 
 

@@ -12,7 +12,7 @@ from robid.frf.laws import combine_laws
 from robid.frf.options import EstimateOptions
 from robid.frf.silent import identify_laws, start_laws
 from robid.frf.spectra import line_amplitudes, record_blocks
-from robid.signals.friction import KINDS, TorqueLaw
+from robid.robot.friction import KINDS, LAWS, LUGRE, TorqueLaw
 from robid.signals.multisine import multisine, time_signal
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
@@ -25,7 +25,7 @@ MOTORS, REALIZATIONS = 2, 2
 DELAY_S = 0.7 * SAMPLING_S
 NAMES = ("first", "second")
 BRISTLE = TorqueLaw(0.6, 0.75, 3.0, 0.03, 0.1, 0.05, 4, lag_samples=0.3, ripple_sin=-0.8, ripple_cos=0.5)
-CURVE = TorqueLaw(0.4, 0.45, 4.0, 0.0, 0.1, 0.0, 4, smoothing_rad_s=0.8)
+CURVE = TorqueLaw(0.4, 0.45, 4.0, 0.8, 0.1, 0.0, 4, LAWS["stribeck"])
 UNKNOWN = tuple(replace(law, coulomb_nm=0.0, static_nm=0.0) for law in (BRISTLE, CURVE))
 
 
@@ -84,8 +84,7 @@ def test_blind_identification_returns_law_and_response():
     record = make_record((BRISTLE, CURVE))
     laws, notes = identify(record, UNKNOWN)
     assert notes == ()
-    assert laws[0].presliding_rad > 0
-    assert laws[1].presliding_rad == 0
+    assert [law.law.name for law in laws] == ["lugre", "stribeck"]
     for found, true in zip(laws, (BRISTLE, CURVE), strict=True):
         np.testing.assert_allclose(found.values[:4], true.values[:4], rtol=0.03)
         np.testing.assert_allclose(found.values[4:], true.values[4:], atol=0.03)
@@ -146,7 +145,7 @@ def test_an_error_of_form_does_not_average_over_configurations():
 def bristles(width):
     """A third of each motor's level in bristles of one width."""
     return tuple(
-        replace(law, coulomb_nm=law.coulomb_nm / 3, static_nm=law.coulomb_nm / 3, presliding_rad=width, ripple_nm=0.0)
+        TorqueLaw(law.coulomb_nm / 3, law.coulomb_nm / 3, law.stribeck_rad_s, width, 0.1, 0.0, 4, LUGRE)
         for law in (BRISTLE, CURVE)
     )
 
@@ -236,8 +235,7 @@ def test_derivatives_of_the_disturbance(kind):
                 coulomb_nm=law.coulomb_nm * (1 + level),
                 static_nm=law.static_nm * (1 + level),
                 stribeck_rad_s=law.stribeck_rad_s * (1 + shape),
-                presliding_rad=law.presliding_rad * (1 + shape),
-                smoothing_rad_s=law.smoothing_rad_s * (1 + shape),
+                width=law.width * (1 + shape),
                 lag_samples=law.lag_samples + lag,
                 ripple_sin=law.ripple_sin + sine,
                 ripple_cos=law.ripple_cos + cosine,
@@ -260,7 +258,7 @@ def test_torque_is_what_the_hold_makes_of_the_command():
     law = replace(CURVE, coulomb_nm=1.0, static_nm=1.0)
     found = disturbance(motion, (law, law)).torque
     speed = np.moveaxis(motion.speed, 0, -2)
-    continuous = line_amplitudes(np.tanh(speed / law.smoothing_rad_s), EXCITED)
+    continuous = line_amplitudes(np.tanh(speed / law.width), EXCITED)
     omega = 2 * np.pi * EXCITED / PERIOD_S
     held = (1 - np.exp(-1j * omega * SAMPLING_S)) / (1j * omega * SAMPLING_S) * np.exp(-1j * omega * DELAY_S)
     np.testing.assert_allclose(np.moveaxis(found, -1, 1), continuous / held[:, None], rtol=1e-9)

@@ -9,8 +9,8 @@ import pytest
 from robid.errors import DataError
 from robid.models.handed_on import RigidSource, Standard, standard_robot
 from robid.models.known import load_experiment
+from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.model import build_rigid_model
-from robid.robot.regressor.options import RigidOptions
 
 STAGES = Path(__file__).parents[2] / "stages"
 

@@ -20,8 +20,8 @@ from robid.robot.export import to_mjcf
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.parameters import element_names, element_units
+from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.model import build_rigid_model
-from robid.robot.regressor.options import RigidOptions
 from robid.robot.response import motion_matrices, nominal_parameters
 from robid.robot.standard import with_standard
 from robid.robot.statespace import state_space

@@ -11,7 +11,8 @@ from exact_systems import arm_on_rail, linear_axis, two_joint_robot, without_spr
 from robid.errors import DataError
 from robid.robot.collocated import Collocated, has_plain_inertias, is_collocated
 from robid.robot.derivatives import jacobian
-from robid.robot.description import Friction, HarmonicBalance, LoopLink
+from robid.robot.description import HarmonicBalance, LoopLink
+from robid.robot.friction import LUGRE, Friction
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.parameters import element_units
@@ -158,7 +159,7 @@ def test_friction_of_a_rigid_joint_is_that_of_its_motor():
     robot = without_spring(linear_axis(ratio=-628.0, viscous=0.0), "gear_rail")
     law = Friction(coulomb_nm=1.5, static_nm=1.5, stribeck_rad_s=2.0, presliding_rad=0.02)
     joint = replace(robot.joints[0], motor=replace(robot.joints[0].motor, friction=law))
-    model = build_model(replace(robot, joints=(joint,)), friction=True, timestep_s=1e-4)
+    model = build_model(replace(robot, joints=(joint,)), friction=LUGRE, timestep_s=1e-4)
     data = mujoco.MjData(model.mujoco)
     speed = 0.05
     for _ in range(200):

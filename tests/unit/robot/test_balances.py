@@ -7,8 +7,8 @@ import pytest
 
 from rigid_robots import planar_arm
 from robid.robot.description import HarmonicBalance, Inertial, SpringBalance
+from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.model import build_rigid_model
-from robid.robot.regressor.options import RigidOptions
 from tolerances import FINITE_DIFFERENCE, IDENTITY
 
 

@@ -9,8 +9,8 @@ from ruamel.yaml import YAML
 
 from rigid_robots import planar_arm, random_chain, random_motion, with_gears
 from robid.robot.regressor.base import find_base_parameters, label, random_columns, select_base
+from robid.robot.regressor.drives import BaseOptions, RigidOptions
 from robid.robot.regressor.model import build_rigid_model
-from robid.robot.regressor.options import BaseOptions, RigidOptions
 from robid.settings.load import load_robot
 from tolerances import IDENTITY
 

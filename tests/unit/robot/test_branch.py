@@ -9,10 +9,10 @@ from ruamel.yaml import YAML
 
 from rigid_robots import random_motion
 from robid.errors import SettingsError
-from robid.robot.regressor.closure import pin_gaps
+from robid.robot.regressor.base import pin_gaps
+from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.forward import build_dynamics
 from robid.robot.regressor.model import arm_columns, build_rigid_model
-from robid.robot.regressor.options import RigidOptions
 from robid.settings.load import load_robot
 from tolerances import FINITE_DIFFERENCE, IDENTITY
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from exact_systems import arm_on_rail, two_joint_robot, without_spring
-from robid.robot.description import Friction
 from robid.robot.export import to_mjcf
+from robid.robot.friction import LUGRE, Friction
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
 
@@ -49,7 +49,7 @@ def full_robot():
 
 @pytest.fixture(scope="module", params=[False, True], ids=["linear", "friction and ripple"])
 def written(request):
-    model = build_model(full_robot(), friction=request.param, ripple=request.param, timestep_s=5e-4)
+    model = build_model(full_robot(), friction=LUGRE if request.param else None, ripple=request.param, timestep_s=5e-4)
     rest = solve_statics(model, CONFIGURATIONS)
     return model, rest, to_mjcf(model, rest, ("first", "second"), "first line\n  -- second line")
 

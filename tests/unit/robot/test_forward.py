@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from rigid_robots import planar_arm, random_chain, random_motion, with_gears
-from robid.robot.description import Friction, SpringBalance
+from robid.robot.description import SpringBalance
+from robid.robot.friction import Friction
 from robid.robot.regressor.base import find_base_parameters
+from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.forward import build_dynamics
 from robid.robot.regressor.model import build_rigid_model
-from robid.robot.regressor.options import RigidOptions
 from tolerances import IDENTITY
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from rigid_robots import random_chain
-from robid.robot.heights import heights
-from robid.robot.reach import points
+from robid.robot.reach import heights, points
 from robid.settings.load import load_robot
 from tolerances import FINITE_DIFFERENCE, IDENTITY
 

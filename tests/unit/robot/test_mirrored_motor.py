@@ -8,8 +8,8 @@ import pytest
 
 from exact_systems import sensed_everywhere, springs_everywhere, two_joint_robot
 from robid.design.configurations.cost import visit_cost_s
-from robid.robot.description import Friction
 from robid.robot.export import to_mjcf
+from robid.robot.friction import Friction
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.robot.reach import Reach, mirror, points
-from robid.robot.shapes import Shapes
+from robid.robot.reach import Reach, Shapes, mirror, points
 from robid.settings.load import load_robot
 from tolerances import IDENTITY
 

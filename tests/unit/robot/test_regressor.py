@@ -11,9 +11,9 @@ from exact_systems import NO_PAYLOAD, springs_everywhere, two_joint_robot
 from rigid_robots import engine_torques, planar_arm, random_body, random_chain, random_motion, with_gears
 from robid.robot.model import build_model
 from robid.robot.parameters import PARAMETER_KINDS
+from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.links import COMPONENTS
 from robid.robot.regressor.model import arm_columns, build_rigid_model
-from robid.robot.regressor.options import RigidOptions
 from robid.settings.load import load_robot
 from tolerances import IDENTITY
 

@@ -9,8 +9,8 @@ from exact_systems import two_joint_robot
 from rigid_robots import planar_arm, random_body, random_chain
 from robid.robot.description import HarmonicBalance, SpringBalance
 from robid.robot.inertia import about_origin, remove
+from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.model import build_rigid_model
-from robid.robot.regressor.options import RigidOptions
 from robid.robot.standard import deformed, is_real, with_standard
 from tolerances import IDENTITY
 

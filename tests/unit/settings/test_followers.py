@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from robid.errors import SettingsError
+from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.model import arm_columns, build_rigid_model
-from robid.robot.regressor.options import RigidOptions
 from robid.settings.load import load_robot
 
 BARE = RigidOptions(friction="none", offsets=False, motor_inertias=False, couplings=False)

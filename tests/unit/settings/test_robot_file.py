@@ -8,7 +8,7 @@ from ruamel.yaml import YAML
 from scipy.spatial.transform import Rotation
 
 from robid.errors import SettingsError
-from robid.robot.description import Friction
+from robid.robot.friction import Friction
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.settings.load import load_robot

@@ -10,7 +10,7 @@ from exact_systems import sensed_everywhere, springs_everywhere, two_joint_robot
 from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
-from robid.robot.description import Friction
+from robid.robot.friction import Friction
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response

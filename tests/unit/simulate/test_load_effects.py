@@ -9,7 +9,8 @@ from mujoco.batch import Batch
 
 from exact_systems import two_mass_robot, with_arm_friction
 from robid.robot.actuators import friction_rows
-from robid.robot.description import Friction
+from robid.robot.friction import LAWS as FRICTION_LAWS
+from robid.robot.friction import Friction
 from robid.robot.model import build_model
 from robid.simulate.engine import true_model
 from robid.simulate.load_effects import LoadEffects
@@ -64,8 +65,8 @@ def test_without_such_an_imperfection_nothing_is_rewritten():
 
 
 def test_every_ramp_of_a_motor_is_found():
-    model = build_model(drive(), static_law="stribeck")
-    rows = friction_rows(model.mujoco, model.robot, "stribeck")
+    model = build_model(drive(), friction=FRICTION_LAWS["stribeck"])
+    rows = friction_rows(model.mujoco, model.robot, FRICTION_LAWS["stribeck"])
     assert len({row for _, row in rows}) == len(rows) == 24
     assert {motor for motor, _ in rows} == {0}
 

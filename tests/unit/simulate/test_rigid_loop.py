@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.model import build_rigid_model
-from robid.robot.regressor.options import RigidOptions
 from robid.settings.load import load_robot
 from robid.simulate.rigid_loop import simulate_rigid
 from tolerances import IDENTITY

@@ -9,7 +9,7 @@ import pytest
 from exact_systems import two_joint_robot, two_mass_robot
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
-from robid.robot.description import Friction
+from robid.robot.friction import LUGRE, Friction
 from robid.robot.model import build_model
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
@@ -84,7 +84,7 @@ def test_bristles_need_steps_by_their_rate_and_their_resonance():
 @pytest.mark.parametrize("step_s", [1e-3, 5e-4])
 def test_resting_bristles_take_damping_as_the_rule_says(step_s):
     robot = rubbed(two_mass_robot(1e-4, 1e-6, 1e-3, damping=0.0), coulomb_nm=0.5, static_nm=0.5, presliding_rad=0.05)
-    model = build_model(robot, friction=True, timestep_s=step_s).mujoco
+    model = build_model(robot, friction=LUGRE, timestep_s=step_s).mujoco
     data = mujoco.MjData(model)
     data.qvel[0] = 1e-4 * 0.05 * np.sqrt(10 / 1e-4)
     energy = []

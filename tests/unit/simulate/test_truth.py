@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from exact_systems import springs_everywhere, two_joint_robot, with_arm_friction
-from robid.robot.description import Friction, Spring
+from robid.robot.description import Spring
+from robid.robot.friction import Friction
 from robid.simulate.options import Imperfections, Truth
 from robid.simulate.truth import recorded_torque_factor, true_robot, with_imperfections
 

@@ -11,8 +11,7 @@ from robid.design.excitation.trajectory.criterion import BaseModel, Criterion
 from robid.design.excitation.trajectory.limits import Limits
 from robid.design.excitation.trajectory.series import RestingSeries
 from robid.robot.description import Robot
-from robid.robot.heights import heights
-from robid.robot.reach import TOUCH_M
+from robid.robot.reach import TOUCH_M, heights
 
 _STILL = 1e-9
 

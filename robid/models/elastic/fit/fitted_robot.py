@@ -81,14 +81,8 @@ def _joint(joint: Joint, found: Mapping[str, float], nominal: Mapping[str, float
 def _motor(name: str, motor: Motor, found: Mapping[str, float]) -> Motor:
     law = motor.friction
     level, shape = (max(_LEAST_FACTOR, 1 + found.get(f"{name}.{kind}", 0.0)) for kind in ("level", "shape"))
-    friction = replace(
-        law,
-        viscous_nms_rad=found.get(f"{name}.viscous", law.viscous_nms_rad),
-        coulomb_nm=law.coulomb_nm * level,
-        static_nm=law.static_nm * level,
-        stribeck_rad_s=law.stribeck_rad_s * shape,
-        presliding_rad=law.presliding_rad * shape,
-    )
+    viscous = found.get(f"{name}.viscous", law.viscous_nms_rad)
+    friction = replace(law.scaled(level, shape), viscous_nms_rad=viscous)
     changed = replace(motor, inertia_kgm2=found.get(f"{name}.motor_inertia", motor.inertia_kgm2), friction=friction)
     if f"{name}.ripple_sin" not in found:
         return changed

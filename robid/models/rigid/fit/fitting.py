@@ -28,8 +28,8 @@ from robid.models.rigid.fit.shots import Shot, refuse_unusable, travel_of
 from robid.models.rigid.fit.solution import RigidSolution
 from robid.robot.description import Robot
 from robid.robot.regressor.base import BaseParameters, find_base_parameters, label, select_base
+from robid.robot.regressor.links import PAYLOAD
 from robid.robot.regressor.model import RigidModel, build_rigid_model
-from robid.robot.regressor.tree import PAYLOAD
 
 Simulate: TypeAlias = Callable[[RigidModel, FloatArray], Sequence[FloatArray]]
 """Motor angles (n_sample, n_joint) of each shot by a model with given parameters (n_base,), without noise."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from robid.robot.regressor.options import BaseOptions, RigidOptions
+from robid.robot.regressor.drives import BaseOptions, RigidOptions
 
 if TYPE_CHECKING:
     from robid.signals.filters import Decimator

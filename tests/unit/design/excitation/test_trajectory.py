@@ -15,11 +15,10 @@ from robid.design.excitation.trajectory.limits import Limits
 from robid.design.excitation.trajectory.search import random_trajectory
 from robid.design.excitation.trajectory.series import resting_series
 from robid.errors import SettingsError
-from robid.robot.reach import Reach
+from robid.robot.reach import Reach, Shapes
 from robid.robot.regressor.base import find_base_parameters
+from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.model import build_rigid_model
-from robid.robot.regressor.options import RigidOptions
-from robid.robot.shapes import Shapes
 from robid.settings.load import load_robot
 from robid.simulate.controller import angle_reference
 from robid.simulate.experiment import SimulatedExperiment, simulate

@@ -15,7 +15,8 @@ from robid.frf.options import EstimateOptions
 from robid.models.known import load_experiment
 from robid.results.plausible.doubts import data_doubts, evidence_doubts
 from robid.results.plausible.evidence import gather_evidence, join_evidence
-from robid.robot.description import Friction, Inertial, Joint, Motor, Robot, Spring
+from robid.robot.description import Inertial, Joint, Motor, Robot, Spring
+from robid.robot.friction import Friction
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
 from robid.signals.multisine import multisine, time_signal

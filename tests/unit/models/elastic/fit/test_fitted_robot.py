@@ -9,10 +9,10 @@ from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.models.elastic.fit.fitted_robot import fitted_delay_s, fitted_robot
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
+from robid.robot.friction import KINDS
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
-from robid.signals.friction import KINDS
 
 FREQUENCY_HZ = np.geomspace(2.0, 60.0, 25)
 CONFIGURATIONS = np.array([[0.3, -0.7], [-0.5, 0.9], [1.1, 0.2]])

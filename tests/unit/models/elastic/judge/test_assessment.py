@@ -12,7 +12,8 @@ from robid.models.elastic.judge.assessment import assess_fit, validation_doubts
 from robid.models.elastic.judge.carried import fitted_carrier
 from robid.models.elastic.judge.grading import grade_validation
 from robid.results.doubt import Doubt
-from robid.robot.description import Friction, HarmonicBalance
+from robid.robot.description import HarmonicBalance
+from robid.robot.friction import Friction
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
 

@@ -8,16 +8,17 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from exact_systems import two_mass_robot
-from robid.robot.description import Friction
+from robid.frf.compensation import periodic_speed
+from robid.robot.actuators import friction_rows
+from robid.robot.friction import KINDS, LAWS, LUGRE, Curve, Friction, TorqueLaw, friction_torque, periodic_recurrence
 from robid.robot.model import build_model
-from robid.signals.friction import KINDS, TorqueLaw, friction_torque, periodic_recurrence, periodic_speed
 
 PERIOD_S = 1.0
 LAW = TorqueLaw(
     coulomb_nm=1.5,
     static_nm=2.0,
     stribeck_rad_s=2.0,
-    presliding_rad=0.05,
+    width=0.05,
     relative_std=0.1,
     ripple_nm=0.06,
     ripple_order=6,
@@ -58,11 +59,11 @@ def bristle_torque(law, time):
 
     def slope(t, z):
         speed = motion(t)[1]
-        limit = law.presliding_rad * (1 + (ratio - 1) * np.exp(-((speed / law.stribeck_rad_s) ** 2)))
+        limit = law.width * (1 + (ratio - 1) * np.exp(-((speed / law.stribeck_rad_s) ** 2)))
         return speed - abs(speed) * z / limit
 
     solution = solve_ivp(slope, (0, 2), [0.0], t_eval=time + 1.0, method="LSODA", rtol=1e-9, atol=1e-12, max_step=2e-3)
-    return solution.y[0] * law.coulomb_nm / law.presliding_rad
+    return solution.y[0] * law.coulomb_nm / law.width
 
 
 def test_lugre_against_an_ode_solver_with_second_order_convergence():
@@ -87,15 +88,15 @@ def test_lugre_limits():
     tiny = 1e-4 * np.cos(2 * np.pi * time)[:, None]
     torque = friction_torque(tiny, 1 / 2000, (LAW,))
     stiffness = (torque.max() - torque.min()) / (2 * 1e-4 / (2 * np.pi))
-    np.testing.assert_allclose(stiffness, LAW.coulomb_nm / LAW.presliding_rad, rtol=1e-3)
+    np.testing.assert_allclose(stiffness, LAW.coulomb_nm / LAW.width, rtol=1e-3)
 
 
 def test_lugre_against_the_simulators_friction():
     robot = two_mass_robot(motor_inertia=1e-2, load_inertia=1e-4, stiffness=1e3, damping=0.1)
-    friction = Friction(0.0, LAW.coulomb_nm, LAW.static_nm, LAW.stribeck_rad_s, LAW.presliding_rad)
+    friction = Friction(0.0, LAW.coulomb_nm, LAW.static_nm, LAW.stribeck_rad_s, LAW.width)
     joint = replace(robot.joints[0], motor=replace(robot.joints[0].motor, friction=friction))
     step_s, n_step = 1e-4, 10000
-    model = build_model(replace(robot, joints=(joint,)), friction=True, timestep_s=step_s).mujoco
+    model = build_model(replace(robot, joints=(joint,)), friction=LUGRE, timestep_s=step_s).mujoco
     data = mujoco.MjData(model)
     angle, speed = motion(np.arange(2 * n_step) * step_s)
     data.qpos[:], data.qvel[:] = angle[0], speed[0]
@@ -114,7 +115,7 @@ def test_lugre_against_the_simulators_friction():
 def test_motors_do_not_mix():
     time = np.arange(500) / 500
     speed = motion(time)[1]
-    other = replace(LAW, coulomb_nm=0.4, static_nm=0.4, presliding_rad=0.01)
+    other = replace(LAW, coulomb_nm=0.4, static_nm=0.4, width=0.01)
     both = friction_torque(np.stack([speed, 2 * speed], axis=-1), 2e-3, (LAW, other))
     np.testing.assert_array_equal(both[:, 0], friction_torque(speed[:, None], 2e-3, (LAW,))[:, 0])
     np.testing.assert_array_equal(both[:, 1], friction_torque(2 * speed[:, None], 2e-3, (other,))[:, 0])
@@ -142,10 +143,35 @@ def test_recurrence_repeats_and_obeys_its_rule(n_step):
 
 
 def test_law_without_memory_is_its_curve():
-    law = replace(LAW, presliding_rad=0.0, smoothing_rad_s=0.3)
+    law = replace(LAW, law=LAWS["stribeck"], width=0.3)
     speed = np.array([-50.0, -0.3, 0.0, 0.3, 2.0, 50.0])[:, None]
     level = 1.5 + 0.5 * np.exp(-((speed / 2.0) ** 2))
     np.testing.assert_allclose(friction_torque(speed, 1e-3, (law,)), level * np.tanh(speed / 0.3), rtol=1e-12)
     both = friction_torque(np.tile(speed, 2), 1e-3, (LAW, law))
     np.testing.assert_array_equal(both[:, 1:], friction_torque(speed, 1e-3, (law,)))
     np.testing.assert_array_equal(both[:, :1], friction_torque(speed, 1e-3, (LAW,)))
+
+
+class Arctan(Curve):
+    """A law that the house does not have: a softer sign than tanh's."""
+
+    def curve(self, friction, speed):
+        """Torque at some speeds."""
+        return friction.coulomb_nm * 2 / np.pi * np.arctan(speed / friction.stribeck_rad_s)
+
+    def periodic_torque(self, speed, _step_s, coefficients):
+        """The same of several motors."""
+        return coefficients.coulomb * 2 / np.pi * np.arctan(speed / coefficients.width)
+
+
+def test_a_further_law_is_one_class():
+    law, friction = Arctan("arctan", sign_share=1.0, breaks_away=False, knots=40), Friction(0.0, 0.5, 0.5, 2.0)
+    robot = two_mass_robot()
+    joint = replace(robot.joints[0], motor=replace(robot.joints[0].motor, friction=friction))
+    model = build_model(replace(robot, joints=(joint,)), friction=law)
+    assert len(friction_rows(model.mujoco, model.robot, law)) == 40
+    speed = np.linspace(-5, 5, 11)[:, None]
+    own = TorqueLaw(0.5, 0.5, 2.0, 2.0, 0.1, 0.0, 6, law)
+    both = friction_torque(np.tile(speed, 2), 1e-3, (LAW, own))
+    np.testing.assert_allclose(both[:, 1:], law.curve(friction, speed))
+    assert own.at(own.coordinates).law is law
