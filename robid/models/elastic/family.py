@@ -23,7 +23,7 @@ def _fit(data: Data, work: Work) -> Artifact:
 
 
 def _free_too(loaded: LoadedExperiment, name: str, more: Sequence[str]) -> LoadedExperiment:
-    from robid.models.elastic.freed import free_too
+    from robid.models.elastic.settings import free_too
 
     return free_too(loaded, name, more)
 

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, replace
 from typing import Any, Literal, TypeAlias
 
 import pydantic.dataclasses
 from pydantic import Field
 
-from robid.models.elastic.fit.names import name_problems
-from robid.models.elastic.fit.options import ElasticOptions
-from robid.robot.parameters import ElasticKind
+from robid.errors import SettingsError
+from robid.models.elastic.fit.nuisance.kinds import freeable_nuisances, freed_nuisances
+from robid.models.elastic.fit.nuisance.springs import with_freed_springs
+from robid.models.elastic.fit.nuisance.wording import free_with, unknown_names
+from robid.models.elastic.fit.options import (
+    BY_SPRING,
+    ElasticOptions,
+    estimable_names,
+    free_problem,
+    name_problems,
+    spring_of,
+)
+from robid.robot.description import Robot
+from robid.robot.parameters import DOUBT, ElasticKind
 from robid.settings.base import STRICT, Name
 from robid.settings.checks.limits import TORQUE, missing_limits
 from robid.settings.checks.sensed import without_motor_text
@@ -76,8 +88,6 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     yield from _arm_torques(experiment, fit)
     known = kinds_by_name(robot, fit.kinds)
     if fit.freed and robot.is_complete:
-        from robid.models.elastic.freed import freed_names, freed_problems
-
         yield from freed_problems(experiment, fit, robot)
         known |= freed_names(experiment, fit, robot)
     for index, parameter in enumerate(fit.fixed):
@@ -115,3 +125,66 @@ def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
     settings = {f"campaigns.{campaign}.payload_kg": used.payload_kg, **parts}
     settings["delay_s"] = delay_s(loaded, used)
     return settings
+
+
+def freed_problems(experiment: Experiment, fit: ElasticFit, robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+    """Yields what is wrong with what a fit frees by name: what the robot does not have, and what is free anyway."""
+    start = _robot(experiment, fit, robot)
+    for name, meant in unknown_names(start, fit.options()):
+        yield ("free", fit.free.index(name)), free_problem(name, meant)
+    for name in fit.freed:
+        if _is_free_anyway(start, fit, name):
+            message = f"stiffness and damping of `{spring_of(name)}` are free anyway; {_more(start, name)}"
+            yield ("free", fit.free.index(name)), message
+
+
+def freed_names(experiment: Experiment, fit: ElasticFit, robot: RobotFile) -> dict[str, str]:
+    """Returns every parameter that freed doubts and springs add, with its kind."""
+    start, options = _robot(experiment, fit, robot), fit.options()
+    every = estimable_names(with_freed_springs(start, options), options)
+    of_springs = {name: kind for kind, names in every.items() for name in names if name is not None}
+    return of_springs | {doubt.name: DOUBT for doubt in freed_nuisances(start, options)}
+
+
+def free_too(loaded: LoadedExperiment, name: str, more: Sequence[str]) -> LoadedExperiment:
+    """Returns an experiment one of whose fits frees more, as if its `free` named it.
+
+    Raises:
+        SettingsError: If the robot has nothing of that name, or the fit estimates it already.
+    """
+    fit = elastic_fit(loaded.experiment, name)
+    start = _robot(loaded.experiment, fit, loaded.robot)
+    twice = [each for each in more if _is_estimated(start, fit, each)]
+    if twice:
+        message = f"fit `{name}` estimates `{twice[0]}` already"
+        raise SettingsError(message, where="--try", remedy="name something else, or leave it out")
+    values: dict[str, Any] = {each.name: getattr(fit, each.name) for each in fields(fit)}
+    tried = ElasticFit(**{"from": values.pop("reads"), **values, "free": free_with(fit.free, more)})
+    unknown = [free_problem(*each) for each in unknown_names(start, tried.options())]
+    if unknown:
+        raise SettingsError("; ".join(unknown), where="--try", remedy="name what can be freed, as in `free`")
+    fits = {**loaded.experiment.fits, name: tried}
+    return replace(loaded, experiment=loaded.experiment.model_copy(update={"fits": fits}))
+
+
+def _is_estimated(robot: Robot, fit: ElasticFit, name: str) -> bool:
+    options = fit.options()
+    doubts = {doubt.name for doubt in freed_nuisances(robot, replace(options, free=(name,)))}
+    known = doubts and doubts <= {doubt.name for doubt in freed_nuisances(robot, options)}
+    return name in (*fit.free, *fit.kinds) or bool(known) or _is_free_anyway(robot, fit, name)
+
+
+def _is_free_anyway(robot: Robot, fit: ElasticFit, name: str) -> bool:
+    """Whether a name is that of a spring of the robot file, where the kinds of all springs are free."""
+    return spring_of(name) in {spring.name for spring in robot.springs} and set(BY_SPRING) <= set(fit.kinds)
+
+
+def _more(robot: Robot, name: str) -> str:
+    """What else of a spring can be freed, as the end of a sentence."""
+    doubts = [doubt.name for doubt in freeable_nuisances(robot) if doubt.name.startswith(f"{spring_of(name)}.")]
+    other = f", or name what else is meant: {', '.join(f'`{each}`' for each in doubts)}" if doubts else ""
+    return f"leave it out{other}"
+
+
+def _robot(experiment: Experiment, fit: ElasticFit, robot: RobotFile) -> Robot:
+    return robot.to_robot(experiment.campaigns[fit.campaign].payload_kg)

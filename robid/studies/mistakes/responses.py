@@ -19,7 +19,7 @@ from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
 from robid.frf.frf import Frf
 from robid.frf.joined import join
-from robid.models.elastic.truth import true_values
+from robid.models.elastic.fitting import true_values
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign

@@ -13,8 +13,8 @@ from robid.frf.frf import Frf
 from robid.models.elastic.files import solution_content
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fitting import true_values
 from robid.models.elastic.settings import elastic_fit, model_settings
-from robid.models.elastic.truth import true_values
 from robid.pipeline import Run
 from robid.robot.description import Joint, Robot
 from robid.settings.plain import plain_settings

@@ -15,8 +15,8 @@ from robid.models.elastic.files import solution_content, solution_from_artifact
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import ElasticSolution
+from robid.models.elastic.fitting import true_values
 from robid.models.elastic.settings import elastic_fit, model_settings
-from robid.models.elastic.truth import true_values
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.robot.doubts import Doubts
