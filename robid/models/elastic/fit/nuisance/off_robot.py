@@ -212,7 +212,10 @@ def _off_values(values: ElasticParameters, nuisances: Sequence[Nuisance], amount
     for each, amount in zip(nuisances, amounts.tolist(), strict=True):
         if isinstance(each.effect, ValueOff):
             own = off.setdefault(each.effect.kind, getattr(values, each.effect.kind).copy())
-            own[each.effect.element] += amount * value_of_one(each.effect, values)
+            if each.effect.kind in ("stiffness", "damping", "motor_inertia"):
+                own[each.effect.element] *= 1 + amount / PERCENT
+            else:
+                own[each.effect.element] += amount * value_of_one(each.effect, values)
     return replace(values, **off)
 
 
