@@ -9,8 +9,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.results.resolution import rounding
-from robid.results.stored import Stored
+from robid.results.stored import Stored, rounding
 from robid.signals.record import Record
 
 _OF_NOISE = 0.05

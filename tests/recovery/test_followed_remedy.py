@@ -10,9 +10,9 @@ import pytest
 from exact_systems import exact_frf
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.judge.candidates import with_gear_ratio
 from robid.models.elastic.judge.causes import explain
 from robid.models.elastic.judge.fitted import fitted_model
+from robid.models.elastic.judge.ratios import with_gear_ratio
 from robid.models.elastic.judge.reversals import turned
 from robid.robot.description import Inertial
 from robid.settings.load import load_robot

@@ -9,9 +9,8 @@ import pytest
 
 from exact_systems import certain, exact_frf, stocky, two_joint_robot
 from realizations import averaged
-from robid.models.elastic.fit.doubts.column import RobotMove
-from robid.models.elastic.fit.doubts.listing import list_doubts
 from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.nuisance.kinds import RobotMove, list_nuisances
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.known import FAMILIES, load_experiment
 from robid.robot.doubts import Doubts
@@ -32,12 +31,12 @@ def doubtful_robot(robot):
 def drawn(robot, generator):
     """A true robot that is off by what its file may be, and by how much its torques are measured too large."""
     true, scale = robot, np.ones(len(robot.joints))
-    for doubt in list_doubts(robot, OPTIONS):
+    for doubt in list_nuisances(robot, OPTIONS):
         amount = doubt.common_std * generator.standard_normal()
-        if isinstance(doubt.direction, RobotMove):
-            true = doubt.direction.moved(true, amount)
+        if isinstance(doubt.effect, RobotMove):
+            true = doubt.effect.moved(true, amount)
         else:
-            scale[doubt.direction.joint] += amount / 100
+            scale[doubt.effect.joint] += amount / 100
     return true, scale
 
 

@@ -12,7 +12,7 @@ from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
-from robid.models.elastic.truth import true_values
+from robid.models.elastic.fitting import true_values
 from robid.models.known import load_experiment
 from tolerances import RECOVERY_SIGMA
 

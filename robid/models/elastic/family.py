@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TypeAlias
 
 from robid.later import later
-from robid.models.elastic.fit.names import name_problems
+from robid.models.elastic.fit.options import name_problems
 from robid.models.elastic.settings import ElasticFit, elastic_fit, model_settings
 from robid.models.family import Export, Family
 from robid.settings.checks.limits import TORQUE, missing_limits

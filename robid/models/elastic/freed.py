@@ -7,12 +7,13 @@ from dataclasses import fields, replace
 from typing import Any
 
 from robid.errors import SettingsError
-from robid.models.elastic.fit.doubts.freed import DOUBT, free_with, freed_doubts, movable_doubts, unknown_names
-from robid.models.elastic.fit.doubts.further import with_freed_springs
-from robid.models.elastic.fit.names import estimable_names, free_problem
-from robid.models.elastic.fit.options import BY_SPRING, spring_of
+from robid.models.elastic.fit.nuisance.kinds import freeable_nuisances, freed_nuisances
+from robid.models.elastic.fit.nuisance.springs import with_freed_springs
+from robid.models.elastic.fit.nuisance.wording import free_with, unknown_names
+from robid.models.elastic.fit.options import BY_SPRING, estimable_names, free_problem, spring_of
 from robid.models.elastic.settings import ElasticFit, elastic_fit
 from robid.robot.description import Robot
+from robid.robot.parameters import DOUBT
 from robid.settings.experiment import Experiment
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
@@ -35,7 +36,7 @@ def freed_names(experiment: Experiment, fit: ElasticFit, robot: RobotFile) -> di
     start, options = _robot(experiment, fit, robot), fit.options()
     every = estimable_names(with_freed_springs(start, options), options)
     of_springs = {name: kind for kind, names in every.items() for name in names if name is not None}
-    return of_springs | {doubt.name: DOUBT for doubt in freed_doubts(start, options)}
+    return of_springs | {doubt.name: DOUBT for doubt in freed_nuisances(start, options)}
 
 
 def free_too(loaded: LoadedExperiment, name: str, more: Sequence[str]) -> LoadedExperiment:
@@ -61,8 +62,8 @@ def free_too(loaded: LoadedExperiment, name: str, more: Sequence[str]) -> Loaded
 
 def _is_estimated(robot: Robot, fit: ElasticFit, name: str) -> bool:
     options = fit.options()
-    doubts = {doubt.name for doubt in freed_doubts(robot, replace(options, free=(name,)))}
-    known = doubts and doubts <= {doubt.name for doubt in freed_doubts(robot, options)}
+    doubts = {doubt.name for doubt in freed_nuisances(robot, replace(options, free=(name,)))}
+    known = doubts and doubts <= {doubt.name for doubt in freed_nuisances(robot, options)}
     return name in (*fit.free, *fit.kinds) or bool(known) or _is_free_anyway(robot, fit, name)
 
 
@@ -73,7 +74,7 @@ def _is_free_anyway(robot: Robot, fit: ElasticFit, name: str) -> bool:
 
 def _more(robot: Robot, name: str) -> str:
     """What else of a spring can be freed, as the end of a sentence."""
-    doubts = [doubt.name for doubt in movable_doubts(robot) if doubt.name.startswith(f"{spring_of(name)}.")]
+    doubts = [doubt.name for doubt in freeable_nuisances(robot) if doubt.name.startswith(f"{spring_of(name)}.")]
     other = f", or name what else is meant: {', '.join(f'`{each}`' for each in doubts)}" if doubts else ""
     return f"leave it out{other}"
 

@@ -12,9 +12,8 @@ import robid
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
-from robid.models.elastic.fit.doubts.freed import DOUBT
-from robid.models.elastic.fit.doubts.gear_kinds import HYSTERESIS, LOAD_DAMPING
 from robid.models.elastic.fit.fitted_robot import fitted_delay_s, fitted_robot
+from robid.models.elastic.fit.nuisance.kinds import HYSTERESIS, LOAD_DAMPING
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.judge.fitted import fitted_model
 from robid.models.elastic.settings import elastic_fit
@@ -27,6 +26,7 @@ from robid.robot.export import to_mjcf
 from robid.robot.friction import LUGRE
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import ElasticModel, build_model
+from robid.robot.parameters import DOUBT
 from robid.robot.response import nominal_parameters
 from robid.robot.statespace import discretise, state_space
 from robid.settings.load import LoadedExperiment

@@ -22,8 +22,7 @@ from robid.models.lpv.fit.solution import Ports
 from robid.models.lpv.fit.state_space import block_names
 from robid.models.lpv.judge.validating import assess_lpv, validate_lpv
 from robid.models.lpv.settings import LpvFit, lpv_fit
-from robid.results.doubt import Doubt
-from robid.results.saturated import saturation_doubts
+from robid.results.doubt import Doubt, saturation_doubts
 from robid.settings.load import LoadedExperiment
 from robid.signals.quantities import Channel
 from robid.simulate.truth import TrueRobot

@@ -9,14 +9,13 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.frf.frf import Frf
 from robid.frf.passivity import FEW_SAMPLES, DrivingPoints, undeclared_delay
-from robid.results.doubt import Doubt, two_digits
+from robid.results.doubt import Doubt, saturation_doubts, two_digits
 from robid.results.plausible.angles import judge_angles
 from robid.results.plausible.carrier import Fitted
 from robid.results.plausible.evidence import CLEAR, Evidence, gather_evidence
 from robid.results.plausible.gravity import gravity_signs, judge_gravity, judge_places, weigh
 from robid.results.plausible.scales import judge_scales
 from robid.results.plausible.signs import judge_signs
-from robid.results.saturated import saturation_doubts
 from robid.robot.description import Robot
 
 _LOST = 2.0

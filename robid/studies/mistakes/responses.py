@@ -18,7 +18,7 @@ from robid.design.excitation.excitation import CampaignExcitation
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.frf.joined import join
-from robid.models.elastic.truth import true_values
+from robid.models.elastic.fitting import true_values
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign

@@ -13,16 +13,23 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.frf import Frf
-from robid.models.elastic.fit.doubts.column import DoubtColumn, RobotMove
-from robid.models.elastic.fit.doubts.drives import LaterTorque, MotorFriction, RotorShare, TorqueScale, ViscousFriction
-from robid.models.elastic.fit.doubts.gears import NO_LOAD_RAD, Hysteresis, LoadStiffness, bristle_share
-from robid.models.elastic.fit.doubts.held import HeldSpring
-from robid.models.elastic.fit.doubts.listing import list_doubts
-from robid.models.elastic.fit.doubts.springs import Compliance
 from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.nuisance.kinds import (
+    MICRO,
+    Compliance,
+    Hysteresis,
+    LoadStiffness,
+    MotorFriction,
+    Nuisance,
+    RobotMove,
+    TorqueScale,
+    ValueOff,
+    list_nuisances,
+)
+from robid.models.elastic.fit.nuisance.response import NO_LOAD_RAD, bristle_share
 from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fitting import true_values
 from robid.models.elastic.settings import elastic_fit, model_settings
-from robid.models.elastic.truth import true_values
 from robid.pipeline import Run
 from robid.robot.description import Joint, Robot
 from robid.robot.linearize import LinearModel, axial_inertia, linearize, solve_statics
@@ -53,7 +60,7 @@ _DRAWS = 3  # keeps these draws apart from those of springs, masses and defects
 class Doubted:
     """What a robot file is doubted for, and how far one robot is off."""
 
-    doubts: tuple[DoubtColumn, ...]
+    doubts: tuple[Nuisance, ...]
     amounts: FloatArray  # (n_doubt, n_conf) how far the robot is off in each place
 
 
@@ -69,7 +76,7 @@ def draw_doubted(robot: Robot, options: ElasticOptions, n_place: int, seed: int)
         seed: Seed of the draw.
     """
     generator = np.random.default_rng([seed, _DRAWS])
-    doubts = list_doubts(robot, options)
+    doubts = list_nuisances(robot, options)
     amounts = np.empty((len(doubts), n_place))
     for row, doubt in zip(amounts, doubts, strict=True):
         common, each = generator.standard_normal(), generator.standard_normal(n_place)
@@ -80,7 +87,7 @@ def draw_doubted(robot: Robot, options: ElasticOptions, n_place: int, seed: int)
 
 def as_file(robot: Robot, options: ElasticOptions, n_place: int) -> Doubted:
     """Returns what a robot is doubted for that is right in everything."""
-    doubts = list_doubts(robot, options)
+    doubts = list_nuisances(robot, options)
     return Doubted(doubts, np.zeros((len(doubts), n_place)))
 
 
@@ -111,9 +118,7 @@ def doubted_responses(
         model = build_model(own)
         linear = linearize(model, solve_statics(model, configuration[None]))
         delay_s = sampling[1] + sum(
-            doubt.direction.size(amounts[doubt.name])
-            for doubt in off.doubts
-            if isinstance(doubt.direction, LaterTorque)
+            MICRO * amounts[each.name] for each in off.doubts if each.effect == ValueOff("delay", 0)
         )
         parameters = nominal_parameters(own, linear, delay_s)
         exact = _with_bristles(
@@ -125,15 +130,15 @@ def doubted_responses(
 
 
 def _bristles(
-    doubts: Sequence[DoubtColumn], amounts: Mapping[str, float], robot: Robot, frequency_hz: FloatArray
+    doubts: Sequence[Nuisance], amounts: Mapping[str, float], robot: Robot, frequency_hz: FloatArray
 ) -> ComplexArray:
     """What bristles add to each spring (n_freq, n_spring), over its stiffness."""
     omega = 2 * np.pi * frequency_hz
     found = np.zeros((omega.size, len(robot.springs)), complex)
     for doubt in doubts:
-        if isinstance(doubt.direction, Hysteresis):
-            share = bristle_share(omega, np.zeros((1, omega.size)), doubt.direction.slip)[0]
-            found[:, doubt.direction.spring] += 2 * amounts[doubt.name] / _PERCENT * share
+        if isinstance(doubt.effect, Hysteresis):
+            share = bristle_share(omega, np.zeros((1, omega.size)), doubt.effect.slip)[0]
+            found[:, doubt.effect.spring] += 2 * amounts[doubt.name] / _PERCENT * share
     return found
 
 
@@ -157,7 +162,7 @@ def _with_bristles(
 
 def off_robot(
     robot: Robot,
-    doubts: Sequence[DoubtColumn],
+    doubts: Sequence[Nuisance],
     amounts: Mapping[str, float],
     shares: FloatArray,
 ) -> Robot:
@@ -172,7 +177,7 @@ def off_robot(
     inertia = axial_inertia(build_model(robot))
     further = []
     for doubt in doubts:
-        share, direction = amounts[doubt.name] / _PERCENT, doubt.direction
+        share, direction = amounts[doubt.name] / _PERCENT, doubt.effect
         if share == 0:
             continue
         if isinstance(direction, RobotMove):
@@ -181,24 +186,26 @@ def off_robot(
             spring = robot.springs[direction.spring]
             softer = replace(spring, stiffness=spring.stiffness * (1 + share * float(shares[direction.spring])))
             robot = replace(robot, springs=_with(robot.springs, direction.spring, softer))
-        elif isinstance(direction, HeldSpring):
-            held = direction.moved(robot.springs[direction.spring], amounts[doubt.name])
-            robot = replace(robot, springs=_with(robot.springs, direction.spring, held))
         elif isinstance(direction, Compliance):
             spring = direction.spring
             further.append(replace(spring, stiffness=spring.stiffness / share, damping=spring.damping / share))
-        elif isinstance(direction, RotorShare | ViscousFriction):
-            joint = robot.joints[direction.joint]
-            off = _with_off_drive(joint, direction, share, float(inertia[direction.joint]))
-            robot = replace(robot, joints=_with(robot.joints, direction.joint, off))
+        elif isinstance(direction, ValueOff) and direction.kind in ("stiffness", "damping"):
+            spring = robot.springs[direction.element]
+            size = (1 + share) * float(getattr(spring, direction.kind))
+            held = replace(spring, stiffness=size) if direction.kind == "stiffness" else replace(spring, damping=size)
+            robot = replace(robot, springs=_with(robot.springs, direction.element, held))
+        elif isinstance(direction, ValueOff) and direction.kind != "delay":
+            joint = robot.joints[direction.element]
+            off = _with_off_drive(joint, direction, share, float(inertia[direction.element]))
+            robot = replace(robot, joints=_with(robot.joints, direction.element, off))
     return replace(robot, springs=(*robot.springs, *further))
 
 
-def _with_off_drive(joint: Joint, direction: RotorShare | ViscousFriction, share: float, inertia: float) -> Joint:
-    if isinstance(direction, ViscousFriction) and direction.kind == "arm_viscous":
+def _with_off_drive(joint: Joint, direction: ValueOff, share: float, inertia: float) -> Joint:
+    if direction.kind == "arm_viscous":
         return replace(joint, arm_viscous=joint.arm_viscous + share * _TURN_10_HZ * inertia)
     motor = joint.motor
-    if isinstance(direction, RotorShare):
+    if direction.kind == "motor_inertia":
         return replace(joint, motor=replace(motor, inertia_kgm2=motor.inertia_kgm2 * (1 + share)))
     viscous = motor.friction.viscous_nms_rad + share * _TURN_10_HZ * motor.inertia_kgm2
     return replace(joint, motor=replace(motor, friction=replace(motor.friction, viscous_nms_rad=viscous)))
@@ -221,7 +228,7 @@ def load_shares(robot: Robot, configurations: FloatArray) -> FloatArray:
 
 def _recorded(
     robot: Robot,
-    doubts: Sequence[DoubtColumn],
+    doubts: Sequence[Nuisance],
     amounts: Mapping[str, float],
     exact: ComplexArray,
     frequency_hz: FloatArray,
@@ -232,7 +239,7 @@ def _recorded(
     feedback = np.zeros(exact.shape, complex)
     constant = np.ones(exact.shape[2])
     for doubt in doubts:
-        direction, share = doubt.direction, amounts[doubt.name] / _PERCENT
+        direction, share = doubt.effect, amounts[doubt.name] / _PERCENT
         if isinstance(direction, MotorFriction):
             size = share * robot.joints[direction.joint].motor.inertia_kgm2 * _TURN_10_HZ**2
             feedback[:, direction.joint, direction.joint] += direction.phase * size / square

@@ -16,10 +16,10 @@ from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fitting import true_values
 from robid.models.elastic.judge.assessment import assess_fit
 from robid.models.elastic.judge.validating import validate_elastic
 from robid.models.elastic.settings import elastic_fit, model_settings
-from robid.models.elastic.truth import true_values
 from robid.pipeline import Run
 from robid.results.doubt import Doubt
 from robid.robot.description import Robot

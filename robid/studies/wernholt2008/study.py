@@ -15,9 +15,9 @@ from robid.artifacts.store import read_artifact, read_header
 from robid.frf.frf import Frf
 from robid.frf.residual import EstimatorKind
 from robid.models.elastic.fit.fitting import draw_starts, set_up
+from robid.models.elastic.fit.optimizers import make_strategy
 from robid.models.elastic.fit.options import ElasticOptions, WeightsKind
 from robid.models.elastic.fit.problem import Problem
-from robid.models.elastic.fit.strategy import make_strategy
 from robid.models.elastic.fit.uncertainty import sandwich
 from robid.models.elastic.settings import model_settings
 from robid.pipeline import Run

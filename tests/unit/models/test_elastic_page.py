@@ -9,10 +9,9 @@ import numpy as np
 from rich.console import Console
 
 from robid.models.elastic.page.content import ElementErrors, RepeatRow
-from robid.models.elastic.page.repeats import interval_text
-from robid.models.elastic.page.resonances import interval_sentence, resonance_section
+from robid.models.elastic.page.report import fit_summary
+from robid.models.elastic.page.resonances import interval_sentence, interval_text, resonance_section
 from robid.models.elastic.page.sections import element_sentence, fit_tables, sections
-from robid.models.elastic.page.summary import fit_summary
 from robid.report.numbers import MISSING
 from robid.report.section import Notes
 from sample_reports import arm_report, bench_report

@@ -7,8 +7,7 @@ import pytest
 
 from exact_systems import exact_frf, two_mass_robot
 from robid.models.elastic.page.content import FitContent
-from robid.models.elastic.page.report import fit_report
-from robid.models.elastic.page.summary import comparison
+from robid.models.elastic.page.report import comparison, fit_report
 from robid.report.costs import CostRow
 from robid.report.parameters import Estimates, ParameterRow
 from robid.stages.summary import summarize

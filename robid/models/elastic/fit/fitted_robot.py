@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from robid.models.elastic.fit.doubts.freed import DOUBT, movable_doubts, moved_robot
+from robid.models.elastic.fit.nuisance.kinds import freeable_nuisances, moved_robot
 from robid.results.estimate import Estimate
 from robid.robot.description import Inertial, Joint, Motor, Robot, Spring
-from robid.robot.parameters import PARAMETER_KINDS
+from robid.robot.parameters import DOUBT, PARAMETER_KINDS
 
 _LEAST_FACTOR = 0.01
 _SPRING_VALUES = [kind for kind, about in PARAMETER_KINDS.items() if about.owner in ("spring", "transmission")]
@@ -28,11 +28,10 @@ def fitted_robot(robot: Robot, estimate: Estimate) -> Robot:
         coefficients of friction and ripple, and moved by the doubts that it estimated. A friction's lag and a torque's
         scale belong to the measurement.
     """
-    doubts = (
-        [doubt for doubt in movable_doubts(robot) if doubt.name in estimate.found] if DOUBT in estimate.kinds else []
-    )
-    amounts = np.array([estimate.found[doubt.name] - estimate.stated[doubt.name] for doubt in doubts])
-    return with_estimates(moved_robot(robot, doubts, amounts), estimate.found, estimate.stated)
+    every = freeable_nuisances(robot) if DOUBT in estimate.kinds else ()
+    off = [each for each in every if each.name in estimate.found]
+    amounts = np.array([estimate.found[each.name] - estimate.stated[each.name] for each in off])
+    return with_estimates(moved_robot(robot, off, amounts), estimate.found, estimate.stated)
 
 
 def with_estimates(robot: Robot, found: Mapping[str, float], nominal: Mapping[str, float]) -> Robot:

@@ -12,13 +12,11 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.frf.passivity import driving_points, undeclared_delay
-from robid.models.elastic.fit.bootstrap import Map
 from robid.models.elastic.fit.checks import check_data, check_influence, check_inputs
-from robid.models.elastic.fit.considered import DoubtfulRobot
-from robid.models.elastic.fit.cubic_uncertainty import load_doubt
 from robid.models.elastic.fit.model_error import element_level
-from robid.models.elastic.fit.named import Suspicion
-from robid.models.elastic.fit.optimizers import optimise
+from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot
+from robid.models.elastic.fit.nuisance.named import Suspicion
+from robid.models.elastic.fit.optimizers import Strategy, make_strategy, optimise
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.other_slip import other_side
 from robid.models.elastic.fit.parameters import ParameterMap, map_parameters
@@ -26,8 +24,7 @@ from robid.models.elastic.fit.problem import Problem, make_problem
 from robid.models.elastic.fit.rest_model import rest_model
 from robid.models.elastic.fit.result import make_solution
 from robid.models.elastic.fit.solution import ElasticSolution
-from robid.models.elastic.fit.strategy import Strategy, make_strategy
-from robid.models.elastic.fit.uncertainty import influence, structured_covariance
+from robid.models.elastic.fit.uncertainty import Map, influence, load_doubt, structured_covariance
 from robid.results.levenberg import Minimum
 from robid.robot.description import Robot
 from robid.robot.response import nominal_parameters

@@ -10,14 +10,12 @@ from scipy.stats import norm, t
 from robid.arrays import FloatArray
 from robid.clusters.grouping import group_places
 from robid.clusters.pooling import Pooled
-from robid.models.elastic.fit.cubic_uncertainty import load_doubt
-from robid.models.elastic.fit.effective import LONGEST_STEP, Settled, settle, weigh_few
-from robid.models.elastic.fit.leaning import lean
-from robid.models.elastic.fit.named import Named, Suspicion, name_doubts
+from robid.models.elastic.fit.effective import LONGEST_STEP, Settled, lean, settle, weigh_few
+from robid.models.elastic.fit.nuisance.named import Named, Suspicion, name_doubts
 from robid.models.elastic.fit.physical import find_physical
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.solution import Between, NamedDoubts
-from robid.models.elastic.fit.uncertainty import Influence, influence, structured_covariance
+from robid.models.elastic.fit.uncertainty import Influence, influence, load_doubt, structured_covariance
 
 FEWEST_PLACES = 4
 """Number of places from which on their differences say how far a parameter may be off."""

@@ -9,12 +9,12 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import SettingsError
-from robid.models.elastic.fit.doubts.column import DoubtColumn
-from robid.models.elastic.fit.doubts.freed import DOUBT, PRIOR_FACTOR, freed_doubts, unknown_names
-from robid.models.elastic.fit.names import check_names, estimable_names
-from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.nuisance.kinds import PRIOR_FACTOR, Nuisance, freed_nuisances
+from robid.models.elastic.fit.nuisance.wording import unknown_names
+from robid.models.elastic.fit.options import ElasticOptions, check_names, estimable_names
 from robid.robot.description import Robot
 from robid.robot.parameters import (
+    DOUBT,
     LOGARITHMIC,
     NUISANCE,
     PARAMETER_KINDS,
@@ -171,7 +171,7 @@ def map_parameters(
         SettingsError: If a name is unknown, a logarithmic parameter's nominal value is not positive, or a
             parameter starts at a bound or outside; all at once.
     """
-    freed = freed_doubts(robot, options)
+    freed = freed_nuisances(robot, options)
     every = estimable_names(robot, options) | ({DOUBT: [doubt.name for doubt in freed]} if freed else {})
     kinds = tuple(every)
     masks = tuple(np.array([n is not None and n not in options.fixed for n in every[kind]], bool) for kind in kinds)
@@ -220,7 +220,7 @@ def map_parameters(
     return _bounded(_sensible(found, freed), options.bounds)
 
 
-def _sensible(found: ParameterMap, freed: Sequence[DoubtColumn]) -> ParameterMap:
+def _sensible(found: ParameterMap, freed: Sequence[Nuisance]) -> ParameterMap:
     """Keeps doubts within what makes sense, and tells what the robot file says of them."""
     if not freed:
         return found

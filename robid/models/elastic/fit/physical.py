@@ -9,11 +9,17 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
-from robid.models.elastic.fit.doubts.refit import SettledSprings, settle_springs
-from robid.models.elastic.fit.doubts.unseen import Told, UnseenSpring, leave_room, unseen_springs
 from robid.models.elastic.fit.effective import Settled, settle
-from robid.models.elastic.fit.joint import Joint, descend
-from robid.models.elastic.fit.named import Listed, Named, Suspicion, name_doubts, suspect
+from robid.models.elastic.fit.nuisance.joint import Joint, descend
+from robid.models.elastic.fit.nuisance.named import Listed, Named, Suspicion, name_doubts, suspect
+from robid.models.elastic.fit.nuisance.placed import (
+    SettledSprings,
+    Told,
+    UnseenSpring,
+    leave_room,
+    settle_springs,
+    unseen_springs,
+)
 from robid.models.elastic.fit.problem import Problem, make_problem
 from robid.models.elastic.fit.solution import NamedDoubts
 from robid.models.elastic.fit.uncertainty import influence

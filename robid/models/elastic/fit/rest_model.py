@@ -10,12 +10,24 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
-from robid.models.elastic.fit.doubts.column import DoubtColumn, RobotMove
-from robid.models.elastic.fit.doubts.freed import freed_doubts, moved_robot, torque_slopes
-from robid.models.elastic.fit.doubts.gear_kinds import LoadDamping, SlipTorque
-from robid.models.elastic.fit.gear_motion import gear_effects, swings_known
+from robid.models.elastic.fit.gear_motion import (
+    Swinging,
+    gear_effects,
+    line_frequencies,
+    spring_compliance,
+    swing_shape,
+    swings_known,
+)
+from robid.models.elastic.fit.nuisance.kinds import (
+    LoadDamping,
+    Nuisance,
+    RobotMove,
+    SlipTorque,
+    freed_nuisances,
+    moved_robot,
+    torque_slopes,
+)
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.fit.swing_distribution import Swinging, line_frequencies, spring_compliance, swing_shape
 from robid.models.elastic.fit.weights import make_weights
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
@@ -49,7 +61,7 @@ def rest_model(
     Raises:
         DataError: If a configuration has no equilibrium, or the response lacks what cubic springs need.
     """
-    freed = freed_doubts(robot, options)
+    freed = freed_nuisances(robot, options)
     if not freed:
         return _rested(robot, frf, options, delay_s, values)
     amounts = np.zeros(len(freed)) if values is None else values.doubt
@@ -59,7 +71,7 @@ def rest_model(
     model = _rested(moved_robot(robot, freed, amounts), frf, options, delay_s, values, balanced=balanced)
     for index, doubt in enumerate(freed):
         steps.append(2 * _DOUBT_STEP * doubt.common_std)
-        if not isinstance(doubt.direction, RobotMove):
+        if not isinstance(doubt.effect, RobotMove):
             pairs.append((model, model))
             continue
         step = _DOUBT_STEP * doubt.common_std * np.eye(len(freed))[index]
@@ -68,14 +80,14 @@ def rest_model(
         pairs.append((behind, ahead))
     torque = torque_slopes(freed, len(robot.joints))
     shifts = shifts_between(pairs, np.array(steps), amounts, torque)
-    if not any(isinstance(doubt.direction, (LoadDamping, SlipTorque)) for doubt in freed):
+    if not any(isinstance(doubt.effect, (LoadDamping, SlipTorque)) for doubt in freed):
         return replace(model, shifts=shifts)
     now = replace(nominal_parameters(robot, model, delay_s), doubt=amounts) if values is None else values
     return replace(model, shifts=shifts, effects=_effects(robot, frf, now, model, freed))
 
 
 def _effects(
-    robot: Robot, frf: Frf, values: ElasticParameters, model: LinearModel, freed: Sequence[DoubtColumn]
+    robot: Robot, frf: Frf, values: ElasticParameters, model: LinearModel, freed: Sequence[Nuisance]
 ) -> GearEffects | None:
     """What freed doubts of gears do as the measurement moves them."""
     power, moved = np.zeros_like(model.rest.deflection), None

@@ -9,16 +9,17 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.clusters.grouping import group_places
-from robid.models.elastic.fit.bootstrap import Map, bootstrap
 from robid.models.elastic.fit.intervals import FEWEST_PLACES, LEARNT_SHARE, Spread, Spreads, find_spreads
 from robid.models.elastic.fit.model_error import ModelError, estimate_model_error
-from robid.models.elastic.fit.named import Suspicion
+from robid.models.elastic.fit.nuisance.named import Suspicion
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.parameters import ParameterMap
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.solution import Costs, ElasticSolution, Internal, Resampled, Responses, Starts
 from robid.models.elastic.fit.uncertainty import (
     Influence,
+    Map,
+    bootstrap,
     influence,
     realization_covariance,
     realization_shifts,

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import norm
 
 from robid.arrays import FloatArray, IntArray
-from robid.models.elastic.fit.doubts.freed import movable_doubts, moved_robot, torque_slopes
+from robid.models.elastic.fit.nuisance.kinds import freeable_nuisances, moved_robot, torque_slopes
 from robid.results.estimate import Estimate
 from robid.results.plausible.carrier import Carrier, Fitted
 from robid.robot.description import Robot
@@ -26,7 +26,7 @@ def fitted_carrier(robot: Robot, estimate: Estimate) -> Fitted | None:
         The robot, and how far it may be off: as far as the intervals reach, correlated as the estimates are; None
         where the fit freed nothing of the kind.
     """
-    doubts = [doubt for doubt in movable_doubts(robot) if doubt.name in estimate.names] * (DOUBT in estimate.kinds)
+    doubts = [doubt for doubt in freeable_nuisances(robot) if doubt.name in estimate.names] * (DOUBT in estimate.kinds)
     if not doubts:
         return None
     rows = np.array([estimate.names.index(doubt.name) for doubt in doubts])

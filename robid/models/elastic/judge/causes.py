@@ -8,19 +8,24 @@ from collections.abc import Sequence
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.models.elastic.fit.doubts.freed import free_with
-from robid.models.elastic.fit.doubts.listing import list_doubts
 from robid.models.elastic.fit.gear_motion import swings_known
+from robid.models.elastic.fit.nuisance.kinds import list_nuisances
+from robid.models.elastic.fit.nuisance.wording import free_with
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import ElasticSolution
-from robid.models.elastic.judge.candidates import candidates
-from robid.models.elastic.judge.explanations import Explanation, of_doubts, of_ratio, of_samples, of_signs, of_spring
+from robid.models.elastic.judge.explanations import (
+    Explanation,
+    of_doubts,
+    of_ratio,
+    of_samples,
+    of_signs,
+    of_spring,
+    try_springs,
+)
 from robid.models.elastic.judge.fitted import FittedModel
-from robid.models.elastic.judge.ratios import try_ratios
-from robid.models.elastic.judge.reversals import try_signs
-from robid.models.elastic.judge.samples import try_samples
+from robid.models.elastic.judge.ratios import candidates, try_ratios
+from robid.models.elastic.judge.reversals import try_samples, try_signs
 from robid.models.elastic.judge.scores import Scores, gain, score
-from robid.models.elastic.judge.trials import try_springs
 from robid.results.doubt import CAUSES, Doubt, two_digits
 from robid.results.estimate import Estimate
 from robid.robot.description import Robot
@@ -72,7 +77,7 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[
     reversed_ = [] if signs is None else [of_signs(robot, signs)]
     if signs is not None and signs.share > _MOSTLY:
         return reversed_  # a fit to reversed data says nothing of anything else
-    doubts = [each for each in list_doubts(robot, options) if each.cause != "missing_spring" and each.common_std > 0]
+    doubts = [each for each in list_nuisances(robot, options) if each.cause != "missing_spring" and each.common_std > 0]
     scores = score(robot, fitted, options, (*doubts, *candidates(robot, fitted.problem.frf)))
     groups: dict[str, list[int]] = defaultdict(list)
     for index, doubt in enumerate(scores.doubts):

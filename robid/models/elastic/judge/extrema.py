@@ -14,14 +14,15 @@ from robid.frf.frf import Frf
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.judge.fitted import FittedModel
 from robid.models.elastic.judge.local_model import (
+    LINE_SCATTER_FREEDOM,
     Estimator,
     Kind,
     LocalMode,
     interpolated_mode,
+    line_scatter,
     parabola_mode,
 )
 from robid.models.elastic.judge.rational_model import rational_mode
-from robid.models.elastic.judge.scatter import LINE_SCATTER_FREEDOM, line_scatter
 from robid.robot.response import response
 
 _MIN_PROMINENCE = np.log(1.1)

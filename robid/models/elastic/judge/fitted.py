@@ -10,7 +10,6 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.checks import check_inputs
-from robid.models.elastic.fit.doubts.freed import DOUBT
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.parameters import ParameterMap, map_parameters
 from robid.models.elastic.fit.problem import Problem, make_problem
@@ -18,6 +17,7 @@ from robid.models.elastic.fit.rest_model import rest_model
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.robot.description import Robot
 from robid.robot.linearize import LinearModel
+from robid.robot.parameters import DOUBT
 from robid.robot.response import ElasticParameters, nominal_parameters
 
 _SAME_VALUE = 1e-6

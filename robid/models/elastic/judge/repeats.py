@@ -9,8 +9,8 @@ import numpy as np
 from scipy.stats import norm
 
 from robid.arrays import FloatArray, IntArray
+from robid.models.elastic.judge.local_model import half_width
 from robid.models.elastic.judge.resonances import SAME_CONFIGURATION, SAME_EXTREMUM, ResonanceTable
-from robid.models.elastic.judge.scatter import half_width
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,8 @@ from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.judge.extrema import KINDS, MATCH, Element, Elements, ExtremumPair, pair_extrema
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model
-from robid.models.elastic.judge.local_model import Kind
+from robid.models.elastic.judge.local_model import Kind, half_width, jackknife_variance, leaving_out
 from robid.models.elastic.judge.modes import Modes, damping_ratio, frequency_std, poles, zeros
-from robid.models.elastic.judge.scatter import half_width, jackknife_variance, leaving_out
 from robid.robot.description import Robot
 
 SAME_CONFIGURATION = 1e-3

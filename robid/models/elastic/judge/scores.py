@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.models.elastic.fit.doubts.column import DoubtColumn
-from robid.models.elastic.fit.doubts.columns import doubt_columns
+from robid.models.elastic.fit.nuisance.kinds import Nuisance
+from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.fitted import FittedModel
 from robid.robot.description import Robot
@@ -33,7 +33,7 @@ class Scores:
         freedom: Real residuals behind it.
     """
 
-    doubts: tuple[DoubtColumn, ...]
+    doubts: tuple[Nuisance, ...]
     slope: FloatArray
     curvature: FloatArray
     follow: FloatArray
@@ -41,7 +41,7 @@ class Scores:
     freedom: float
 
 
-def score(robot: Robot, fitted: FittedModel, options: ElasticOptions, doubts: tuple[DoubtColumn, ...]) -> Scores:
+def score(robot: Robot, fitted: FittedModel, options: ElasticOptions, doubts: tuple[Nuisance, ...]) -> Scores:
     """Holds doubts against what a fit leaves.
 
     Args:
@@ -52,7 +52,7 @@ def score(robot: Robot, fitted: FittedModel, options: ElasticOptions, doubts: tu
     """
     problem, internal = fitted.problem, fitted.internal
     residual, derivative = problem.linear(internal)
-    columns = doubt_columns(problem, internal, robot, options, doubts, all_rest=False)
+    columns = nuisance_columns(problem, internal, robot, options, doubts, all_rest=False)
     own, added = _rows(fitted, derivative), _rows(fitted, columns)
     left = _rows(fitted, residual[..., None])[:, 0]
     prior = 0.5 / problem.parameters.prior_std**2

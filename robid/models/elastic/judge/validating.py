@@ -15,8 +15,7 @@ from robid.models.elastic.fit.result import expected_cost
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.judge.assessment import validation_doubts
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model
-from robid.models.elastic.judge.grading import grade_validation
-from robid.models.elastic.judge.measures import COST_RATIO_LIMIT, Measures, measure, own_errors
+from robid.models.elastic.judge.grading import COST_RATIO_LIMIT, Measures, grade_validation, measure, own_errors
 from robid.results.doubt import Doubt
 from robid.results.estimate import Estimate
 from robid.results.outcome import Outcome, recover

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot
-from robid.models.elastic.fit.doubts.gears import Hysteresis
-from robid.models.elastic.fit.doubts.listing import list_doubts
-from robid.models.elastic.fit.doubts.scene import Scene
 from robid.models.elastic.fit.fitting import set_up
+from robid.models.elastic.fit.nuisance.kinds import Hysteresis, list_nuisances
+from robid.models.elastic.fit.nuisance.response import Scene, column
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.known import load_experiment
 from robid.studies.trust.linear import Doubted, as_file, doubted_responses, draw_doubted, load_shares
@@ -44,13 +43,13 @@ def test_small_amounts_do_what_the_doubts_derivatives_say():
     frf = exact_frf(robot, PLACES, FREQUENCY_HZ, delay_s=SAMPLING[1], declared_noise=1e-3)
     problem = set_up(robot, frf, OPTIONS, SAMPLING[1])[0]
     scene = Scene(problem, np.zeros(len(problem.parameters.names)), robot, OPTIONS)
-    doubts, nothing = list_doubts(robot, OPTIONS), responses(as_file(robot, OPTIONS, len(PLACES)))
-    assert any(isinstance(doubt.direction, Hysteresis) for doubt in doubts)
+    doubts, nothing = list_nuisances(robot, OPTIONS), responses(as_file(robot, OPTIONS, len(PLACES)))
+    assert any(isinstance(doubt.effect, Hysteresis) for doubt in doubts)
     assert {doubt.cause for doubt in doubts} >= {"payload", "masses", "torque_constant", "missing_spring"}
     for index in range(len(doubts)):
         step = 1e-3 * doubts[index].common_std
         found = np.log(responses(off_by(index, step)) / nothing) / step
-        wanted = doubts[index].direction.column(scene)
+        wanted = column(doubts[index].effect, scene)
         assert np.linalg.norm(found - wanted) < 0.02 * np.linalg.norm(wanted), doubts[index].name
 
 
@@ -69,7 +68,7 @@ def test_amounts_are_drawn_from_their_priors():
 
 
 def test_every_place_has_its_own_torque_constants():
-    doubts = list_doubts(two_joint_robot(), OPTIONS)
+    doubts = list_nuisances(two_joint_robot(), OPTIONS)
     index = [doubt.name for doubt in doubts].index("elbow.torque_constant")
     plain = as_file(two_joint_robot(), OPTIONS, len(PLACES))
     amounts = plain.amounts.copy()

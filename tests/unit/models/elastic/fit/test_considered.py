@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from exact_systems import certain, exact_frf, two_joint_robot
-from robid.models.elastic.fit.considered import DoubtfulRobot
 from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.description import Inertial, Robot
 from robid.robot.inertia import remove

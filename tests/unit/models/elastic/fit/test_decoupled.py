@@ -10,9 +10,8 @@ from exact_systems import exact_frf
 from robid.frf.residual import RESIDUALS
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.judge.assessment import assess_fit
+from robid.models.elastic.judge.assessment import assess_fit, uncoupled_doubts
 from robid.models.elastic.judge.fitted import fitted_model
-from robid.models.elastic.judge.uncoupled import uncoupled_doubts
 from robid.models.known import load_experiment
 
 GANTRY = load_experiment(Path(__file__).parents[5] / "configs" / "gantry.yaml").robot.to_robot()

@@ -8,15 +8,15 @@ from scipy.integrate import quad
 
 from exact_systems import exact_frf, linear_axis, two_joint_robot, with_spring_factors
 from robid.errors import DataError
-from robid.models.elastic.fit.doubts.freed import DOUBT, freed_doubts
-from robid.models.elastic.fit.doubts.listing import list_doubts
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
 from robid.models.elastic.fit.gear_motion import bristle_table, mean_size
+from robid.models.elastic.fit.nuisance.kinds import freed_nuisances, list_nuisances
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.fitted import fitted_model
 from robid.models.elastic.judge.modes import poles
 from robid.robot.linearize import solve_statics
 from robid.robot.model import HYSTERESIS_SHARE, build_model
+from robid.robot.parameters import DOUBT
 
 FREQUENCY_HZ = np.geomspace(1, 60, 30)
 PLACES = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3], [0.2, 2.0]])
@@ -152,8 +152,8 @@ def test_hysteresis_without_a_known_swing_is_refused_and_growth_is_not():
 
 def test_hysteresis_that_a_fit_estimates_is_no_doubt_any_more():
     robot, options = two_joint_robot(), ElasticOptions(free=("gear_1.hysteresis",))
-    assert [doubt.name for doubt in freed_doubts(robot, options)] == ["gear_1.hysteresis"]
-    names = {doubt.name for doubt in list_doubts(robot, options)}
+    assert [doubt.name for doubt in freed_nuisances(robot, options)] == ["gear_1.hysteresis"]
+    names = {doubt.name for doubt in list_nuisances(robot, options)}
     assert {"gear_2.hysteresis_early", "gear_2.hysteresis_late"} <= names
     assert not any(name.startswith("gear_1.hysteresis") for name in names)
 

@@ -7,10 +7,10 @@ import pytest
 
 from exact_systems import exact_frf, stocky, two_joint_robot, with_spring_factors, without_spring
 from robid.errors import DataError
-from robid.models.elastic.fit import joint
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
-from robid.models.elastic.fit.joint import Descent, Space, State, descend
-from robid.models.elastic.fit.named import Suspicion, linearise, name_doubts
+from robid.models.elastic.fit.nuisance import joint
+from robid.models.elastic.fit.nuisance.joint import Descent, Space, State, descend
+from robid.models.elastic.fit.nuisance.named import Suspicion, linearise, name_doubts
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.fit.physical import find_physical

@@ -8,8 +8,7 @@ import pytest
 from exact_systems import springs_everywhere, two_joint_robot
 from robid.errors import SettingsError
 from robid.models.elastic.fit.fitting import draw_starts
-from robid.models.elastic.fit.names import restricted
-from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.options import ElasticOptions, restricted
 from robid.models.elastic.fit.parameters import map_parameters
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model

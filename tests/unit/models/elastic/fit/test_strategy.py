@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, friction_frf, two_joint_robot, with_spring_factors
-from robid.models.elastic.fit import strategy as module
+from robid.models.elastic.fit import optimizers as module
 from robid.models.elastic.fit.fitting import draw_starts, set_up
+from robid.models.elastic.fit.optimizers import make_strategy
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.fit.strategy import make_strategy
 
 CONFIGURATIONS = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2]])
 FREQUENCY_HZ = np.unique(np.round(np.geomspace(1, 60, 40), 1))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from robid.models.elastic.fit.swing_distribution import Swinging, line_frequencies, spring_compliance, swing_shape
+from robid.models.elastic.fit.gear_motion import Swinging, line_frequencies, spring_compliance, swing_shape
 
 
 def lines_of(count, seed=1):

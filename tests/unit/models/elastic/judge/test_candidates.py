@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
-from robid.models.elastic.fit.doubts.listing import list_doubts
-from robid.models.elastic.fit.doubts.scene import Scene
 from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.nuisance.kinds import list_nuisances
+from robid.models.elastic.fit.nuisance.response import Scene
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.judge.candidates import Backlash, candidates, with_gear_ratio
 from robid.models.elastic.judge.causes import _doubt, _wrong_ratio, explain
 from robid.models.elastic.judge.explanations import of_signs
 from robid.models.elastic.judge.fitted import fitted_model
-from robid.models.elastic.judge.ratios import try_ratios
+from robid.models.elastic.judge.ratios import Backlash, candidates, try_ratios, with_gear_ratio
 from robid.models.elastic.judge.reversals import try_signs, turned
 from robid.models.elastic.judge.scores import score
 
@@ -141,7 +140,7 @@ def test_a_backlash_is_the_share_of_time_that_a_swinging_gear_is_in_its_gap(soun
 
 
 def test_no_candidate_is_ever_a_doubt_that_widens_intervals(frf):
-    doubts = {each.name for each in list_doubts(two_joint_robot(), OPTIONS)}
+    doubts = {each.name for each in list_nuisances(two_joint_robot(), OPTIONS)}
     assert not doubts & {each.name for each in candidates(two_joint_robot(), frf)}
     assert not [name for name in doubts if "backlash" in name or "gear_ratio" in name]
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
-from robid.models.elastic.fit.doubts.freed import free_with
-from robid.models.elastic.fit.doubts.further import with_freed_springs
 from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.nuisance.springs import with_freed_springs
+from robid.models.elastic.fit.nuisance.wording import free_with
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.assessment import assess_fit
 from robid.models.elastic.judge.causes import Explanation, _doubt, explain

@@ -8,7 +8,7 @@ import pytest
 from exact_systems import exact_frf, two_mass_robot, with_spring_factors
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.judge.common_factor import common_factor_doubts
+from robid.models.elastic.judge.assessment import common_factor_doubts
 
 FREQUENCY_HZ = np.geomspace(5.0, 200.0, 60)
 CONFIGURATIONS = np.array([[0.3], [-0.5], [1.1]])

@@ -10,7 +10,7 @@ from robid.errors import DataError
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.fitted import fitted_model
-from robid.models.elastic.judge.measures import Measures
+from robid.models.elastic.judge.grading import Measures
 from robid.models.elastic.judge.validating import median_spring_half_width, validate_elastic
 from robid.results.grade import PREDICTS
 from robid.results.outcome import Recovery, recover, recovery_sentence

@@ -3,16 +3,15 @@
 import pytest
 
 from exact_systems import two_joint_robot
-from robid.models.elastic.fit.doubts.freed import freed_doubts
-from robid.models.elastic.fit.doubts.listing import list_doubts
+from robid.models.elastic.fit.nuisance.kinds import freed_nuisances, list_nuisances
+from robid.models.elastic.fit.nuisance.wording import remedy
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.judge.remedies import remedy
 
 NEVER = "gear_1.hysteresis_never"
 
 
 def doubts(*names, options=None):
-    every = {doubt.name: doubt for doubt in list_doubts(two_joint_robot(), options or ElasticOptions())}
+    every = {doubt.name: doubt for doubt in list_nuisances(two_joint_robot(), options or ElasticOptions())}
     return [every[name] for name in names]
 
 
@@ -31,7 +30,7 @@ def test_hysteresis_is_freed_by_gear(named, free):
     found = remedy(doubts(*named), swings_known=True)
     assert found == free
     assert remedy(doubts(*named), swings_known=False) == ()
-    assert len(freed_doubts(two_joint_robot(), ElasticOptions(free=found))) == len(free)
+    assert len(freed_nuisances(two_joint_robot(), ElasticOptions(free=found))) == len(free)
 
 
 def test_springs_that_are_held_are_freed_as_kinds():

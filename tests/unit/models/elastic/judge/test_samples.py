@@ -10,7 +10,7 @@ from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.judge.causes import explain
 from robid.models.elastic.judge.fitted import fitted_model
-from robid.models.elastic.judge.samples import try_samples
+from robid.models.elastic.judge.reversals import try_samples
 from robid.signals.quantities import Channel
 
 OPTIONS = ElasticOptions(free=("stiffness", "damping"), weights=Weights("user"))

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from robid.models.elastic.judge.rational_model import rational_mode
-from robid.models.elastic.judge.scatter import (
+from robid.models.elastic.judge.local_model import (
     LINE_SCATTER_FREEDOM,
     half_width,
     jackknife_variance,
     leaving_out,
     line_scatter,
 )
+from robid.models.elastic.judge.rational_model import rational_mode
 
 HZ = np.arange(20.0, 220.0)
 

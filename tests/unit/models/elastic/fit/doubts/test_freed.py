@@ -7,23 +7,22 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.errors import DataError, SettingsError
-from robid.models.elastic.fit.doubts.freed import (
-    DOUBT,
-    PRIOR_FACTOR,
-    free_with,
-    freed_doubts,
-    movable_doubts,
-    moved_robot,
-)
-from robid.models.elastic.fit.doubts.further import further_springs, with_freed_springs
-from robid.models.elastic.fit.doubts.listing import list_doubts
 from robid.models.elastic.fit.fitted_robot import fitted_robot
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
+from robid.models.elastic.fit.nuisance.kinds import (
+    PRIOR_FACTOR,
+    freeable_nuisances,
+    freed_nuisances,
+    list_nuisances,
+    moved_robot,
+)
+from robid.models.elastic.fit.nuisance.springs import further_springs, with_freed_springs
+from robid.models.elastic.fit.nuisance.wording import free_with
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.fitted import fitted_model
 from robid.robot.description import HarmonicBalance, Inertial
 from robid.robot.doubts import Doubts
-from robid.robot.parameters import FREE
+from robid.robot.parameters import DOUBT, FREE
 
 FREQUENCY_HZ = np.geomspace(1, 60, 30)
 PLACES = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3], [0.2, 2.0]])
@@ -56,7 +55,7 @@ def test_doubts_alone_come_beside_the_default_kinds_and_kinds_replace_them():
 
 def test_what_is_freed_and_fixed_all_the_same_stays_a_doubt():
     options = replace(freeing("payload"), fixed=("payload.mass",))
-    assert [d.name for d in list_doubts(two_joint_robot(), options) if d.cause == "payload"] == ["payload.mass"]
+    assert [d.name for d in list_nuisances(two_joint_robot(), options) if d.cause == "payload"] == ["payload.mass"]
 
 
 @pytest.mark.parametrize("free", [FREE, ("payload",), ("payload", "masses"), ("stiffness",), ("damping", "masses")])
@@ -68,7 +67,7 @@ def test_freeing_more_leaves_nothing_out_that_was_estimated(free, more):
 
 def test_a_name_frees_a_doubt_its_component_or_its_whole_cause():
     def found(name):
-        return [doubt.name for doubt in freed_doubts(two_joint_robot(), freeing(name))]
+        return [doubt.name for doubt in freed_nuisances(two_joint_robot(), freeing(name))]
 
     assert found("payload.mass") == ["payload.mass"]
     assert found("elbow.com") == ["elbow.com_x", "elbow.com_y", "elbow.com_z"]
@@ -78,10 +77,10 @@ def test_a_name_frees_a_doubt_its_component_or_its_whole_cause():
 
 def test_what_a_file_takes_for_granted_can_be_freed_and_what_is_freed_is_no_doubt_any_more():
     sure = replace(two_joint_robot(), doubts=Doubts(payload_relative_std=0.0))
-    assert "payload.mass" not in [doubt.name for doubt in list_doubts(sure, ElasticOptions())]
-    freed = freed_doubts(sure, freeing("payload.mass"))
+    assert "payload.mass" not in [doubt.name for doubt in list_nuisances(sure, ElasticOptions())]
+    freed = freed_nuisances(sure, freeing("payload.mass"))
     assert freed[0].common_std == pytest.approx(0.02 * 4.0)
-    listed = {doubt.name for doubt in list_doubts(two_joint_robot(), freeing("payload.mass"))}
+    listed = {doubt.name for doubt in list_nuisances(two_joint_robot(), freeing("payload.mass"))}
     assert "payload.mass" not in listed
     assert "payload.inertia" in listed
 
@@ -106,7 +105,7 @@ def test_derivatives_by_doubts_are_those_of_the_response(true_arm, names):
 def test_the_model_follows_a_robot_that_is_off(true_arm):
     robot, options = two_joint_robot(), freeing("payload.mass")
     problem = set_up(robot, measured(true_arm), options, DELAY_S)[0]
-    doubt = freed_doubts(robot, options)[0]
+    doubt = freed_nuisances(robot, options)[0]
     internal = np.zeros(len(problem.parameters.names))
     internal[problem.parameters.names.index("payload.mass")] = 2.0
     heavier = moved_robot(robot, [doubt], np.array([2 * doubt.common_std]))
@@ -187,9 +186,9 @@ def test_an_unknown_name_is_one_message_with_close_names(true_arm, wrong, meant)
 
 
 def test_every_doubt_has_a_name_that_frees_it_alone():
-    every = movable_doubts(two_joint_robot())
+    every = freeable_nuisances(two_joint_robot())
     for doubt in every:
-        assert [each.name for each in freed_doubts(two_joint_robot(), freeing(doubt.name))] == [doubt.name]
+        assert [each.name for each in freed_nuisances(two_joint_robot(), freeing(doubt.name))] == [doubt.name]
 
 
 WAVES_NM = np.array([60.0, -150.0])
@@ -225,7 +224,7 @@ def test_a_counterbalance_that_the_file_lacks_returns_and_moves_the_robot(true_a
 
 def test_a_file_that_states_a_counterbalance_is_refused_as_before(true_arm):
     stated = with_balance(two_joint_robot(), WAVES_NM)
-    assert not any(doubt.cause == "counterbalance" for doubt in movable_doubts(stated))
+    assert not any(doubt.cause == "counterbalance" for doubt in freeable_nuisances(stated))
     for options in (ElasticOptions(), freeing("payload.mass")):
         with pytest.raises(DataError, match="does not know the counterbalance of `shoulder`"):
             set_up(stated, measured(true_arm), options, DELAY_S)

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from exact_systems import arm_on_rail, exact_frf, springs_everywhere, two_joint_robot, with_spring_factors
-from robid.models.elastic.fit.considered import DoubtfulRobot
-from robid.models.elastic.fit.doubts.columns import doubt_columns
-from robid.models.elastic.fit.doubts.listing import list_doubts
 from robid.models.elastic.fit.fitting import set_up
+from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot, list_nuisances
+from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.description import Inertial
 
@@ -29,8 +28,8 @@ def columns_of(robot, frf, options, doubts=None):
     problem, _ = set_up(robot, frf, options, DELAY_S)
     kinds = np.array(problem.parameters.kind_of)
     internal = np.log(FACTORS[0]) * (kinds == "stiffness") + np.log(FACTORS[1]) * (kinds == "damping")
-    listed = list_doubts(robot, ElasticOptions()) if doubts is None else doubts
-    found = doubt_columns(problem, internal, robot, options, listed)
+    listed = list_nuisances(robot, ElasticOptions()) if doubts is None else doubts
+    found = nuisance_columns(problem, internal, robot, options, listed)
     return {doubt.name: found[..., index] for index, doubt in enumerate(listed)}
 
 
@@ -119,8 +118,8 @@ def test_columns_have_the_sign_and_scale_of_the_problem_s_own(options):
     frf = measured(robot, places)
     problem, _ = set_up(robot, frf, options, DELAY_S)
     here = np.zeros(len(problem.parameters.names))
-    doubts = [doubt for doubt in list_doubts(robot, ElasticOptions()) if doubt.name == "elbow.mass"]
-    found = doubt_columns(problem, here, robot, options, doubts)[..., 0]
+    doubts = [doubt for doubt in list_nuisances(robot, ElasticOptions()) if doubt.name == "elbow.mass"]
+    found = nuisance_columns(problem, here, robot, options, doubts)[..., 0]
     ahead, behind = (
         set_up(with_link(robot, 1, lambda body, share=share: heavier(body, share)), frf, options, DELAY_S)[0]
         for share in (1e-4, -1e-4)
@@ -147,8 +146,8 @@ def test_gears_that_stiffen_are_bent_further_by_what_is_heavier():
     options = ElasticOptions(free=("stiffness", "damping", "cubic"))
     problem, _ = set_up(robot, frf, options, DELAY_S)
     here = np.zeros(len(problem.parameters.names))
-    doubts = [doubt for doubt in list_doubts(robot, options) if doubt.name == "payload.mass"]
-    found = doubt_columns(problem, here, robot, options, doubts)[..., 0]
+    doubts = [doubt for doubt in list_nuisances(robot, options) if doubt.name == "payload.mass"]
+    found = nuisance_columns(problem, here, robot, options, doubts)[..., 0]
     ahead, behind = (
         set_up(changes(robot)["payload.mass"](kg), frf, options, DELAY_S)[0].model_response(here)
         for kg in (1e-3, -1e-3)
@@ -171,7 +170,7 @@ def test_torque_constants_scale_the_response_to_their_motor_s_torque():
 
 def test_priors_are_the_robot_file_s_and_zero_switches_a_doubt_off():
     robot = two_joint_robot()
-    doubts = {doubt.name: doubt for doubt in list_doubts(robot, ElasticOptions())}
+    doubts = {doubt.name: doubt for doubt in list_nuisances(robot, ElasticOptions())}
     assert doubts["shoulder.mass"].common_std == pytest.approx(5.0)
     assert doubts["payload.mass"].common_std == pytest.approx(0.02 * robot.payload.mass_kg)
     assert doubts["payload.com_x"].common_std == pytest.approx(10.0)
@@ -182,19 +181,19 @@ def test_priors_are_the_robot_file_s_and_zero_switches_a_doubt_off():
         joints=(robot.joints[0], elbow),
         doubts=replace(robot.doubts, payload_com_m=0.0, payload_relative_std=0.1),
     )
-    changed = {doubt.name: doubt for doubt in list_doubts(other, ElasticOptions())}
+    changed = {doubt.name: doubt for doubt in list_nuisances(other, ElasticOptions())}
     gone = {"elbow.mass", "payload.com_x", "payload.com_y", "payload.com_z"}
     assert set(doubts) - set(changed) == gone
     assert changed["elbow.com_y"].common_std == pytest.approx(20.0)
     assert changed["payload.mass"].common_std == pytest.approx(0.1 * robot.payload.mass_kg)
     bare = replace(robot, payload=Inertial(0.0, np.zeros(3), np.zeros((3, 3))))
-    assert not [doubt.name for doubt in list_doubts(bare, ElasticOptions()) if doubt.name.startswith("payload")]
+    assert not [doubt.name for doubt in list_nuisances(bare, ElasticOptions()) if doubt.name.startswith("payload")]
 
 
 def test_a_rigid_fit_s_directions_take_the_place_of_links():
     robot, places = two_joint_robot(), PLACES["two_joints"]
     off = with_link(robot, 0, lambda body: heavier(body, 1e-4))
-    doubts = list_doubts(robot, ElasticOptions(), [DoubtfulRobot(off, 0.01)])
+    doubts = list_nuisances(robot, ElasticOptions(), [DoubtfulRobot(off, 0.01)])
     assert [doubt.name for doubt in doubts if doubt.cause == "masses"] == ["rigid.1"]
     frf = measured(robot, places)
     file = columns_of(robot, frf, ElasticOptions())

@@ -15,12 +15,10 @@ from exact_systems import (
     with_arm_friction,
     without_spring,
 )
-from robid.models.elastic.fit.doubts.columns import doubt_columns
-from robid.models.elastic.fit.doubts.gears import Hysteresis, bristle_share
-from robid.models.elastic.fit.doubts.listing import list_doubts
-from robid.models.elastic.fit.doubts.scene import Scene
-from robid.models.elastic.fit.doubts.springs import missing_springs, stiffened
 from robid.models.elastic.fit.fitting import set_up
+from robid.models.elastic.fit.nuisance.kinds import Hysteresis, list_nuisances
+from robid.models.elastic.fit.nuisance.response import Scene, bristle_share, column, nuisance_columns
+from robid.models.elastic.fit.nuisance.springs import missing_springs, stiffened
 from robid.models.elastic.fit.options import ElasticOptions
 
 FREQUENCY_HZ = np.geomspace(2.0, 60.0, 12)
@@ -45,8 +43,8 @@ def scene_of(robot, frf, options=None):
 def columns_of(robot, frf=None, options=None, places=PLACES):
     options = options or ElasticOptions()
     scene = scene_of(robot, measured(robot, places) if frf is None else frf, options)
-    doubts = list_doubts(robot, options)
-    found = doubt_columns(scene.problem, scene.internal, robot, options, doubts)
+    doubts = list_nuisances(robot, options)
+    found = nuisance_columns(scene.problem, scene.internal, robot, options, doubts)
     return {doubt.name: found[..., index] for index, doubt in enumerate(doubts)}
 
 
@@ -99,7 +97,7 @@ def test_a_coupling_s_column_is_what_another_coupling_does():
 
 def test_arms_with_a_wrist_doubt_its_couplings_and_others_only_those_they_state():
     def couplings(robot):
-        return {doubt.name for doubt in list_doubts(robot, ElasticOptions()) if doubt.cause == "gear_coupling"}
+        return {doubt.name for doubt in list_nuisances(robot, ElasticOptions()) if doubt.cause == "gear_coupling"}
 
     robot = two_joint_robot()
     assert couplings(robot) == set()
@@ -118,7 +116,7 @@ def test_viscous_friction_of_arms_is_a_doubt_where_it_is_not_estimated():
     wanted = log_ratio(robot, with_arm_friction(robot, 0.0, 1e-4 * percent)) / 1e-4
     close(found, wanted)
     free = ElasticOptions(free=("stiffness", "arm_viscous"), fixed=("shoulder.arm_viscous",))
-    names = {doubt.name for doubt in list_doubts(robot, free)}
+    names = {doubt.name for doubt in list_nuisances(robot, free)}
     assert "elbow.arm_viscous" not in names
     assert {"shoulder.arm_viscous", "elbow.motor_inertia"} <= names
 
@@ -132,7 +130,7 @@ def test_rotors_are_doubts_where_they_are_not_estimated():
         return replace(robot, joints=(robot.joints[0], replace(robot.joints[1], motor=motor)))
 
     close(found, log_ratio(heavier(-1e-4), heavier(1e-4)) / 0.02)
-    assert not [doubt for doubt in list_doubts(robot, ElasticOptions()) if doubt.cause == "rotor_inertia"]
+    assert not [doubt for doubt in list_nuisances(robot, ElasticOptions()) if doubt.cause == "rotor_inertia"]
 
 
 def rubbing(robot, joint, viscous):
@@ -150,7 +148,7 @@ def test_viscous_friction_of_motors_is_a_doubt_where_it_is_not_estimated():
     percent = 2 * np.pi * 10 * robot.joints[1].motor.inertia_kgm2 / 100
     close(found, log_ratio(rubbing(robot, 1, -1e-2 * percent), rubbing(robot, 1, 1e-2 * percent)) / 2e-2)
     fixed = ElasticOptions(fixed=("shoulder.viscous",))
-    names = {doubt.name for doubt in list_doubts(robot, fixed)}
+    names = {doubt.name for doubt in list_nuisances(robot, fixed)}
     assert "shoulder.viscous" in names
     assert "elbow.viscous" not in names
 
@@ -181,7 +179,7 @@ def test_nothing_tells_a_factor_of_all_torques(robot, free):
     robot = with_arm_friction(robot, *(3.0 for _ in robot.joints))
     options = ElasticOptions(free=free, statics="every_iterate")
     places = PLACES[:, : len(robot.joints)]
-    scene, doubts = scene_of(robot, measured(robot, places), options), list_doubts(robot, options)
+    scene, doubts = scene_of(robot, measured(robot, places), options), list_nuisances(robot, options)
     parameters, values = scene.problem.parameters, scene.values
     grown = {"payload.mass": robot.payload.mass_kg, "base.mass": 100.0}
     grown |= {f"{spring.name}.inertia": 100.0 for spring in robot.springs if spring.place == "shaft"}
@@ -194,7 +192,7 @@ def test_nothing_tells_a_factor_of_all_torques(robot, free):
     along = np.array([grown.get(doubt.name, 0.0) for doubt in doubts])
     own = np.where(parameters.logarithmic, 1.0, parameters.nominal_values() / parameters.scale)
     own = scene.problem.linear(scene.internal)[1] @ own
-    columns = doubt_columns(scene.problem, scene.internal, robot, options, doubts)
+    columns = nuisance_columns(scene.problem, scene.internal, robot, options, doubts)
     assert np.abs(own + columns @ along).max() < 1e-4 * np.abs(own).max()
 
 
@@ -222,7 +220,7 @@ def test_hysteresis_is_a_spring_and_a_damper_in_series_at_each_line():
     robot = two_joint_robot()
     scene = scene_of(robot, swinging(robot))
     gear, omega = robot.springs[1], 2 * np.pi * FREQUENCY_HZ
-    found, shares = Hysteresis(1, 2.0).column(scene), bristle_share(omega, scene.swing[:, :, 1], 2.0)
+    found, shares = column(Hysteresis(1, 2.0), scene), bristle_share(omega, scene.swing[:, :, 1], 2.0)
     assert np.argmax(shares[0].imag) > np.argmax(shares[1].imag) + 2
     for line, rate in enumerate(omega):
         for place in range(2):
@@ -276,7 +274,7 @@ def test_stiffness_by_load_leaves_the_mean_load_alone_and_is_nothing_where_loads
     close(found["gear_2.load_stiffness"], sign * one, 2e-2)
     level = columns_of(replace(robot, gravity_m_s2=np.zeros(3)))
     assert not level["gear_2.load_stiffness"].any()
-    cubic = [d.name for d in list_doubts(robot, ElasticOptions(free=("stiffness", "cubic")))]
+    cubic = [d.name for d in list_nuisances(robot, ElasticOptions(free=("stiffness", "cubic")))]
     assert "gear_2.load_stiffness" not in cubic
 
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from exact_systems import certain, exact_frf, two_joint_robot, with_spring_factors, without_spring
-from robid.models.elastic.fit.doubts.refit import settle_springs
-from robid.models.elastic.fit.doubts.unseen import Told, UnseenSpring, leave_room, unseen_springs
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
-from robid.models.elastic.fit.named import Suspicion, name_doubts
+from robid.models.elastic.fit.nuisance.named import Suspicion, name_doubts
+from robid.models.elastic.fit.nuisance.placed import Told, UnseenSpring, leave_room, settle_springs, unseen_springs
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.physical import find_physical

@@ -11,13 +11,11 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.clusters.grouping import spread_over
 from robid.errors import DataError
-from robid.models.elastic.fit.doubts.column import RobotMove
-from robid.models.elastic.fit.doubts.columns import doubt_columns, find_shifts
-from robid.models.elastic.fit.doubts.off import LEAST_COMPLIANCE, OffRobot, are_put_in, may_differ, put_in
-from robid.models.elastic.fit.doubts.refit import expected_cost
-from robid.models.elastic.fit.doubts.scene import Scene, moves_matrices_alone
-from robid.models.elastic.fit.doubts.springs import Compliance
-from robid.models.elastic.fit.named import Listed, Named, Suspicion, linearise
+from robid.models.elastic.fit.nuisance.kinds import Compliance, RobotMove
+from robid.models.elastic.fit.nuisance.named import Listed, Named, Suspicion, linearise
+from robid.models.elastic.fit.nuisance.off_robot import LEAST_COMPLIANCE, OffRobot, are_put_in, may_differ, put_in
+from robid.models.elastic.fit.nuisance.placed import expected_cost
+from robid.models.elastic.fit.nuisance.response import Scene, find_shifts, moves_matrices_alone, nuisance_columns
 from robid.results.levenberg import Normal, minimise
 from robid.robot.linearize import Shifts
 
@@ -50,7 +48,7 @@ class Joint:
     @property
     def lacks_springs(self) -> bool:
         """Whether a spring that the file lacks is softer than it is known to be beforehand."""
-        missing = np.array([isinstance(doubt.direction, Compliance) for doubt in self.named.doubts])
+        missing = np.array([isinstance(doubt.effect, Compliance) for doubt in self.named.doubts])
         return bool((self.named.amounts > _SURPRISING * self.named.common_std)[missing].any())
 
 
@@ -143,7 +141,7 @@ class Space:
     def of(cls, listed: Listed) -> Space:
         """Returns the space of doubts with their parameters."""
         parameters, doubts = listed.problem.parameters, listed.doubts
-        missing = np.array([isinstance(doubt.direction, Compliance) for doubt in doubts])
+        missing = np.array([isinstance(doubt.effect, Compliance) for doubt in doubts])
         floor = np.where(missing, 2 * LEAST_COMPLIANCE, 0.0)
         differing = np.flatnonzero(listed.place_std)
         added = np.tile(listed.place_std[differing], len(listed.places))
@@ -266,7 +264,7 @@ class Descent:
     def _doubt_columns(self, state: State, off: OffRobot) -> ComplexArray:
         """Columns (n_conf, n_freq, n_out, n_in, n_doubt); how matrices move with a doubt is found once."""
         arguments = off.problem, state.point, off.robot, off.options
-        moves = [doubt for doubt in self._listed.doubts if isinstance(doubt.direction, RobotMove)]
+        moves = [doubt for doubt in self._listed.doubts if isinstance(doubt.effect, RobotMove)]
         if moves and self.shifts is None:
             self.shifts = find_shifts(Scene(*arguments), moves)
-        return doubt_columns(*arguments, self._listed.doubts, all_rest=False, shifts=self.shifts)
+        return nuisance_columns(*arguments, self._listed.doubts, all_rest=False, shifts=self.shifts)

@@ -12,12 +12,9 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.clusters.grouping import group_places, spread_over
 from robid.errors import DataError
-from robid.models.elastic.fit.considered import DoubtfulRobot
-from robid.models.elastic.fit.doubts.column import DoubtColumn
-from robid.models.elastic.fit.doubts.columns import doubt_columns
-from robid.models.elastic.fit.doubts.drives import left_of_freed
-from robid.models.elastic.fit.doubts.listing import list_doubts
-from robid.models.elastic.fit.doubts.off import are_put_in, may_differ, put_in
+from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot, Nuisance, left_of_freed, list_nuisances
+from robid.models.elastic.fit.nuisance.off_robot import are_put_in, may_differ, put_in
+from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import Problem
 from robid.robot.description import Robot
@@ -38,7 +35,7 @@ class Listed:
         rigid: Whether a rigid fit says how far masses may be off.
     """
 
-    doubts: tuple[DoubtColumn, ...]
+    doubts: tuple[Nuisance, ...]
     problem: Problem
     point: FloatArray
     rigid: bool
@@ -145,10 +142,10 @@ def suspect(problem: Problem, points: Sequence[FloatArray], given: Suspicion) ->
     return None
 
 
-def _doubts_of(problem: Problem, given: Suspicion) -> tuple[DoubtColumn, ...]:
+def _doubts_of(problem: Problem, given: Suspicion) -> tuple[Nuisance, ...]:
     """All doubts but those of torque constants that are estimated along, or that every value is a ratio to."""
     constants = {f"{joint.name}.torque_constant" for joint in given.robot.joints}
-    listed = list_doubts(given.robot, given.options, given.doubtful)
+    listed = list_nuisances(given.robot, given.options, given.doubtful)
     if problem.frf.input_unit == _KNOWN_TORQUE:
         along = {name for name in constants if name.replace("constant", "scale") in problem.parameters.names}
         kept = (left_of_freed(doubt) if doubt.name in along else doubt for doubt in listed)
@@ -163,7 +160,7 @@ def _anywhere(given: Suspicion) -> ElasticOptions:
 
 def linearise(
     problem: Problem,
-    doubts: tuple[DoubtColumn, ...],
+    doubts: tuple[Nuisance, ...],
     point: FloatArray,
     given: Suspicion,
     amounts: FloatArray | None = None,
@@ -193,5 +190,5 @@ def linearise(
     each = spread_over(places, added)
     off = put_in(problem, point, given.robot, _anywhere(given), doubts, amounts, each)
     where = off.problem, point, off.robot, off.options, doubts
-    columns = doubt_columns(*where, amounts=amounts, all_rest=all_rest, shifts=shifts)
+    columns = nuisance_columns(*where, amounts=amounts, all_rest=all_rest, shifts=shifts)
     return Named(doubts, off.problem, point, bool(given.doubtful), amounts, columns, added)

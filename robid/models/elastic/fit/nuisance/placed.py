@@ -1,4 +1,4 @@
-"""Springs that a robot file lacks and the data call for: put in place one by one, and fitted along."""
+"""Springs that a robot file lacks: those that the data call for are put in place, others need not be excluded."""
 
 from __future__ import annotations
 
@@ -7,23 +7,25 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from scipy.stats import t
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.clusters.grouping import group_places
 from robid.errors import DataError
-from robid.models.elastic.fit.doubts.column import DoubtColumn
-from robid.models.elastic.fit.doubts.extension import (
+from robid.models.elastic.fit.nuisance.kinds import Compliance, Nuisance
+from robid.models.elastic.fit.nuisance.named import Named
+from robid.models.elastic.fit.nuisance.off_robot import (
     carry_over,
     extend_options,
     extend_problem,
     freeze_friction,
+    hold_options,
     problem_at,
 )
-from robid.models.elastic.fit.doubts.springs import Compliance
-from robid.models.elastic.fit.optimizers import optimise
+from robid.models.elastic.fit.nuisance.springs import stiffened
+from robid.models.elastic.fit.optimizers import make_strategy, optimise
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import Problem
-from robid.models.elastic.fit.strategy import make_strategy
 from robid.robot.description import Robot, Spring
 
 _MOST = 6
@@ -33,6 +35,9 @@ _RIGID = 20.0  # times the gear: as good as not there
 _SHARED = 2.0  # times a gear that stood for two springs in series
 _RAN_AWAY = 1.0  # of an internal parameter: further than a file is off
 _FIRST_STEPS, _STEPS, _KEPT, _LAST_STEPS = 8, 25, 4, 5
+_HALF_MEAN, _HALF_VARIANCE = np.sqrt(2 / np.pi), 1 - 2 / np.pi  # of half a normal distribution
+_PERCENT = 100.0
+_EXCLUDED = 1.05  # of the cost: half of what calls for a spring
 
 
 @dataclass(frozen=True)
@@ -42,7 +47,7 @@ class SettledSprings:
     Attributes:
         problem: The problem; stiffness and damping of each spring are among its parameters.
         internal (n_param,): Its minimum, nearly.
-        robot: The robot with the springs, after its own; `list_doubts` of it no longer lists them.
+        robot: The robot with the springs, after its own; `list_nuisances` of it no longer lists them.
         options: Options with which they are free.
         springs: Names of the springs.
     """
@@ -64,7 +69,7 @@ def settle_springs(
     internal: FloatArray,
     robot: Robot,
     options: ElasticOptions,
-    doubts: Sequence[DoubtColumn],
+    doubts: Sequence[Nuisance],
     columns: ComplexArray,
 ) -> SettledSprings:
     """Puts springs in place whose lack leaves more than noise and model error; the others stay doubts.
@@ -79,14 +84,14 @@ def settle_springs(
         robot: The robot that the doubts were listed for.
         options: Options of the fit.
         doubts: All doubts.
-        columns (n_conf, n_freq, n_out, n_in, n_doubt): What `doubt_columns` found for them there.
+        columns (n_conf, n_freq, n_out, n_in, n_doubt): What `nuisance_columns` found for them there.
 
     Returns:
         The problem at its new minimum; the same as before where no spring is called for.
     """
-    missing = np.array([isinstance(doubt.direction, Compliance) for doubt in doubts], bool)
+    missing = np.array([isinstance(doubt.effect, Compliance) for doubt in doubts], bool)
     beside = columns[..., ~missing], np.array([doubt.common_std for doubt in doubts])[~missing]
-    listed = [doubt.direction.spring for doubt in doubts if isinstance(doubt.direction, Compliance)]
+    listed = [doubt.effect.spring for doubt in doubts if isinstance(doubt.effect, Compliance)]
     now = before = SettledSprings(problem, internal, robot, options)
     left = listed
     cost, expected = cost_beside(now, *beside), expected_cost(problem)
@@ -225,3 +230,101 @@ def _rested(now: SettledSprings) -> SettledSprings:
     except DataError:
         return now
     return _descended(replace(now, problem=problem), _LAST_STEPS)
+
+
+@dataclass(frozen=True)
+class UnseenSpring:
+    """A spring that the data neither call for nor exclude.
+
+    Attributes:
+        name: Name of its doubt.
+        std: Compliance that it may well have, in percent of its gear's.
+        shift (n_param,): What a spring of this compliance does to the internal parameters.
+    """
+
+    name: str
+    std: float
+    shift: FloatArray
+
+
+def unseen_springs(found: SettledSprings, named: Named) -> tuple[UnseenSpring, ...]:
+    """Tries for each spring still missing whether it could be there, as soft as those that were put in place.
+
+    One that others can stand for costs next to nothing, whatever its compliance: it does not save the share that a
+    spring must save to be called for, and still it may be there.
+
+    Args:
+        found: The springs put in place.
+        named: The doubts with them.
+    """
+    placed = [found.problem.parameters.names.index(f"{spring}.stiffness") for spring in found.springs]
+    softness = _PERCENT * np.exp(-np.maximum(found.internal[placed], 0.0))
+    std = float(np.sqrt(np.mean(softness**2)))
+    missing = np.array([isinstance(doubt.effect, Compliance) for doubt in named.doubts], bool)
+    beside = named.columns[..., ~missing], named.common_std[~missing]
+    most = _EXCLUDED * cost_beside(found, *beside)
+    unseen = []
+    for doubt in named.doubts:
+        if isinstance(doubt.effect, Compliance):
+            there = _with_one(found, stiffened(doubt.effect.spring, _PERCENT / std))
+            if there is not None and cost_beside(there, *beside) <= most:
+                unseen.append(UnseenSpring(doubt.name, std, there.internal - found.internal))
+    return tuple(unseen)
+
+
+def _with_one(found: SettledSprings, spring: Spring) -> SettledSprings | None:
+    """The fit with one spring more, which stays as it is; None where the robot does not rest so."""
+    robot = replace(found.robot, springs=(*found.robot.springs, spring))
+    options = hold_options(found.options, found.robot, spring)
+    try:
+        problem = extend_problem(found.problem, found.internal, robot, options)
+    except DataError:
+        return None
+    start = carry_over(problem, found.problem, found.internal)
+    count = start.size - problem.parameters.n_friction
+    still = optimise(freeze_friction(problem, start), start[:count], max_iterations=_FIRST_STEPS)
+    near = np.concatenate([still.parameters, start[count:]])
+    return SettledSprings(problem, optimise(problem, near, max_iterations=_STEPS).parameters, robot, options)
+
+
+@dataclass(frozen=True)
+class Told:
+    """Parameters and doubts with how far they may be off.
+
+    Attributes:
+        values (n,): Internal parameters, then amounts of doubts.
+        covariance (n, n): Their covariance, without any quantile.
+        degrees_of_freedom (n,): What the quantile of each interval follows.
+    """
+
+    values: FloatArray
+    covariance: FloatArray
+    degrees_of_freedom: FloatArray
+
+    def reach(self, confidence: float) -> FloatArray:
+        """Half width (n,) of the intervals of a level."""
+        return np.asarray(t.ppf(0.5 + 0.5 * confidence, self.degrees_of_freedom) * np.sqrt(np.diag(self.covariance)))
+
+
+def leave_room(told: Told, spring: UnseenSpring, row: int) -> Told:
+    """Mixes what the data say of a spring's compliance, to equal parts, with what was known of it beforehand.
+
+    Where others can stand for it, an error that no doubt names moves what the data say by many of their deviations.
+
+    Args:
+        told: Parameters and doubts, this one estimated along.
+        spring: The spring.
+        row: Its place among them.
+
+    Returns:
+        Mean and covariance of the mixture: beforehand, the compliance is half of a normal distribution. Degrees of
+        freedom are Satterthwaite's, what is added having infinitely many.
+    """
+    direction = np.zeros(told.values.size)
+    direction[: spring.shift.size], direction[row] = spring.shift / spring.std, 1.0
+    apart = _HALF_MEAN * spring.std - told.values[row]
+    own = np.diag(told.covariance)
+    added = 0.5 * (_HALF_VARIANCE * spring.std**2 - own[row]) + 0.25 * apart**2
+    covariance = told.covariance + max(added, 0.0) * np.outer(direction, direction)
+    grown = np.divide(np.diag(covariance), own, out=np.ones_like(own), where=own > 0)
+    return Told(told.values + 0.5 * apart * direction, covariance, told.degrees_of_freedom * grown**2)

@@ -1,0 +1,842 @@
+"""The nuisance parameters of an elastic fit: what a robot file may have wrong, in one table.
+
+A row (`Kind`) says what is off, how far off it may be, and what it does: another robot, another value of a parameter
+that no fit estimates, or a column of the response alone. Rows of one owner stand together; `LISTED` is what widens the
+intervals of every fit, `FREED` what a fit can estimate. One more kind is one more row here and, where its effect is a
+new one, a function in `nuisance.response`. Priors are stated in `robid.robot.doubts`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import ClassVar, Literal, TypeAlias
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.models.elastic.fit.nuisance import moves
+from robid.models.elastic.fit.nuisance.moves import MM, PERCENT, Change
+from robid.models.elastic.fit.nuisance.springs import missing_springs
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.robot.description import Inertial, Joint, Robot, Spring
+from robid.robot.doubts import Doubts
+
+PRIOR_FACTOR = 10.0
+"""How many times as far off as a nuisance parameter is one expected to be that a user frees."""
+BALANCE, LOAD_DAMPING, HYSTERESIS, HELD = "counterbalance", "load_damping", "hysteresis", "held_spring"
+"""Causes, the first three of them the ends of the names that free them."""
+MICRO = 1e-6
+_SHARE_STEP, _STEP_M, _TURN_STEP, _STEP_NM = 1e-4, 1e-5, 1e-2, 1.0  # of differences
+_WRIST, _WITH_WRIST = 3, 6  # joints of a wrist whose motors sit before it, and of an arm that has one
+_BALANCE_SHARE, _BALANCE_NM = 0.1, 100.0  # of the arm-side torque that the motor can give; where nobody says that
+_GROWTH, _SLIP_SHARE, _TORQUE_NM = 3.0, 0.005, 2e3  # of a damper up to that torque, of it, and where nobody says it
+_STICKS = 1e3  # over the swing: bristles that never slip
+_OF_LINK = "% of what its link's inertia asks for at 10 Hz"
+_OF_ROTOR = "% of what its rotor asks for at 10 Hz"
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What a nuisance parameter does; `nuisance.response.column` has the column of each.
+
+    Attributes:
+        put_in: Whether a robot can be off by it; the others do to its response what their columns say.
+        by_place: Whether it may differ between places of one robot.
+    """
+
+    put_in: ClassVar[bool] = True
+    by_place: ClassVar[bool] = False
+
+
+@dataclass(frozen=True)
+class RobotMove(Effect):
+    """A robot whose file says something else: central differences of its response, statics included.
+
+    Attributes:
+        moved: Returns a robot that is off by an amount from another one.
+        step: Amount of a difference.
+    """
+
+    moved: Callable[[Robot, float], Robot]
+    step: float
+
+
+@dataclass(frozen=True)
+class TorqueScale(Effect):
+    """A measured torque that is too large by some percent: its column of the response is too small.
+
+    Attributes:
+        joint: Index of the motor.
+        shared: Whether masses were found by the same torques, in a rigid fit: the joint's link is too heavy by as much.
+            Torques, masses and springs by one factor are the same response, so such masses do not tell the constant.
+    """
+
+    put_in = False
+    joint: int
+    shared: bool = False
+
+    @property
+    def slope(self) -> float:
+        """Derivative of the log response to its torque by the amount."""
+        return -1 / PERCENT
+
+    @property
+    def heavier(self) -> RobotMove:
+        """The link that is heavier by as many percent."""
+        return RobotMove(partial(moves.with_carried_share, self.joint), PERCENT * _SHARE_STEP)
+
+
+@dataclass(frozen=True)
+class ValueOff(Effect):
+    """A parameter that no fit estimates is off from what the file says.
+
+    Amounts are percent of springs, dampers and rotors, microseconds of a delay, and of viscous friction percent of what
+    the inertia that it acts on asks for at 10 Hz.
+
+    Attributes:
+        kind: Kind of the parameter.
+        element: Index of the element of that kind.
+    """
+
+    kind: Literal["stiffness", "damping", "motor_inertia", "viscous", "arm_viscous", "delay"]
+    element: int
+
+
+@dataclass(frozen=True)
+class MotorFriction(Effect):
+    """A torque that follows a motor's angle, in percent of what its rotor asks for at 10 Hz.
+
+    Attributes:
+        joint: Index of the motor.
+        phase: Its direction in the complex plane: 1 as a spring's, 1j as that of a loss whatever the speed.
+    """
+
+    by_place = True
+    joint: int
+    phase: complex
+
+
+@dataclass(frozen=True)
+class GearShare(Effect):
+    """Something beside a gear's stiffness, as a share of it.
+
+    Attributes:
+        spring: Index of the gear.
+    """
+
+    by_place = True
+    spring: int
+
+
+@dataclass(frozen=True)
+class Hysteresis(GearShare):
+    """A bristle beside a gear, amounts in percent of loss factor where it loses most.
+
+    A bristle that slips at a deflection `h` obeys `dz/dt = dx/dt - |dx/dt| z / h`. Under a normal motion whose speed
+    has the deviation `v` it does as a spring in series with a damper: its torque goes with `g jw / (jw + w_h)` times
+    the deflection, with the corner `w_h = sqrt(2 / pi) v / h` and a gain `g` below one. It stiffens what moves little
+    or fast, and loses most at the corner, half as much. It does most harm where it slips at about the swing, the
+    deflection's root mean square over the configurations, as predicted from the measured torques.
+
+    Attributes:
+        slip: Where it slips, over the swing.
+
+    Source:
+        Dahl (1968); statistical linearisation as in Roberts and Spanos (1990), ch. 8; METHODS sec. 1 (Linearisation).
+    """
+
+    slip: float
+
+
+@dataclass(frozen=True)
+class LoadStiffness(GearShare):
+    """A gear that is stiffer by some percent at the largest of its loads than at their mean."""
+
+
+@dataclass(frozen=True)
+class Compliance(Effect):
+    """A spring that is there in truth, in percent of its joint's gear's compliance, statics included.
+
+    Attributes:
+        spring: The spring, as stiff as the gear.
+    """
+
+    spring: Spring
+
+
+@dataclass(frozen=True)
+class LoadDamping(Effect):
+    """A damper that grows with its gear's deflection, amounts in shares per deflection; only where a fit frees it."""
+
+    spring: int
+
+
+@dataclass(frozen=True)
+class SlipTorque(Effect):
+    """Bristles beside a gear, a tenth as stiff, amounts in the torque at which they slip; only where a fit frees it."""
+
+    spring: int
+
+
+@dataclass(frozen=True)
+class DoubtfulRobot:
+    """A robot whose rigid parameters are off along one of several independent directions.
+
+    Attributes:
+        robot: The robot.
+        deviations: By how many standard deviations; not zero.
+    """
+
+    robot: Robot
+    deviations: float
+
+
+@dataclass(frozen=True)
+class RigidError(Effect):
+    """An independent error of a rigid fit, amounts in standard deviations.
+
+    Attributes:
+        off: What the rigid fit found, off along the direction.
+    """
+
+    put_in = False
+    off: DoubtfulRobot
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """A nuisance parameter of one robot. Amounts are zero where the file is right.
+
+    Attributes:
+        name: What it is, in one word as parameters are named: `axis_2.mass`.
+        title: The same for a sentence.
+        cause: The likely cause that it stands for, of `robid.results.doubt.CAUSES`, or what only a fit's wish frees.
+        unit: Unit of its amounts.
+        common_std: Standard deviation of the amount that all places share.
+        place_std: Standard deviation of what each place adds to that.
+        effect: What it does.
+        least: Smallest amount that makes sense.
+        most: Largest amount that makes sense.
+        stated: What the robot file says in the same unit, where that is said; zero where only amounts are.
+        natural: Amount from which it matters: where the file says nothing, its deviation is judged by it.
+    """
+
+    name: str
+    title: str
+    cause: str
+    unit: str
+    common_std: float
+    place_std: float
+    effect: Effect
+    least: float = -np.inf
+    most: float = np.inf
+    stated: float = 0.0
+    natural: float = 1.0
+
+
+@dataclass(frozen=True)
+class Owner:
+    """A part of a robot of which something may be off.
+
+    Attributes:
+        name: Its name, with which those of its nuisance parameters begin; empty for the drives.
+        title: The same for a sentence.
+        priors: What has the deviations as attributes.
+        at: Its indices among the robot's parts.
+        more: What the names of its nuisance parameters end on.
+        linear: Whether it slides.
+    """
+
+    name: str
+    title: str
+    priors: object
+    at: tuple[int, ...] = ()
+    more: str = ""
+    linear: bool = False
+
+    def named(self, ending: str) -> str:
+        """Returns the name of what is its own."""
+        return f"{self.name}.{ending}{self.more}" if self.name else ending
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of nuisance parameter: a row of the table. Effect and size are those of a robot's part at its indices.
+
+    Attributes:
+        ending: What the names end on, after the owner's.
+        title: The same for a sentence, `{}` for the owner's.
+        cause: The likely cause that it stands for.
+        effect: What it does; None where the owner has no such thing.
+        prior: Which of the owner's priors is its deviation, as they are stated; none where only a fit frees it.
+        size: Amount of a prior of one.
+        unit: Unit of the amounts.
+        linear_unit: That of owners that slide, where it is another.
+        place: What each place adds, over the deviation.
+        least: Smallest amount that makes sense, over the size.
+        most: Largest one.
+        stated: Whether the size is what the file states.
+        parameter: Kind of the fit's own parameters that take its place where they are estimated.
+    """
+
+    ending: str
+    title: str
+    cause: str
+    effect: Callable[..., Effect | None]
+    prior: str = ""
+    size: float | Callable[..., float] = PERCENT
+    unit: str = "%"
+    linear_unit: str = ""
+    place: float = 0.0
+    least: float = -np.inf
+    most: float = np.inf
+    stated: bool = False
+    parameter: str = ""
+
+    def of(self, robot: Robot, owner: Owner, *, by_default: bool = False) -> Nuisance | None:
+        """Returns that of an owner; None where it has none, or where the file is taken for granted.
+
+        Args:
+            robot: The robot.
+            owner: Its part.
+            by_default: Whether what is taken for granted is as far off as by default.
+        """
+        size = self.size(robot, *owner.at) if callable(self.size) else self.size
+        prior = float(getattr(owner.priors, self.prior)) if self.prior else 1.0
+        prior = prior or (float(getattr(Doubts(), self.prior)) if by_default else 0.0)
+        effect = self.effect(robot, *owner.at)
+        if effect is None or not size * prior > 0:
+            return None
+        return Nuisance(
+            owner.named(self.ending),
+            self.title.format(owner.title),
+            self.cause,
+            self.linear_unit if owner.linear and self.linear_unit else self.unit,
+            size * prior,
+            self.place * size * prior,
+            effect,
+            self.least * size,
+            self.most * size,
+            size if self.stated else 0.0,
+            1.0 if self.prior else size,
+        )
+
+
+Section: TypeAlias = tuple[Callable[[Robot], Iterable[Owner]], tuple[Kind, ...]]
+"""The owners of a robot, and what may be off of each of them."""
+
+
+def _joints(robot: Robot) -> Iterator[Owner]:
+    for index, joint in enumerate(robot.joints):
+        yield Owner(joint.name, joint.name, joint.doubts, (index,))
+
+
+def _rotors(robot: Robot) -> Iterator[Owner]:
+    for index, joint in enumerate(robot.joints):
+        yield Owner(joint.name, joint.name, joint.motor, (index,))
+
+
+def _links(robot: Robot) -> Iterator[Owner]:
+    for index, joint in enumerate(robot.joints):
+        yield Owner(joint.name, f"link {joint.name}", joint.doubts, (index,))
+
+
+def _bases(robot: Robot) -> Iterator[Owner]:
+    if robot.base is not None and any(spring.place == "base" for spring in robot.springs):
+        yield Owner("base", "the base", robot.doubts)
+
+
+def _payloads(robot: Robot) -> Iterator[Owner]:
+    if robot.payload.mass_kg > 0:
+        yield Owner("payload", "the payload", robot.doubts)
+
+
+def _drives(robot: Robot) -> Iterator[Owner]:
+    yield Owner("", "", robot.doubts)
+
+
+def _springs(robot: Robot) -> Iterator[Owner]:
+    for index, spring in enumerate(robot.springs):
+        priors = robot.doubts if spring.place in ("base", "payload") else robot.joints[spring.joint].doubts
+        yield Owner(spring.name, spring.name, priors, (index,), linear=robot.is_linear(spring))
+
+
+def _gears(robot: Robot) -> Iterator[Owner]:
+    return (owner for owner in _springs(robot) if robot.springs[owner.at[0]].place == "transmission")
+
+
+def _shafts(robot: Robot) -> Iterator[Owner]:
+    for index, spring in enumerate(robot.springs):
+        if spring.inertia_kgm2 > 0:
+            yield Owner(spring.name, spring.name, robot.joints[spring.joint].doubts, (index,))
+
+
+def _missing(robot: Robot) -> Iterator[Owner]:
+    for index, spring in enumerate(missing_springs(robot)):
+        priors = robot.doubts if spring.place == "base" else robot.joints[spring.joint].doubts
+        yield Owner(spring.name, spring.name.replace("_", " "), priors, (index,))
+
+
+def _couplings(robot: Robot) -> Iterator[Owner]:
+    """Gear couplings: those that the file states, and those of an arm's wrist."""
+    n_joint = len(robot.joints)
+    wrist = range(n_joint - _WRIST, n_joint) if n_joint >= _WITH_WRIST else range(0)
+    for index, joint in enumerate(robot.joints):
+        for other, driven in enumerate(robot.joints):
+            inside = other < index and index in wrist and other in wrist
+            turning = joint.type == driven.type == "revolute" and other != index and not robot.rigid[index]
+            if turning and (inside or driven.name in joint.couplings):
+                title = f"turn of {joint.name} by the motor of {driven.name}"
+                yield Owner(joint.name, title, joint.doubts, (index, other), driven.name)
+
+
+def _unbalanced(robot: Robot) -> Iterator[Owner]:
+    """Joints that turn; none where the file states counterbalances, which the elastic model does not know."""
+    if all(joint.counterbalance is None for joint in robot.joints):
+        for owner in _joints(robot):
+            if robot.joints[owner.at[0]].type == "revolute":
+                yield owner
+
+
+def _link(robot: Robot, index: int) -> tuple[Inertial, Change]:
+    return robot.joints[index].link, partial(moves.with_link, index)
+
+
+def _base(robot: Robot) -> tuple[Inertial, Change]:
+    return robot.base or robot.payload, moves.with_base
+
+
+def _payload(robot: Robot) -> tuple[Inertial, Change]:
+    return robot.payload, moves.with_payload
+
+
+_Body: TypeAlias = Callable[..., tuple[Inertial, Change]]
+
+
+def _heavier(body: _Body, robot: Robot, *at: int) -> Effect:
+    return RobotMove(partial(moves.heavier, body(robot, *at)[1]), PERCENT * _SHARE_STEP)
+
+
+def _shift(body: _Body, axis: FloatArray, robot: Robot, *at: int) -> Effect | None:
+    own, change = body(robot, *at)
+    return RobotMove(partial(moves.shifted, change, axis), MM * _STEP_M) if own.mass_kg > 0 else None
+
+
+def _more_inert(body: _Body, robot: Robot, *at: int) -> Effect | None:
+    own, change = body(robot, *at)
+    return RobotMove(partial(moves.more_inert, change), PERCENT * _SHARE_STEP) if own.inertia_kgm2.any() else None
+
+
+def _body(cause: str, body: _Body, mass: Kind, com: str, inertia: str) -> tuple[Kind, ...]:
+    """What may be off of a body: its mass, with its inertia, its centre of mass, and its inertia alone."""
+    centres = (
+        Kind(
+            f"com_{letter}",
+            f"centre of mass of {{}} along {letter}",
+            cause,
+            partial(_shift, body, axis),
+            com,
+            MM,
+            "mm",
+            least=-0.5,
+            most=0.5,
+        )
+        for axis, letter in zip(np.eye(3), "xyz", strict=True)
+    )
+    return mass, *centres, Kind("inertia", "inertia of {}", cause, partial(_more_inert, body), inertia, least=-1.0)
+
+
+def _mass(body: _Body) -> Kind:
+    return Kind("mass", "mass of {}", "masses", partial(_heavier, body), "mass_relative_std", least=-1.0, most=1.0)
+
+
+def _most_torque(joint: Joint, otherwise: float, share: float = 1.0) -> float:
+    """A share of the arm-side torque that a motor can give, where that is known [N m]."""
+    most = abs(joint.motor.max_torque_nm * joint.motor.gear_ratio)
+    return share * most if np.isfinite(most) else otherwise
+
+
+def _likely_nm(robot: Robot, index: int) -> float:
+    return _most_torque(robot.joints[index], _BALANCE_NM, _BALANCE_SHARE)
+
+
+def _likely_growth(robot: Robot, index: int) -> float:
+    spring = robot.springs[index]
+    return _GROWTH * spring.stiffness / _most_torque(robot.joints[spring.joint], _TORQUE_NM)
+
+
+def _likely_slip(robot: Robot, index: int) -> float:
+    return _SLIP_SHARE * _most_torque(robot.joints[robot.springs[index].joint], _TORQUE_NM)
+
+
+def _held(kind: Literal["stiffness", "damping"], robot: Robot, index: int) -> Effect | None:
+    return ValueOff(kind, index) if getattr(robot.springs[index], kind) > 0 else None
+
+
+PAYLOAD: Section = (
+    _payloads,
+    _body(
+        "payload",
+        _payload,
+        Kind(
+            "mass",
+            "payload mass",
+            "payload",
+            lambda robot: RobotMove(moves.with_payload_mass, _SHARE_STEP * robot.payload.mass_kg),
+            "payload_relative_std",
+            lambda robot: robot.payload.mass_kg,
+            "kg",
+            least=-1.0,
+            most=1.0,
+            stated=True,
+        ),
+        "payload_com_m",
+        "payload_inertia_relative_std",
+    ),
+)
+LINKS: Section = (_links, _body("masses", _link, _mass(_link), "com_m", "inertia_relative_std"))
+BASE: Section = (_bases, _body("masses", _base, _mass(_base), "com_m", "inertia_relative_std"))
+SHAFTS: Section = (
+    _shafts,
+    (
+        Kind(
+            "inertia",
+            "inertia of shaft {}",
+            "masses",
+            lambda _, index: RobotMove(partial(moves.with_shaft_share, index), PERCENT * _SHARE_STEP),
+            "inertia_relative_std",
+            least=-1.0,
+        ),
+    ),
+)
+TORQUES: Section = (
+    _joints,
+    (
+        Kind(
+            "torque_constant",
+            "torque constant of {}",
+            "torque_constant",
+            lambda _, index: TorqueScale(index),
+            "torque_relative_std",
+            place=0.25,  # what temperature does between places
+            least=-1.0,
+            most=1.0,
+        ),
+    ),
+)
+DELAY: Section = (
+    _drives,
+    (
+        Kind(
+            "delay",
+            "delay of the drives",
+            "delay",
+            lambda _: ValueOff("delay", 0),
+            "delay_s",
+            1 / MICRO,
+            "us",
+            parameter="delay",
+        ),
+    ),
+)
+ROTORS: Section = (
+    _rotors,
+    (
+        Kind(
+            "motor_inertia",
+            "rotor inertia of {}",
+            "rotor_inertia",
+            lambda _, index: ValueOff("motor_inertia", index),
+            "inertia_relative_std",
+            least=-1.0,
+            most=1.0,
+            parameter="motor_inertia",
+        ),
+    ),
+)
+COUPLINGS: Section = (
+    _couplings,
+    (
+        Kind(
+            "coupling_",
+            "{}",
+            "gear_coupling",
+            lambda _, index, other: RobotMove(partial(moves.with_coupling, index, other), _TURN_STEP),
+            "coupling_std",
+            unit="% of a turn",
+        ),
+    ),
+)
+GEARS: Section = (
+    _gears,
+    (
+        # What slips between early and late is a mixture of both. What never slips stiffens a spring without any loss,
+        # alike in all places: nothing tells it from the spring.
+        *(
+            Kind(
+                f"hysteresis_{when}",
+                f"hysteresis of {{}} that slips {when}",
+                "gear_nonlinearity",
+                lambda _, index, slip=slip: Hysteresis(index, slip),
+                "loss_factor",
+                place=place,
+                least=0.0,
+                most=1.0,
+            )
+            for when, slip, place in (("early", 0.5, 1.0), ("late", 2.0, 1.0), ("never", _STICKS, 0.0))
+        ),
+        Kind(
+            "load_stiffness",
+            "stiffness of {} by its load",
+            "gear_nonlinearity",
+            lambda _, index: LoadStiffness(index),
+            "load_stiffness",
+            least=-1.0,
+            most=1.0,
+            parameter="cubic",
+        ),
+    ),
+)
+ARM_FRICTION: Section = (
+    _joints,
+    (
+        Kind(
+            "arm_viscous",
+            "viscous friction of {}'s arm",
+            "arm_friction",
+            # The arm of a rigid joint moves as its motor does, whose friction says it all.
+            lambda robot, index: None if robot.rigid[index] else ValueOff("arm_viscous", index),
+            "arm_friction",
+            unit=_OF_LINK,
+            place=1.0,
+            least=0.0,
+            most=1.0,
+            parameter="arm_viscous",
+        ),
+    ),
+)
+MOTOR_FRICTION: Section = (
+    _joints,
+    (
+        Kind(
+            "viscous",
+            "viscous friction of {}'s motor",
+            "friction",
+            lambda _, index: ValueOff("viscous", index),
+            "friction",
+            unit=_OF_ROTOR,
+            place=1.0,
+            least=-1.0,
+            most=1.0,
+            parameter="viscous",
+        ),
+    ),
+)
+OTHER_FRICTION: Section = (
+    _joints,
+    tuple(
+        Kind(
+            ending,
+            f"friction of {{}} {what}",
+            "friction",
+            lambda _, index, phase=phase: MotorFriction(index, phase),
+            "friction",
+            unit=_OF_ROTOR,
+            place=1.0,
+            least=-1.0,
+            most=1.0,
+        )
+        for ending, what, phase in (
+            ("friction_spring", "in phase with its angle", 1.0),
+            ("friction_loss", "that loses energy", 1j),
+        )
+    ),
+)
+HELD_SPRINGS: Section = (
+    _springs,
+    (
+        Kind(
+            "stiffness",
+            "{}",
+            HELD,
+            partial(_held, "stiffness"),
+            "stiffness_relative_std",
+            least=-0.9,  # what has no stiffness is no spring
+            most=9.0,
+            parameter="stiffness",
+        ),
+        Kind(
+            "damping",
+            "{}'s damper",
+            HELD,
+            partial(_held, "damping"),
+            "damping_relative_std",
+            least=-0.9,
+            most=9.0,
+            parameter="damping",
+        ),
+    ),
+)
+MISSING_SPRINGS: Section = (
+    _missing,
+    (
+        Kind(
+            "compliance",
+            "{}",
+            "missing_spring",
+            lambda robot, index: Compliance(list(missing_springs(robot))[index]),
+            "compliance",
+            unit="% of its gear's compliance",
+            least=0.0,
+        ),
+    ),
+)
+BALANCES: Section = (
+    _unbalanced,
+    tuple(
+        Kind(
+            f"{BALANCE}_{wave}",
+            f"{BALANCE} of {{}} by the {wave} of its angle",
+            BALANCE,
+            lambda _, index, row=row: RobotMove(partial(moves.with_balance, index, np.eye(2)[row]), _STEP_NM),
+            size=_likely_nm,
+            unit="N m",
+        )
+        for row, wave in enumerate(("sine", "cosine"))
+    ),
+)
+GEAR_EFFECTS: Section = (
+    _gears,
+    (
+        Kind(
+            LOAD_DAMPING,
+            "growth of {}'s damper with its deflection",
+            LOAD_DAMPING,
+            lambda _, index: LoadDamping(index),
+            size=_likely_growth,
+            unit="1/rad",
+            linear_unit="1/m",
+            least=-1 / _GROWTH,  # downwards no damper may become negative
+        ),
+        Kind(
+            HYSTERESIS,
+            "hysteresis of {}",
+            HYSTERESIS,
+            lambda _, index: SlipTorque(index),
+            size=_likely_slip,
+            unit="N m",
+            linear_unit="N",
+        ),
+    ),
+)
+
+LISTED: tuple[Section, ...] = (
+    *(PAYLOAD, LINKS, BASE, SHAFTS, TORQUES, DELAY, ROTORS, COUPLINGS, GEARS),
+    *(ARM_FRICTION, MOTOR_FRICTION, OTHER_FRICTION, HELD_SPRINGS, MISSING_SPRINGS),
+)
+"""What widens the intervals of every fit that does not estimate it."""
+FREED: tuple[Section, ...] = (PAYLOAD, LINKS, BASE, SHAFTS, COUPLINGS, TORQUES, BALANCES, GEAR_EFFECTS)
+"""What a fit can estimate, in the order of its parameters; the last two only where one does."""
+
+
+def list_nuisances(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulRobot] = ()) -> tuple[Nuisance, ...]:
+    """Lists the nuisance parameters of a robot file with the priors that it states.
+
+    What the fit estimates is none: springs, dampers, rotor inertias, viscous friction, delay, cubic gears, nuisance
+    parameters that are freed and not fixed.
+
+    Args:
+        robot: The robot that the fit starts from, with its campaign's payload.
+        options: Options of the fit.
+        rigid: Robots that are off along the independent directions that a rigid fit leaves open, which take the place
+            of the file's links.
+    """
+    freed = {each.name for each in freed_nuisances(robot, options)}.difference(options.fixed)
+    return tuple(_left(_listed(robot, options, rigid), freed))
+
+
+def _listed(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulRobot]) -> Iterator[Nuisance]:
+    for section in LISTED:
+        if rigid and section is LINKS:
+            for number, off in enumerate(rigid, start=1):
+                title = f"error {number} of the rigid fit"
+                yield Nuisance(f"rigid.{number}", title, "masses", "std", 1.0, 0.0, RigidError(off))
+            continue
+        owners, kinds = section
+        for owner in owners(robot):
+            for kind in kinds:
+                own = bool(kind.parameter) and options.estimates(kind.parameter, owner.named(kind.parameter))
+                found = None if own else kind.of(robot, owner)
+                if found is not None and rigid and isinstance(found.effect, TorqueScale):
+                    found = replace(found, effect=replace(found.effect, shared=True))
+                if found is not None:
+                    yield found
+
+
+def _left(listed: Iterable[Nuisance], freed: set[str]) -> Iterator[Nuisance]:
+    for each in listed:
+        gear = f"{each.name.rpartition('.')[0]}.{HYSTERESIS}"
+        left = left_of_freed(each) if each.name in freed else each
+        if left is not None and not (isinstance(each.effect, Hysteresis) and gear in freed):
+            yield left
+
+
+def left_of_freed(nuisance: Nuisance) -> Nuisance | None:
+    """What is left once a fit estimates one: of a torque constant, masses that the same torques gave."""
+    effect = nuisance.effect
+    if not isinstance(effect, TorqueScale) or not effect.shared:
+        return None
+    name, title = f"{nuisance.name.rpartition('.')[0]}.mass_by_torque", f"mass by {nuisance.title}"
+    return replace(nuisance, name=name, title=title, cause="masses", place_std=0.0, effect=effect.heavier)
+
+
+def freeable_nuisances(robot: Robot) -> tuple[Nuisance, ...]:
+    """Lists all that a fit can estimate; what the file takes for granted is as far off as by default."""
+    every = (
+        kind.of(robot, owner, by_default=True) for owners, kinds in FREED for owner in owners(robot) for kind in kinds
+    )
+    return tuple(each for each in every if each is not None)
+
+
+def freed_nuisances(robot: Robot, options: ElasticOptions) -> tuple[Nuisance, ...]:
+    """Lists those that a fit estimates, each as often as it is named.
+
+    Args:
+        robot: The robot that the fit starts from, with its campaign's payload.
+        options: Options of the fit; what they name that the robot does not have is left out.
+    """
+    if not options.freed:
+        return ()
+    return tuple(each for each in freeable_nuisances(robot) if any(names(each, name) for name in options.freed))
+
+
+def names(nuisance: Nuisance, name: str) -> bool:
+    """Whether a name is its own, or of its group: its cause, or its name as far as the last underscore."""
+    return name in (nuisance.name, nuisance.cause) or nuisance.name.startswith(f"{name}_")
+
+
+def slipping_name(nuisance: Nuisance) -> str | None:
+    """Name of what frees the hysteresis that one stands for; None of others, and of bristles that stick."""
+    effect = nuisance.effect
+    if not isinstance(effect, Hysteresis) or effect.slip == _STICKS:
+        return None
+    return f"{nuisance.name.rpartition('.')[0]}.{HYSTERESIS}"
+
+
+def torque_slopes(nuisances: Sequence[Nuisance], n_joint: int) -> FloatArray:
+    """Derivatives (n_nuisance, n_joint) of the log response to each motor's torque by the amounts."""
+    slopes = np.zeros((len(nuisances), n_joint))
+    for row, each in enumerate(nuisances):
+        if isinstance(each.effect, TorqueScale):
+            slopes[row, each.effect.joint] = each.effect.slope
+    return slopes
+
+
+def moved_robot(robot: Robot, nuisances: Sequence[Nuisance], amounts: FloatArray) -> Robot:
+    """Returns a robot that is off by some amounts (n_nuisance,)."""
+    for each, amount in zip(nuisances, amounts.tolist(), strict=True):
+        if isinstance(each.effect, RobotMove) and amount:
+            robot = each.effect.moved(robot, amount)
+    return robot

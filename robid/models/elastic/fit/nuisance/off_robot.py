@@ -1,0 +1,237 @@
+"""Robots that are not as their file says, and the fit's own problem for them: with further springs, or off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.models.elastic.fit.nuisance.kinds import Compliance, GearShare, MotorFriction, Nuisance, RobotMove, ValueOff
+from robid.models.elastic.fit.nuisance.moves import PERCENT
+from robid.models.elastic.fit.nuisance.response import (
+    Scene,
+    clinging_stiffness,
+    extended_values,
+    gear_share,
+    value_of_one,
+    with_estimated_links,
+)
+from robid.models.elastic.fit.nuisance.springs import stiffened
+from robid.models.elastic.fit.options import BY_SPRING, ElasticOptions
+from robid.models.elastic.fit.parameters import map_parameters
+from robid.models.elastic.fit.problem import Problem
+from robid.models.elastic.fit.rest_model import rest_model
+from robid.robot.description import Robot, Spring
+from robid.robot.parameters import element_names
+from robid.robot.response import ElasticParameters, nominal_parameters
+
+LEAST_COMPLIANCE = 0.001
+"""Percent of a gear's compliance up to which a spring is as good as not there."""
+
+
+def extend_options(
+    options: ElasticOptions, robot: Robot, springs: Sequence[Spring], *, holding: bool
+) -> ElasticOptions:
+    """Returns options with which stiffness and damping of further springs are free, their locations are not.
+
+    Args:
+        options: Options of the fit.
+        robot: The robot with the further springs.
+        springs: The further springs.
+        holding: Whether springs and dampers that the fit does not estimate stay as they are. Free, they explain what a
+            further spring does not; held, they stand in the way of a descent that has to go far.
+    """
+    free = tuple(dict.fromkeys([*options.kinds, *BY_SPRING, *options.freed]))
+    located = [name for spring in springs for name in _names_of(spring, robot, ("location",))]
+    further = {spring.name for spring in springs}
+    own = [spring.name for spring in robot.springs if spring.name not in further]
+    names = [(kind, f"{name}.{kind}") for kind in BY_SPRING for name in own]
+    held = [name for kind, name in names if holding and not options.frees(kind, name)]
+    fixed = (*options.fixed, *held, *(located if "location" in free else ()))
+    return replace(options, free=free, fixed=fixed, statics="updates")
+
+
+def hold_options(options: ElasticOptions, robot: Robot, spring: Spring) -> ElasticOptions:
+    """Returns options with which a further spring stays as it is."""
+    return replace(options, fixed=(*options.fixed, *_names_of(spring, robot, options.kinds)), statics="updates")
+
+
+def _names_of(spring: Spring, robot: Robot, kinds: Sequence[str]) -> list[str]:
+    """What a fit could estimate of a spring."""
+    alone = replace(robot, springs=(spring,))
+    names = (name for kind in kinds for name in element_names(alone, kind) if name is not None)
+    return [name for name in names if name.startswith(f"{spring.name}.")]
+
+
+def extend_problem(problem: Problem, internal: FloatArray, robot: Robot, options: ElasticOptions) -> Problem:
+    """Returns a problem, weights included, for a robot with further springs after its own.
+
+    Args:
+        problem: The problem of the robot without them.
+        internal (n_param,): Its internal parameters, with whose values the robot rests.
+        robot: The robot with the springs.
+        options: What `extend_options` returned.
+
+    Raises:
+        DataError: If the robot does not rest with the springs.
+    """
+    now = problem.parameters.parameters(internal)
+    return problem_at(problem, extended_values(now, robot.springs[now.stiffness.size :]), robot, options)
+
+
+def problem_at(problem: Problem, values: ElasticParameters, robot: Robot, options: ElasticOptions) -> Problem:
+    """Returns a problem, weights included, for another robot that rests with some values of its parameters."""
+    frf, delay_s = problem.frf, float(problem.parameters.nominal.delay[0])
+    model = rest_model(robot, frf, options, delay_s, values)
+    known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
+    parameters = map_parameters(robot, nominal_parameters(robot, model, delay_s), options, *known)
+    return replace(problem, model=model, parameters=parameters)
+
+
+def carry_over(target: Problem, source: Problem, internal: FloatArray) -> FloatArray:
+    """Returns internal parameters of a problem, those that another one has too from there, others at nominal.
+
+    The same names have the same nominal values in both.
+    """
+    before = dict(zip(source.parameters.names, internal.tolist(), strict=True))
+    return np.array([before.get(name, 0.0) for name in target.parameters.names])
+
+
+def freeze_friction(problem: Problem, internal: FloatArray) -> Problem:
+    """Returns a problem whose friction scales stay as they are: its parameters are all others, many times faster.
+
+    Args:
+        problem: The problem.
+        internal (n_param,): Internal parameters, friction scales last.
+    """
+    count, frf, parameters = internal.size - problem.parameters.n_friction, problem.frf, problem.parameters
+    still = replace(
+        frf,
+        response=problem.measured(internal),
+        sensitivity=frf.sensitivity[:, :0],
+        coefficient_names=(),
+        coefficient_relative_std=np.zeros(0),
+        coefficient_offset=None,
+    )
+    fewer = replace(
+        parameters,
+        names=parameters.names[:count],
+        kind_of=parameters.kind_of[:count],
+        units=parameters.units[:count],
+        logarithmic=parameters.logarithmic[:count],
+        prior_std=parameters.prior_std[:count],
+        lower=parameters.lower[:count],
+        upper=parameters.upper[:count],
+        friction_offset=np.zeros(0),
+    )
+    return replace(problem, frf=still, parameters=fewer)
+
+
+@dataclass(frozen=True)
+class OffRobot:
+    """A robot that is off by its doubts.
+
+    Attributes:
+        robot: The robot, springs that it has more after its own.
+        options: Options of the fit, with which these springs stay as they are.
+        problem: The fit's problem, with that robot at rest.
+    """
+
+    robot: Robot
+    options: ElasticOptions
+    problem: Problem
+
+
+def are_put_in(nuisances: Sequence[Nuisance]) -> BoolArray:
+    """Tells which of them (n_nuisance,) a robot can be off by; the others do to its response what their columns say."""
+    return np.array([each.effect.put_in for each in nuisances], bool)
+
+
+def may_differ(nuisances: Sequence[Nuisance]) -> BoolArray:
+    """Tells which of them (n_nuisance,) may differ between its places."""
+    return np.array([each.effect.by_place for each in nuisances], bool)
+
+
+def put_in(
+    problem: Problem,
+    point: FloatArray,
+    robot: Robot,
+    options: ElasticOptions,
+    doubts: Sequence[Nuisance],
+    amounts: FloatArray,
+    added: FloatArray | None = None,
+) -> OffRobot:
+    """Puts doubts into a robot, which rests anew.
+
+    Args:
+        problem: The problem of the robot that is right.
+        point (n_param,): Internal parameters.
+        robot: The robot that the doubts were listed for.
+        options: Options of the fit.
+        doubts: The doubts.
+        amounts (n_doubt,): By how much it is off.
+        added (n_conf, n_doubt): What each configuration adds to doubts that may differ; nothing when not given.
+
+    Raises:
+        DataError: If that robot does not rest.
+    """
+    frf, delay_s = problem.frf, float(problem.parameters.nominal.delay[0])
+    statics, further = options.statics, []
+    for doubt, amount in zip(doubts, amounts.tolist(), strict=True):
+        if isinstance(doubt.effect, RobotMove) and amount:
+            robot = doubt.effect.moved(robot, amount)
+        elif isinstance(doubt.effect, Compliance) and amount >= LEAST_COMPLIANCE:
+            further.append(stiffened(doubt.effect.spring, PERCENT / amount))
+    for spring in further:
+        options = hold_options(options, robot, spring)
+    values = extended_values(_off_values(problem.parameters.parameters(point), doubts, amounts), further)
+    robot = replace(robot, springs=(*robot.springs, *further))
+    options = replace(options, statics=statics)
+    model = with_estimated_links(rest_model(robot, frf, options, float(values.delay[0]), values), problem)
+    known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
+    nominal = _off_values(nominal_parameters(robot, model, delay_s), doubts, amounts)
+    own, free = problem.parameters, replace(options, bounds={})
+    parameters = replace(
+        map_parameters(robot, nominal, free, *known),
+        element_scale=own.element_scale,
+        lower=own.lower,
+        upper=own.upper,
+    )
+    resting = replace(problem, model=model, parameters=parameters)
+    off = amounts + (np.zeros((len(frf.configurations), 1)) if added is None else added)
+    scene = Scene(resting, point, robot, options)
+    model = replace(model, added=_added(scene, doubts, off), clinging=_clinging(scene, doubts, off))
+    return OffRobot(robot, options, replace(resting, model=model))
+
+
+def _off_values(values: ElasticParameters, nuisances: Sequence[Nuisance], amounts: FloatArray) -> ElasticParameters:
+    """Values, of which those that no fit estimates are off."""
+    off: dict[str, FloatArray] = {}
+    for each, amount in zip(nuisances, amounts.tolist(), strict=True):
+        if isinstance(each.effect, ValueOff):
+            own = off.setdefault(each.effect.kind, getattr(values, each.effect.kind).copy())
+            if each.effect.kind in ("stiffness", "damping", "motor_inertia"):
+                own[each.effect.element] *= 1 + amount / PERCENT
+            else:
+                own[each.effect.element] += amount * value_of_one(each.effect, values)
+    return replace(values, **off)
+
+
+def _added(scene: Scene, nuisances: Sequence[Nuisance], amounts: FloatArray) -> ComplexArray | None:
+    """What springs (n_conf, n_freq, n_spring) have beyond their stiffness, over it; None for nothing."""
+    added = np.zeros((*scene.problem.frf.response.shape[:2], len(scene.robot.springs)), complex)
+    for each, off in zip(nuisances, amounts.T, strict=True):
+        if isinstance(each.effect, GearShare) and off.any():
+            added[..., each.effect.spring] += off[:, None] * gear_share(each.effect, scene)
+    return added if added.any() else None
+
+
+def _clinging(scene: Scene, nuisances: Sequence[Nuisance], amounts: FloatArray) -> ComplexArray | None:
+    """Torques per motor's angle (n_conf, n_motor) [N m/rad]; None for none."""
+    clinging = np.zeros((len(amounts), len(scene.robot.joints)), complex)
+    for each, off in zip(nuisances, amounts.T, strict=True):
+        if isinstance(each.effect, MotorFriction):
+            clinging[:, each.effect.joint] += off * clinging_stiffness(each.effect, scene)
+    return clinging if clinging.any() else None
