@@ -14,10 +14,9 @@ from scipy.interpolate import make_interp_spline
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.logs.mapping import LogMapping
+from robid.logs.mapping import LogMapping, Stream
 from robid.logs.pace import GAP, Pace, measure_pace
 from robid.logs.resample import interpolation_error
-from robid.logs.streams import Stream
 from robid.logs.timing import UNSURE
 
 _DEGREE = 7

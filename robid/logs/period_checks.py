@@ -6,10 +6,9 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
-from robid.logs.lines import band_of, check_lines
-from robid.logs.loss_checks import Part, lost_samples, part_losses
-from robid.logs.period import Repetition, measure_repetition, measure_share
-from robid.logs.stated import Stated, set_all
+from robid.logs.losses import Part, lost_samples, part_losses
+from robid.logs.mapping import Stated, set_all
+from robid.logs.period import Repetition, band_of, check_lines, measure_repetition, measure_share
 from robid.logs.timing import ALONE, EVERY_LOG, RESAMPLED_RATE, Clock, clock_problems
 
 _WHOLE = 5e-7

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
-from robid.logs.mapping import LogMapping
+from robid.logs.mapping import LogMapping, Stated
 from robid.logs.pace import measure_pace
-from robid.logs.stated import Stated
 
 RESAMPLED_RATE = 0.05
 """Largest relative difference of two clocks that resampling bridges: it has no filter against aliases."""

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, TypeAlias
+
+LogFormat: TypeAlias = Literal["csv", "mat", "hdf5", "parquet", "mcap", "rosbag", "tdms", "mdf"]
+"""The formats of logs that are read; `robid.logs` has a row of its table of formats for each."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.signals.log_channels import InputChannel, LogChannel, OutputChannel, ReferenceChannel
-from robid.signals.log_dialect import Dialect
+from robid.signals.log_dialect import Dialect, LogFormat
 from robid.signals.pose import ANGLES, POSE
 from robid.signals.quantities import DRIVES
 
@@ -59,7 +59,7 @@ class PoseOptions:
 class LogOptions:
     """What the variables of a log mean, and which part of it is used."""
 
-    format: Literal["csv", "mat", "hdf5", "parquet", "mcap", "rosbag", "tdms", "mdf"] | None = field(
+    format: LogFormat | None = field(
         default=None, metadata={"description": "Format of the log; told from the file when not given."}
     )
     dialect: Dialect = field(

@@ -7,8 +7,10 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
-from robid.logs.formats.cells import (
+from robid.logs.formats.layout import (
     AROUND,
+    Join,
+    Layout,
     has_decimal_commas,
     is_missing,
     is_number,
@@ -16,7 +18,6 @@ from robid.logs.formats.cells import (
     split,
     tell_groups,
 )
-from robid.logs.formats.layout import Join, Layout
 from robid.logs.formats.moments import is_moment
 from robid.logs.formats.variables import UnreadableLogError
 from robid.signals.log_dialect import Dialect

@@ -13,8 +13,7 @@ from robid.logs.inspection.names import DRIVING, MOVING
 from robid.logs.inspection.relations import response_at, sense_of_inertia
 from robid.logs.inspection.roles import Comparison, Signal, derivatives
 from robid.logs.inspection.sides import SIDES, Place, find_sides
-from robid.logs.inspection.units import CONVERTED
-from robid.logs.inspection.vocabulary import Role
+from robid.logs.inspection.vocabulary import CONVERTED, Role
 from robid.signals.quantities import UNITS
 
 _SENSED = 0.3

@@ -9,8 +9,20 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from robid.logs.inspection.contents import Column
-from robid.logs.inspection.units import CONVERTED, Stated, read_unit
-from robid.logs.inspection.vocabulary import COMMANDED, LETTERS, MEASURED, ROLES, SIDES, Role, Side, is_known, tokens
+from robid.logs.inspection.vocabulary import (
+    COMMANDED,
+    CONVERTED,
+    LETTERS,
+    MEASURED,
+    ROLES,
+    SIDES,
+    Role,
+    Side,
+    Stated,
+    is_known,
+    read_unit,
+    tokens,
+)
 from robid.signals.quantities import UNITS
 
 By: TypeAlias = Literal["unit", "name", "short", "file", ""]

@@ -12,11 +12,10 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.logs.inspection.contents import Column
 from robid.logs.inspection.names import DRIVING, MOVING, Hint, read_names
-from robid.logs.inspection.quality import Quality
+from robid.logs.inspection.quality import Quality, Wrap, find_wrap, unwrapped
 from robid.logs.inspection.relations import Likeness, Relation, Spectrum, compare, relate, spectrum_of
 from robid.logs.inspection.sampling import is_ramp
 from robid.logs.inspection.vocabulary import Role
-from robid.logs.inspection.wraps import Wrap, find_wrap, unwrapped
 from robid.signals.quantities import UNITS
 
 Evidence: TypeAlias = Literal["unit", "name", "short", "file", "relation", ""]
