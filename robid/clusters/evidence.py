@@ -8,8 +8,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 
-_NOTHING = 1e-12
-"""Scaled information relative to the largest of a place, below which a place says nothing."""
+_NOTHING = 1e-12  # scaled information relative to the largest of a place, below which a place says nothing
 
 
 @dataclass(frozen=True)

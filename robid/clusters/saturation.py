@@ -9,8 +9,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.clusters.evidence import Evidence
 
-_UNSEEN = 1e-13
-"""Scaled information relative to the largest, below which nothing is said along a direction."""
+_UNSEEN = 1e-13  # scaled information relative to the largest, below which nothing is said along a direction
 
 
 @dataclass(frozen=True)

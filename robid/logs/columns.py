@@ -36,12 +36,10 @@ from robid.signals.log_channels import LogChannel, OutputChannel
 from robid.signals.log_options import TIME_UNITS
 from robid.signals.record import Record
 
-_SHOWN = 8
-"""Fewest samples of a variable that is offered as a channel, and a quarter of the names that a message lists."""
-_SMALL = 1 << 27
-"""MAT files up to this size are read whole to suggest a name [bytes]."""
+_SHOWN = 8  # fewest samples of a variable that is offered as a channel, and a quarter of the names that a message lists
+_SMALL = 1 << 27  # MAT files up to this size are read whole to suggest a name [bytes]
+# Ranges of all others by which a lone sample must lie beyond them to be refused; no sensor resolves as much
 _ABSURD = 1e6
-"""Ranges of all others by which a lone sample must lie beyond them to be refused; no sensor resolves as much."""
 
 
 @dataclass

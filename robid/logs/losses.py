@@ -19,41 +19,21 @@ from robid.logs.mapping import Stated
 from robid.logs.period import measure_repetition
 from robid.logs.timing import Clock
 
-_MOST = 50
-"""Largest number of samples lost within one period that is looked for."""
-
-_BLOCKS = 64
-"""Blocks of a period, in each of which the lag is constant."""
-
-_FEWEST = 4
-"""Blocks that tell of a lag."""
-
-_JUMP = 0.05
-"""Share of what a constant lag leaves that a jump has to explain."""
-
-_LIKELY = 12.0
-"""Logarithm of the likelihood that a jump has to gain where what is left is noise."""
-
-_LEAST = 1e-6
-"""Noise that is taken to be in the difference of two periods at least, relative to the signal's energy."""
-
-_EXPLAINED = 0.5
-"""Share of what periods that did not move leave below which a lag is believed, where it is."""
-
+_MOST = 50  # largest number of samples lost within one period that is looked for
+_BLOCKS = 64  # blocks of a period, in each of which the lag is constant
+_FEWEST = 4  # blocks that tell of a lag
+_JUMP = 0.05  # share of what a constant lag leaves that a jump has to explain
+_LIKELY = 12.0  # logarithm of the likelihood that a jump has to gain where what is left is noise
+_LEAST = 1e-6  # noise that is taken to be in the difference of two periods at least, relative to the signal's energy
+_EXPLAINED = 0.5  # share of what periods that did not move leave below which a lag is believed, where it is
+# Standard deviations of what the blocks gain by a lag from which it is believed in noise: half of its own
 _SIGMAS = 2.5
-"""Standard deviations of what the blocks gain by a lag from which it is believed in noise: half of its own."""
-
-_UNLIKE = 0.2
-"""Mismatch between the periods, with the jumps, above which the signal does not repeat."""
-
-_ALL = 0.4
-"""Twice the highest line, in cycles per sample, from which nothing is filtered."""
-
+_UNLIKE = 0.2  # mismatch between the periods, with the jumps, above which the signal does not repeat
+_ALL = 0.4  # twice the highest line, in cycles per sample, from which nothing is filtered
+# Noise of a sample, for each one lost, by which a period has to leave more than another to be the wrong one
 _STANDS_OUT = 10.0
-"""Noise of a sample, for each one lost, by which a period has to leave more than another to be the wrong one."""
-
+# Half the length of the filter, in periods of the highest line: it is sharp enough for twice its frequency
 _LENGTH = 0.8
-"""Half the length of the filter, in periods of the highest line: it is sharp enough for twice its frequency."""
 
 
 @dataclass(frozen=True)
@@ -224,8 +204,7 @@ def _merged(losses: list[Loss], block: int) -> list[Loss]:
     return kept
 
 
-_BESIDE = 32
-"""Part of a period by which a gap of the time and a loss may be apart and be one."""
+_BESIDE = 32  # part of a period by which a gap of the time and a loss may be apart and be one
 
 
 @dataclass(frozen=True)

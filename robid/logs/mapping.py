@@ -110,21 +110,11 @@ def set_all(settings: Mapping[str, str]) -> str:
 
 
 _STILL = "Constant in"
-
-_FEWEST = 16
-"""Samples by which a range is told after which numbers begin again."""
-
-_BITS = (8, 10, 12, 13, 14, 15, 16, 17, 18, 19, 20, 22, 23, 24, 32)
-"""Bits of counters."""
-
-_ROUNDING = 1e-3
-"""Part of a range by which rounding may move a jump."""
-
-_SLOW = 0.1
-"""Part of a range that a sample moves at most, from which jumps by nearly all of it are told."""
-
-_USUAL = 4.0
-"""Usual steps by which a jump may be beside the range."""
+_FEWEST = 16  # samples by which a range is told after which numbers begin again
+_BITS = (8, 10, 12, 13, 14, 15, 16, 17, 18, 19, 20, 22, 23, 24, 32)  # bits of counters
+_ROUNDING = 1e-3  # part of a range by which rounding may move a jump
+_SLOW = 0.1  # part of a range that a sample moves at most, from which jumps by nearly all of it are told
+_USUAL = 4.0  # usual steps by which a jump may be beside the range
 
 
 def check_mapping(mapping: LogMapping, samples_per_period: int, lines: IntArray, kind: str = "") -> None:

@@ -13,44 +13,24 @@ from scipy.signal import detrend
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
 
-_UNLIKE = 0.6
-"""Mismatch between a signal and its shifted copy above which they have little in common; 1 is unrelated."""
-
+_UNLIKE = 0.6  # mismatch between a signal and its shifted copy above which they have little in common; 1 is unrelated
 _REPEATS = (0.1, 0.4)
 """Mismatch below which a signal counts as repeating where one or two shifts by its period show it.
 
 With more of them it may be mostly noise, as long as it stands out of chance.
 """
 
-_OVERLAP = 0.55
-"""Shift, in lengths of the signal, up to which a single one shows another period than the stated one."""
-
-_CHANCE = 8.0
-"""Standard deviations of a chance correlation that stand out."""
-
-_ALIKE = 0.005
-"""Mismatch above twice the smallest one from which a shift is no period."""
-
+_OVERLAP = 0.55  # shift, in lengths of the signal, up to which a single one shows another period than the stated one
+_CHANCE = 8.0  # standard deviations of a chance correlation that stand out
+_ALIKE = 0.005  # mismatch above twice the smallest one from which a shift is no period
+# Largest drift of the highest excited line's phase over all periods that still counts as a whole period
 _PHASE_LIMIT_RAD = 0.5
-"""Largest drift of the highest excited line's phase over all periods that still counts as a whole period."""
-
-_SIGMAS = 4.0
-"""Standard deviations by which a measured period must differ before it is believed against the stated one."""
-
-_NEAR = 0.01
-"""Relative distance of a stated period from several real ones up to which these are meant."""
-
-_DRIFT_LINES = 2
-"""Lines that are not told from slow drift."""
-
-_DEGREE = 7
-"""Degree of the spline that is compared with its shifted copy."""
-
-_STEPS = 4
-"""Steps of the least squares, which begin within a fraction of a sample."""
-
-_SHORTEST = 8
-"""Shortest period that is looked for [samples]."""
+_SIGMAS = 4.0  # standard deviations by which a measured period must differ before it is believed against the stated one
+_NEAR = 0.01  # relative distance of a stated period from several real ones up to which these are meant
+_DRIFT_LINES = 2  # lines that are not told from slow drift
+_DEGREE = 7  # degree of the spline that is compared with its shifted copy
+_STEPS = 4  # steps of the least squares, which begin within a fraction of a sample
+_SHORTEST = 8  # shortest period that is looked for [samples]
 
 
 @dataclass(frozen=True)
@@ -226,34 +206,18 @@ def limit_band(signal: FloatArray, low: float, high: float) -> FloatArray:
 FEWEST = 4
 """Lines below which nothing is told of a response, unless fewer were stated."""
 
-_SHOWN = 8
-"""Runs of lines that a message lists."""
-
+_SHOWN = 8  # runs of lines that a message lists
+# Power of a line, relative to the usual one of as many of the strongest lines, below which it carries nothing
 _WEAK = 1e-2
-"""Power of a line, relative to the usual one of as many of the strongest lines, below which it carries nothing."""
-
-_NOTHING = 1e-6
-"""The same where nothing tells how large the noise is."""
-
-_STANDS_OUT = 12.0
-"""Power over that of the noise which chance reaches at one of 1e5 lines."""
-
-_NEIGHBOURS = 9
-"""Lines over which the power of the noise is averaged."""
-
+_NOTHING = 1e-6  # the same where nothing tells how large the noise is
+_STANDS_OUT = 12.0  # power over that of the noise which chance reaches at one of 1e5 lines
+_NEIGHBOURS = 9  # lines over which the power of the noise is averaged
+# Distance of two kinds of lines over the scatter within them; the halves of a single kind are 3.5 apart at most
 _APART = 4.0
-"""Distance of two kinds of lines over the scatter within them; the halves of a single kind are 3.5 apart at most."""
-
-_LEAST_APART = 1.0
-"""Decades of power between two kinds, at least."""
-
+_LEAST_APART = 1.0  # decades of power between two kinds, at least
 _FOUND = "Lines found to be excited"
-
-_ROUNDING = 5e-10
-"""Of the distance of two lines: what rounding leaves of a band's end that needs no digits beyond."""
-
-_STEP = 0.1
-"""Of the distance of two lines: as coarse as a band's ends are written at most."""
+_ROUNDING = 5e-10  # of the distance of two lines: what rounding leaves of a band's end that needs no digits beyond
+_STEP = 0.1  # of the distance of two lines: as coarse as a band's ends are written at most
 
 
 def band_of(first: float, last: float, period_s: float) -> tuple[float, float]:

@@ -22,18 +22,10 @@ from robid.signals.log_channels import LogChannel
 ALIKE = 0.9
 """Correlation from which a stretch of a log counts as a played period."""
 
-_MISSING = 1e-3
-"""Correlation that a period may lack beyond noise: half the share of its energy that is missing."""
-
-_BESIDE = 16
-"""Part of a period about its first sample in which a better one is looked for."""
-
-_SILENT = 1e-6
-"""Energy of a period, relative to the strongest one, below which nothing was played."""
-
-_SIZE_TOLERANCE = 0.1
-"""Relative error of a reference's size that is refused; a tenth of it is noted."""
-
+_MISSING = 1e-3  # correlation that a period may lack beyond noise: half the share of its energy that is missing
+_BESIDE = 16  # part of a period about its first sample in which a better one is looked for
+_SILENT = 1e-6  # energy of a period, relative to the strongest one, below which nothing was played
+_SIZE_TOLERANCE = 0.1  # relative error of a reference's size that is refused; a tenth of it is noted
 _UNITS = {180 / np.pi: "deg for rad", np.pi / 180: "rad for deg", 30 / np.pi: "rpm for rad/s", 1e3: "a factor of 1000"}
 
 
@@ -205,8 +197,7 @@ def check_size(gain: FloatArray, names: tuple[str, ...], rms: FloatArray) -> tup
     return problems, notes
 
 
-_STILL = 1e-3
-"""Distance from its last sample, relative to its span, within which a reference rests."""
+_STILL = 1e-3  # distance from its last sample, relative to its span, within which a reference rests
 
 
 @dataclass(frozen=True)

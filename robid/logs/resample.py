@@ -21,23 +21,14 @@ from robid.logs.pace import GAP
 from robid.logs.period import measure_repetition
 from robid.logs.timing import ALONE, RESAMPLED_RATE, Clock, since_first
 
-_DEGREE = 7
-"""Degree of the interpolating spline."""
-
-_UNEVEN = 2.0
-"""Longest time step over the shortest from which a spline of that degree would amplify noise many times."""
-
-_UNEVEN_DEGREE = 3
-"""Degree of the spline between uneven samples."""
-
+_DEGREE = 7  # degree of the interpolating spline
+_UNEVEN = 2.0  # longest time step over the shortest from which a spline of that degree would amplify noise many times
+_UNEVEN_DEGREE = 3  # degree of the spline between uneven samples
+# Lengths of time steps, in usual ones, of which the longest that can be followed across is looked for
 _BRIDGES = (10.5, 8.0, 6.0, 5.0, 4.0, 3.0, 2.5, 2.0, 1.75, 1.5)
-"""Lengths of time steps, in usual ones, of which the longest that can be followed across is looked for."""
-
-_FOLLOWED = 0.03
-"""Error of a channel up to which a spline follows it across a longer step."""
-
+_FOLLOWED = 0.03  # error of a channel up to which a spline follows it across a longer step
+# Deviation of the time stamps from a straight line, in their own steps, up to which they are only rounded
 _COARSE = 2.0
-"""Deviation of the time stamps from a straight line, in their own steps, up to which they are only rounded."""
 
 
 def resample_to_time(
@@ -226,14 +217,9 @@ def _error_note(mapping: LogMapping, told: str, error: float) -> str:
     return f"{mapping.file.name}: {told}; interpolation makes errors of {100 * error:.2g} % of a channel at most."
 
 
-_ROUNDING = 1e-3
-"""Time steps by which a limit may miss a sample and still holds it."""
-
-_MARGIN = 0.4
-"""Share of a time step by which the limits of a part may lie beyond it."""
-
-_FEWEST = 8
-"""Samples from which a piece is worth naming."""
+_ROUNDING = 1e-3  # time steps by which a limit may miss a sample and still holds it
+_MARGIN = 0.4  # share of a time step by which the limits of a part may lie beyond it
+_FEWEST = 8  # samples from which a piece is worth naming
 
 
 def chosen_part(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> slice:

@@ -34,9 +34,7 @@ _LEAD = (
     "Responses to which no model was fitted, with their uncertainty. Every column is one input, every row one output;"
     " select an element to enlarge it."
 )
-_FEW_DROPPED = 0.05
-"""Share of the lines from which on the sentence that sums up says that they were dropped."""
-
+_FEW_DROPPED = 0.05  # share of the lines from which on the sentence that sums up says that they were dropped
 _CAPTION = (
     "Of each output, at the input that moves it the most: median over the lines, and the worst line. Uncertainty is the"
     " standard deviation over the magnitude; it holds noise alone where there is one realization. Coherence is the"

@@ -12,8 +12,7 @@ from robid.signals.multisine import orthogonal_matrix
 LEVELS = (2, 3, 4, 5, 6, 7, 9)
 """Rising exponents 2^level of the norm whose minimum approaches the lowest peak."""
 
-_SAMPLES_PER_PERIOD = 16
-"""Samples in one period of the highest line; with 8 of them a peak between two is 2 % higher."""
+_SAMPLES_PER_PERIOD = 16  # samples in one period of the highest line; with 8 of them a peak between two is 2 % higher
 
 
 def reduce_crest(

@@ -8,8 +8,7 @@ from scipy.linalg import hadamard
 
 from robid.arrays import ComplexArray, FloatArray, IntArray, check_shape
 
-_SQUARES_MODULO_5 = (0, 1, -1, -1, 1)
-"""Whether an index is a square modulo 5 (1), is none (-1), or is 0."""
+_SQUARES_MODULO_5 = (0, 1, -1, -1, 1)  # whether an index is a square modulo 5 (1), is none (-1), or is 0
 
 
 def orthogonal_matrix(size: int) -> ComplexArray:

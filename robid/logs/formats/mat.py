@@ -101,8 +101,7 @@ def _is_timed(matrix: NDArray[np.generic]) -> bool:
 
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
-_PEEK = 1 << 18
-"""Bytes of a variable that hold its name and shape, packed or not."""
+_PEEK = 1 << 18  # bytes of a variable that hold its name and shape, packed or not
 _REMEDIES = {
     "table": "Save its columns: `s = table2struct(name, 'ToScalar', true)`.",
     "timetable": "Save its columns: `s = table2struct(timetable2table(name), 'ToScalar', true)`.",

@@ -21,8 +21,7 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from robid.logs.formats.variables import Found, Reason, UnreadableLogError, Wanted
 
 _LABELS = ("name", "names", "joint_names", "interface_names")
-_LONGEST = 64
-"""Lists of numbers that are longer, as of images and scans, have no columns."""
+_LONGEST = 64  # lists of numbers that are longer, as of images and scans, have no columns
 
 
 def field_of(value: Any, name: str) -> Any:  # noqa: ANN401
@@ -80,8 +79,7 @@ def _is_text(value: Any) -> bool:  # noqa: ANN401
 
 Decode: TypeAlias = Callable[[bytes], Any]
 _TIMES = ("log_time", "header.stamp")
-_NEAR = 10**15
-"""Stamps further from the log's beginning are of another clock, as of a simulation [ns]."""
+_NEAR = 10**15  # stamps further from the log's beginning are of another clock, as of a simulation [ns]
 
 
 @dataclass(frozen=True)

@@ -235,16 +235,14 @@ class _SegmentedBody(Body):
         return f"Its last part has {rows} of the {said} rows that its head states." if 0 < rows < said else ""
 
 
+# Rows of the head that name the channels; where they have a time, the row's own name stands above it
 _NAMES = ("Name", "SymbolName")
-"""Rows of the head that name the channels; where they have a time, the row's own name stands above it."""
-
 _STEP = re.compile(r"SampleTime(\[ms\])?")
 _BEGINNINGS = ("starttime of export", "start time of export")
 _HEAD, _LAST = 60, 30
 """Lines in which the head is looked for, and those by which columns are told."""
 
-_TICKS = 1e15
-"""Times from here on are no milliseconds since the first sample, but 100 ns since the year 1601."""
+_TICKS = 1e15  # times from here on are no milliseconds since the first sample, but 100 ns since the year 1601
 
 _MS, _TICK_S = 1e-3, 1e-7
 

@@ -39,14 +39,9 @@ from robid.logs.formats.variables import (
 )
 from robid.signals.log_dialect import Dialect
 
-_MOST_CHANNELS = 64
-"""Channels of such a table at most."""
-
-_LONGER = 4
-"""Samples per channel from which it lies across, in as many as there are channels."""
-
-_LEAD = 2
-"""Cells before the samples at most: a name and a unit."""
+_MOST_CHANNELS = 64  # channels of such a table at most
+_LONGER = 4  # samples per channel from which it lies across, in as many as there are channels
+_LEAD = 2  # cells before the samples at most: a name and a unit
 
 
 def read_across(text: Iterable[str], sample: Sequence[str], wanted: Wanted, dialect: Dialect) -> Found | None:
@@ -102,8 +97,7 @@ def _numbers_of(cells: Sequence[str], comma: bool) -> FloatArray | Reason:
 
 
 _SAMPLE = 1 << 18
-_DATED = ("date", "numbers")
-"""Kinds of moments that have a date."""
+_DATED = ("date", "numbers")  # kinds of moments that have a date
 CHUNK = 1 << 20
 """Characters that are read at a time; memory beyond the columns themselves is less than ten times that."""
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))

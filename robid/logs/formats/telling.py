@@ -23,8 +23,7 @@ from robid.logs.formats.variables import UnreadableLogError
 from robid.signals.log_dialect import Dialect
 
 _DELIMITERS = (";", "\t", ",", "|", " ")
-_TAIL = 30
-"""Lines at the end of the sample by which the columns are told."""
+_TAIL = 30  # lines at the end of the sample by which the columns are told
 _BRACKETS = re.compile(r"[\[(]([^\[\]()]*)[\])]\s*$")
 _UNITS = re.compile(
     "m?s|[uµ]s|ns|min|[mk]?n[·*]?m|k?n|m?[av]|k?w|[mu]?rad|deg|°|(m?rad|deg|°|turns?|rev|counts?|m?m)/s([\\^²]2?)?|rpm|[1u]/min"

@@ -21,27 +21,13 @@ from robid.logs.formats.load import load_variables
 from robid.logs.formats.variables import FORMATS, Variables, open_bytes, series_of, series_place, tell_format
 from robid.signals.log_dialect import Dialect, LogFormat
 
-_TABLE_BYTES = 1 << 27
-"""Bytes of a table of text that are looked at."""
-
-_VALUES = 1 << 26
-"""Values of a large log that are looked at; whole variables, in their order."""
-
-_WHOLE_BYTES = 1 << 27
-"""Bytes of a binary log up to which all of it is read at once."""
-
-_FEWEST = 8
-"""Samples from which a variable is a signal."""
-
-_COLUMNS = 64
-"""Columns or rows of a matrix that are looked at."""
-
-_TOLD = 20
-"""Variables of which it is told why they are no signals."""
-
-_REMEDIES = 3
-"""Remedies that are told with them."""
-
+_TABLE_BYTES = 1 << 27  # bytes of a table of text that are looked at
+_VALUES = 1 << 26  # values of a large log that are looked at; whole variables, in their order
+_WHOLE_BYTES = 1 << 27  # bytes of a binary log up to which all of it is read at once
+_FEWEST = 8  # samples from which a variable is a signal
+_COLUMNS = 64  # columns or rows of a matrix that are looked at
+_TOLD = 20  # variables of which it is told why they are no signals
+_REMEDIES = 3  # remedies that are told with them
 _TEXT = "It holds text, not numbers."
 _TITLES = {
     **dict.fromkeys(("Data", "Signal", "Value"), ("Name",)),

@@ -15,33 +15,19 @@ from robid.arrays import FloatArray, IntArray
 from robid.logs.inspection.channels import Entry
 from robid.logs.period import Repetition, band_of, find_lines, format_lines, line_power, measure_repetition
 
+# Samples up to which a period is measured on all of them; of longer signals on every second, fourth,
 _LOOKED = 1 << 17
-"""Samples up to which a period is measured on all of them; of longer signals on every second, fourth, ..."""
-
-_SAME = 0.01
-"""Relative distance of periods that are one."""
-
+_SAME = 0.01  # relative distance of periods that are one
 _ENERGY = 0.95
-_ALL = 0.9999
-"""Share of the energy of the inputs up to the highest line."""
-
+_ALL = 0.9999  # share of the energy of the inputs up to the highest line
+# Distance from a whole number of periods within which a log holds that number: a period is measured with noise
 _WHOLE = 1e-3
-"""Distance from a whole number of periods within which a log holds that number: a period is measured with noise."""
-
-_PLACES = 1000
-"""Places in a period with which a part of a signal is compared."""
-
-_ALIKE = 0.95
-"""Correlation with one of them from which the part is there."""
-
-_LOST = 0.25
-"""Share of the parts that may be nowhere: those that lost samples, or were a transient."""
-
+_PLACES = 1000  # places in a period with which a part of a signal is compared
+_ALIKE = 0.95  # correlation with one of them from which the part is there
+_LOST = 0.25  # share of the parts that may be nowhere: those that lost samples, or were a transient
+# Distance of a first period from the mean of the last, in those that they have, from which it is a transient
 _UNSETTLED = 3.0
-"""Distance of a first period from the mean of the last, in those that they have, from which it is a transient."""
-
-_EXACT = 1e-3
-"""The same distance, relative to the signal, below which it does not matter."""
+_EXACT = 1e-3  # the same distance, relative to the signal, below which it does not matter
 
 
 @dataclass(frozen=True)
@@ -189,23 +175,13 @@ def energy_band(values: FloatArray, step_s: float, part: float = _ENERGY) -> tup
     return float(max(low, 1) / (len(values) * step_s)), float(high / (len(values) * step_s))
 
 
-_LISTED = 40
-"""Lines that are listed one by one."""
-
-_DENSE = 0.9
-"""Share of a band's lines from which all of them are meant."""
-
-_ARBITRARY = 0.02
-"""Share of the band up to Nyquist from which a signal that does not repeat is more than a trajectory."""
-
-_SEGMENTS = 20
-"""Segments into which a signal that does not repeat is cut."""
-
+_LISTED = 40  # lines that are listed one by one
+_DENSE = 0.9  # share of a band's lines from which all of them are meant
+_ARBITRARY = 0.02  # share of the band up to Nyquist from which a signal that does not repeat is more than a trajectory
+_SEGMENTS = 20  # segments into which a signal that does not repeat is cut
+# Share of the frequency that halves the energy of several inputs up to which a resolution tells something
 _RESOLVED = 0.25
-"""Share of the frequency that halves the energy of several inputs up to which a resolution tells something."""
-
-_FREQUENCIES = 400
-"""Frequencies of its response at most."""
+_FREQUENCIES = 400  # frequencies of its response at most
 
 Settings: TypeAlias = dict[str, str | float | int | list[int]]
 

@@ -36,27 +36,14 @@ from robid.logs.period import Repetition
 from robid.logs.resample import limits_of, longest_bridged
 from robid.signals.log_dialect import Dialect, LogFormat
 
-_MEASURED = 24
-"""Signals whose period is measured at most."""
-
-_JITTER = 0.05
-"""Deviation of time steps from which samples are resampled to the log's time."""
-
+_MEASURED = 24  # signals whose period is measured at most
+_JITTER = 0.05  # deviation of time steps from which samples are resampled to the log's time
 _UNKNOWN_STEP_S = 1e-3
-
-_NEAR = 0.03
-"""Relative distance from the usual step of an uneven clock within which its even steps are chosen."""
-
+_NEAR = 0.03  # relative distance from the usual step of an uneven clock within which its even steps are chosen
 _ROUND = 1e-9
-
-_FEWEST = 100
-"""Even samples from which a part of an uneven clock is worth looking at."""
-
-_SCATTERED = 0.5
-"""Share of the log in its longest part without a gap below which its gaps are those of an uneven clock."""
-
-_REST = 0.25
-"""Share of a period beyond whole ones from which the periods are counted from the end."""
+_FEWEST = 100  # even samples from which a part of an uneven clock is worth looking at
+_SCATTERED = 0.5  # share of the log in its longest part without a gap below which its gaps are those of an uneven clock
+_REST = 0.25  # share of a period beyond whole ones from which the periods are counted from the end
 
 
 @dataclass(frozen=True)

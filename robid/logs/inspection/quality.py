@@ -12,38 +12,19 @@ from scipy.signal.windows import hann
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.logs.period import line_power
 
-_LOOKED = 1 << 18
-"""Samples by which the resolution is told."""
-
-_FEW = 3
-"""Different values up to which a signal hardly changes."""
-
+_LOOKED = 1 << 18  # samples by which the resolution is told
+_FEW = 3  # different values up to which a signal hardly changes
+# Share of samples at which a signal of a few values changes, from which it is no flag: binary noise, a relay
 _SWITCHES = 0.02
-"""Share of samples at which a signal of a few values changes, from which it is no flag: binary noise, a relay."""
-
-_SATURATED = 1e-3
-"""Share of samples in flat tops from which a signal saturates."""
-
-_SHORTEST_TOP = 3
-"""Samples of a flat top, at least."""
-
+_SATURATED = 1e-3  # share of samples in flat tops from which a signal saturates
+_SHORTEST_TOP = 3  # samples of a flat top, at least
+# How steeply a flat top is reached, relative to a usual step of the signal: slow turning points look flat, too
 _STEEP = 0.25
-"""How steeply a flat top is reached, relative to a usual step of the signal: slow turning points look flat, too."""
-
-_COARSE = 0.05
-"""Share of unchanged samples from which a signal is coarse."""
-
-_WHOLE = 0.1
-"""Distance of a step from whole resolutions that rounding leaves."""
-
-_MOST = 0.98
-"""Share of the steps that are whole resolutions where there is one."""
-
-_ENOUGH = 10
-"""Distances of several steps that must be there to tell them from chance."""
-
-_FORMAT = 2.0**-25
-"""Resolution, relative to the largest value, below which it is the number format's."""
+_COARSE = 0.05  # share of unchanged samples from which a signal is coarse
+_WHOLE = 0.1  # distance of a step from whole resolutions that rounding leaves
+_MOST = 0.98  # share of the steps that are whole resolutions where there is one
+_ENOUGH = 10  # distances of several steps that must be there to tell them from chance
+_FORMAT = 2.0**-25  # resolution, relative to the largest value, below which it is the number format's
 
 
 @dataclass(frozen=True)
@@ -210,17 +191,11 @@ _TURN |= {"gon": 400.0, "arcmin": 21600.0, "arcsec": 1296000.0}
 """A turn in the units that a log may state."""
 
 _UNSTATED = ("deg", "rad", "turn")
+# Counts of a turn, but for powers of ten, that encoders have beside powers of two
 _COUNTED = (1.0, 1.6, 1.8, 2.0, 2.5, 3.2, 3.6, 4.0, 5.0, 6.4, 7.2, 8.0)
-"""Counts of a turn, but for powers of ten, that encoders have beside powers of two."""
-
-_FASTEST = 0.25
-"""Turns from sample to sample up to which a jump is told from a motion."""
-
-_ODD = 0.1
-"""Share of the jumps by which others may be there, as where samples are missing."""
-
-_SMOOTH = 5.0
-"""How much more the speed may change at a jump, once that is taken out, than it does elsewhere at most."""
+_FASTEST = 0.25  # turns from sample to sample up to which a jump is told from a motion
+_ODD = 0.1  # share of the jumps by which others may be there, as where samples are missing
+_SMOOTH = 5.0  # how much more the speed may change at a jump, once that is taken out, than it does elsewhere at most
 
 
 @dataclass(frozen=True)

@@ -35,22 +35,15 @@ _TIME = {
     "clock": 2,
     "ms": 1,
 }
-_REGULAR = 0.5
-"""Share of usual steps from which a variable can be a time."""
+_REGULAR = 0.5  # share of usual steps from which a variable can be a time
 _AGREES = 0.01
-_EVEN = 0.01
-"""Deviation of steps up to which a signal that says nothing of itself is a clock: rounded stamps have it."""
-_SURELY = 3
-"""Score from which a variable is a time, whatever else is."""
-_REPEATED = 0.02
-"""Share of samples with the stamp of the one before from which stamps are no times of single samples."""
+_EVEN = 0.01  # deviation of steps up to which a signal that says nothing of itself is a clock: rounded stamps have it
+_SURELY = 3  # score from which a variable is a time, whatever else is
+_REPEATED = 0.02  # share of samples with the stamp of the one before from which stamps are no times of single samples
 _LEAST = 100
-_USUAL_HZ = (10.0, 40e3)
-"""Rates at which robots are recorded."""
-_SLOWEST_HZ = 2.0
-"""Rate from which a time with fractions may be in seconds."""
-_STRAIGHT = 1.0
-"""Steps by which a ramp may be off a straight line: it is rounded."""
+_USUAL_HZ = (10.0, 40e3)  # rates at which robots are recorded
+_SLOWEST_HZ = 2.0  # rate from which a time with fractions may be in seconds
+_STRAIGHT = 1.0  # steps by which a ramp may be off a straight line: it is rounded
 
 
 @dataclass(frozen=True)

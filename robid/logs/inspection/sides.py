@@ -20,35 +20,16 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.logs.inspection.relations import Spectrum
 from robid.logs.inspection.roles import Comparison, Signal, derivatives
 
-_NEIGHBOURS = 5
-"""Lines over which a coherence is averaged."""
-
-_COHERENT = 0.8
-"""Coherence from which a line counts."""
-
-_FEWEST = 8
-"""Lines that tell something, at least."""
-
-_HIGHEST = 0.2
-"""Share of the sampling rate up to which delays between two channels leave the polynomial as it is."""
-
-_BENT = 0.1
-"""Least share by which the spring bends the ratio over the band: less may be noise, or a delay."""
-
-_BETTER = 0.5
-"""Misfit of the polynomial over that of its inverse, at most."""
-
-_GOOD = 0.3
-"""Relative misfit of the polynomial up to which it is one."""
-
-_SURELY_GOOD = 0.15
-"""The same for a lone motion, of which nothing else tells."""
-
-_TURNED = 1.5
-"""Square of the highest line over that of the resonance from which the sign has turned within the band."""
-
-_PARTS = (1.0, 0.5, 0.25)
-"""Parts of the band that are looked at: above, further springs may make it none."""
+_NEIGHBOURS = 5  # lines over which a coherence is averaged
+_COHERENT = 0.8  # coherence from which a line counts
+_FEWEST = 8  # lines that tell something, at least
+_HIGHEST = 0.2  # share of the sampling rate up to which delays between two channels leave the polynomial as it is
+_BENT = 0.1  # least share by which the spring bends the ratio over the band: less may be noise, or a delay
+_BETTER = 0.5  # misfit of the polynomial over that of its inverse, at most
+_GOOD = 0.3  # relative misfit of the polynomial up to which it is one
+_SURELY_GOOD = 0.15  # the same for a lone motion, of which nothing else tells
+_TURNED = 1.5  # square of the highest line over that of the resonance from which the sign has turned within the band
+_PARTS = (1.0, 0.5, 0.25)  # parts of the band that are looked at: above, further springs may make it none
 
 
 @dataclass(frozen=True)

@@ -249,9 +249,7 @@ def _name(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_-") or "log"
 
 
-_EVEN = 1e-5
-"""Deviation of time steps that is not worth a word."""
-
+_EVEN = 1e-5  # deviation of time steps that is not worth a word
 _BY = {
     "unit": "by its unit",
     "name": "by its name",

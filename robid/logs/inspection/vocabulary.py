@@ -58,12 +58,10 @@ SIDES: dict[str, Side] = {
     **dict.fromkeys(("lastseitig", "abtriebsseitig", "charge", "bras"), "arm"),
     **dict.fromkeys(("tcp", "tool", "flange", "tip", "tracker", "ee"), "tool"),
 }
+# Words that say nothing of a signal, but are parts of longer ones
 _LINKING = frozenset(("joint", "axis", "achse", "achs", "gelenk", "wert", "value", "signal", "side", "seite", "axe"))
-"""Words that say nothing of a signal, but are parts of longer ones."""
-
 _TOKEN = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
-_SHORTEST = 3
-"""Letters of the shortest word that is looked for in a longer one."""
+_SHORTEST = 3  # letters of the shortest word that is looked for in a longer one
 
 
 def tokens(name: str) -> tuple[str, ...]:
