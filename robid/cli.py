@@ -13,7 +13,7 @@ from robid.commands.output import print_json
 from robid.errors import RobidError, SettingsError
 from robid.interrupts import hearing, was_interrupted
 from robid.pipeline import STAGES, Run
-from robid.signals.log_dialect import LogFormat
+from robid.signals.log_options import LogFormat
 from robid.stages.stage import Stage
 
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]

@@ -18,7 +18,7 @@ from robid.arrays import FloatArray
 from robid.logs.formats.variables import FORMATS, tell_format
 from robid.logs.mapping import LogMapping
 from robid.signals.log_channels import LogChannel
-from robid.signals.log_dialect import LogFormat
+from robid.signals.log_options import LogFormat
 
 _TIMES = ("header.stamp", "log_time")
 _NUMBER = re.compile(r"[\s_(-]*\d+\)?")

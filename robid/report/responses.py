@@ -20,9 +20,9 @@ from robid.frf.quality import (
     saturation_text,
     worst_saturation,
 )
-from robid.report.bode import BodeMatrix, BodeResponse, configuration_label
-from robid.report.content import Headline, KeyNumber
+from robid.report.charts import BodeMatrix, BodeResponse, configuration_label
 from robid.report.numbers import MISSING, number_of, percent, significant
+from robid.report.page import Headline, KeyNumber
 from robid.report.section import ColumnStyle, Notes, Part, Section, Table
 from robid.signals.quantities import Channel, response_unit
 

@@ -7,7 +7,7 @@ from scipy.fft import fft, ifft, next_fast_len
 from scipy.optimize import minimize
 
 from robid.arrays import ComplexArray, FloatArray, IntArray, check_shape
-from robid.signals.multisine import orthogonal_matrix
+from robid.signals.waveforms import orthogonal_matrix
 
 LEVELS = (2, 3, 4, 5, 6, 7, 9)
 """Rising exponents 2^level of the norm whose minimum approaches the lowest peak."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robid.report.content import Verdict
+from robid.report.page import Verdict
 from robid.report.section import Section
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from robid.pipeline import Run
-from robid.report.content import Verdict
 from robid.report.numbers import MISSING, significant
+from robid.report.page import Verdict
 from robid.report.section import Cell, Section, Table
 from robid.settings.load import LoadedExperiment
 from robid.studies.conclusion import Conclusion

@@ -41,7 +41,7 @@ from robid.logs.formats.variables import (
     open_bytes,
     tell_format,
 )
-from robid.signals.log_dialect import Dialect, LogFormat
+from robid.signals.log_options import Dialect, LogFormat
 
 _TOLD = Dialect()
 

@@ -37,7 +37,7 @@ from robid.logs.formats.variables import (
     number_repeated,
     open_bytes,
 )
-from robid.signals.log_dialect import Dialect
+from robid.signals.log_options import Dialect
 
 _MOST_CHANNELS = 64  # channels of such a table at most
 _LONGER = 4  # samples per channel from which it lies across, in as many as there are channels

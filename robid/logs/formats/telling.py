@@ -20,7 +20,7 @@ from robid.logs.formats.layout import (
 )
 from robid.logs.formats.moments import is_moment
 from robid.logs.formats.variables import UnreadableLogError
-from robid.signals.log_dialect import Dialect
+from robid.signals.log_options import Dialect
 
 _DELIMITERS = (";", "\t", ",", "|", " ")
 _TAIL = 30  # lines at the end of the sample by which the columns are told

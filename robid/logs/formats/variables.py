@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robid.errors import DataError
-from robid.signals.log_dialect import LogFormat
+from robid.signals.log_options import LogFormat
 
 _FIRST_BYTES = 512
 UNPACKING_ERRORS = (OSError, EOFError, zlib.error, lzma.LZMAError)

@@ -19,7 +19,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.logs.formats.load import load_variables
 from robid.logs.formats.variables import FORMATS, Variables, open_bytes, series_of, series_place, tell_format
-from robid.signals.log_dialect import Dialect, LogFormat
+from robid.signals.log_options import Dialect, LogFormat
 
 _TABLE_BYTES = 1 << 27  # bytes of a table of text that are looked at
 _VALUES = 1 << 26  # values of a large log that are looked at; whole variables, in their order

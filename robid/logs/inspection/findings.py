@@ -34,7 +34,7 @@ from robid.logs.inspection.vocabulary import PER_SECOND
 from robid.logs.pace import roundest
 from robid.logs.period import Repetition
 from robid.logs.resample import limits_of, longest_bridged
-from robid.signals.log_dialect import Dialect, LogFormat
+from robid.signals.log_options import Dialect, LogFormat
 
 _MEASURED = 24  # signals whose period is measured at most
 _JITTER = 0.05  # deviation of time steps from which samples are resampled to the log's time

@@ -11,7 +11,7 @@ from robid.models.family import Data, Family, Shown, Work
 
 if TYPE_CHECKING:
     from robid.artifacts.artifact import Artifact
-    from robid.report.content import FitReport
+    from robid.report.page import FitReport
     from robid.settings.fits import FitSettings
     from robid.settings.load import LoadedExperiment
     from robid.simulate.truth import TrueRobot

@@ -13,7 +13,7 @@ from robid.models.lpv.settings import LpvFit, model_settings, problems
 if TYPE_CHECKING:
     from robid.artifacts.artifact import Artifact
     from robid.models.lpv.fit.model import LpvModel
-    from robid.report.content import FitReport
+    from robid.report.page import FitReport
     from robid.settings.fits import FitSettings
     from robid.settings.load import LoadedExperiment
     from robid.simulate.truth import TrueRobot

@@ -12,7 +12,7 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.models.external.fit.choice import choose_structure
 from robid.models.external.fit.data import Shot
 from robid.models.external.fit.options import ExternalOptions
-from robid.signals.chirp import chirp
+from robid.signals.waveforms import chirp
 
 SAMPLING_PERIOD_S = 0.012
 N_SAMPLE = 8192

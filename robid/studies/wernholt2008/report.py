@@ -9,8 +9,8 @@ import numpy as np
 
 from robid.arrays import BoolArray, IntArray
 from robid.pipeline import Run
-from robid.report.content import Verdict
 from robid.report.numbers import duration, percent, significant
+from robid.report.page import Verdict
 from robid.report.section import Section, Table
 from robid.studies.conclusion import Conclusion
 from robid.studies.paper import paper_figures

@@ -12,7 +12,7 @@ from robid.robot.description import Robot
 from robid.robot.inverse import inverse_motion
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
-from robid.signals.smooth_step import smooth_step
+from robid.signals.waveforms import smooth_step
 from robid.simulate.engine import true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.playback import Playback, Played, play, turned_tool

@@ -13,7 +13,7 @@ from robid.errors import SettingsError
 from robid.robot.description import Robot
 from robid.robot.linearize import Equilibrium, solve_statics
 from robid.robot.model import ElasticModel
-from robid.signals.smooth_step import PEAK_ACCELERATION, PEAK_SNAP, step_duration_s
+from robid.signals.waveforms import PEAK_ACCELERATION, PEAK_SNAP, step_duration_s
 from robid.simulate.engine import true_model
 from robid.simulate.options import Controller, SimulateOptions
 from robid.studies.settings.steps import StepOptions

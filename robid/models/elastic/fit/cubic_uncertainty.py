@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.clusters.grouping import group_places
+from robid.clusters.evidence import group_places
 from robid.models.elastic.fit.problem import Problem
 
 

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.clusters.grouping import group_places, spread_over
+from robid.clusters.evidence import group_places, spread_over
 from robid.errors import DataError
 from robid.models.elastic.fit.considered import DoubtfulRobot
 from robid.models.elastic.fit.doubts.column import DoubtColumn

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.clusters.grouping import group_places, spread_over
+from robid.clusters.evidence import group_places, spread_over
 from robid.models.elastic.fit.problem import Problem
 from robid.robot.collocated import motor_rows
 

@@ -11,7 +11,7 @@ from robid.models.elastic.page.gather import fit_content
 from robid.models.elastic.page.sections import fit_tables, headline, sections
 from robid.models.elastic.page.summary import comparison, fit_summary
 from robid.models.family import Shown
-from robid.report.content import FitReport
+from robid.report.page import FitReport
 from robid.report.parameter_section import identified_phrase
 from robid.report.parameters import misfit_sentence
 from robid.results.outcome import recovery_sentence

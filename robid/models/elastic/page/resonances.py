@@ -13,12 +13,11 @@ from robid.frf.frf import Frf
 from robid.models.elastic.judge.resonances import SAME_CONFIGURATION
 from robid.models.elastic.page.content import FitContent, ResonanceRow
 from robid.models.elastic.page.repeats import interval_text, repeat_sentence, repeat_tables
-from robid.report.bode import configuration_label
-from robid.report.content import KeyNumber
+from robid.report.charts import configuration_label
 from robid.report.numbers import MISSING, number_of, percent, significant
-from robid.report.parameter_section import within
+from robid.report.page import KeyNumber
+from robid.report.parameter_section import open_table, with_notes, within
 from robid.report.section import Row, Section, Table
-from robid.report.terminal import open_table, with_notes
 
 _CAPTION = (
     "A peak or dip is where the magnitude is largest or smallest: of the measurement, by a local model between its"

@@ -15,11 +15,10 @@ from robid.models.lpv.fit.solution import Held, LpvSolution
 from robid.models.lpv.judge.validating import LpvValidation
 from robid.models.lpv.page.sections import sections
 from robid.models.parameters import parameter_rows, parameter_summary
-from robid.report.content import FitReport, Headline, KeyNumber
 from robid.report.numbers import percent
-from robid.report.parameter_section import parameter_numbers
+from robid.report.page import FitReport, Headline, KeyNumber
+from robid.report.parameter_section import parameter_numbers, parameter_table
 from robid.report.parameters import Estimates
-from robid.report.terminal import parameter_table
 from robid.results.grade import Grade
 
 

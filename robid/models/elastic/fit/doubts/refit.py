@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.clusters.grouping import group_places
+from robid.clusters.evidence import group_places
 from robid.errors import DataError
 from robid.models.elastic.fit.doubts.column import DoubtColumn
 from robid.models.elastic.fit.doubts.extension import (
