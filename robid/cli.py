@@ -13,6 +13,7 @@ from robid.commands.output import print_json
 from robid.errors import RobidError, SettingsError
 from robid.interrupts import hearing, was_interrupted
 from robid.pipeline import STAGES, Run
+from robid.signals.log_options import LogFormat
 from robid.stages.stage import Stage
 
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
@@ -349,7 +350,7 @@ def inspect_file(
         Path | None, typer.Option("--propose", help="Write the proposed experiment file here, as a new bench.yaml.")
     ] = None,
     format_: Annotated[
-        Literal["csv", "mat", "hdf5", "parquet", "mcap", "rosbag", "tdms", "mdf"] | None,
+        LogFormat | None,
         typer.Option("--format", help="Format of the log; told from the file when not given."),
     ] = None,
     dialect: Annotated[

@@ -18,8 +18,7 @@ from robid.stages.replacing import check_outputs
 from robid.stages.stage import Job, Plan, Stage, check_room
 
 if TYPE_CHECKING:
-    from robid.backends.map import Map
-    from robid.backends.progress import Progress
+    from robid.backends.map import Map, Progress
     from robid.results.grade import Grade
     from robid.settings.load import LoadedExperiment
 

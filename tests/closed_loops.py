@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from robid.signals.multisine import multisine
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
+from robid.signals.waveforms import multisine
 
 PERIOD_S, N_SAMPLE = 2.0, 512
 LEFT_OUT = np.array([9, 21, 33, 47])

@@ -39,7 +39,7 @@ from robid.artifacts.validation import VALIDATION
 from robid.cli import run_command
 from robid.errors import ArtifactError
 from robid.logs.formats import load
-from robid.logs.formats.apart import Limits, Reader
+from robid.logs.formats.load import Limits, Reader
 from two_mass_log import bench_log
 
 SECONDS = 120

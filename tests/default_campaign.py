@@ -7,7 +7,7 @@ import numpy as np
 
 from robid.design.excitation.lines import choose_lines
 from robid.models.known import load_experiment
-from robid.signals.multisine import multisine, time_signal
+from robid.signals.waveforms import multisine, time_signal
 from robid.simulate.experiment import SimulatedExperiment
 from robid.simulate.truth import true_robot
 

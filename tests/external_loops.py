@@ -6,8 +6,8 @@ import numpy as np
 from scipy import signal
 
 from robid.models.external.fit.data import Shot, quantum_of
-from robid.signals.chirp import chirp
 from robid.signals.quantities import Channel
+from robid.signals.waveforms import chirp
 
 PERIOD_S, N_SAMPLE = 0.012, 2500
 BANDS = ((1.04, 0.05), (5.2, 0.002))

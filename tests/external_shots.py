@@ -5,7 +5,7 @@ from scipy.signal import lsim
 
 from robid.models.external.fit.data import Shot
 from robid.models.external.fit.transfer import TransferMatrix
-from robid.signals.chirp import chirp
+from robid.signals.waveforms import chirp
 
 PERIOD_S = 0.012
 # Oliveira et al. (2019), Table 3: channels with poles beyond the sampling, cancelling pairs and an undershoot.

@@ -10,7 +10,6 @@ import numpy as np
 from robid.frf.frf import Frf
 from robid.models.elastic.page.content import FitContent, ResonanceRow
 from robid.models.elastic.page.report import fit_report
-from robid.report.content import ReportContent, Verdict, fit_sections
 from robid.report.costs import CostRow, StartRow
 from robid.report.experiment import (
     ConfigurationRow,
@@ -21,6 +20,7 @@ from robid.report.experiment import (
     experiment_section,
     run_section,
 )
+from robid.report.page import ReportContent, Verdict, fit_sections
 from robid.report.parameters import Estimates, ParameterRow
 from robid.signals.quantities import motor_channels
 

@@ -15,7 +15,7 @@ from robid.artifacts.model import estimate_from_artifact, model_to_artifact
 from robid.artifacts.validation import validation_to_artifact
 from robid.models.family import Data, Export, ExportTask, Family, Shown, Work
 from robid.models.parameters import parameter_rows, parameter_summary
-from robid.report.content import FitReport, Headline, KeyNumber
+from robid.report.page import FitReport, Headline, KeyNumber
 from robid.report.section import Section, Table
 from robid.results.estimate import Estimate
 from robid.results.grade import grade_alone, grade_held

@@ -1,1 +1,1 @@
-"""Where tasks run: `map`, in this process or in several; `progress` tells how far they are."""
+"""Where tasks run: `map`, in this process or in several, or on a cluster through `dask`."""

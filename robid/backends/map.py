@@ -1,4 +1,7 @@
-"""An ordered map over independent tasks; one BLAS thread per worker, so that results do not depend on the backend."""
+"""An ordered map over independent tasks, and where it tells how far it is.
+
+One BLAS thread per worker, so that results do not depend on the backend.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,20 @@ from threadpoolctl import threadpool_limits
 from robid.backends.threads import ONE_THREAD, environment
 from robid.errors import WorkerError
 from robid.interrupts import stop_if_interrupted
+
+
+class Progress(Protocol):
+    """Where a stage tells how far it is."""
+
+    def expect(self, total: int, unit: str, done: int = 0) -> None:
+        """Says how many tasks there are, and how many of them an earlier run did."""
+
+    def advance(self) -> None:
+        """Says that one more is done."""
+
+    def warn(self, text: str) -> None:
+        """Tells what the user should know before using the result."""
+
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")

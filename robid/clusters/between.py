@@ -8,13 +8,10 @@ import numpy as np
 from scipy.optimize import minimize
 
 from robid.arrays import BoolArray, FloatArray, IntArray
-from robid.clusters.evidence import Evidence
-from robid.clusters.saturation import inverted
+from robid.clusters.evidence import Evidence, inverted
 
-_LOWEST = 1e-8
-"""Smallest variance that is looked at, over the one where a search begins; below, it is zero."""
-_SMALL = 1e-2
-"""Variance over the one where a search begins, below which zero is tried."""
+_LOWEST = 1e-8  # smallest variance that is looked at, over the one where a search begins; below, it is zero
+_SMALL = 1e-2  # variance over the one where a search begins, below which zero is tried
 _ROUNDS = 3
 
 

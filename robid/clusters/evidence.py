@@ -1,15 +1,20 @@
-"""What each place says of the parameters, to first order around a point."""
+"""What each place says of the parameters, to first order around a point, and how far it may say no more.
+
+Groups of places are told apart by their robot configuration, and weights saturate where evidence exceeds what differs
+between places.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray
 
-_NOTHING = 1e-12
-"""Scaled information relative to the largest of a place, below which a place says nothing."""
+_NOTHING = 1e-12  # scaled information relative to the largest of a place, below which a place says nothing
 
 
 @dataclass(frozen=True)
@@ -60,3 +65,130 @@ def summarise(
     root = np.where(kept, 1 / np.sqrt(np.where(kept, values, 1.0)), 0.0)
     whiten = root[:, :, None] * vectors.swapaxes(1, 2) / scale[:, None]
     return Evidence(whiten @ bread, (whiten @ score[..., None])[..., 0], precision, pull)
+
+
+_SAME_CONFIGURATION_RAD = 1e-3
+Values = TypeVar("Values", FloatArray, ComplexArray)
+
+
+def group_places(configurations: FloatArray) -> list[list[int]]:
+    """Indices of the measurements in each place: joint angles (n_conf, n_joint) [rad] that agree."""
+    places: list[list[int]] = []
+    for index, angles in enumerate(configurations):
+        for place in places:
+            if np.abs(configurations[place[0]] - angles).max() < _SAME_CONFIGURATION_RAD:
+                place.append(index)
+                break
+        else:
+            places.append([index])
+    return places
+
+
+def spread_over(places: Sequence[Sequence[int]], values: Values) -> Values:
+    """Values (n_conf, ...) of configurations from those of their places (n_place, ...)."""
+    spread = np.empty((sum(map(len, places)), *values.shape[1:]), values.dtype)
+    for place, own in zip(places, values, strict=True):
+        spread[list(place)] = own
+    return spread
+
+
+_UNSEEN = 1e-13  # scaled information relative to the largest, below which nothing is said along a direction
+
+
+@dataclass(frozen=True)
+class Saturated:
+    """What each place says once its parameters may differ from those of all places.
+
+    Attributes:
+        information (n_place, n_param, n_param): `(I^-1 + T)^-1` of each place.
+        score (n_place, n_param): It times how far each place's own estimate lies from the point.
+        square (n_place,): Square of the residuals over their covariance.
+        log_determinant (n_place,): Logarithm of that covariance's determinant.
+    """
+
+    information: FloatArray
+    score: FloatArray
+    square: FloatArray
+    log_determinant: FloatArray
+
+
+def saturated(evidence: Evidence, between: FloatArray) -> Saturated:
+    """Weighs evidence by noise and by what differs between places.
+
+    Args:
+        evidence: What each place says.
+        between (n_param,): Variance of each parameter between places.
+
+    Source:
+        Jackson, White and Thompson (2010), sec. 2: multivariate random-effects meta-analysis.
+    """
+    rows = evidence.rows
+    covariance = np.eye(rows.shape[1]) + (rows * between) @ rows.swapaxes(1, 2)
+    root = _root(covariance)
+    whole = np.linalg.solve(root, np.concatenate([rows, evidence.target[..., None]], axis=2))
+    weighted, left = whole[..., :-1], whole[..., -1]
+    return Saturated(
+        np.asarray(weighted.swapaxes(1, 2) @ weighted),
+        np.asarray((left[:, None] @ weighted)[:, 0]),
+        np.asarray((left**2).sum(axis=1)),
+        np.asarray(2 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)),
+    )
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    """Cholesky factors of matrices (n_place, n_row, n_row) of at least the unit matrix, beyond all rounding or not.
+
+    Where noise is next to nothing, rounding takes their smallest eigenvalues away: as little is then put back.
+    """
+    try:
+        return np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        size = covariance.shape[-1] * np.finfo(float).eps * np.trace(covariance, axis1=-2, axis2=-1)
+        return np.linalg.cholesky(covariance + size[:, None, None] * np.eye(covariance.shape[-1]))
+
+
+def saturate(information: FloatArray, between: FloatArray) -> FloatArray:
+    """Returns `(I^-1 + T)^-1` of information (..., n_param, n_param) that need not have an inverse.
+
+    Sums of it over places are what a choice of places is worth: it never exceeds `T^-1`. Of n visits to one place it is
+    that of `n I`, at most n times that of I.
+
+    Args:
+        information (..., n_param, n_param): What each place says of its own parameters.
+        between (n_param,): Variance of each parameter between places.
+    """
+    rows, root = _rows(information, between)
+    weighted = np.linalg.solve(root, rows)
+    return np.asarray(weighted.swapaxes(-1, -2) @ weighted)
+
+
+def saturation_slope(information: FloatArray, between: FloatArray) -> FloatArray:
+    """Returns the derivative of `saturate` by a factor on the information, where that is 1.
+
+    It falls with the factor, so it bounds from above what more of the same place would add.
+
+    Args:
+        information (..., n_param, n_param): What each place says of its own parameters.
+        between (n_param,): Variance of each parameter between places.
+    """
+    rows, root = _rows(information, between)
+    weighted = np.linalg.solve(root.swapaxes(-1, -2), np.linalg.solve(root, rows))
+    return np.asarray(weighted.swapaxes(-1, -2) @ weighted)
+
+
+def _rows(information: FloatArray, between: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rows R with `R'R = I`, and the triangular root of `1 + R T R'`."""
+    scale = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), 1e-300))
+    values, vectors = np.linalg.eigh(information / (scale[..., :, None] * scale[..., None, :]))
+    rows = np.sqrt(np.maximum(values, 0.0))[..., :, None] * vectors.swapaxes(-1, -2) * scale[..., None, :]
+    covariance = np.eye(rows.shape[-1]) + (rows * between) @ rows.swapaxes(-1, -2)
+    return np.asarray(rows), np.linalg.cholesky(covariance)
+
+
+def inverted(total: FloatArray) -> tuple[FloatArray, float]:
+    """Returns the inverse of information (n_param, n_param) and its log-determinant; zero along what is unseen."""
+    scale = np.sqrt(np.where(np.diag(total) > 0, np.diag(total), 1.0))
+    values, vectors = np.linalg.eigh(total / (scale[:, None] * scale))
+    kept = values > _UNSEEN * values[-1]
+    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T / (scale[:, None] * scale)
+    return np.asarray(inverse), float(np.log(values[kept]).sum() + 2 * np.log(scale).sum())

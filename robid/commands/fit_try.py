@@ -21,8 +21,8 @@ from robid.models.family import Work
 from robid.models.parameters import parameter_rows
 from robid.pipeline import Run
 from robid.report.numbers import duration, percent, scale_for, significant
+from robid.report.parameter_section import open_table
 from robid.report.parameters import ParameterRow, kind_title
-from robid.report.terminal import open_table
 from robid.results.grade import WORDS
 from robid.robot.parameters import NUISANCE
 from robid.stages.export import export_plan

@@ -10,6 +10,7 @@ from typing import Any
 from robid.artifacts.store import inspect_artifact, kind_of
 from robid.commands.output import print_json
 from robid.errors import SettingsError
+from robid.signals.log_options import LogFormat
 from robid.stages.terminal import channel_lines, dataset_table, make_console
 
 _DIALECT = {"delimiter": "tab", "decimal": ",", "header_line": "3", "encoding": "utf-16"}
@@ -28,7 +29,7 @@ class LogInspection:
         dialect: How a table of text is written, by key; what is not given is told from it.
     """
 
-    format: str | None = None
+    format: LogFormat | None = None
     sampling_period_s: float | None = None
     page: Path | None = None
     experiment: Path | None = None

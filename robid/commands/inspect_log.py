@@ -15,14 +15,13 @@ from robid.artifacts.atomic import replacing
 from robid.commands.inspect import LogInspection
 from robid.commands.output import print_json
 from robid.errors import ArtifactError, SettingsError
-from robid.logs.formats.known import FORMATS
+from robid.logs.formats.variables import FORMATS
 from robid.logs.inspection.findings import Findings, inspect_log
 from robid.logs.inspection.roles import Signal
-from robid.logs.inspection.text import write_experiment
-from robid.logs.inspection.words import describe_period, describe_sampling, remarks, role_text
-from robid.logs.lines import format_lines
+from robid.logs.inspection.text import describe_period, describe_sampling, remarks, role_text, write_experiment
+from robid.logs.period import format_lines
 from robid.report.numbers import significant
-from robid.signals.log_dialect import Dialect
+from robid.signals.log_options import Dialect
 from robid.stages.terminal import Shell, make_console
 
 _MARK = "<!-- page of robid inspect -->"

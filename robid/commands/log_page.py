@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid.logs.formats.known import FORMATS
+from robid.logs.formats.variables import FORMATS
+from robid.logs.inspection.excitation import cut_periods
 from robid.logs.inspection.findings import Findings, from_end
-from robid.logs.inspection.pictures import spectra_of_all, spectra_of_periods, thin_out
-from robid.logs.inspection.repetition import cut_periods
+from robid.logs.inspection.quality import spectra_of_all, spectra_of_periods, thin_out
 from robid.logs.inspection.roles import Signal
-from robid.logs.inspection.words import describe_period, describe_sampling, remarks, role_text
-from robid.report.content import Headline, KeyNumber, ReportContent, Verdict
+from robid.logs.inspection.text import describe_period, describe_sampling, remarks, role_text
 from robid.report.numbers import engineering, pretty_unit, significant
-from robid.report.page import render
+from robid.report.page import Headline, KeyNumber, ReportContent, Verdict, render
 from robid.report.section import Beside, Cell, ColumnStyle, Curve, Figure, Notes, Row, Section, Table
 
 _DRAWN = 24

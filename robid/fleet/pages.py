@@ -14,12 +14,12 @@ from robid.fleet.ledger import LEDGER, Ledger, read_ledger
 from robid.fleet.page.report import provenance_of
 from robid.fleet.row import RowTask, Told, load_task
 from robid.pipeline import Run, asked_for, run_all
-from robid.report.content import ReportContent, Verdict
+from robid.report.page import ReportContent, Verdict
 from robid.report.section import Folded, Notes, Section, Table
 from robid.stages.report import write_page
 
 if TYPE_CHECKING:
-    from robid.backends.progress import Progress
+    from robid.backends.map import Progress
     from robid.fleet.run import OpenMap
 
 

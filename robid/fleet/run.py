@@ -24,8 +24,7 @@ from robid.fleet.table import check_table, write_table
 from robid.stages.stage import check_room
 
 if TYPE_CHECKING:
-    from robid.backends.map import Map
-    from robid.backends.progress import Progress
+    from robid.backends.map import Map, Progress
 
 ROWS, TABLE, SUMMARY, REPORT = "rows", "results.parquet", "fleet.json", "report.html"
 _SMALL_BYTES = 1e6

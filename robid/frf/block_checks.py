@@ -9,7 +9,7 @@ from robid.errors import DataError
 from robid.frf.blocks import NEEDS_REFERENCE, NEEDS_SQUARE_BLOCKS
 from robid.frf.dropped import FEWEST
 from robid.frf.spectra import Blocks
-from robid.signals.positions import shown
+from robid.signals.quantities import shown
 from robid.signals.record import Record
 
 _CONDITION_LIMIT = 1e6

@@ -11,8 +11,7 @@ from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.frf.saturation import saturated_channels, saturation_error
 from robid.frf.timing import Shift, common_shift, find_shifts, measure_jitter, period_differences, sparse_samples
-from robid.signals.positions import shown
-from robid.signals.quantities import DRIVES
+from robid.signals.quantities import DRIVES, shown
 from robid.signals.record import Record
 
 JITTER_LIMIT = 0.1

@@ -14,44 +14,24 @@ from scipy.interpolate import make_interp_spline
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.logs.mapping import LogMapping
+from robid.logs.mapping import LogMapping, Stream
 from robid.logs.pace import GAP, Pace, measure_pace
 from robid.logs.resample import interpolation_error
-from robid.logs.streams import Stream
 from robid.logs.timing import UNSURE
 
-_DEGREE = 7
-"""Degree of the interpolating spline."""
-
+_DEGREE = 7  # degree of the interpolating spline
+# Points per sample of evenly spaced ones on which the spline stands: what it adds then lies far above their band
 _FINER = 4
-"""Points per sample of evenly spaced ones on which the spline stands: what it adds then lies far above their band."""
-
-_EVEN = 1e-5
-"""Part of a step by which an instant may be beside a sample and be its."""
-
-_JITTER = 5e-3
-"""Steps by which evenly spaced samples may be off their line: numbers of seconds since 1970 are no finer."""
-
-_MARGIN = 32
-"""Samples at the ends of what does not repeat that are left out where it is interpolated."""
-
-_WHOLE = 1e-4
-"""Relative distance of a period from whole samples up to which it continues them."""
-
+_EVEN = 1e-5  # part of a step by which an instant may be beside a sample and be its
+_JITTER = 5e-3  # steps by which evenly spaced samples may be off their line: numbers of seconds since 1970 are no finer
+_MARGIN = 32  # samples at the ends of what does not repeat that are left out where it is interpolated
+_WHOLE = 1e-4  # relative distance of a period from whole samples up to which it continues them
+# Share of the places without a value, up to which time may be missing there where the rows are those of others
 _OWN_ROWS = 0.1
-"""Share of the places without a value, up to which time may be missing there where the rows are those of others."""
-
-_PLACES = 10
-"""Places without a value from which rows are told to be those of others."""
-
-_RATE = 1e-3
-"""Relative difference of rates that are meant to be the same, or multiples."""
-
-_LOOSE = 0.1
-"""Part of a step by which rounded stamps may leave open where samples lie between those of others."""
-
-_SAME = 1e-3
-"""Part of a step by which stamps may differ and be the same."""
+_PLACES = 10  # places without a value from which rows are told to be those of others
+_RATE = 1e-3  # relative difference of rates that are meant to be the same, or multiples
+_LOOSE = 0.1  # part of a step by which rounded stamps may leave open where samples lie between those of others
+_SAME = 1e-3  # part of a step by which stamps may differ and be the same
 
 
 @dataclass(frozen=True)

@@ -13,36 +13,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robid.errors import DataError
-from robid.logs.formats.known import tell_format
 from robid.logs.formats.load import load_variables
-from robid.logs.formats.variables import Variables, find_variable, series_of
-from robid.logs.mapping import LogMapping
+from robid.logs.formats.variables import Variables, find_variable, series_of, tell_format
+from robid.logs.mapping import LogMapping, Stream
 from robid.logs.streams import (
-    Stream,
+    NoSumError,
+    UnknownNameError,
     apart_without_time,
     is_of_other_topic,
     is_table,
     jump_notes,
+    may_be_sum,
     may_be_time,
     on_time_of_log,
     own_times,
+    parse_sum,
     time_before,
     times_of_groups,
     topic_of,
     topic_time,
     unwrapped,
 )
-from robid.logs.terms import NoSumError, UnknownNameError, may_be_sum, parse_sum
 from robid.signals.log_channels import LogChannel, OutputChannel
 from robid.signals.log_options import TIME_UNITS
 from robid.signals.record import Record
 
-_SHOWN = 8
-"""Fewest samples of a variable that is offered as a channel, and a quarter of the names that a message lists."""
-_SMALL = 1 << 27
-"""MAT files up to this size are read whole to suggest a name [bytes]."""
+_SHOWN = 8  # fewest samples of a variable that is offered as a channel, and a quarter of the names that a message lists
+_SMALL = 1 << 27  # MAT files up to this size are read whole to suggest a name [bytes]
+# Ranges of all others by which a lone sample must lie beyond them to be refused; no sensor resolves as much
 _ABSURD = 1e6
-"""Ranges of all others by which a lone sample must lie beyond them to be refused; no sensor resolves as much."""
 
 
 @dataclass

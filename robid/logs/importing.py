@@ -1,32 +1,69 @@
-"""Imports logs into records and refuses what cannot be trusted."""
+"""Imports logs into records and refuses what cannot be trusted; joins the records of experiments and shots."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray, check_shape
 from robid.errors import DataError
-from robid.logs.checks import check_mapping, check_shot, check_wraps, still_note
 from robid.logs.clocks import on_one_clock
 from robid.logs.columns import check_lengths, check_motion, check_values, read_columns
-from robid.logs.lines import check_found, find_lines, found_note
-from robid.logs.mapping import LogMapping
-from robid.logs.match import PlayedExcitation
+from robid.logs.mapping import LogMapping, Stated, check_mapping, check_shot, check_wraps, still_note
+from robid.logs.period import check_found, find_lines, found_note
 from robid.logs.period_checks import OtherPeriodError
-from robid.logs.pieces import chosen_part, whole_piece
-from robid.logs.placing import Log, check_band, match_periods, place_periods, strongest_channel
-from robid.logs.resample import resample_to_period, resample_to_time
-from robid.logs.samples import channel_values, sample_channels
-from robid.logs.stated import Stated
+from robid.logs.placing import Log, PlayedExcitation, check_band, match_periods, place_periods, strongest_channel
+from robid.logs.resample import chosen_part, resample_to_period, resample_to_time, whole_piece
 from robid.logs.timing import Clock, check_segment, check_steps, clock_problems, even_stamps, read_clock
+from robid.signals.log_channels import LogChannel
+from robid.signals.pose import POSE, displacement, rotation_from_zyx
 from robid.signals.quantities import INJECTED, Channel, motor_channels
 from robid.signals.record import Record
+
+
+def channel_values(channels: Sequence[LogChannel], columns: Mapping[str, NDArray[Any]], used: slice) -> FloatArray:
+    """Returns samples (n_sample, n_channel) in the channels' units."""
+    return np.stack([channel.factor * columns[channel.column][used].astype(float) for channel in channels], axis=-1)
+
+
+def _seen_from_home(
+    mapping: LogMapping, key: Literal["inputs", "outputs"], values: FloatArray
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Signals whose pose is a displacement from home where it was absolute, and what to say about it."""
+    if mapping.pose is None or key not in mapping.pose.absolute:
+        return values, ()
+    names = [channel.name for channel in getattr(mapping, key)]
+    at = [names.index(name) for name in POSE]
+    home = values[0, at] if mapping.pose.stated is None else mapping.pose.stated
+    turned = values.copy()
+    rotations = rotation_from_zyx(values[:, at[3:]])
+    turned[:, at] = displacement(home[:3], rotation_from_zyx(home[3:]), values[:, at[:3]], rotations)
+    shown = ", ".join(f"{value:.4g}" for value in (*home[:3], *np.rad2deg(home[3:])))
+    return turned, (
+        f"The {key} are displacements in the tool frame of the home pose {shown} (X Y Z in m, A B C in deg).",
+    )
+
+
+def sample_channels(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], used: slice, periods: int) -> Record:
+    """Returns the record of some samples of a log, without what was played."""
+    inputs, told = _seen_from_home(mapping, "inputs", channel_values(mapping.inputs, columns, used))
+    outputs, further = _seen_from_home(mapping, "outputs", channel_values(mapping.outputs, columns, used))
+    return Record(
+        sampling_period_s=mapping.sampling_period_s,
+        inputs=inputs.reshape(1, 1, 1, periods, -1, inputs.shape[-1]),
+        outputs=(outputs - outputs[0]).reshape(1, 1, 1, periods, -1, outputs.shape[-1]),
+        output_offset=outputs[:1] - [channel.factor * channel.zero for channel in mapping.outputs],
+        input_channels=tuple(channel.channel for channel in mapping.inputs),
+        output_channels=tuple(channel.channel for channel in mapping.outputs),
+        input_hold=mapping.inputs[0].hold,
+        input_relative_std=np.array([channel.torque_constant_relative_std for channel in mapping.inputs]),
+        notes=(*told, *further),
+    )
 
 
 def import_log(
@@ -256,3 +293,50 @@ def _raise(file: Path, problems: list[DataError]) -> None:
         raise problems[0]
     if problems:
         raise DataError("\n".join([f"{len(problems)} problems", *map(str, problems)]), where=str(file))
+
+
+def join_shots(records: list[Record], n_experiment: int = 1) -> Record:
+    """Joins repeated shots, realization by realization, cut to the shortest, which is noted."""
+    lengths = {record.inputs.shape[4] for record in records}
+    shortest = min(lengths)
+    cut = [
+        replace(
+            record,
+            inputs=record.inputs[..., :shortest, :],
+            outputs=record.outputs[..., :shortest, :],
+            reference=None if record.reference is None else record.reference[..., :shortest, :],
+        )
+        for record in records
+    ]
+    joined = join_experiments(cut, n_experiment)
+    told = f"The shots have {shortest} to {max(lengths)} samples; all were cut to the shortest."
+    return joined if len(lengths) == 1 else replace(joined, notes=(*joined.notes, told))
+
+
+def join_experiments(records: list[Record], n_experiment: int) -> Record:
+    """Joins records of single experiments in one configuration.
+
+    Args:
+        records: One record of each experiment, realization by realization.
+        n_experiment: Experiments in a realization.
+
+    Returns:
+        The record (1, n_real, n_exp, ...), its angles relative to the first experiment's offset.
+    """
+    first = records[0]
+    if len(records) == 1:
+        return first
+
+    def joined(parts: list[FloatArray]) -> FloatArray:
+        return np.stack(parts).reshape(1, -1, n_experiment, *parts[0].shape[3:])
+
+    offset = first.output_offset
+    return replace(
+        first,
+        inputs=joined([record.inputs for record in records]),
+        outputs=joined([record.outputs + (record.output_offset - offset) for record in records]),
+        reference=None
+        if first.reference is None
+        else joined([r.reference for r in records if r.reference is not None]),
+        notes=tuple(dict.fromkeys(note for record in records for note in record.notes)),
+    )

@@ -1,8 +1,12 @@
-"""Samples that a log without time stamps lost, or holds twice: where its periods move apart by whole samples."""
+"""Samples that a log without time stamps lost, or holds twice: where its periods move apart by whole samples.
+
+And which settings use only what lies before, between or after them.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.fft import rfft
@@ -10,42 +14,26 @@ from scipy.interpolate import make_interp_spline
 from scipy.signal import fftconvolve, firwin
 
 from robid.arrays import FloatArray, IntArray
+from robid.errors import DataError
+from robid.logs.mapping import Stated
+from robid.logs.period import measure_repetition
+from robid.logs.timing import Clock
 
-_MOST = 50
-"""Largest number of samples lost within one period that is looked for."""
-
-_BLOCKS = 64
-"""Blocks of a period, in each of which the lag is constant."""
-
-_FEWEST = 4
-"""Blocks that tell of a lag."""
-
-_JUMP = 0.05
-"""Share of what a constant lag leaves that a jump has to explain."""
-
-_LIKELY = 12.0
-"""Logarithm of the likelihood that a jump has to gain where what is left is noise."""
-
-_LEAST = 1e-6
-"""Noise that is taken to be in the difference of two periods at least, relative to the signal's energy."""
-
-_EXPLAINED = 0.5
-"""Share of what periods that did not move leave below which a lag is believed, where it is."""
-
+_MOST = 50  # largest number of samples lost within one period that is looked for
+_BLOCKS = 64  # blocks of a period, in each of which the lag is constant
+_FEWEST = 4  # blocks that tell of a lag
+_JUMP = 0.05  # share of what a constant lag leaves that a jump has to explain
+_LIKELY = 12.0  # logarithm of the likelihood that a jump has to gain where what is left is noise
+_LEAST = 1e-6  # noise that is taken to be in the difference of two periods at least, relative to the signal's energy
+_EXPLAINED = 0.5  # share of what periods that did not move leave below which a lag is believed, where it is
+# Standard deviations of what the blocks gain by a lag from which it is believed in noise: half of its own
 _SIGMAS = 2.5
-"""Standard deviations of what the blocks gain by a lag from which it is believed in noise: half of its own."""
-
-_UNLIKE = 0.2
-"""Mismatch between the periods, with the jumps, above which the signal does not repeat."""
-
-_ALL = 0.4
-"""Twice the highest line, in cycles per sample, from which nothing is filtered."""
-
+_UNLIKE = 0.2  # mismatch between the periods, with the jumps, above which the signal does not repeat
+_ALL = 0.4  # twice the highest line, in cycles per sample, from which nothing is filtered
+# Noise of a sample, for each one lost, by which a period has to leave more than another to be the wrong one
 _STANDS_OUT = 10.0
-"""Noise of a sample, for each one lost, by which a period has to leave more than another to be the wrong one."""
-
+# Half the length of the filter, in periods of the highest line: it is sharp enough for twice its frequency
 _LENGTH = 0.8
-"""Half the length of the filter, in periods of the highest line: it is sharp enough for twice its frequency."""
 
 
 @dataclass(frozen=True)
@@ -214,3 +202,98 @@ def _merged(losses: list[Loss], block: int) -> list[Loss]:
         if not kept or one.after - kept[-1].after > 2 * block:
             kept.append(one)
     return kept
+
+
+_BESIDE = 32  # part of a period by which a gap of the time and a loss may be apart and be one
+
+
+@dataclass(frozen=True)
+class Part:
+    """Which part of a log is looked at.
+
+    Attributes:
+        start: Its first sample in the log.
+        last: Whether the last periods are used, not the first ones after those dropped.
+        matched: Whether the periods are counted from there on, as they matched what was played.
+    """
+
+    start: int = 0
+    last: bool = False
+    matched: bool = False
+
+    def used(self, length: int, stated: Stated) -> tuple[int, int]:
+        """First sample of the log that is used of a part of some length, and the one after the last."""
+        wanted = stated.periods * stated.samples
+        if self.last:
+            return max(self.start + length - wanted, 0), self.start + length
+        first = (self.start if self.matched else 0) + stated.dropped * stated.samples
+        return first, first + wanted
+
+
+def part_losses(steady: FloatArray, stated: Stated, part: Part) -> tuple[list[Loss], FloatArray]:
+    """Losses of samples that touch what is used, by samples of the log; else the channel up to the first beside it.
+
+    Args:
+        steady (n_sample,): An excited channel.
+        stated: What was said of its period.
+        part: Which part of the log it is.
+    """
+    found = measure_repetition(steady, stated.samples, stated.lines)
+    measured = None if found.samples is None else found.samples * found.multiple(stated.samples)
+    losses = [
+        Loss(part.start + one.after, one.samples) for one in find_losses(steady, stated.samples, stated.lines, measured)
+    ]
+    first, stop = part.used(len(steady), stated)
+    inside = [one for one in losses if first <= one.after < stop - 1]
+    if inside or not losses:
+        return losses if inside else [], steady
+    end = min((one.after + 1 for one in losses if one.after >= stop - 1), default=part.start + len(steady))
+    return [], steady[max(first - part.start, 0) : end - part.start]
+
+
+def lost_samples(
+    where: str, losses: list[Loss], length: int, stated: Stated, part: Part, clock: Clock | None
+) -> list[DataError]:
+    """Names the samples after which some are lost, unless the log's own time names them anyhow."""
+    first, stop = part.used(length, stated)
+    inside = [one for one in losses if first <= one.after < stop - 1]
+    gaps = [] if clock is None else [gap for gap in clock.gaps.tolist() if (gap + 1 - first) % stated.samples]
+    inside = [one for one in inside if not any(abs(gap - one.after) * _BESIDE < stated.samples for gap in gaps)]
+    if not inside:
+        return []
+    told = ", ".join(f"{_counted(one.samples)} after about sample {one.after}" for one in inside)
+    what = f"Its periods are whole, but move apart on the way, as no other clock makes them: {told}."
+    return [
+        DataError(what, where=f"{where}, about sample {inside[0].after}", remedy=_remedy(losses, length, stated, part))
+    ]
+
+
+def _counted(samples: int) -> str:
+    noun, many = ("sample", abs(samples)) if abs(samples) == 1 else ("samples", abs(samples))
+    return f"{many} {noun} {'missing' if samples > 0 else 'too many'}"
+
+
+def _remedy(losses: list[Loss], length: int, stated: Stated, part: Part) -> str:
+    """Settings that use the longest part without a loss."""
+    size, total = stated.samples, part.start + length
+    origin = part.start if part.matched else 0
+    edges = [origin, *(one.after + 1 for one in losses), total]
+    choices: list[tuple[int, str]] = []
+    for begin, end in pairwise(edges):
+        dropped = max(-(-(begin - origin) // size), stated.dropped)
+        periods = (end - origin) // size - dropped
+        settings = [*(["take to first"] if part.last else [])]
+        settings += [f"drop_periods to {dropped}"] if dropped != stated.dropped else []
+        choices.append((periods, _sentence([*settings, f"periods to {periods}"])))
+    # Counted from the end, what follows the last loss may hold one more.
+    periods = min((total - edges[-2]) // size, total // size - stated.dropped)
+    if not part.matched:
+        choices.append((periods, _sentence([*([] if part.last else ["take to last"]), f"periods to {periods}"])))
+    most, settings_told = max(choices, key=lambda choice: choice[0])
+    if most < 1:
+        return "Record again: no whole period lies between the losses."
+    return f"{settings_told}: the longest part without a loss. Do not resample: that would spread the loss."
+
+
+def _sentence(settings: list[str]) -> str:
+    return f"Set {', '.join(settings[:-1])} and {settings[-1]}" if len(settings) > 1 else f"Set {settings[0]}"

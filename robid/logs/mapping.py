@@ -1,13 +1,20 @@
-"""The logs of one recording and what their variables are."""
+"""What was said of the logs of one recording, and what in that contradicts itself."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from robid.signals.log_channels import LogChannel
+import numpy as np
+from numpy.typing import NDArray
+
+from robid.arrays import FloatArray, IntArray
+from robid.errors import DataError, SettingsError
+from robid.signals.log_channels import LogChannel, input_problems
 from robid.signals.log_options import LogOptions
+from robid.signals.quantities import INJECTED, units_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,3 +48,207 @@ class LogMapping(LogOptions):
         """Says where a column comes from."""
         file, variable = self.variables[column]
         return f"{file}: variable `{variable}`"
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """The samples of a variable.
+
+    Attributes:
+        column: The column that it is, or is a part of.
+        name: Its name.
+        weight: Its weight in the column.
+        values (n_sample,): Its samples.
+        stamps (n_sample,): Its own time stamps, in the unit of the log's time; None where it has none.
+        clock: The variable that holds them.
+        held: Whether its numbers stay from one sample to the next, as a command does.
+    """
+
+    column: str
+    name: str
+    weight: float
+    values: NDArray[Any]
+    stamps: NDArray[Any] | None = None
+    clock: str = ""
+    held: bool = False
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What was said of the period.
+
+    Attributes:
+        sampling_period_s: Sampling period of the log [s].
+        samples: Samples of one period.
+        periods: Periods that are used.
+        dropped: Periods that are dropped before.
+        lines (n_freq,): Lines that are excited.
+        find: Whether they are only those among which the excited ones are looked for.
+        listed: Whether the lines were listed one by one, so that neither a count nor a band says them.
+        differs: Whether other logs that are read by the same settings have other clocks.
+    """
+
+    sampling_period_s: float
+    samples: int
+    periods: int
+    dropped: int
+    lines: IntArray
+    find: bool = False
+    listed: bool = False
+    differs: bool = False
+
+    @property
+    def period_s(self) -> float:
+        """The period [s]."""
+        return self.samples * self.sampling_period_s
+
+
+def set_all(settings: Mapping[str, str]) -> str:
+    """Writes settings as a sentence: `Set a to 1, b to 2 and c to 3.`."""
+    texts = [f"{name} to {value}" for name, value in settings.items()]
+    return f"Set {', '.join(texts[:-1])} and {texts[-1]}." if len(texts) > 1 else f"Set {texts[0]}."
+
+
+_STILL = "Constant in"
+_FEWEST = 16  # samples by which a range is told after which numbers begin again
+_BITS = (8, 10, 12, 13, 14, 15, 16, 17, 18, 19, 20, 22, 23, 24, 32)  # bits of counters
+_ROUNDING = 1e-3  # part of a range by which rounding may move a jump
+_SLOW = 0.1  # part of a range that a sample moves at most, from which jumps by nearly all of it are told
+_USUAL = 4.0  # usual steps by which a jump may be beside the range
+
+
+def check_mapping(mapping: LogMapping, samples_per_period: int, lines: IntArray, kind: str = "") -> None:
+    """Checks units, signs, torque constants and lines before the file is read.
+
+    Args:
+        mapping: The log mapping.
+        samples_per_period: The stated period.
+        lines (n_freq,): Lines that were said to be excited.
+        kind: Kind of the excitation that references are matched to.
+
+    Raises:
+        SettingsError: With every contradiction.
+    """
+    problems = _channels(mapping)
+    known = units_of(INJECTED[kind], rotation=True) if kind else ()
+    for channel in mapping.references:
+        if kind and channel.unit not in known:
+            problems.append(f"{channel.name}: {channel.unit} is no unit of a {kind} (known: {', '.join(known)})")
+    names = [channel.name for channel in mapping.inputs]
+    if mapping.references and [channel.name for channel in mapping.references] != names:
+        problems.append(f"the references must be those of the inputs, in their order: {', '.join(names)}")
+    if not len(lines) or lines.min() < 1 or 2 * lines.max() >= samples_per_period:
+        problems.append(f"the excited lines are not all within 1 to {(samples_per_period - 1) // 2}, below Nyquist")
+    _refuse(mapping, problems)
+
+
+def check_shot(mapping: LogMapping) -> None:
+    """Checks units, signs and torque constants of a log of one shot before the file is read.
+
+    Raises:
+        SettingsError: With every contradiction.
+    """
+    _refuse(mapping, _channels(mapping))
+
+
+def _refuse(mapping: LogMapping, problems: list[str]) -> None:
+    if problems:
+        raise SettingsError(
+            "; ".join(problems), where=f"log mapping of {mapping.file}", remedy="Correct the acquire section."
+        )
+
+
+def _channels(mapping: LogMapping) -> list[str]:
+    """What contradicts itself among the channels, whatever was played."""
+    problems = []
+    if not mapping.outputs:
+        problems.append("there is no output channel")
+    if not mapping.inputs:
+        problems.append("there is no input channel")
+    channels: list[LogChannel] = [*mapping.inputs, *mapping.outputs, *mapping.references]
+    problems += [f"{channel.name}: {problem}" for channel in channels for problem in channel.problems()]
+    problems += input_problems(mapping.inputs)
+    problems += [f"{key}: {problem}" for key, problem in mapping.pose_problems()]
+    for group in (mapping.inputs, mapping.outputs, mapping.references):
+        names = [channel.name for channel in group]
+        problems += [f"{name}: the name occurs twice" for name in dict.fromkeys(names) if names.count(name) > 1]
+    return problems
+
+
+def check_wraps(mapping: LogMapping, streams: Sequence[Stream], part: slice) -> list[DataError]:
+    """Finds measured angles and counters that begin again where that was not said.
+
+    Their numbers stay within one range, and all that moves them further in a sample is a jump by nearly all of it.
+
+    Args:
+        mapping: The log mapping.
+        streams: The variables.
+        part: The samples that are used, where all have the same.
+    """
+    unsaid = [one for one in mapping.outputs if one.unwrap is None and not one.unwraps and not one.problems()]
+    measured = {one.column: one for one in unsaid}
+    problems = []
+    for one in streams:
+        channel = measured.get(one.column)
+        if channel is None or channel.si_unit not in ("rad", "m"):
+            continue
+        turn = 2 * np.pi / abs(channel.factor)
+        turns = [turn, turn * channel.scale] if channel.si_unit == "rad" else []
+        found = _wrap_of(one.values[part].astype(float), turns)
+        if found is None:
+            continue
+        size, count = found
+        stated = "true" if size in turns else f"{size:.0f}"
+        told = "a turn" if size in turns else f"{size:.0f}, a counter's range,"
+        what = f"It jumps by {told} {count} times, and stays within: its numbers begin again."
+        where = f"{mapping.variables[one.column][0]}: variable `{one.name}`"
+        problems.append(DataError(what, where=where, remedy=f"State `unwrap: {stated}` for it."))
+    return problems
+
+
+def _wrap_of(values: FloatArray, turns: Sequence[float]) -> tuple[float, int] | None:
+    """The range after which numbers begin again, and how often they do; None where they do not.
+
+    Args:
+        values (n_sample,): The numbers.
+        turns: What a turn may be in them; nothing where they are no angle.
+    """
+    values = values[np.isfinite(values)]
+    if len(values) < _FEWEST:
+        return None
+    steps, span = np.abs(np.diff(values)), float(np.ptp(values))
+    ranges = [*turns]
+    if np.array_equal(values, np.round(values)):
+        ranges += [2.0**bits for bits in _BITS]
+    for size in ranges:
+        jumps = steps > size / 2
+        count = int(np.count_nonzero(jumps))
+        if not 0 < count < len(steps) / 2 or span > size * (1 + _ROUNDING):
+            continue
+        usual = float(np.quantile(steps[~jumps], 0.99))
+        if 0 < usual < _SLOW * size and np.all(np.abs(steps[jumps] - size) <= _USUAL * usual + _ROUNDING * size):
+            return size, count
+    return None
+
+
+def still_note(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> tuple[str, ...]:
+    """Names the channels of one shot that never change: their joints stood still, or they were not connected.
+
+    Raises:
+        DataError: If no output changes, so that nothing moved.
+    """
+    outputs: list[LogChannel] = [*mapping.outputs]
+    still = [one for one in (*mapping.inputs, *outputs, *mapping.references) if np.ptp(columns[one.column]) == 0]
+    if all(channel in still for channel in outputs):
+        raise DataError(
+            "No output changes: nothing moved.",
+            where=str(mapping.file),
+            remedy="Check that the channels were connected and that their variables are the right ones.",
+        )
+    told = ", ".join(f"`{channel.variable}` ({columns[channel.column][0]:g})" for channel in still)
+    return (f"{_STILL} {mapping.file.name}: {told}; right only where these joints stood still.",) if still else ()
+
+
+def is_still_note(note: str) -> bool:
+    """Whether a note of a record names channels that never change."""
+    return note.startswith(_STILL)

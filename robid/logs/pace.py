@@ -13,41 +13,19 @@ from robid.arrays import BoolArray, FloatArray, IntArray
 GAP = 1.5
 """Time step, in usual ones, from which samples are missing."""
 
-_SCATTERED = 5.0
-"""Standard deviations of the steps, of a clock that jitters, within which a longer one is no gap."""
-
-_EVEN = 0.5
-"""Deviation of a step, relative, up to which it counts as a usual one."""
-
-_USUAL = 0.95
-"""Share of usual steps from which the others are gaps."""
-
-_FINE = 0.02
-"""Rounding, in usual steps, below which it is none."""
-
-_WHOLE = 0.02
-"""Distance of a step from whole roundings that the number format leaves, in roundings."""
-
+_SCATTERED = 5.0  # standard deviations of the steps, of a clock that jitters, within which a longer one is no gap
+_EVEN = 0.5  # deviation of a step, relative, up to which it counts as a usual one
+_USUAL = 0.95  # share of usual steps from which the others are gaps
+_FINE = 0.02  # rounding, in usual steps, below which it is none
+_WHOLE = 0.02  # distance of a step from whole roundings that the number format leaves, in roundings
+# Odd steps from which, evenly spread, they may be those of a clock beside the rounding; fewer are gaps or repeats
 _FEW = 3
-"""Odd steps from which, evenly spread, they may be those of a clock beside the rounding; fewer are gaps or repeats."""
-
-_EQUAL = 1e-4
-"""Difference of two steps, in usual ones, up to which they are equal: floating point leaves it."""
-
-_LOOKED = 1_000_000
-"""Steps by which the rounding is told."""
-
-_FAR = 100.0
-"""Steps, in usual ones, from which they are gaps and tell no rounding."""
-
-_AGREE = 0.6
-"""Share of the windows that have to agree on a step where samples may be lost within the others."""
-
-_LONGEST = 64
-"""Changes of the stamp over which a jump is averaged."""
-
-_BLOCKS = 2000
-"""Blocks of which only the extremes are kept to fit a line."""
+_EQUAL = 1e-4  # difference of two steps, in usual ones, up to which they are equal: floating point leaves it
+_LOOKED = 1_000_000  # steps by which the rounding is told
+_FAR = 100.0  # steps, in usual ones, from which they are gaps and tell no rounding
+_AGREE = 0.6  # share of the windows that have to agree on a step where samples may be lost within the others
+_LONGEST = 64  # changes of the stamp over which a jump is averaged
+_BLOCKS = 2000  # blocks of which only the extremes are kept to fit a line
 
 
 @dataclass(frozen=True)

@@ -6,22 +6,15 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
-from robid.logs.lines import band_of, check_lines
-from robid.logs.loss_checks import Part, lost_samples, part_losses
-from robid.logs.period import Repetition, measure_repetition, measure_share
-from robid.logs.stated import Stated, set_all
+from robid.logs.losses import Part, lost_samples, part_losses
+from robid.logs.mapping import Stated, set_all
+from robid.logs.period import Repetition, band_of, check_lines, measure_repetition, measure_share
 from robid.logs.timing import ALONE, EVERY_LOG, RESAMPLED_RATE, Clock, clock_problems
 
-_WHOLE = 5e-7
-"""Largest relative distance of a period from whole samples that settings accept, a margin kept."""
-
+_WHOLE = 5e-7  # largest relative distance of a period from whole samples that settings accept, a margin kept
 _OTHER_PERIODS = "other logs of the campaign repeat otherwise, and a period of each is made"
-
-_LISTED = 40
-"""Lines up to which all are listed in a remedy."""
-
-_SURE = 0.05
-"""Standard deviation of a measured period up to which it says what to resample to [samples]."""
+_LISTED = 40  # lines up to which all are listed in a remedy
+_SURE = 0.05  # standard deviation of a measured period up to which it says what to resample to [samples]
 
 
 class OtherPeriodError(DataError):

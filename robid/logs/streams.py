@@ -1,10 +1,13 @@
-"""The variables behind the channels of a log: weights in sums, jumps where numbers begin again, stamps of their own."""
+"""The variables behind the channels of a log: stamps of their own, jumps, and weighted sums of them.
+
+A sum is written as `q2 + q3`, `0.5*a - 2*b` or `(a + b)/2`.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,40 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robid.arrays import FloatArray
-from robid.logs.formats.known import tell_format
+from robid.logs.formats.variables import FORMATS, tell_format
 from robid.logs.mapping import LogMapping
 from robid.signals.log_channels import LogChannel
+from robid.signals.log_options import LogFormat
 
-_MESSAGES = ("mcap", "rosbag")
-_TIMED = ("tdms", "mdf")
 _TIMES = ("header.stamp", "log_time")
-_TABLES = ("csv", "parquet")
 _PLACE = re.compile(r"\d+|.*\([\d:, ]+\)")
 _NUMBER = re.compile(r"[\s_(-]*\d+\)?")
 _TIME_WORD = re.compile(r"(?<![a-z])(time|timestamp|stamp|zeit|zeitstempel|temps|tempo)(?![a-z])")
-
-
-@dataclass(frozen=True, eq=False)
-class Stream:
-    """The samples of a variable.
-
-    Attributes:
-        column: The column that it is, or is a part of.
-        name: Its name.
-        weight: Its weight in the column.
-        values (n_sample,): Its samples.
-        stamps (n_sample,): Its own time stamps, in the unit of the log's time; None where it has none.
-        clock: The variable that holds them.
-        held: Whether its numbers stay from one sample to the next, as a command does.
-    """
-
-    column: str
-    name: str
-    weight: float
-    values: NDArray[Any]
-    stamps: NDArray[Any] | None = None
-    clock: str = ""
-    held: bool = False
 
 
 def own_times(mapping: LogMapping, channel: LogChannel, path: Path, name: str) -> list[str]:
@@ -125,7 +103,7 @@ def is_of_other_topic(mapping: LogMapping, path: Path, name: str) -> bool:
 
 
 def _has_topics(path: Path) -> bool:
-    return path.exists() and (path.is_dir() or tell_format(path) in _MESSAGES)
+    return path.exists() and (path.is_dir() or FORMATS[tell_format(path)].holds == "messages")
 
 
 def apart_without_time(mapping: LogMapping) -> list[str]:
@@ -133,10 +111,10 @@ def apart_without_time(mapping: LogMapping) -> list[str]:
     if mapping.time is not None or not mapping.file.exists():
         return []
     names = [variable for path, variable in mapping.variables.values() if path == mapping.file]
-    kind = mapping.format or tell_format(mapping.file)
-    if kind in _MESSAGES:
+    holds = FORMATS[mapping.format or tell_format(mapping.file)].holds
+    if holds == "messages":
         return list(dict.fromkeys(f"{topic_of(name)}.log_time" for name in names))
-    return list(dict.fromkeys(f"{name}.time" for name in names)) if kind in _TIMED else []
+    return list(dict.fromkeys(f"{name}.time" for name in names)) if holds == "timed" else []
 
 
 def times_of_groups(names: Sequence[str]) -> list[str]:
@@ -163,9 +141,9 @@ def time_before(names: Sequence[str], name: str) -> str:
     return ""
 
 
-def is_table(path: Path, stated: str | None) -> bool:
+def is_table(path: Path, stated: LogFormat | None) -> bool:
     """Returns whether a log has columns in an order."""
-    return path.is_file() and (stated or tell_format(path)) in _TABLES
+    return path.is_file() and FORMATS[stated or tell_format(path)].holds == "columns"
 
 
 def unwrapped(values: NDArray[Any], wrap: float) -> tuple[FloatArray, int]:
@@ -187,3 +165,177 @@ def jump_notes(channel: LogChannel, name: str, wrap: float, jumps: int) -> list[
     turns = channel.unwrap is None or isinstance(channel.unwrap, bool)
     told = "a turn" if turns else f"its range of {wrap:g}"
     return [f"`{name}` jumped by {told} {jumps} times; the jumps were taken out."] if jumps else []
+
+
+_FACTOR = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.\[(])")
+_INDEX = re.compile(r"\(\s*[\d:]+\s*(?:,\s*[\d:]+\s*)*\)|\{\d+\}|\[[^\]]*\]")
+_QUOTED = re.compile(r"`([^`]+)`|\"([^\"]+)\"|'([^']+)'")
+_WORD = re.compile(r"[^\s+*/()`\"'-]+")
+_OPERATORS = re.compile(r"[-+*/`\"']")
+_DEEPEST = 20
+
+
+class NoSumError(Exception):
+    """Why a text is no weighted sum of variables."""
+
+
+@dataclass(frozen=True)
+class Sum:
+    """A weighted sum.
+
+    Attributes:
+        weights: Weight of each variable by its name.
+        constant: What is added.
+    """
+
+    weights: dict[str, float] = field(default_factory=dict)
+    constant: float = 0.0
+
+    def __add__(self, other: Sum) -> Sum:
+        names = dict.fromkeys([*self.weights, *other.weights])
+        weights = {name: self.weights.get(name, 0.0) + other.weights.get(name, 0.0) for name in names}
+        return Sum(weights, self.constant + other.constant)
+
+    def times(self, factor: float) -> Sum:
+        """The sum, scaled."""
+        return Sum({name: weight * factor for name, weight in self.weights.items()}, self.constant * factor)
+
+
+def may_be_sum(text: str) -> bool:
+    """Whether a name that no variable has could be a sum."""
+    return bool(_OPERATORS.search(text))
+
+
+def parse_sum(text: str, known: Collection[str]) -> Sum:
+    """Reads a weighted sum of variables.
+
+    A name is the longest of the log's that stands there, whatever it is made of; one in quotes is taken as it is. A
+    number is a weight, unless it is a column's, has no factor but numbers, and is the last of them.
+
+    Args:
+        text: The sum.
+        known: The variables that the log has.
+
+    Raises:
+        NoSumError: If it is none.
+    """
+    reader = _Reader(text, sorted({form for name in known for form in (name, name.removeprefix("/"))}, key=len)[::-1])
+    found = reader.sum(0)
+    reader.skip()
+    if reader.at < len(text):
+        raise NoSumError(f"at `{text[reader.at :]}` it is no sum of variables")
+    if found.constant:
+        raise NoSumError(
+            f"it adds the number {found.constant:g}, which is no variable: an output's offset is its `zero`"
+        )
+    weights = {name: weight for name, weight in found.weights.items() if weight}
+    if not weights:
+        raise NoSumError("nothing is left of its variables")
+    return Sum(weights)
+
+
+class _Reader:
+    """Reads a sum from left to right."""
+
+    def __init__(self, text: str, known: list[str]) -> None:
+        self.text, self.known, self.at = text, known, 0
+
+    def skip(self) -> None:
+        while self.at < len(self.text) and self.text[self.at].isspace():
+            self.at += 1
+
+    def take(self, marks: str) -> str:
+        """The next mark if it is one of some; nothing else."""
+        self.skip()
+        if self.at < len(self.text) and self.text[self.at] in marks:
+            self.at += 1
+            return self.text[self.at - 1]
+        return ""
+
+    def sum(self, depth: int) -> Sum:
+        """Terms with signs between them."""
+        if depth > _DEEPEST:
+            raise NoSumError("its brackets are too deep")
+        sign = -1.0 if self.take("+-") == "-" else 1.0
+        found = self.product(depth).times(sign)
+        while mark := self.take("+-"):
+            found += self.product(depth).times(-1.0 if mark == "-" else 1.0)
+        return found
+
+    def product(self, depth: int) -> Sum:
+        """A variable or a sum in brackets with its weights."""
+        factors = [self.factor(depth)]
+        divisors: list[float] = []
+        while mark := self.take("*/"):
+            factor = self.factor(depth)
+            if mark == "*":
+                factors.append(factor)
+            elif isinstance(factor, float):
+                divisors.append(factor)
+            else:
+                raise NoSumError("it divides by a variable")
+        sums = [one for one in factors if not isinstance(one, float)]
+        numbers = [one for one in factors if isinstance(one, float)]
+        if len(sums) > 1:
+            raise NoSumError("it multiplies variables")
+        found = sums[0] if sums else self._column(numbers)
+        for number in numbers:
+            found = found.times(number)
+        for divisor in divisors:
+            if divisor == 0:
+                raise NoSumError("it divides by zero")
+            found = found.times(1 / divisor)
+        return found
+
+    def _column(self, numbers: list[float]) -> Sum:
+        """The column that the last of some numbers names, in tables without names; else a constant."""
+        name = f"{numbers[-1]:g}"
+        if name in self.known:
+            numbers.pop()
+            return Sum({name: 1.0})
+        return Sum({}, 1.0)
+
+    def factor(self, depth: int) -> Sum | float:
+        """A number, a variable or a sum in brackets."""
+        self.skip()
+        rest = self.text[self.at :]
+        if quoted := _QUOTED.match(rest):
+            self.at += quoted.end()
+            return Sum({next(one for one in quoted.groups() if one is not None): 1.0})
+        number = _FACTOR.match(rest)
+        name = next((one for one in self.known if self._stands(rest, one)), None)
+        if number and (name is None or len(name) <= number.end()):
+            self.at += number.end()
+            return float(number[0])
+        if name is not None:
+            index = _INDEX.match(rest, len(name))
+            length = index.end() if index else len(name)
+            self.at += length
+            return Sum({rest[:length]: 1.0})
+        if rest.startswith("("):
+            self.at += 1
+            found = self.sum(depth + 1)
+            if not self.take(")"):
+                raise NoSumError("a bracket is open at its end")
+            return found
+        if rest.startswith(("-", "+")):
+            self.at += 1
+            sign, factor = -1.0 if rest[0] == "-" else 1.0, self.factor(depth)
+            return factor * sign if isinstance(factor, float) else factor.times(sign)
+        word = _WORD.match(rest)
+        raise UnknownNameError(word[0]) if word else NoSumError("a variable is missing in it")
+
+    def _stands(self, rest: str, name: str) -> bool:
+        """Whether a name stands at the beginning of a text, and not only as the beginning of a longer word."""
+        if not rest.startswith(name):
+            return False
+        after = rest[len(name) : len(name) + 1]
+        return not (after.isalnum() or after in ("_", ".")) or not (name[-1].isalnum() or name[-1] == "_")
+
+
+class UnknownNameError(NoSumError):
+    """A variable of a sum that the log does not have."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"the log has no variable `{name}`")
+        self.name = name

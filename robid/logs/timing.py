@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
-from robid.logs.mapping import LogMapping
+from robid.logs.mapping import LogMapping, Stated
 from robid.logs.pace import measure_pace
-from robid.logs.stated import Stated
 
 RESAMPLED_RATE = 0.05
 """Largest relative difference of two clocks that resampling bridges: it has no filter against aliases."""
@@ -25,17 +24,13 @@ ALONE = (
 )
 """What to say where the clocks of several logs differ."""
 
-_JITTER = 0.05
-"""Largest deviation of a time step from the usual one, relative, that still counts as regular."""
-
-_SAME_CLOCK = 1e-4
-"""Relative difference of the mean time step from the sampling period that is passed over."""
+_JITTER = 0.05  # largest deviation of a time step from the usual one, relative, that still counts as regular
+_SAME_CLOCK = 1e-4  # relative difference of the mean time step from the sampling period that is passed over
 
 UNSURE = 0.01
 """Relative error of a rate from which stamps cannot tell it."""
 
-_FACTOR_OF_1000 = 0.2
-"""Relative error of a time step within which it is that of another unit."""
+_FACTOR_OF_1000 = 0.2  # relative error of a time step within which it is that of another unit
 
 
 @dataclass(frozen=True)

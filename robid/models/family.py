@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from robid.artifacts.artifact import Artifact
-    from robid.backends.map import Map
-    from robid.backends.progress import Progress
+    from robid.backends.map import Map, Progress
     from robid.frf.frf import Frf
-    from robid.report.content import FitReport
+    from robid.report.page import FitReport
     from robid.settings.experiment import Experiment
     from robid.settings.fits import FitSettings, HandedOn, Read
     from robid.settings.load import LoadedExperiment

@@ -1,1 +1,1 @@
-"""The page. Read `section`, `content`, `page`, then `parameters`, `costs`, `experiment`, `design`."""
+"""The page. Read `section`, `charts`, `page`; `parameters`, `parameter_section`, `costs`, `experiment`, `design`."""

@@ -1,9 +1,17 @@
-"""Arms and curves in space, and values over their nominal ones."""
+"""Figures beyond curves: arms and curves in space, values over nominal ones, responses as matrices of Bode plots."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray, check_shape
+from robid.frf.frf import Frf
+from robid.frf.quality import dropped_lines, known_response
+from robid.report.numbers import MINUS, fixed, number_of, percent, pretty_unit, rounded
+from robid.signals.quantities import readable, readable_units
 
 
 @dataclass(frozen=True)
@@ -114,3 +122,213 @@ class Waterfall:
         for layer in self.layers:
             if {len(layer.heights)} != {len(self.places)} or {*map(len, layer.heights)} != {len(layer.x)}:
                 raise ValueError(f"Layer `{layer.name}` must have one height for each of its x at each place.")
+
+
+_SMALLEST = 1e-30
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A frequency that stands out.
+
+    Attributes:
+        configuration: Index of the configuration.
+        channel: Name of the channel, marked in its own element.
+        frequency_hz: The frequency [Hz].
+    """
+
+    configuration: int
+    channel: str
+    frequency_hz: float
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """A further measured response, at lines of its own.
+
+    Attributes:
+        name: Its name.
+        frequency_hz (n_line,): Its frequencies [Hz].
+        response (n_conf, n_line, n_out, n_in): The response; NaN where it has none.
+        radius (n_conf, n_line, n_out, n_in): Radius of each element's uncertainty circle over its magnitude; 0 where
+            that is unknown.
+    """
+
+    name: str
+    frequency_hz: FloatArray
+    response: ComplexArray
+    radius: FloatArray
+
+
+@dataclass(frozen=True)
+class BodeResponse:
+    """One measured response that the reader may choose.
+
+    Attributes:
+        label: Its name.
+        frf: The response with its covariance.
+        models: Name and response (n_conf, n_freq, n_out, n_in) of each model, in the unit of `frf.response`.
+        marks: Frequencies that stand out.
+        mark_title: What they are.
+        overlays: Further measured responses, in the unit of `frf.response`.
+    """
+
+    label: str
+    frf: Frf
+    models: tuple[tuple[str, ComplexArray], ...] = ()
+    marks: tuple[Mark, ...] = ()
+    mark_title: str = ""
+    overlays: tuple[Overlay, ...] = ()
+
+    def __post_init__(self) -> None:
+        axes = ("n_conf", "n_freq", "n_out", "n_in")
+        for name, model in self.models:
+            check_shape(
+                f"{name}_response", model, " ".join(axes), **dict(zip(axes, self.frf.response.shape, strict=True))
+            )
+
+
+@dataclass(frozen=True)
+class BodeMatrix:
+    """Responses of every output to every input; the reader chooses response, configuration, element and view.
+
+    Attributes:
+        title: Title above it.
+        responses: What there is to choose from.
+        level: Level of the bands.
+        input_quantity: What the inputs are, as in `torque`.
+        output_quantity: What the outputs are, as in `acceleration`.
+        unit: Unit of an output over an input's, which stands for `{}`.
+        caption: What the reader has to know.
+        measured: What the measured responses are called.
+        quality: Whether distortion, noise and coherence are shown too.
+    """
+
+    title: str
+    responses: tuple[BodeResponse, ...]
+    level: float = 0.95
+    input_quantity: str = "torque"
+    output_quantity: str = "acceleration"
+    unit: str = "rad/(s^2 {})"
+    caption: str = ""
+    measured: str = "measured"
+    quality: bool = True
+
+
+def bode_data(figure: BodeMatrix) -> dict[str, Any]:
+    """Gathers what the page draws, rounded."""
+    return {
+        "kind": "bode",
+        "level": percent(figure.level),
+        "input_quantity": figure.input_quantity,
+        "output_quantity": figure.output_quantity,
+        "measured": figure.measured,
+        "responses": [_response_data(response, figure) for response in figure.responses],
+    }
+
+
+def configuration_label(frf: Frf, index: int) -> str:
+    """Names a configuration by its number and joint angles, as in `3: 0, 20, 30°`."""
+    values = readable(frf.configurations[index], frf.joint_units)
+    if frf.joint_units is not None:
+        pairs = zip(values.tolist(), readable_units(frf.joint_units, len(values)), strict=True)
+        texts = [f"{value:.2f} m" if unit == "m" else f"{value:.0f}°" for value, unit in pairs]
+        return f"{number_of(index)}: {', '.join(texts).replace('-', MINUS)}"
+    written = ", ".join(str(angle).replace("-", MINUS) for angle in np.round(values).astype(int))
+    return f"{number_of(index)}: {written}°" if written else number_of(index)
+
+
+def band_radius(frf: Frf, level: float) -> FloatArray:
+    """Radius of each element's uncertainty circle relative to its magnitude (n_conf, n_freq, n_out, n_in)."""
+    return np.asarray(frf.error_radius(level) / np.maximum(np.abs(frf.response), _SMALLEST))
+
+
+def _response_data(response: BodeResponse, figure: BodeMatrix) -> dict[str, Any]:
+    frf = response.frf
+    radius = band_radius(frf, figure.level)
+    response_known, dropped = known_response(frf), dropped_lines(frf)
+    configurations = [
+        {
+            "label": configuration_label(frf, index),
+            **_curve(response_known[index]),
+            "models": [_curve(model[index]) for _, model in response.models],
+            "overlays": [_overlaid(overlay, index) for overlay in response.overlays],
+            "dropped": [[rounded(value) for value in frf.frequency_hz[lost]] for lost in dropped[index].T],
+            "radius": _radius(radius[index]),
+            "marks": [
+                [mark.channel, rounded(mark.frequency_hz)] for mark in response.marks if mark.configuration == index
+            ],
+            **(_quality(frf, index, figure.level) if figure.quality else {}),
+        }
+        for index in range(frf.response.shape[0])
+    ]
+    return {
+        "label": response.label,
+        "frequency": [rounded(value) for value in frf.frequency_hz],
+        "inputs": list(frf.input_names),
+        "outputs": list(frf.output_names),
+        "unit": pretty_unit(figure.unit.format(frf.input_unit)),
+        "models": [name for name, _ in response.models],
+        "overlays": [
+            {"name": overlay.name, "frequency": [rounded(value) for value in overlay.frequency_hz]}
+            for overlay in response.overlays
+        ],
+        "mark_title": response.mark_title,
+        "configurations": configurations,
+    }
+
+
+def _curve(response: ComplexArray) -> dict[str, Any]:
+    """Magnitude and phase of a response (n_freq, n_out, n_in)."""
+    return {"magnitude": _decibels(response), "phase": _per_element(np.rad2deg(np.angle(response)), decimals=1)}
+
+
+def _overlaid(overlay: Overlay, index: int) -> dict[str, Any]:
+    return {**_curve(overlay.response[index]), "radius": _radius(overlay.radius[index])}
+
+
+def _radius(radius: FloatArray) -> list[Any] | None:
+    """Radii of the bands; None where there are none."""
+    return _per_element(radius, 3) if np.nan_to_num(radius).any() else None
+
+
+def _quality(frf: Frf, index: int, level: float) -> dict[str, Any]:
+    """Levels per output and the factor per input, in dB: an element's level is the sum of the two.
+
+    `spread` turns the radius of a band into a deviation, for records whose periods do not tell noise.
+    """
+    inputs = np.sqrt(np.real(np.diagonal(frf.input_factor[index], axis1=-2, axis2=-1)))
+    noise = None
+    if frf.noise_covariance is not None:
+        noise = np.sqrt(np.real(np.diagonal(frf.noise_covariance[index], axis1=-2, axis2=-1)))
+    odd, even = frf.residual_level("odd"), frf.residual_level("even")
+    before = frf.uncompensated_response
+    return {
+        "uncompensated": None if before is None else _decibels(before[index]),
+        "factor": _level(inputs),
+        "noise": None if noise is None else _level(noise),
+        "spread": rounded(frf.radius_factor(level)) if noise is None and frf.covariance.any() else None,
+        "odd": None if odd is None else _level(odd[index]),
+        "even": None if even is None else _level(even[index]),
+        "incoherence": None
+        if frf.coherence is None or not np.isfinite(frf.coherence[index]).any()
+        else [[rounded(value, 3) for value in row] for row in 1 - frf.coherence[index].T],
+    }
+
+
+def _level(amplitude: FloatArray) -> list[Any]:
+    """Amplitudes (n_freq, n_channel) in dB, the frequency axis last."""
+    decibels = 20 * np.log10(np.maximum(amplitude, _SMALLEST)).T
+    return [[fixed(value, 1) for value in row] for row in decibels]
+
+
+def _decibels(response: ComplexArray) -> list[Any]:
+    return _per_element(20 * np.log10(np.maximum(np.abs(response), _SMALLEST)), decimals=2)
+
+
+def _per_element(values: FloatArray, digits: int = 4, *, decimals: int | None = None) -> list[Any]:
+    """Puts the frequency axis (n_freq, n_out, n_in) last and rounds; not finite becomes null."""
+    rows = np.moveaxis(values, 0, -1)
+    if decimals is None:
+        return [[[rounded(value, digits) for value in element] for element in row] for row in rows]
+    return [[[fixed(value, decimals) for value in element] for element in row] for row in rows]

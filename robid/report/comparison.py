@@ -10,9 +10,9 @@ import numpy as np
 from robid.frf.comparison import LEVEL, Comparison, ElementDifference
 from robid.frf.frf import Frf
 from robid.frf.quality import known_response
-from robid.report.bode import BodeMatrix, BodeResponse, Overlay, band_radius, configuration_label
-from robid.report.content import ReportContent, Verdict
+from robid.report.charts import BodeMatrix, BodeResponse, Overlay, band_radius, configuration_label
 from robid.report.numbers import MISSING, percent, significant
+from robid.report.page import ReportContent, Verdict
 from robid.report.responses import named_by_quantity, quantity_title, shown_unit
 from robid.report.section import Cell, ColumnStyle, Notes, Part, Row, Section, Table
 

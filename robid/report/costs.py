@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from statistics import fmean, median
 
-from robid.report.content import KeyNumber
 from robid.report.numbers import MISSING, number_of, percent, significant
+from robid.report.page import KeyNumber
 from robid.report.section import Bars, Beside, Curve, Figure, Section, Table
 
 _MINIMA = 3

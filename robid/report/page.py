@@ -1,20 +1,264 @@
-"""The report: one HTML file that needs nothing but a browser."""
+"""What a page is made of, its figures as data, and the one HTML file that needs nothing but a browser."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass, field
 from importlib import resources
 from itertools import groupby
-from typing import Any
+from typing import Any, Literal
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
-from plotly.offline import get_plotlyjs
+from rich.console import Group
 
-from robid.report.bode import BodeMatrix
-from robid.report.content import ReportContent
-from robid.report.figures import figure_data
-from robid.report.section import AnyFigure, Beside, Cell, Choice, Folded, Notes, Part, Row, Section, Table
+from robid.report.charts import BodeMatrix, RatioChart, Skeletons, Waterfall, bode_data
+from robid.report.numbers import rounded
+from robid.report.parameters import ParameterRow
+from robid.report.section import (
+    AnyFigure,
+    Bars,
+    Beside,
+    Cell,
+    Choice,
+    Curve,
+    Figure,
+    Folded,
+    Notes,
+    Part,
+    Row,
+    Section,
+    Table,
+)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer in one line.
+
+    Attributes:
+        text: One sentence.
+        level: `ok` when the result can be used as it is, `warn` when the reader has to look closer, `bad` when it
+            must not be used.
+    """
+
+    text: str
+    level: Literal["ok", "warn", "bad"]
+
+
+@dataclass(frozen=True)
+class KeyNumber:
+    """A number that a reader looks for first, with what it means.
+
+    Attributes:
+        label: What it is.
+        value: The number, written out.
+        detail: What stands behind it; may be empty.
+    """
+
+    label: str
+    value: str
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class Headline:
+    """What stands at the top of the page about one fit.
+
+    Attributes:
+        name: Name of the fit.
+        numbers: The few numbers that decide whether it can be used.
+        doubts: Everything that speaks against it with its likely cause, a clause each.
+        status: How it ended.
+        advice: What to do about it; empty when there is nothing to do.
+    """
+
+    name: str = ""
+    numbers: tuple[KeyNumber, ...] = ()
+    doubts: tuple[str, ...] = ()
+    status: str = ""
+    advice: str = ""
+
+
+@dataclass(frozen=True)
+class FitReport:
+    """What one fit adds to page, terminal and summary; all that these know of its model.
+
+    Attributes:
+        headline: What stands at the top of the page.
+        verdict: What the answer in one line says of it.
+        grade: 2 to trust, 1 predicts but single parameters may be off, 0 not to be used; None where that is unknown.
+        sections: Its sections; their anchors are unique among them.
+        parameters: Its parameters.
+        summary: Its numbers by dotted name.
+        terminal: What the end of a run prints.
+    """
+
+    headline: Headline
+    verdict: str
+    grade: int | None
+    sections: tuple[Section, ...]
+    parameters: tuple[ParameterRow, ...] = ()
+    summary: dict[str, float] = field(default_factory=dict)
+    terminal: tuple[Group, ...] = ()
+
+
+@dataclass(frozen=True)
+class ReportContent:
+    """All of a report.
+
+    Attributes:
+        title: Title of the page, usually the experiment's name.
+        verdict: The answer in one line.
+        robot: Name of the robot.
+        headlines: What stands at the top about each fit, the most important first.
+        warnings: What the reader must know before using a number.
+        sections: Everything below.
+    """
+
+    title: str
+    verdict: Verdict
+    robot: str
+    headlines: tuple[Headline, ...] = ()
+    warnings: tuple[str, ...] = ()
+    sections: tuple[Section, ...] = ()
+
+
+def fit_sections(fits: tuple[FitReport, ...]) -> tuple[Section, ...]:
+    """Puts the sections of all fits after each other, under their fit's name where there are several."""
+    return tuple(
+        Section(
+            section.title,
+            section.lead,
+            section.parts,
+            f"fit-{number}-{section.anchor}",
+            fit.headline.name if len(fits) > 1 else "",
+        )
+        for number, fit in enumerate(fits, 1)
+        for section in fit.sections
+    )
+
+
+def figure_data(figure: AnyFigure) -> dict[str, Any]:
+    """Gathers what the page draws of a figure; `kind` names the script that does it."""
+    if isinstance(figure, BodeMatrix):
+        return bode_data(figure)
+    if isinstance(figure, Skeletons):
+        return _skeleton_data(figure)
+    if isinstance(figure, Waterfall):
+        return _waterfall_data(figure)
+    if isinstance(figure, Bars):
+        return _bar_data(figure)
+    if isinstance(figure, RatioChart):
+        return _ratio_data(figure)
+    return _curve_data(figure)
+
+
+def _curve_data(figure: Figure) -> dict[str, Any]:
+    return {
+        "kind": "curves",
+        "x_title": figure.x_title,
+        "y_title": figure.y_title,
+        "log_x": figure.log_x,
+        "log_y": figure.log_y,
+        "y_range": figure.y_range,
+        "height": figure.height,
+        "legend": figure.legend,
+        "x_labels": list(figure.x_labels),
+        "x_range": figure.x_range,
+        "equal": figure.equal,
+        "lines": [{"along": line.along, "at": rounded(line.at), "name": line.name} for line in figure.lines],
+        "curves": [
+            {
+                "name": curve.name,
+                "x": [rounded(x) for x in curve.x],
+                "y": [rounded(y) for y in curve.y],
+                **({"texts": list(curve.texts)} if curve.texts else {}),
+                **({"points": True, "symbol": curve.symbol} if curve.points else {}),
+                **({} if curve.shade is None else {"shade": curve.shade, "dashed": curve.dashed}),
+                **(_band(curve) if curve.lower else {}),
+            }
+            for curve in figure.curves
+        ],
+    }
+
+
+def _band(curve: Curve) -> dict[str, list[float | None]]:
+    return {"lower": [rounded(y) for y in curve.lower], "upper": [rounded(y) for y in curve.upper]}
+
+
+def _bar_data(bars: Bars) -> dict[str, Any]:
+    return {
+        "kind": "bars",
+        "value_title": bars.value_title,
+        "label_title": bars.label_title,
+        "labels": list(bars.labels),
+        "flat": bars.flat,
+        "parts": [{"name": name, "values": [rounded(value) for value in values]} for name, values in bars.parts],
+        "groups": [{"name": name, "count": count} for name, count in bars.groups],
+        "marks": [rounded(mark) for mark in bars.marks],
+        "mark_title": bars.mark_title,
+    }
+
+
+def _skeleton_data(arms: Skeletons) -> dict[str, Any]:
+    def columns(points: tuple[tuple[float, float, float], ...]) -> list[list[float | None]]:
+        return [[rounded(value, 4) for value in column] for column in zip(*points, strict=True)]
+
+    return {
+        "kind": "skeletons",
+        "arms": [
+            {"name": name, "weight": rounded(weight, 3), "points": columns(points)}
+            for name, points, weight in zip(arms.names, arms.points, arms.weights, strict=True)
+        ],
+        "others": columns(arms.others),
+    }
+
+
+def _waterfall_data(figure: Waterfall) -> dict[str, Any]:
+    return {
+        "kind": "waterfall",
+        "x_title": figure.x_title,
+        "place_title": figure.place_title,
+        "y_title": figure.y_title,
+        "log_x": figure.log_x,
+        "height": figure.height,
+        "places": [rounded(place) for place in figure.places],
+        "layers": [
+            {
+                "name": layer.name,
+                "drawn": layer.drawn,
+                "x": [rounded(x) for x in layer.x],
+                "heights": [[rounded(height) for height in curve] for curve in layer.heights],
+            }
+            for layer in figure.layers
+        ],
+    }
+
+
+def _ratio_data(chart: RatioChart) -> dict[str, Any]:
+    return {
+        "kind": "ratios",
+        "interval": chart.interval,
+        "panels": [
+            {
+                "title": title,
+                "rows": [
+                    {
+                        "name": row.name,
+                        "estimate": rounded(row.estimate),
+                        "lower": rounded(row.lower),
+                        "upper": rounded(row.upper),
+                        "truth": rounded(row.truth),
+                        "identifiable": row.identifiable,
+                        "text": row.text,
+                    }
+                    for row in rows
+                ],
+            }
+            for title, rows in chart.panels
+        ],
+    }
+
 
 _SCRIPTS = (
     "page.js",
@@ -31,6 +275,9 @@ _SCRIPTS = (
 
 def render(content: ReportContent) -> str:
     """Renders a report as one self-contained HTML page."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # what pages are made of is needed without
+    from plotly.offline import get_plotlyjs
+
     environment = Environment(
         loader=PackageLoader("robid.report"),
         autoescape=True,

@@ -20,9 +20,9 @@ from robid.frf.quality import (
     saturation_text,
     worst_saturation,
 )
-from robid.report.bode import BodeMatrix, BodeResponse, configuration_label
-from robid.report.content import Headline, KeyNumber
+from robid.report.charts import BodeMatrix, BodeResponse, configuration_label
 from robid.report.numbers import MISSING, number_of, percent, significant
+from robid.report.page import Headline, KeyNumber
 from robid.report.section import ColumnStyle, Notes, Part, Section, Table
 from robid.signals.quantities import Channel, response_unit
 
@@ -34,9 +34,7 @@ _LEAD = (
     "Responses to which no model was fitted, with their uncertainty. Every column is one input, every row one output;"
     " select an element to enlarge it."
 )
-_FEW_DROPPED = 0.05
-"""Share of the lines from which on the sentence that sums up says that they were dropped."""
-
+_FEW_DROPPED = 0.05  # share of the lines from which on the sentence that sums up says that they were dropped
 _CAPTION = (
     "Of each output, at the input that moves it the most: median over the lines, and the worst line. Uncertainty is the"
     " standard deviation over the magnitude; it holds noise alone where there is one realization. Coherence is the"

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from robid.report.bode import BodeMatrix
-from robid.report.charts import RatioChart, Skeletons, Waterfall
+from robid.report.charts import BodeMatrix, RatioChart, Skeletons, Waterfall
 
 ColumnStyle: TypeAlias = Literal["name", "text", "number", "strong", "prose", "code", "meter"]
 

@@ -11,7 +11,7 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray
 from robid.robot.doubts import Doubts
 from robid.robot.friction import Friction, TorqueLaw
-from robid.signals.positions import METRES, RADIANS, shown
+from robid.signals.quantities import METRES, RADIANS, shown
 
 JointType = Literal["revolute", "prismatic"]
 TorquePlace = Literal["motor", "joint"]

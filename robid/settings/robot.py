@@ -19,7 +19,7 @@ from robid.settings.gears import GearSection
 from robid.settings.loop_links import LoopLinkSection
 from robid.settings.robot_sections import Body, JointSection, SensorSection, SpringSection, given
 from robid.settings.yaml import FieldPath
-from robid.signals.positions import METRES, RADIANS
+from robid.signals.quantities import METRES, RADIANS
 from robid.simulate.options import Controller, PoseInterface
 
 MODEL_NOT_THERE = "the robot's model is not there"

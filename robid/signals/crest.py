@@ -7,13 +7,12 @@ from scipy.fft import fft, ifft, next_fast_len
 from scipy.optimize import minimize
 
 from robid.arrays import ComplexArray, FloatArray, IntArray, check_shape
-from robid.signals.multisine import orthogonal_matrix
+from robid.signals.waveforms import orthogonal_matrix
 
 LEVELS = (2, 3, 4, 5, 6, 7, 9)
 """Rising exponents 2^level of the norm whose minimum approaches the lowest peak."""
 
-_SAMPLES_PER_PERIOD = 16
-"""Samples in one period of the highest line; with 8 of them a peak between two is 2 % higher."""
+_SAMPLES_PER_PERIOD = 16  # samples in one period of the highest line; with 8 of them a peak between two is 2 % higher
 
 
 def reduce_crest(

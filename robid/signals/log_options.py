@@ -1,17 +1,60 @@
-"""What a log is: its format, its channels, its own time, its poses, and which part of it is used."""
+"""What a log is: its format and dialect, its channels, its own time, its poses, and which part of it is used."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final, Literal
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
 from robid.arrays import FloatArray
 from robid.signals.log_channels import InputChannel, LogChannel, OutputChannel, ReferenceChannel
-from robid.signals.log_dialect import Dialect
 from robid.signals.pose import ANGLES, POSE
 from robid.signals.quantities import DRIVES
+
+LogFormat: TypeAlias = Literal["csv", "mat", "hdf5", "parquet", "mcap", "rosbag", "tdms", "mdf"]
+"""The formats of logs that are read; `robid.logs` has a row of its table of formats for each."""
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a table of text is written; what is not given is told from the table."""
+
+    delimiter: str | None = field(
+        default=None,
+        metadata={
+            "description": "What separates the columns: one character, `tab`, or `whitespace` for any number of spaces"
+            " and tabs. Told from the table when not given.",
+            "pattern": r"^([^\w\s.+\-]|tab|whitespace)$",
+        },
+    )
+    decimal: Literal[".", ","] | None = field(
+        default=None, metadata={"description": "Decimal mark; told from the table when not given."}
+    )
+    header_line: int | None = field(
+        default=None,
+        metadata={
+            "description": "Line of the column names, counted from 1; 0 where there is none and columns are named by"
+            " their numbers, from 1. Told from the table when not given.",
+            "ge": 0,
+        },
+    )
+    comments: tuple[str, ...] = field(
+        default=("#", "%"), metadata={"description": "What lines begin with that are passed over."}
+    )
+    encoding: str | None = field(
+        default=None,
+        metadata={
+            "description": "Encoding of the text, as `shift_jis`; what its first bytes say, UTF-8 or else Windows-1252"
+            " when not given."
+        },
+    )
+
+    @property
+    def separator(self) -> str | None:
+        """The delimiter as a character; a space stands for `whitespace`, None where it is to be told."""
+        return {"tab": "\t", "whitespace": " "}.get(self.delimiter or "", self.delimiter)
+
 
 TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of time [s]."""
@@ -59,7 +102,7 @@ class PoseOptions:
 class LogOptions:
     """What the variables of a log mean, and which part of it is used."""
 
-    format: Literal["csv", "mat", "hdf5", "parquet", "mcap", "rosbag", "tdms", "mdf"] | None = field(
+    format: LogFormat | None = field(
         default=None, metadata={"description": "Format of the log; told from the file when not given."}
     )
     dialect: Dialect = field(

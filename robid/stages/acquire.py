@@ -15,10 +15,9 @@ from robid.arrays import IntArray
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.errors import DataError
 from robid.logs.columns import check_turns
-from robid.logs.importing import import_arbitrary, import_log, import_shot
-from robid.logs.joining import join_experiments, join_shots
+from robid.logs.importing import import_arbitrary, import_log, import_shot, join_experiments, join_shots
 from robid.logs.mapping import LogMapping
-from robid.logs.match import PlayedExcitation
+from robid.logs.placing import PlayedExcitation
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.signals.log_options import LogOptions

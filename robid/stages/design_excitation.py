@@ -22,7 +22,7 @@ from robid.design.excitation.signal import design_signal
 from robid.design.excitation.trajectory.criterion import BaseModel
 from robid.design.excitation.trajectory.design import design_trajectory
 from robid.design.excitation.travel import with_travel
-from robid.report.plan import plan_table
+from robid.report.experiment import plan_table
 from robid.robot.description import Robot
 from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.drives import FrictionForm, RigidOptions

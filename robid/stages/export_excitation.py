@@ -16,7 +16,7 @@ from robid.errors import ArtifactError, SettingsError
 from robid.models.encode import encode_mat, encode_table
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.signals.positions import readable, readable_units
+from robid.signals.quantities import readable, readable_units
 from robid.stages.stage import Plan, counted
 
 _HOW = {

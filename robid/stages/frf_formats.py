@@ -11,8 +11,7 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.frf.frf import Frf
 from robid.frf.quality import dropped_lines, known_response
 from robid.models.encode import Content, encode_json, encode_mat, encode_table
-from robid.signals.positions import readable, readable_units
-from robid.signals.quantities import Channel, response_unit
+from robid.signals.quantities import Channel, readable, readable_units, response_unit
 
 _DIGITS = 17
 

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from robid.artifacts.artifact import Provenance
 from robid.artifacts.atomic import replacing, write_json
-from robid.report.content import ReportContent
-from robid.report.page import render
+from robid.report.page import ReportContent, render
 from robid.stages.chain.report import NAME
 from robid.stages.report_content import gather
 from robid.stages.stage import Job, Stage, counted

@@ -22,7 +22,6 @@ from robid.design.excitation.excitation import UNITS, CampaignExcitation, Excita
 from robid.frf.frf import Frf
 from robid.frf.quality import saturation_text
 from robid.models.family import Data, Shown, family_of
-from robid.report.content import FitReport, ReportContent, Verdict, fit_sections
 from robid.report.design import design_section
 from robid.report.experiment import (
     ConfigurationRow,
@@ -32,6 +31,7 @@ from robid.report.experiment import (
     experiment_section,
     run_section,
 )
+from robid.report.page import FitReport, ReportContent, Verdict, fit_sections
 from robid.report.responses import (
     measured_sentence,
     response_headlines,

@@ -17,8 +17,8 @@ from robid.artifacts.record import RECORD, record_from_artifact, record_to_artif
 from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
 from robid.artifacts.truth import truth_sha256, write_truth
 from robid.design.excitation.excitation import CampaignExcitation
-from robid.logs.checks import is_still_note
-from robid.logs.lines import is_found_note
+from robid.logs.mapping import is_still_note
+from robid.logs.period import is_found_note
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.settings.fits import part

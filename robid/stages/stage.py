@@ -15,8 +15,7 @@ from robid.errors import ArtifactError
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from robid.backends.map import Map
-    from robid.backends.progress import Progress
+    from robid.backends.map import Map, Progress
     from robid.results.grade import Grade
     from robid.settings.experiment import Campaign, Experiment
     from robid.settings.load import LoadedExperiment

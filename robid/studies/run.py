@@ -12,12 +12,12 @@ from robid.artifacts.atomic import write_json
 from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
 from robid.artifacts.store import Header, read_header
 from robid.artifacts.task import TASK
-from robid.backends.progress import Progress
+from robid.backends.map import Progress
 from robid.errors import ArtifactError, SettingsError
 from robid.pipeline import Result, Run, run_all
-from robid.report.content import ReportContent
 from robid.report.experiment import StageRow, run_section
 from robid.report.numbers import duration, significant
+from robid.report.page import ReportContent
 from robid.report.section import Section, Table
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings

@@ -10,8 +10,8 @@ from robid.artifacts.artifact import Artifact
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact
 from robid.pipeline import Run
-from robid.report.content import Verdict
 from robid.report.numbers import MISSING, significant
+from robid.report.page import Verdict
 from robid.report.section import Cell, Section, Table
 from robid.settings.load import LoadedExperiment
 from robid.studies.experiments import Further, missing_log, paper_figures, run_of

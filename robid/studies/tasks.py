@@ -13,8 +13,7 @@ from robid.artifacts.mapping import Column
 from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
 from robid.artifacts.store import kind_of, read_artifact, write_artifact
 from robid.artifacts.task import TASK
-from robid.backends.map import Map
-from robid.backends.progress import Progress
+from robid.backends.map import Map, Progress
 from robid.errors import ArtifactError
 
 TASKS = "tasks"

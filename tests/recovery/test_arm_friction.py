@@ -18,7 +18,7 @@ from robid.robot.linearize import axial_inertia
 from robid.robot.model import build_model
 from robid.robot.parameters import viscous_scale
 from robid.settings.load import load_robot
-from robid.signals.multisine import multisine, time_signal
+from robid.signals.waveforms import multisine, time_signal
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Controller, SimulateOptions
 from tolerances import RECOVERY, RECOVERY_SIGMA

@@ -11,9 +11,9 @@ from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions, Weights
-from robid.signals.multisine import time_signal
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
+from robid.signals.waveforms import time_signal
 
 PERIOD_S, STEP_S, DELAY_S = 4.0, 1e-3, 1e-3
 N_SAMPLE = round(PERIOD_S / STEP_S)

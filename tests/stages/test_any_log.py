@@ -18,7 +18,7 @@ from log_files import WRITERS
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
-from robid.logs.formats.known import FORMATS
+from robid.logs.formats.variables import FORMATS
 from wrong_logs import COLUMNS, WRONG, channel_of, chosen
 
 KINDS = [

@@ -1,1 +1,1 @@
-"""Tasks on a Dask cluster. Read `cluster` (our own, or a scheduler), `checks`, `mapping`, `exchange`, `worker`."""
+"""Tasks on a Dask cluster. Read `cluster` (our own, or a scheduler, and the map over it), `exchange`, `worker`."""

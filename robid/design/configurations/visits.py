@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
-from robid.clusters.saturation import saturate, saturation_slope
+from robid.clusters.evidence import saturate, saturation_slope
 
 _CHUNK = 256
 

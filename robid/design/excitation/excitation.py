@@ -14,8 +14,8 @@ from robid.design.excitation.options import MultisineOptions
 from robid.design.excitation.shaping import sensitivity_amplitude
 from robid.errors import SettingsError
 from robid.signals.crest import reduce_crest, reduce_crest_with_motion
-from robid.signals.multisine import crest_factor, multisine, orthogonal_matrix, time_signal
 from robid.signals.quantities import Channel
+from robid.signals.waveforms import crest_factor, multisine, orthogonal_matrix, time_signal
 
 _PLAYED_SHARE = 1e-6
 """Size of a line, relative to the largest, below which it holds only rounding."""

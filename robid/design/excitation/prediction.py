@@ -14,7 +14,7 @@ from robid.design.excitation.snr import predicted_snr_db, residual_covariance
 from robid.design.excitation.travel import travel_demand
 from robid.errors import SettingsError
 from robid.robot.description import Robot
-from robid.signals.multisine import crest_factor, time_signal
+from robid.signals.waveforms import crest_factor, time_signal
 
 _ROUNDING = 1 + 1e-9
 """A limit that is used up to its last digit is not exceeded."""

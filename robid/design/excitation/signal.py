@@ -17,9 +17,7 @@ from robid.design.excitation.options import (
     SweepOptions,
 )
 from robid.design.excitation.signal_lines import RESTING_ORDERS, check_signal, signal_lines, sweep
-from robid.signals.fourier import resting_series
-from robid.signals.multisine import crest_factor, orthogonal_matrix, time_signal
-from robid.signals.slow_motion import slow_motion
+from robid.signals.waveforms import crest_factor, orthogonal_matrix, resting_series, slow_motion, time_signal
 
 
 def design_signal(
@@ -32,7 +30,7 @@ def design_signal(
     """Designs the excitation that the options ask for, with the slow motion that they add.
 
     Every kind is one period, played by all motors at once: motor i of experiment l has all its phases turned by
-    entry (i, l) of `robid.signals.multisine.orthogonal_matrix`, so that the block is orthogonal at every line.
+    entry (i, l) of `robid.signals.waveforms.orthogonal_matrix`, so that the block is orthogonal at every line.
 
     Args:
         options: Kind, period, band, RMS, seed and slow motion.

@@ -20,8 +20,7 @@ from robid.design.excitation.options import (
     Travel,
 )
 from robid.errors import SettingsError
-from robid.signals.chirp import chirp
-from robid.signals.stepped_sine import stepped_sine
+from robid.signals.waveforms import chirp, stepped_sine
 
 LINE_SHARE = 0.03
 """Amplitude of a line, relative to the strongest one of the band, from which it counts as excited."""

@@ -1,5 +1,5 @@
 """Log files behind one mapping.
 
-Read `load`, `variables`, `known`; `apart` and `worker`; `tables` with `telling`, `layout`, `cells` and `moments`; then
-one format each, and the recorders' tables of text, which `recorders` lists.
+Read variables (the table of formats, and what a reader finds) and load; then tables with layout, moments, telling and
+recorders for those of text; then mat, containers and messages.
 """

@@ -1,25 +1,107 @@
-"""Reads MAT files: versions 4 to 7 through scipy, variable by variable, and 7.3 through HDF5."""
+"""Reads MAT files: versions 4 to 7 through scipy, variable by variable, and 7.3 through HDF5.
+
+First what the structures that tools save say of times and units, then each version.
+"""
 
 from __future__ import annotations
 
 import io
+import re
 import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
 
+import h5py
 import numpy as np
+from numpy.typing import NDArray
 from scipy.io import loadmat, whosmat
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 from scipy.sparse import issparse
 
-from robid.logs.formats.mat_layouts import add_clocks, note_units, with_clocks
-from robid.logs.formats.variables import Found, Reason, UnreadableLogError, Wanted
+from robid.logs.formats.variables import Found, Reason, UnreadableLogError, Wanted, series_place
+
+_AXIS = re.compile(r"(.*?)\.X([({]\d+[)}])?\.Data")
+_CHANNEL = re.compile(r"(.*?)\.Y([({]\d+[)}])?\.Data")
+_CLOCK = re.compile(r"(.*?)\.Y([({]\d+[)}])?\.Data\.time")
+_INDICES = ("", *(f"({i})" for i in range(1, 17)), *(f"{{{i}}}" for i in range(1, 17)))
+_SIGNALS = re.compile(r"(.*?)\.signals([({]\d+[)}])?\.values")
+_UNIT = re.compile(r"[\[(]\s*([^\[\]()]*?)\s*[\])]\s*$")
+_SERIES = re.compile(r"(.*?)\.(Time|Data)")
+_INFO = {"Time": "TimeInfo", "Data": "DataInfo"}
+
+
+def _note_units(found: Found) -> None:
+    """Notes units that the structures of a MAT file say by what they are; those that it states stay.
+
+    A recording of ControlDesk has channels `Y(2).Data` over times `X(1).Data`, Simulink's structure with time
+    `signals(2).values` over `time`, its block To File a matrix whose first row is time, a time series `Data` over
+    `Time`.
+    """
+    for name, unit in list(_units(found)):
+        found.units.setdefault(name, unit)
+
+
+def _units(found: Found) -> Iterator[tuple[str, str]]:
+    for name in found.sizes:
+        if (axis := _AXIS.fullmatch(name)) and _has_channels(found, axis[1]):
+            if name not in found.arrays or np.all(np.diff(found.arrays[name].ravel()) > 0):
+                yield name, "s"
+        elif signals := _SIGNALS.fullmatch(name):
+            yield f"{signals[1]}.time", "s"
+            label = _UNIT.search(found.texts.get(f"{name.removesuffix('.values')}.label", ""))
+            if label:
+                yield name, label[1]
+        elif series := _SERIES.fullmatch(name):
+            info = f"{series[1]}.{_INFO[series[2]]}.Units"
+            if info in found.texts:
+                yield name, found.texts[info]
+        elif name in found.arrays and _is_timed(found.arrays[name]):
+            yield f"{name}(1,:)", "s"
+
+
+def _with_clocks(wanted: Wanted) -> Wanted:
+    """Returns what was asked for, with what tells the times of channels of ControlDesk, as `Y(2).Data.time`."""
+    asked = [found for name in wanted.names or () if (found := _CLOCK.fullmatch(name))]
+    if not asked or wanted.names is None:
+        return wanted
+    axes = [f"{one[1]}.X{index}.Data" for one in asked for index in _INDICES]
+    return Wanted([*wanted.names, *axes, *(f"{one[1]}.Y{one[2] or ''}.XIndex" for one in asked)])
+
+
+def _add_clocks(found: Found, wanted: Wanted) -> None:
+    """Adds the times of channels that ControlDesk recorded in several rasters, each over one of several `X(1).Data`."""
+    axes: dict[str, list[str]] = {}
+    for name in found.sizes:
+        if axis := _AXIS.fullmatch(name):
+            axes.setdefault(axis[1], []).append(name)
+    channels = {name: axes.get(one[1], []) for name in found.sizes if (one := _CHANNEL.fullmatch(name))}
+    for name, times in channels.items():
+        if len(times) < 2:
+            continue
+        index = found.arrays.get(f"{name.removesuffix('.Data')}.XIndex")
+        place = int(index.ravel()[0]) - 1 if index is not None and index.size == 1 else -1
+        if f"{name}.time" in wanted and 0 <= place < len(times) and times[place] in found.arrays:
+            found.add(f"{name}.time", found.arrays[times[place]].ravel(), "s")
+        else:
+            found.mention(f"{name}.time", found.sizes[name], "s")
+
+
+def _has_channels(found: Found, recording: str) -> bool:
+    return any(name.startswith(f"{recording}.Y") and name.endswith(".Data") for name in found.sizes)
+
+
+def _is_timed(matrix: NDArray[np.generic]) -> bool:
+    """Whether the first row of a wide matrix is time, as Simulink writes it to a file: it alone rises all the way."""
+    if matrix.ndim != 2 or not 1 < matrix.shape[0] < matrix.shape[1] or matrix.dtype.kind != "f":
+        return False
+    rises = np.all(np.diff(matrix, axis=1) > 0, axis=1)
+    return bool(rises[0] and not rises[1:].any())
+
 
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
-_PEEK = 1 << 18
-"""Bytes of a variable that hold its name and shape, packed or not."""
+_PEEK = 1 << 18  # bytes of a variable that hold its name and shape, packed or not
 _REMEDIES = {
     "table": "Save its columns: `s = table2struct(name, 'ToScalar', true)`.",
     "timetable": "Save its columns: `s = table2struct(timetable2table(name), 'ToScalar', true)`.",
@@ -34,33 +116,31 @@ _REMEDIES = {
 _DAMAGED = Reason("The log is damaged before its end.", "Check that it was copied completely, or save it again.")
 
 
-def read(file: Path, wanted: Wanted) -> Found:
+def read_mat(file: Path, wanted: Wanted) -> Found:
     """Reads a MAT file of any version.
 
     Raises:
         UnreadableLogError: If it is none.
     """
-    asked, wanted = wanted, with_clocks(wanted)
+    asked, wanted = wanted, _with_clocks(wanted)
     with file.open("rb") as stream:
         header = stream.read(_HEADER)
         if header.startswith(b"MATLAB 7.3"):
-            from robid.logs.formats.mat_hdf5 import read as read_hdf5
-
-            found = read_hdf5(file, wanted)
+            found = _read_hdf5(file, wanted)
         elif header[126:128] not in (b"IM", b"MI") or 0 in header[:4]:
             found = _read_old(file, wanted)
         else:
             found = Found()
             _read_elements(stream, header, wanted, found)
-    note_units(found)
-    add_clocks(found, asked)
+    _note_units(found)
+    _add_clocks(found, asked)
     if wanted is not asked:
         added = set(wanted.names or ()) - set(asked.names or ())
         found.arrays = {name: x for name, x in found.arrays.items() if name in asked or name not in added}
     return found
 
 
-def object_reason(kind: str) -> Reason:
+def _object_reason(kind: str) -> Reason:
     """Says that an object of a MATLAB class cannot be read, and what to save instead."""
     remedy = _REMEDIES.get(kind, "Save what it holds as numeric variables of their own.")
     return Reason(f"It is an object of the MATLAB class `{kind}`, which only MATLAB can decode.", remedy)
@@ -148,7 +228,7 @@ def _note_object(element: bytes, found: Found) -> None:
     except Exception:  # noqa: BLE001 see above
         found.damage = _DAMAGED
     else:
-        found.unreadable[name] = object_reason(kind)
+        found.unreadable[name] = _object_reason(kind)
 
 
 def _text(value: Any) -> str:  # noqa: ANN401
@@ -160,9 +240,9 @@ def _take(name: str, value: Any, wanted: Wanted, found: Found) -> None:  # noqa:
     """Adds what is inside a variable."""
     for path, leaf in _leaves(name, value):
         if isinstance(leaf, MatlabOpaque):
-            found.unreadable[path] = object_reason(_text(leaf["s2"]))
+            found.unreadable[path] = _object_reason(_text(leaf["s2"]))
         elif isinstance(leaf, MatlabObject):
-            found.unreadable[path] = object_reason(str(leaf.classname))
+            found.unreadable[path] = _object_reason(str(leaf.classname))
         elif isinstance(leaf, MatlabFunction):
             found.unreadable[path] = Reason("It is a function.")
         elif issparse(leaf):
@@ -190,3 +270,80 @@ def _leaves(name: str, value: Any) -> Iterator[tuple[str, Any]]:  # noqa: ANN401
             continue
         for field in array.dtype.names:
             yield from _leaves(f"{place}.{field}", element[field])
+
+
+_NUMBERS = ("double", "single", "logical", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
+_DEEPEST = 30
+
+
+def _read_hdf5(file: Path, wanted: Wanted) -> Found:
+    """Reads the variables of a MAT file of version 7.3; those that cannot be decoded are noted."""
+    found = Found()
+    with h5py.File(file, "r") as root:
+        for name in root:
+            if not name.startswith("#"):  # where MATLAB keeps what references point to
+                _try(name, root, name, wanted, found)
+    return found
+
+
+def _try(name: str, parent: Any, key: Any, wanted: Wanted, found: Found, depth: int = 0) -> None:  # noqa: ANN401
+    with found.guarded(name):
+        _take_item(name, parent[key], wanted, found, depth)
+
+
+def _take_item(name: str, item: Any, wanted: Wanted, found: Found, depth: int) -> None:  # noqa: ANN401
+    """Adds what is inside a variable."""
+    kind = item.attrs.get("MATLAB_class", b"")
+    kind = kind.decode() if isinstance(kind, bytes) else str(kind)
+    if depth > _DEEPEST:
+        found.unreadable[name] = Reason("Its structures do not end.", "Save the log again.")
+    elif "MATLAB_object_decode" in item.attrs and kind not in ("cell", "struct"):
+        found.unreadable[name] = _object_reason(kind)
+    elif isinstance(item, h5py.Group):
+        _take_group(name, item, wanted, found, depth)
+    elif item.dtype == h5py.ref_dtype:
+        for index, reference in enumerate(item[()].ravel(), start=1):
+            _try(f"{name}{{{index}}}", item.file, reference, wanted, found, depth + 1)
+    elif item.attrs.get("MATLAB_empty", 0):
+        found.mention(name, 0)
+    elif kind == "char" and item.dtype.kind == "u":
+        found.note_text(name, "".join(map(chr, item[()].ravel())))
+    elif kind == "char" or item.dtype.kind not in "fiubcV":
+        found.unreadable[name] = Reason("It holds text, not numbers.")
+    elif kind and kind not in _NUMBERS:
+        found.unreadable[name] = _object_reason(kind)
+    elif name in wanted:
+        _take_numbers(name, item, wanted, found)
+    else:
+        found.mention(name, int(np.prod(item.shape)))
+
+
+def _take_group(name: str, group: Any, wanted: Wanted, found: Found, depth: int) -> None:  # noqa: ANN401
+    """Adds the fields of a structure, or of each structure of an array, whose fields are lists of references."""
+    if "MATLAB_sparse" in group.attrs:
+        found.unreadable[name] = Reason("It is a sparse matrix.", "Save `full(name)`.")
+        return
+    for field in group:
+        child = group[field]
+        listed = isinstance(child, h5py.Dataset) and child.dtype == h5py.ref_dtype
+        if listed and "MATLAB_class" not in child.attrs:
+            for index, reference in enumerate(child[()].ravel(), start=1):
+                _try(f"{name}({index}).{field}", group.file, reference, wanted, found, depth + 1)
+        else:
+            _try(f"{name}.{field}", group, field, wanted, found, depth + 1)
+
+
+def _take_numbers(name: str, dataset: Any, wanted: Wanted, found: Found) -> None:  # noqa: ANN401
+    """Adds an array, whose axes MATLAB writes in reverse; of a matrix only the columns and rows that were asked for."""
+    if dataset.dtype.names == ("real", "imag"):
+        values = dataset[()]
+        found.add(name, (values["real"] + 1j * values["imag"]).T)
+        return
+    series, shape = wanted.series(name), dataset.shape[::-1]
+    if series is None or dataset.ndim < 2:
+        found.add(name, dataset[()].T)
+        return
+    found.mention(name, int(np.prod(shape)))
+    for index in series:
+        if (place := series_place(index, shape)) is not None:
+            found.arrays[f"{name}{index}"] = dataset[place[::-1]]

@@ -1,22 +1,85 @@
-"""Columns of streams of messages, from the topics of a log and their messages, one by one."""
+"""Columns of streams of messages: MCAP files, and ROS 2 bags, which are folders of SQLite or MCAP files.
+
+Every number of a message has a path: `position[0]`, or `effort[elbow]` where the message names its numbers.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+import re
+import sqlite3
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-from robid.logs.formats.message_paths import field_of, labels_of, named_numbers
-from robid.logs.formats.variables import Found, Reason, Wanted
+from robid.logs.formats.variables import Found, Reason, UnreadableLogError, Wanted
+
+_LABELS = ("name", "names", "joint_names", "interface_names")
+_LONGEST = 64  # lists of numbers that are longer, as of images and scans, have no columns
+
+
+def field_of(value: Any, name: str) -> Any:  # noqa: ANN401
+    """Returns a field of a message, None where there is none."""
+    return value.get(name) if isinstance(value, Mapping) else getattr(value, name, None)
+
+
+def labels_of(message: Any) -> Sequence[str]:  # noqa: ANN401
+    """Returns the names, as of joints, that a message gives its lists of numbers."""
+    return next((found for key in _LABELS if _is_text(found := field_of(message, key))), ())
+
+
+def named_numbers(
+    message: Any,  # noqa: ANN401
+    keep: Callable[[str], bool],
+    path: str = "",
+    labels: Sequence[str] = (),
+) -> Iterator[tuple[str, float]]:
+    """Yields the path of every number in a message, and the number.
+
+    Args:
+        message: A message, or a part of one.
+        keep: Whether something at or below a path is of interest.
+        path: Path of the part.
+        labels: Names of the numbers in a list of the same length.
+    """
+    fields = _fields(message)
+    if fields is not None:
+        labels = labels_of(message) or labels
+        for name, inner in fields.items():
+            below = f"{path}.{name}" if path else name
+            if keep(below):
+                yield from named_numbers(inner, keep, below, labels)
+    elif isinstance(message, bool | int | float | np.number):
+        yield path, float(message)
+    elif isinstance(message, list | tuple | np.ndarray) and len(message) <= _LONGEST and not _is_text(message):
+        items = message.tolist() if isinstance(message, np.ndarray) else message
+        marks = [range(len(items)), labels] if len(labels) == len(items) else [range(len(items))]
+        for mark, inner in ((mark, inner) for row in marks for mark, inner in zip(row, items, strict=True)):
+            if keep(below := f"{path}[{mark}]"):
+                yield from named_numbers(inner, keep, below)
+
+
+def _fields(value: Any) -> dict[str, Any] | None:  # noqa: ANN401
+    """The fields of a message, or None where it is none."""
+    if isinstance(value, Mapping):
+        return {str(key): one for key, one in value.items()}
+    names = getattr(value, "__dataclass_fields__", None)
+    return None if names is None else {name: getattr(value, name) for name in names if name != "__msgtype__"}
+
+
+def _is_text(value: Any) -> bool:  # noqa: ANN401
+    return isinstance(value, list | tuple) and bool(value) and all(isinstance(one, str) for one in value)
+
 
 Decode: TypeAlias = Callable[[bytes], Any]
 _TIMES = ("log_time", "header.stamp")
-_NEAR = 10**15
-"""Stamps further from the log's beginning are of another clock, as of a simulation [ns]."""
+_NEAR = 10**15  # stamps further from the log's beginning are of another clock, as of a simulation [ns]
 
 
 @dataclass(frozen=True)
@@ -136,3 +199,126 @@ class Streams:
         for path, value in times.items():
             yield path, value
             yield from ((one, value) for label in labels_of(message) if keep(one := f"{path}[{label}]"))
+
+
+_REMEDY = "Repair it with `mcap recover LOG --output REPAIRED.mcap`."
+
+
+def read_mcap(file: Path, wanted: Wanted) -> Found:
+    """Reads columns of the messages of an MCAP file."""
+    return read_all([file], wanted)
+
+
+def read_all(files: Sequence[Path], wanted: Wanted) -> Found:
+    """Reads columns of the messages of MCAP files that follow each other.
+
+    Raises:
+        UnreadableLogError: If one is damaged or was not closed.
+    """
+    streams: Streams | None = None
+    for file in files:
+        with file.open("rb") as stream:
+            try:
+                reader = make_reader(stream, validate_crcs=True)
+                summary = reader.get_summary()
+            except MemoryError:
+                raise
+            except Exception as e:
+                raise UnreadableLogError(_said(e), _REMEDY) from e
+            if summary is None or summary.statistics is None:
+                raise UnreadableLogError("it was not closed, so its end is missing", _REMEDY)
+            streams = streams or Streams(wanted, summary.statistics.message_start_time)
+            _read_messages(reader, summary, streams)
+    return Found() if streams is None else streams.finish()
+
+
+def _read_messages(reader: Any, summary: Any, streams: Streams) -> None:  # noqa: ANN401
+    counts: dict[str, int] = {}
+    topics: dict[str, Topic] = {}
+    for number, channel in summary.channels.items():
+        count = summary.statistics.channel_message_counts.get(number, 0)
+        counts[channel.topic] = counts.get(channel.topic, 0) + count
+        schema = summary.schemas.get(channel.schema_id)
+        text = "" if schema is None else schema.data.decode(errors="replace")
+        kind, language = ("", "") if schema is None else (schema.name, schema.encoding)
+        topics[channel.topic] = Topic(
+            channel.topic, counts[channel.topic], kind, channel.message_encoding, (text, language)
+        )
+    readable = [name for name in streams.prepare(list(topics.values())) if counts[name]]
+    try:
+        for name in [name for name in readable if not streams.is_wanted(name)]:
+            _, channel, message = next(iter(reader.iter_messages(topics=[name])))
+            streams.add(name, message.log_time, message.data, counts[name])
+        wanted = [name for name in readable if streams.is_wanted(name)]
+        for _, channel, message in reader.iter_messages(topics=wanted) if wanted else ():
+            streams.add(channel.topic, message.log_time, message.data, counts[channel.topic])
+    except MemoryError:
+        raise
+    except Exception as e:
+        raise UnreadableLogError(_said(e), _REMEDY) from e
+
+
+def _said(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+
+
+_COPIED = "Check that the bag was closed and copied completely; `ros2 bag reindex FOLDER` may repair it."
+
+
+def read_bag(file: Path, wanted: Wanted) -> Found:
+    """Reads columns of the messages of a bag, whose files follow each other by their numbers.
+
+    Raises:
+        UnreadableLogError: If it has no file that can be read.
+    """
+    files = sorted(file.iterdir(), key=_number_of) if file.is_dir() else [file]
+    mcap = [one for one in files if one.suffix == ".mcap"]
+    databases = [one for one in files if one.suffix == ".db3" or not file.is_dir()]
+    if mcap:
+        return read_all(mcap, wanted)
+    if not databases:
+        packed = any(one.suffix == ".zstd" for one in files)
+        remedy = "Unpack it with `ros2 bag convert`." if packed else "Name the folder that holds `metadata.yaml`."
+        raise UnreadableLogError("the folder holds no .db3 or .mcap file", remedy)
+    streams: Streams | None = None
+    for database in databases:
+        try:
+            with closing(sqlite3.connect(f"{database.resolve().as_uri()}?mode=ro", uri=True)) as connection:
+                streams = _read_database(connection, wanted, streams)
+        except sqlite3.Error as e:
+            raise UnreadableLogError(str(e), _COPIED) from e
+    return Found() if streams is None else streams.finish()
+
+
+def _read_database(connection: sqlite3.Connection, wanted: Wanted, streams: Streams | None) -> Streams:
+    (start,) = connection.execute("select min(timestamp) from messages").fetchone()
+    streams = streams or Streams(wanted, start or 0)
+    tables = {name for (name,) in connection.execute("select name from sqlite_master where type = 'table'")}
+    definitions: dict[str, tuple[str, str]] = {}
+    if "message_definitions" in tables:
+        rows = connection.execute("select topic_type, encoded_message_definition, encoding from message_definitions")
+        definitions = {kind: (text, language) for kind, text, language in rows}
+    counts = dict(connection.execute("select topic_id, count(*) from messages group by topic_id"))
+    topics = {
+        number: Topic(name, counts.get(number, 0), kind, encoding, definitions.get(kind, ("", "")))
+        for number, name, kind, encoding in connection.execute(
+            "select id, name, type, serialization_format from topics"
+        )
+    }
+    readable = set(streams.prepare(list(topics.values())))
+    asked = "select topic_id, timestamp, data from messages where topic_id = ? order by timestamp"
+    for number, topic in topics.items():
+        if topic.name not in readable:
+            continue
+        limit = "" if streams.is_wanted(topic.name) else " limit 1"
+        for _, time, raw in connection.execute(asked + limit, (number,)):
+            if not isinstance(raw, bytes):
+                raise UnreadableLogError(f"a message of {topic.name} is damaged", _COPIED)
+            streams.add(topic.name, time, raw, topic.count)
+    return streams
+
+
+def _number_of(file: Path) -> tuple[int, str]:
+    """The number in a name such as `bag_12.db3`."""
+    found = re.search(r"_(\d+)\.", file.name)
+    return (int(found[1]) if found else 0, file.name)

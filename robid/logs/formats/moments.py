@@ -17,12 +17,8 @@ from robid.arrays import FloatArray, IntArray
 _SECOND = 1_000_000_000
 _HOUR, _DAY = 3600 * _SECOND, 86400 * _SECOND
 _ABSENT = np.iinfo(np.int64).min
-_LONGEST = 80
-"""Characters of a moment at most."""
-
-_DIGITS = 9
-"""Digits of a second's fraction that are kept."""
-
+_LONGEST = 80  # characters of a moment at most
+_DIGITS = 9  # digits of a second's fraction that are kept
 _MONTHS = (
     "jan gen ene|feb fév fev|mar mär mrz|apr abr avr|may mai mag|jun juin giu|jul juil lug|aug ago aoû aou"
     "|sep set|oct okt ott|nov|dec dez dic déc"
@@ -60,9 +56,7 @@ _WITHIN = (
 
 _BETWEEN = r"(?:[T_:]|\s*[-/]\s*|,?\s+)"
 _WEEKDAY = rf"(?:{_WORD}{{2,12}}[.,]{{0,2}}\s+)?"
-_WORDS = ("month", "half", "zone", "ahead", "p", "s", "q")
-"""Groups that are no numbers."""
-
+_WORDS = ("month", "half", "zone", "ahead", "p", "s", "q")  # groups that are no numbers
 _FORMS = tuple(
     re.compile(text)
     for text in (

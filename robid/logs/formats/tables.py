@@ -1,10 +1,10 @@
-"""Reads tables of text in chunks, and of them only the columns that were asked for."""
+"""Reads tables of text in chunks, and of them only the columns that were asked for; first those that lie across."""
 
 from __future__ import annotations
 
 import codecs
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -14,19 +14,90 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.logs.formats.across import read_across
-from robid.logs.formats.cells import AROUND, is_missing, is_number, is_row, split_all, without_groups
-from robid.logs.formats.known import UNPACKING_ERRORS, open_bytes
-from robid.logs.formats.layout import Layout
+from robid.logs.formats.layout import (
+    AROUND,
+    Layout,
+    is_missing,
+    is_number,
+    is_row,
+    number,
+    split,
+    split_all,
+    without_groups,
+)
 from robid.logs.formats.moments import Moments
 from robid.logs.formats.recorders import tell_recorder
-from robid.logs.formats.telling import REMEDY, tell_layout
-from robid.logs.formats.variables import Found, Reason, UnreadableLogError, Wanted, number_repeated
-from robid.signals.log_dialect import Dialect
+from robid.logs.formats.telling import REMEDY, tell_layout, tell_marks, units_of
+from robid.logs.formats.variables import (
+    UNPACKING_ERRORS,
+    Found,
+    Reason,
+    UnreadableLogError,
+    Wanted,
+    number_repeated,
+    open_bytes,
+)
+from robid.signals.log_options import Dialect
+
+_MOST_CHANNELS = 64  # channels of such a table at most
+_LONGER = 4  # samples per channel from which it lies across, in as many as there are channels
+_LEAD = 2  # cells before the samples at most: a name and a unit
+
+
+def read_across(text: Iterable[str], sample: Sequence[str], wanted: Wanted, dialect: Dialect) -> Found | None:
+    """Reads channels of a table that lies across; None where it does not, or where its names are said to be in a line.
+
+    Args:
+        text: Its lines.
+        sample: The first ones.
+        wanted: Which channels were asked for.
+        dialect: How it is written.
+    """
+    first = next((line for line in sample if is_row(line, dialect.comments)), "")
+    if dialect.header_line is not None or len(first) < _MOST_CHANNELS * _LONGER:
+        return None
+    separator, comma = tell_marks([first], dialect)
+    lead = _lead(split(first, separator), comma)
+    if lead is None:
+        return None
+    rows = [line for line in islice(text, 2 * _MOST_CHANNELS) if is_row(line, dialect.comments)]
+    cells = [split(line.rstrip("\r\n" + separator.strip()), separator) for line in rows]
+    length = len(cells[0])
+    if any(len(row) != length or _lead(row, comma) != lead for row in cells):
+        return None
+    if len(rows) > _MOST_CHANNELS or length - lead < _LONGER * max(len(rows), _MOST_CHANNELS):
+        return None
+    names, twice = number_repeated([row[0] if lead else str(index) for index, row in enumerate(cells, start=1)])
+    found = Found()
+    found.unreadable.update(twice)
+    for name, row, unit in zip(names, cells, units_of(names), strict=True):
+        stated = row[1] if lead == _LEAD else unit
+        values = _numbers_of(row[lead:], comma) if name in wanted else None
+        if isinstance(values, Reason):
+            found.unreadable[name] = values
+        elif values is not None:
+            found.add(name, values, stated)
+        else:
+            found.mention(name, length - lead, stated)
+    return found
+
+
+def _lead(row: Sequence[str], comma: bool) -> int | None:
+    """How many cells of words stand before numbers only; None where there are others."""
+    samples = [is_number(cell, decimal_comma=comma) or is_missing(cell) for cell in row]
+    lead = next((index for index, cell in enumerate(row) if is_number(cell, decimal_comma=comma)), len(row))
+    return lead if lead <= _LEAD and all(samples[lead:]) and len(row) > lead else None
+
+
+def _numbers_of(cells: Sequence[str], comma: bool) -> FloatArray | Reason:
+    try:
+        return np.array([number(cell, decimal_comma=comma) for cell in cells])
+    except ValueError as e:
+        return Reason(f"It holds what is no number ({e}).")
+
 
 _SAMPLE = 1 << 18
-_DATED = ("date", "numbers")
-"""Kinds of moments that have a date."""
+_DATED = ("date", "numbers")  # kinds of moments that have a date
 CHUNK = 1 << 20
 """Characters that are read at a time; memory beyond the columns themselves is less than ten times that."""
 _BEGINS_NUMBERS = "0123456789+-.,"
@@ -139,16 +210,16 @@ class _Table:
         else:
             widths = [1 + line.count(layout.separator) for _, line in rows]
         kept = []
-        for (number, line), width in zip(rows, widths, strict=True):
+        for (at, line), width in zip(rows, widths, strict=True):
             is_row = width in allowed and not self._is_text(line)
             if is_row and self._foot is None:
-                kept.append((number, line))
+                kept.append((at, line))
             elif self._foot is None and not self._has_number(line):
-                self._foot = number, width
+                self._foot = at, width
             elif is_row or self._has_number(line):
-                number, width = self._foot or (number, width)
+                at, width = self._foot or (at, width)
                 how = "no number" if width in allowed else f"{width} values for {len(layout.names)} columns"
-                what = f"line {number}: The table is broken: {how}."
+                what = f"line {at}: The table is broken: {how}."
                 raise UnreadableLogError(what, "Correct or delete this line.")
         return kept
 

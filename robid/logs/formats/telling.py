@@ -7,8 +7,10 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
-from robid.logs.formats.cells import (
+from robid.logs.formats.layout import (
     AROUND,
+    Join,
+    Layout,
     has_decimal_commas,
     is_missing,
     is_number,
@@ -16,14 +18,12 @@ from robid.logs.formats.cells import (
     split,
     tell_groups,
 )
-from robid.logs.formats.layout import Join, Layout
 from robid.logs.formats.moments import is_moment
 from robid.logs.formats.variables import UnreadableLogError
-from robid.signals.log_dialect import Dialect
+from robid.signals.log_options import Dialect
 
 _DELIMITERS = (";", "\t", ",", "|", " ")
-_TAIL = 30
-"""Lines at the end of the sample by which the columns are told."""
+_TAIL = 30  # lines at the end of the sample by which the columns are told
 _BRACKETS = re.compile(r"[\[(]([^\[\]()]*)[\])]\s*$")
 _UNITS = re.compile(
     "m?s|[uµ]s|ns|min|[mk]?n[·*]?m|k?n|m?[av]|k?w|[mu]?rad|deg|°|(m?rad|deg|°|turns?|rev|counts?|m?m)/s([\\^²]2?)?|rpm|[1u]/min"

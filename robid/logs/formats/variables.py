@@ -1,18 +1,147 @@
-"""The variables of a log by name: what was read, what was not asked for, and what cannot be read, with the reason."""
+"""What every reader shares: the table of formats, and the variables of a log by name.
+
+How a format is told from a file's first bytes or its name; what was read, what was not asked for, and what cannot be
+read, with the reason.
+"""
 
 from __future__ import annotations
 
+import bz2
+import gzip
+import lzma
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+import zlib
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robid.errors import DataError
+from robid.signals.log_options import LogFormat
+
+_FIRST_BYTES = 512
+UNPACKING_ERRORS = (OSError, EOFError, zlib.error, lzma.LZMAError)
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of logs.
+
+    Attributes:
+        title: What a message calls it.
+        reader: The function that reads it, by `(file, wanted)`: `module:function`.
+        suffixes: Ends of file names that say so where the first bytes do not.
+        magic: First bytes of its files.
+        holds: What it holds: `columns` in an order, `messages` of topics, `timed` channels, or `variables`.
+        needs: Modules that must be installed.
+        extra: What installs them, `pip install 'robid[extra]'`.
+    """
+
+    title: str
+    reader: str
+    suffixes: tuple[str, ...] = ()
+    magic: tuple[bytes, ...] = ()
+    holds: Literal["columns", "messages", "timed", "variables"] = "variables"
+    needs: tuple[str, ...] = ()
+    extra: str = ""
+
+
+_TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log", ".lvm")
+_HERE, _ROS = "robid.logs.formats", ("mcap", "rosbags")
+FORMATS: dict[LogFormat, Format] = {
+    "csv": Format("a table of text", f"{_HERE}.tables:read_table", _TEXT, holds="columns"),
+    "mat": Format("a MAT file", f"{_HERE}.mat:read_mat", (".mat",), (b"MATLAB ",)),
+    "hdf5": Format("an HDF5 file", f"{_HERE}.containers:read_hdf5", (".h5", ".hdf5", ".hdf"), (b"\x89HDF\r\n\x1a\n",)),
+    "parquet": Format(
+        "a Parquet file",
+        f"{_HERE}.containers:read_parquet",
+        (".parquet", ".pq"),
+        (b"PAR1",),
+        "columns",
+        ("pyarrow",),
+        "parquet",
+    ),
+    "mcap": Format(
+        "an MCAP file", f"{_HERE}.messages:read_mcap", (".mcap",), (b"\x89MCAP0\r\n",), "messages", _ROS, "ros"
+    ),
+    "rosbag": Format(
+        "a ROS 2 bag", f"{_HERE}.messages:read_bag", (".db3",), (b"SQLite format 3\x00",), "messages", _ROS, "ros"
+    ),
+    "tdms": Format(
+        "a TDMS file", f"{_HERE}.containers:read_tdms", (".tdms",), (b"TDSm",), "timed", ("nptdms",), "tdms"
+    ),
+    "mdf": Format(
+        "an MDF file",
+        f"{_HERE}.containers:read_mdf",
+        (".mf4", ".mdf"),
+        (b"MDF     ", b"UnFinMF "),
+        "timed",
+        ("asammdf",),
+        "mdf",
+    ),
+}
+"""What a log may be; settings and the command line take the same names from `LogFormat`."""
+
+_PACKED: tuple[tuple[bytes, Callable[[Path], Any]], ...] = (
+    (b"\x1f\x8b", gzip.GzipFile),
+    (b"BZh", bz2.BZ2File),
+    (b"\xfd7zXZ\x00", lzma.LZMAFile),
+)
+FOREIGN = (
+    (b"#ROSBAG V2.0", "a bag of ROS 1", "Convert it with `rosbags-convert --src LOG --dst FOLDER`."),
+    (b"PK\x03\x04", "a zip archive or a spreadsheet", "Unpack it, or save the sheet as CSV."),
+    (b"\xd0\xcf\x11\xe0", "a spreadsheet of an old version", "Save the sheet as CSV."),
+    (b"\x28\xb5\x2f\xfd", "packed with zstd", "Unpack it with `zstd -d`."),
+)
+
+
+def is_packed(file: Path) -> bool:
+    """Whether a file is packed by gzip, bzip2 or xz."""
+    return _opener(file) is not None
+
+
+def open_bytes(file: Path) -> IO[bytes]:
+    """Opens a file for reading, unpacked."""
+    opener = _opener(file)
+    return file.open("rb") if opener is None else opener(file)
+
+
+def tell_format(file: Path) -> LogFormat:
+    """Returns the name of a log's format by its first bytes, else by its name; a table of text where neither says."""
+    if file.is_dir():
+        return "rosbag"
+    start = first_bytes(file)
+    found = next((name for name, one in FORMATS.items() if one.magic and start.startswith(one.magic)), None)
+    if found is not None:
+        return found
+    suffixes = [suffix.lower() for suffix in file.suffixes]
+    if is_packed(file) and suffixes:
+        suffixes.pop()
+    last = suffixes[-1] if suffixes else ""
+    return next((name for name, one in FORMATS.items() if last in one.suffixes), "csv")
+
+
+def first_bytes(file: Path) -> bytes:
+    """Returns the first bytes of a file, unpacked; none of a folder or of a file that cannot be unpacked."""
+    if file.is_dir():
+        return b""
+    try:
+        with open_bytes(file) as stream:
+            return stream.read(_FIRST_BYTES)
+    except UNPACKING_ERRORS:
+        return b""
+
+
+def _opener(file: Path) -> Callable[[Path], Any] | None:
+    with file.open("rb") as stream:
+        start = stream.read(8)
+    return next((opener for magic, opener in _PACKED if start.startswith(magic)), None)
+
 
 _SERIES = re.compile(r"\((?:\d+,\s*)*:(?:,\s*\d+)*\)$")
 _FIRST = re.compile(r"\(1\)")
@@ -64,6 +193,19 @@ class Found:
             return
         self.arrays[name] = array
         self.mention(name, array.size, unit)
+
+    @contextmanager
+    def guarded(self, name: str, what: str = "It is damaged", remedy: str = "Save the log again.") -> Iterator[None]:
+        """Notes a variable as unreadable where reading it fails, with whatever a damaged one makes libraries raise.
+
+        The others stay readable; a lack of memory is the log's, not the variable's.
+        """
+        try:
+            yield
+        except MemoryError:
+            raise
+        except Exception as e:  # noqa: BLE001
+            self.unreadable[name] = Reason(f"{what} ({e}).", remedy)
 
     def take(self, name: str, matrix: Any, wanted: Wanted, unit: str = "") -> None:  # noqa: ANN401
         """Adds an array; of one of which only columns or rows were asked for, these; of what was not, the size."""

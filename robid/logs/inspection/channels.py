@@ -13,19 +13,12 @@ from robid.logs.inspection.names import DRIVING, MOVING
 from robid.logs.inspection.relations import response_at, sense_of_inertia
 from robid.logs.inspection.roles import Comparison, Signal, derivatives
 from robid.logs.inspection.sides import SIDES, Place, find_sides
-from robid.logs.inspection.units import CONVERTED
-from robid.logs.inspection.vocabulary import Role
+from robid.logs.inspection.vocabulary import CONVERTED, Role
 from robid.signals.quantities import UNITS
 
-_SENSED = 0.3
-"""Mean cosine from which a sign is told from the data."""
-
-_COUNT = 0.25
-"""Resolution from which an angle without a unit is in counts."""
-
-_SLOW = 0.1
-"""Share of the sampling rate up to which delays leave the signs as they are."""
-
+_SENSED = 0.3  # mean cosine from which a sign is told from the data
+_COUNT = 0.25  # resolution from which an angle without a unit is in counts
+_SLOW = 0.1  # share of the sampling rate up to which delays leave the signs as they are
 _COUNTS_OPEN = (
     "add `counts_per_turn` (`resolution_m` for a slide): nothing in the log tells it; the encoder's data sheet or the"
     " drive's parameters do"

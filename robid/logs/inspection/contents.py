@@ -1,52 +1,39 @@
-"""Reads a log whose variables nobody has named: all of a small one, a part of a large one."""
+"""Reads a log whose variables nobody has named: all of a small one, a part of a large one.
+
+Of recordings side by side, told apart by a number in their names as `exp1.X` and `exp2.X`, the first one.
+"""
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.logs.formats.known import open_bytes, tell_format
 from robid.logs.formats.load import load_variables
-from robid.logs.formats.variables import Variables, series_of, series_place
-from robid.signals.log_dialect import Dialect
+from robid.logs.formats.variables import FORMATS, Variables, open_bytes, series_of, series_place, tell_format
+from robid.signals.log_options import Dialect, LogFormat
 
-_TABLE_BYTES = 1 << 27
-"""Bytes of a table of text that are looked at."""
-
-_VALUES = 1 << 26
-"""Values of a large log that are looked at; whole variables, in their order."""
-
-_WHOLE_BYTES = 1 << 27
-"""Bytes of a binary log up to which all of it is read at once."""
-
-_FEWEST = 8
-"""Samples from which a variable is a signal."""
-
-_COLUMNS = 64
-"""Columns or rows of a matrix that are looked at."""
-
-_TOLD = 20
-"""Variables of which it is told why they are no signals."""
-
-_REMEDIES = 3
-"""Remedies that are told with them."""
-
+_TABLE_BYTES = 1 << 27  # bytes of a table of text that are looked at
+_VALUES = 1 << 26  # values of a large log that are looked at; whole variables, in their order
+_WHOLE_BYTES = 1 << 27  # bytes of a binary log up to which all of it is read at once
+_FEWEST = 8  # samples from which a variable is a signal
+_COLUMNS = 64  # columns or rows of a matrix that are looked at
+_TOLD = 20  # variables of which it is told why they are no signals
+_REMEDIES = 3  # remedies that are told with them
 _TEXT = "It holds text, not numbers."
 _TITLES = {
     **dict.fromkeys(("Data", "Signal", "Value"), ("Name",)),
     "values": ("label", "title", "blockName"),
 }
 """Fields of a structure that say what the numbers in another one are."""
-
-_STREAMS = ("mcap", "rosbag")
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +79,7 @@ class Contents:
     """
 
     file: Path
-    format: str
+    format: LogFormat
     columns: tuple[Column, ...]
     scalars: Mapping[str, float]
     texts: tuple[str, ...]
@@ -100,7 +87,7 @@ class Contents:
     notes: tuple[str, ...]
 
 
-def read_contents(file: Path, format_: str | None = None, dialect: Dialect | None = None) -> Contents:
+def read_contents(file: Path, format_: LogFormat | None = None, dialect: Dialect | None = None) -> Contents:
     """Reads the signals of a log.
 
     Args:
@@ -115,7 +102,7 @@ def read_contents(file: Path, format_: str | None = None, dialect: Dialect | Non
     variables, notes = _read(file, format_, dialect)
     columns, scalars, odd = _sort_out(variables)
     told = format_ or tell_format(file)
-    if told in _STREAMS:
+    if FORMATS[told].holds == "messages":
         columns = list(_labelled(columns))
     damage = variables.found.damage
     if not columns and damage is not None:
@@ -162,7 +149,7 @@ def join_contents(read: Sequence[Contents]) -> Contents:
     return Contents(first.file, first.format, tuple(columns), scalars, tuple(texts), unreadable, tuple(notes))
 
 
-def _read(file: Path, format_: str | None, dialect: Dialect) -> tuple[Variables, list[str]]:
+def _read(file: Path, format_: LogFormat | None, dialect: Dialect) -> tuple[Variables, list[str]]:
     """Reads all of a log, or what of it there is room for."""
     if not file.exists() or file.is_dir():
         return load_variables(file, format_, None, dialect), []
@@ -246,3 +233,95 @@ def _labelled(columns: list[Column]) -> Iterator[Column]:
 def _label(name: str) -> str:
     """What stands in the brackets at the end of a name."""
     return name.rpartition("[")[2].rstrip("]") if name.endswith("]") else ""
+
+
+Place: TypeAlias = Literal["configuration", "realization", "experiment"]
+
+_WORDS: dict[str, Place | Literal[""]] = {
+    **dict.fromkeys(("exp", "experiment", "experiments", "versuch"), "experiment"),
+    **dict.fromkeys(("real", "realization", "realisation", "repetition", "rep"), "realization"),
+    **dict.fromkeys(("conf", "config", "configuration"), "configuration"),
+    **dict.fromkeys(("run", "trial", "test", "rec", "record", "recording", "measurement", "messung", "shot"), ""),
+}
+"""Words before such a number, and what each tells: nothing of those that are used for any recording."""
+
+_NUMBER = re.compile(rf"(?<![A-Za-z])(({'|'.join(_WORDS)})[_-]?[({{]?)(\d+)(?=[^0-9A-Za-z].*[A-Za-z])", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Numbered:
+    """Recordings that are told apart by a number.
+
+    Attributes:
+        stem: What stands before the number.
+        numbers: The numbers as they are written, ascending.
+        place: What the word before it tells that they are; empty where it does not.
+        alike: Whether all have the same variables.
+    """
+
+    stem: str
+    numbers: tuple[str, ...]
+    place: Place | Literal[""]
+    alike: bool
+
+    @property
+    def count(self) -> int:
+        """Recordings that one mapping reads: they count from 1 and have the same variables; else the first alone."""
+        width = len(self.numbers[0])
+        counted = all(one == f"{index:0{width}d}" for index, one in enumerate(self.numbers, 1))
+        return len(self.numbers) if counted and self.alike else 1
+
+    @property
+    def told(self) -> str:
+        """Which they are, in words."""
+        first, last = (f"`{self.stem}{one}`" for one in (self.numbers[0], self.numbers[-1]))
+        return f"{len(self.numbers)} recordings side by side, {first} to {last}"
+
+    def write(self, name: str, place: str) -> str:
+        """Returns a variable's name with the name of a place where its number was."""
+        width = len(self.numbers[0])
+        number = f"{{{place}:0{width}d}}" if width > 1 else f"{{{place}}}"
+        return _NUMBER.sub(lambda found: f"{found[1]}{number}" if found[1] == self.stem else found[0], name, count=1)
+
+    def place_among(self, n_input: int) -> tuple[Place, str]:
+        """Returns what they are taken for where so many signals drive, and what to check about that."""
+        if self.count == 1:
+            reason = "do not count from 1" if self.alike else "have other variables"
+            return "experiment", f"{self.told}: the first one alone is read, as the numbers {reason}"
+        if self.place == "configuration":
+            return "configuration", f"{self.told}: needs a robot file and {self.count} configurations"
+        if self.place == "experiment" and self.count > n_input:
+            why = f"{n_input} input{'s' if n_input > 1 else ''} take{'' if n_input > 1 else 's'} no more experiments"
+            return "realization", f"{self.told}, taken for realizations, as {why}"
+        if self.place:
+            return self.place, f"{self.told}, {self.place}s by their name"
+        fits = self.count == n_input > 1
+        taken, other = ("experiment", "realization") if fits else ("realization", "experiment")
+        return ("experiment" if fits else "realization"), f"{self.told}, taken for {taken}s; they may be {other}s"
+
+
+def part_numbered(columns: Sequence[Column]) -> tuple[Numbered | None, list[Column]]:
+    """Parts recordings that lie beside each other in one log.
+
+    Args:
+        columns: The signals of the log.
+
+    Returns:
+        The recordings, None where there is one only; and the signals of the first one, with those of none.
+    """
+    members: dict[str, dict[str, dict[str, Column]]] = {}
+    for one in columns:
+        found = _NUMBER.search(one.name)
+        if found is not None:
+            rest = f"{one.name[: found.start()]}{one.name[found.end() :]} {one.file}"
+            members.setdefault(found[1], {}).setdefault(found[3], {})[rest] = one
+    several = {stem: own for stem, own in members.items() if len(own) > 1}
+    if not several:
+        return None, list(columns)
+    stem = max(several, key=lambda one: sum(map(len, several[one].values())))
+    numbers = sorted(several[stem], key=int)
+    first = several[stem][numbers[0]]
+    alike = all(own.keys() == first.keys() for own in several[stem].values())
+    place = _WORDS[re.sub("[^a-z]", "", stem.lower())]
+    left = {id(one) for number in numbers[1:] for one in several[stem][number].values()}
+    return Numbered(stem, tuple(numbers), place, alike), [one for one in columns if id(one) not in left]

@@ -10,52 +10,40 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.logs.inspection.channels import Chosen, choose, propose_inputs, propose_outputs, propose_references
-from robid.logs.inspection.contents import Column, Contents, join_contents, read_contents
-from robid.logs.inspection.names import DRIVING, MOVING, read_names
-from robid.logs.inspection.numbered import Numbered, part_numbered
-from robid.logs.inspection.proposal import Proposal, is_broad, is_resolved, propose_band, propose_lines
-from robid.logs.inspection.quality import judge
-from robid.logs.inspection.repetition import (
+from robid.logs.inspection.contents import Column, Contents, Numbered, join_contents, part_numbered, read_contents
+from robid.logs.inspection.excitation import (
+    Proposal,
     Shared,
     carrying_lines,
     cut_periods,
     energy_band,
+    is_broad,
+    is_resolved,
     measure_period,
+    propose_band,
+    propose_lines,
     share_period,
     shorten,
     unsettled,
 )
+from robid.logs.inspection.names import DRIVING, MOVING, read_names
+from robid.logs.inspection.quality import judge
 from robid.logs.inspection.roles import Comparison, Signal, find_roles
-from robid.logs.inspection.rows import on_common_instants
-from robid.logs.inspection.sampling import Sampling, find_sampling
-from robid.logs.inspection.units import PER_SECOND
+from robid.logs.inspection.sampling import Sampling, find_sampling, on_common_instants
+from robid.logs.inspection.vocabulary import PER_SECOND
 from robid.logs.pace import roundest
 from robid.logs.period import Repetition
-from robid.logs.pieces import limits_of
-from robid.logs.resample import longest_bridged
-from robid.signals.log_dialect import Dialect
+from robid.logs.resample import limits_of, longest_bridged
+from robid.signals.log_options import Dialect, LogFormat
 
-_MEASURED = 24
-"""Signals whose period is measured at most."""
-
-_JITTER = 0.05
-"""Deviation of time steps from which samples are resampled to the log's time."""
-
+_MEASURED = 24  # signals whose period is measured at most
+_JITTER = 0.05  # deviation of time steps from which samples are resampled to the log's time
 _UNKNOWN_STEP_S = 1e-3
-
-_NEAR = 0.03
-"""Relative distance from the usual step of an uneven clock within which its even steps are chosen."""
-
+_NEAR = 0.03  # relative distance from the usual step of an uneven clock within which its even steps are chosen
 _ROUND = 1e-9
-
-_FEWEST = 100
-"""Even samples from which a part of an uneven clock is worth looking at."""
-
-_SCATTERED = 0.5
-"""Share of the log in its longest part without a gap below which its gaps are those of an uneven clock."""
-
-_REST = 0.25
-"""Share of a period beyond whole ones from which the periods are counted from the end."""
+_FEWEST = 100  # even samples from which a part of an uneven clock is worth looking at
+_SCATTERED = 0.5  # share of the log in its longest part without a gap below which its gaps are those of an uneven clock
+_REST = 0.25  # share of a period beyond whole ones from which the periods are counted from the end
 
 
 @dataclass(frozen=True)
@@ -117,7 +105,7 @@ class Findings:
 
 def inspect_log(
     files: Sequence[Path],
-    format_: str | None = None,
+    format_: LogFormat | None = None,
     dialect: Dialect | None = None,
     sampling_period_s: float | None = None,
     tell: Callable[[str], None] = lambda _: None,

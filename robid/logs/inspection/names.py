@@ -9,8 +9,20 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from robid.logs.inspection.contents import Column
-from robid.logs.inspection.units import CONVERTED, Stated, read_unit
-from robid.logs.inspection.vocabulary import COMMANDED, LETTERS, MEASURED, ROLES, SIDES, Role, Side, is_known, tokens
+from robid.logs.inspection.vocabulary import (
+    COMMANDED,
+    CONVERTED,
+    LETTERS,
+    MEASURED,
+    ROLES,
+    SIDES,
+    Role,
+    Side,
+    Stated,
+    is_known,
+    read_unit,
+    tokens,
+)
 from robid.signals.quantities import UNITS
 
 By: TypeAlias = Literal["unit", "name", "short", "file", ""]
@@ -24,8 +36,8 @@ _BRACKET = re.compile(r"[\[(]\s*([^\[\]()]*?)\s*[\])]\s*$")
 _COLUMN = re.compile(r"\((?::,\s*(\d+)|(\d+)\s*,:)\)$")
 _AXES = re.compile(r"(^|\.)[XY]([({]\d+[)}])?\.Data$")
 _SIGNALS = re.compile(r"(^|\.)signals([({]\d+[)}])?\.values$")
+# A name that ends in the letter of a joint or a phase, as `J1_A`
 _LETTERED = re.compile(r"^(.*[A-Za-z]\d+)[\s_.]?[A-Z]$")
-"""A name that ends in the letter of a joint or a phase, as `J1_A`."""
 _SHORT = re.compile("[qi][a-z]")
 _QUANTITIES: dict[str, Role] = {"N m": "torque", "A": "current", "N": "force", "rad": "angle", "m": "position"}
 _QUANTITIES |= {"rad/s": "speed", "m/s": "speed", "rad/s^2": "acceleration", "m/s^2": "acceleration"}

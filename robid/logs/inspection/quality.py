@@ -1,45 +1,30 @@
-"""What can be wrong with a signal by itself: missing values, no change, flat tops; and how fine it is."""
+"""What a signal is by itself: missing values, no change, flat tops, how fine it is, where it wraps; and to draw it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from scipy.fft import rfft
+from scipy.signal.windows import hann
 
 from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.logs.period import line_power
 
-_LOOKED = 1 << 18
-"""Samples by which the resolution is told."""
-
-_FEW = 3
-"""Different values up to which a signal hardly changes."""
-
+_LOOKED = 1 << 18  # samples by which the resolution is told
+_FEW = 3  # different values up to which a signal hardly changes
+# Share of samples at which a signal of a few values changes, from which it is no flag: binary noise, a relay
 _SWITCHES = 0.02
-"""Share of samples at which a signal of a few values changes, from which it is no flag: binary noise, a relay."""
-
-_SATURATED = 1e-3
-"""Share of samples in flat tops from which a signal saturates."""
-
-_SHORTEST_TOP = 3
-"""Samples of a flat top, at least."""
-
+_SATURATED = 1e-3  # share of samples in flat tops from which a signal saturates
+_SHORTEST_TOP = 3  # samples of a flat top, at least
+# How steeply a flat top is reached, relative to a usual step of the signal: slow turning points look flat, too
 _STEEP = 0.25
-"""How steeply a flat top is reached, relative to a usual step of the signal: slow turning points look flat, too."""
-
-_COARSE = 0.05
-"""Share of unchanged samples from which a signal is coarse."""
-
-_WHOLE = 0.1
-"""Distance of a step from whole resolutions that rounding leaves."""
-
-_MOST = 0.98
-"""Share of the steps that are whole resolutions where there is one."""
-
-_ENOUGH = 10
-"""Distances of several steps that must be there to tell them from chance."""
-
-_FORMAT = 2.0**-25
-"""Resolution, relative to the largest value, below which it is the number format's."""
+_COARSE = 0.05  # share of unchanged samples from which a signal is coarse
+_WHOLE = 0.1  # distance of a step from whole resolutions that rounding leaves
+_MOST = 0.98  # share of the steps that are whole resolutions where there is one
+_ENOUGH = 10  # distances of several steps that must be there to tell them from chance
+_FORMAT = 2.0**-25  # resolution, relative to the largest value, below which it is the number format's
 
 
 @dataclass(frozen=True)
@@ -199,3 +184,150 @@ def _turns(values: FloatArray, span: float) -> int:
     jumps = int(np.count_nonzero(steps > 0.9 * span))
     usual = float(np.quantile(steps, 0.95))
     return jumps if jumps and usual < 0.1 * span and jumps < len(values) // 20 else 0
+
+
+_TURN = {"deg": 360.0, "rad": 2 * np.pi, "mrad": 2e3 * np.pi, "urad": 2e6 * np.pi, "turn": 1.0}
+_TURN |= {"gon": 400.0, "arcmin": 21600.0, "arcsec": 1296000.0}
+"""A turn in the units that a log may state."""
+
+_UNSTATED = ("deg", "rad", "turn")
+# Counts of a turn, but for powers of ten, that encoders have beside powers of two
+_COUNTED = (1.0, 1.6, 1.8, 2.0, 2.5, 3.2, 3.6, 4.0, 5.0, 6.4, 7.2, 8.0)
+_FASTEST = 0.25  # turns from sample to sample up to which a jump is told from a motion
+_ODD = 0.1  # share of the jumps by which others may be there, as where samples are missing
+_SMOOTH = 5.0  # how much more the speed may change at a jump, once that is taken out, than it does elsewhere at most
+
+
+@dataclass(frozen=True)
+class Wrap:
+    """How a signal wraps.
+
+    Attributes:
+        size: The range that it starts again after, in its own numbers.
+        unit: Unit of which that is a turn; `counts` of counts.
+        count: How often it does.
+    """
+
+    size: float
+    unit: str
+    count: int
+
+
+def find_wrap(values: FloatArray, unit: str) -> Wrap | None:
+    """Finds the range of an angle or a counter that starts again; None where it does not, or that is not told.
+
+    Args:
+        values (n_sample,): The signal, NaN where samples are missing.
+        unit: Its unit, as far as the log states one.
+    """
+    kept = values[np.isfinite(values)]
+    if len(kept) < 3 or np.ptp(kept) == 0:
+        return None
+    steps = np.diff(kept)
+    span = float(np.ptp(kept))
+    if np.abs(steps).max() < (1 - 2 * _FASTEST) * span:
+        return None
+    found = [(one, _roughness(steps, span, one.size)) for one in _candidates(unit, span, kept)]
+    told = [(rough, one.size, one) for one, rough in found if rough is not None]
+    if not told:
+        return None
+    # Of ranges that do, the one that leaves the smoothest motion; a power of two before its neighbours.
+    _, _, best = min(told)
+    return Wrap(best.size, best.unit, int(np.count_nonzero(np.abs(steps) > best.size / 2)))
+
+
+def unwrapped(values: FloatArray, size: float) -> FloatArray:
+    """Returns a signal (n_sample,) without its jumps by a range, NaN left where they are."""
+    made = np.array(values, float)
+    finite = np.isfinite(made)
+    made[finite] = np.unwrap(made[finite], period=size)
+    return made
+
+
+def _candidates(unit: str, span: float, values: FloatArray) -> list[Wrap]:
+    if unit in _TURN:
+        return [Wrap(_TURN[unit], unit, 0)]
+    if unit and unit != "counts":
+        return []
+    made = [] if unit else [Wrap(_TURN[one], one, 0) for one in _UNSTATED]
+    if unit == "counts" or bool(np.all(values == np.round(values))):
+        sizes = {2.0**power for power in range(7, 33)} | {
+            part * 10.0**power for power in range(2, 9) for part in _COUNTED
+        }
+        known = [one.size for one in made]
+        made += [Wrap(one, "counts", 0) for one in sorted(sizes) if span <= one < 1.5 * span + 2 and one not in known]
+    return made
+
+
+def _roughness(steps: FloatArray, span: float, size: float) -> float | None:
+    """How much a speed changes at jumps by a range at most, once they are taken out; None where it is no such range."""
+    if span > size * (1 + 1e-6):
+        return None
+    jumps = np.abs(steps) > size / 2
+    rest = steps - size * np.round(steps / size)
+    odd = np.abs(rest) > _FASTEST * size
+    if np.count_nonzero(odd) > _ODD * np.count_nonzero(jumps) or not jumps.any():
+        return None
+    changes = np.abs(np.diff(rest))
+    beside = jumps[1:] | jumps[:-1]
+    plain = ~(beside | odd[1:] | odd[:-1])
+    usual = float(changes[plain].max(initial=0.0)) if plain.any() else float(np.abs(rest).max())
+    at_jumps = float(np.median(changes[beside]))
+    return at_jumps if at_jumps <= _SMOOTH * max(usual, 1e-9 * size) else None
+
+
+_POINTS = 1200
+
+
+@dataclass(frozen=True)
+class Spectra:
+    """Amplitudes of a signal.
+
+    Attributes:
+        frequency_hz (n_freq,): Frequencies [Hz].
+        amplitude (n_freq,): Amplitudes there.
+        noise (n_freq,): What the periods scatter; empty where nothing repeats.
+    """
+
+    frequency_hz: FloatArray
+    amplitude: FloatArray
+    noise: FloatArray
+
+
+def thin_out(values: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Returns samples with their places: all of a short signal, lowest and highest of each part of a long one."""
+    if len(values) <= 2 * _POINTS:
+        return np.arange(len(values)), values
+    width = len(values) // _POINTS
+    parts = values[: width * _POINTS].reshape(_POINTS, width)
+    filled = np.where(np.isfinite(parts), parts, 0.0)
+    inside = np.sort(np.stack([filled.argmin(axis=1), filled.argmax(axis=1)], axis=1), axis=1)
+    places = (width * np.arange(_POINTS)[:, None] + inside).ravel()
+    return places, values[places]
+
+
+def spectra_of_periods(blocks: FloatArray, step_s: float) -> Spectra:
+    """Returns amplitudes of the mean of some periods (n_period, n_sample), and of what they scatter."""
+    mean, noise = line_power(blocks)
+    count = blocks.shape[1]
+    frequency = np.arange(len(mean)) / (count * step_s)
+    amplitude, scatter = 2 * np.sqrt(mean) / count, 2 * np.sqrt(noise) / count
+    kept = _highest(amplitude[1:]) + 1
+    return Spectra(frequency[kept], amplitude[kept], scatter[kept])
+
+
+def spectra_of_all(values: FloatArray, step_s: float) -> Spectra:
+    """Returns amplitudes of a signal (n_sample,) that does not repeat."""
+    window = hann(len(values))
+    amplitude = 2 * np.abs(rfft((values - values.mean()) * window)) / window.sum()
+    frequency = np.arange(len(amplitude)) / (len(values) * step_s)
+    kept = _highest(amplitude[1:]) + 1
+    return Spectra(frequency[kept], amplitude[kept], np.zeros(0))
+
+
+def _highest(amplitude: FloatArray) -> IntArray:
+    """Places to draw: all of few, the highest of each of equal parts of a logarithmic axis of many."""
+    if len(amplitude) <= 2 * _POINTS:
+        return np.arange(len(amplitude))
+    edges = np.unique(np.geomspace(1, len(amplitude), _POINTS + 1).astype(int))
+    return np.array([start - 1 + int(np.argmax(amplitude[start - 1 : stop - 1])) for start, stop in pairwise(edges)])

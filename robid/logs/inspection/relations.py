@@ -19,29 +19,15 @@ from scipy.signal import detrend
 from robid.arrays import ComplexArray, FloatArray, IntArray
 
 _LOOKED = 1 << 17
-_CARRIED = 0.9
-"""Share of a signal's energy in the frequencies that are compared."""
-
-_NEIGHBOURS = 9
-"""Lines over which cross and power spectra are averaged for a coherence."""
-
-_COHERENT = 0.9
-"""Coherence from which a line tells a factor."""
-
-_AVERAGES = 6.0
-"""Independent averages that these stand for, as a window correlates neighbours."""
-
-_SLOW = 0.2
-"""Share of the sampling rate up to which a factor is told: above, differences of samples are no derivatives."""
-
-_LINES = 5
-"""Lines from which a factor is told."""
-
+_CARRIED = 0.9  # share of a signal's energy in the frequencies that are compared
+_NEIGHBOURS = 9  # lines over which cross and power spectra are averaged for a coherence
+_COHERENT = 0.9  # coherence from which a line tells a factor
+_AVERAGES = 6.0  # independent averages that these stand for, as a window correlates neighbours
+_SLOW = 0.2  # share of the sampling rate up to which a factor is told: above, differences of samples are no derivatives
+_LINES = 5  # lines from which a factor is told
+# Share of an acceleration that speed and position do not explain, from which a torque can be compared with it
 _LEFT = 1e-3
-"""Share of an acceleration that speed and position do not explain, from which a torque can be compared with it."""
-
-_SURE = 1e-6
-"""Smallest relative distance between the bounds of a factor at a line that counts."""
+_SURE = 1e-6  # smallest relative distance between the bounds of a factor at a line that counts
 
 
 @dataclass(frozen=True)

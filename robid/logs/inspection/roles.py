@@ -12,24 +12,17 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.logs.inspection.contents import Column
 from robid.logs.inspection.names import DRIVING, MOVING, Hint, read_names
-from robid.logs.inspection.quality import Quality
+from robid.logs.inspection.quality import Quality, Wrap, find_wrap, unwrapped
 from robid.logs.inspection.relations import Likeness, Relation, Spectrum, compare, relate, spectrum_of
 from robid.logs.inspection.sampling import is_ramp
 from robid.logs.inspection.vocabulary import Role
-from robid.logs.inspection.wraps import Wrap, find_wrap, unwrapped
 from robid.signals.quantities import UNITS
 
 Evidence: TypeAlias = Literal["unit", "name", "short", "file", "relation", ""]
 
-_DERIVED = 0.97
-"""Correlation from which a signal is another one's derivative."""
-
-_NAMED = 0.8
-"""The same where names say so already: measured speeds are filtered."""
-
-_LATE = 10.0
-"""Samples by which a measured speed comes late at most."""
-
+_DERIVED = 0.97  # correlation from which a signal is another one's derivative
+_NAMED = 0.8  # the same where names say so already: measured speeds are filtered
+_LATE = 10.0  # samples by which a measured speed comes late at most
 _FACTORS = {
     1.0: "the same unit",
     30 / np.pi: "as rpm and rad",
@@ -40,40 +33,20 @@ _FACTORS = {
 """What a factor between an angle's derivative and a speed speaks for."""
 
 _TURNS = [(angle, speed) for angle in ("rad", "deg", "turn") for speed in ("rad/s", "deg/s", "rpm")]
+# Units of an angle or a position and of its speed that go together
 _TRAVELS = [(way, speed) for way in ("m", "mm", "um") for speed in ("m/s", "mm/s")]
-"""Units of an angle or a position and of its speed that go together."""
-
-_MEANT = 0.01
-"""Relative distance of a factor from these that its deviation does not have to explain."""
-
-_TOLD = 0.02
-"""Relative deviation up to which a factor is told."""
-
+_MEANT = 0.01  # relative distance of a factor from these that its deviation does not have to explain
+_TOLD = 0.02  # relative deviation up to which a factor is told
+# Relative distance from which a factor is another one than two stated units give, rather than a poor calibration
 _APART = 0.2
-"""Relative distance from which a factor is another one than two stated units give, rather than a poor calibration."""
-
-_MOST = 0.5
-"""Share of a signal's energy at the lines that tell a factor, at least."""
-
-_DRIVES = 0.5
-"""Correlation with an acceleration from which an unnamed signal is taken for what drives."""
-
-_FOLLOWS = 0.97
-"""Correlation from which a signal follows another one of its kind."""
-
-_LEADS = 2.0
-"""Samples by which a command comes first."""
-
-_COUNT = 0.25
-"""Smallest step of an encoder's counts: some are interpolated."""
-
-_COUNTS = 100
-"""Fewest of them that a motion passes."""
-
+_MOST = 0.5  # share of a signal's energy at the lines that tell a factor, at least
+_DRIVES = 0.5  # correlation with an acceleration from which an unnamed signal is taken for what drives
+_FOLLOWS = 0.97  # correlation from which a signal follows another one of its kind
+_LEADS = 2.0  # samples by which a command comes first
+_COUNT = 0.25  # smallest step of an encoder's counts: some are interpolated
+_COUNTS = 100  # fewest of them that a motion passes
 _EQUAL = 1e-9
-
-_COMPARED = 40
-"""Signals that are compared with each other at most."""
+_COMPARED = 40  # signals that are compared with each other at most
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The time of a log: which variable it is, its unit, rate, jitter and gaps."""
+"""The time of a log: which variable it is, its unit, rate, jitter, gaps; and signals with clocks of their own."""
 
 from __future__ import annotations
 
@@ -8,13 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.logs.inspection.contents import Column
-from robid.logs.inspection.names import read_name, unit_of_name
-from robid.logs.inspection.units import PER_SECOND
-from robid.logs.inspection.vocabulary import tokens
+from robid.logs.clocks import on_one_clock, own_rows
+from robid.logs.inspection.contents import Column, Contents
+from robid.logs.inspection.names import DRIVING, MOVING, read_name, read_names, unit_of_name
+from robid.logs.inspection.vocabulary import PER_SECOND, tokens
+from robid.logs.mapping import LogMapping, Stream
 from robid.logs.pace import GAP, Pace, measure_pace
-from robid.logs.pieces import limits_of
+from robid.logs.resample import limits_of
+from robid.logs.streams import is_table, time_before, times_of_groups
 from robid.logs.timing import UNSURE
+from robid.signals.log_channels import InputChannel, OutputChannel
+from robid.signals.log_options import TimeChannel
 
 _TIME = {
     "time": 3,
@@ -31,22 +35,15 @@ _TIME = {
     "clock": 2,
     "ms": 1,
 }
-_REGULAR = 0.5
-"""Share of usual steps from which a variable can be a time."""
+_REGULAR = 0.5  # share of usual steps from which a variable can be a time
 _AGREES = 0.01
-_EVEN = 0.01
-"""Deviation of steps up to which a signal that says nothing of itself is a clock: rounded stamps have it."""
-_SURELY = 3
-"""Score from which a variable is a time, whatever else is."""
-_REPEATED = 0.02
-"""Share of samples with the stamp of the one before from which stamps are no times of single samples."""
+_EVEN = 0.01  # deviation of steps up to which a signal that says nothing of itself is a clock: rounded stamps have it
+_SURELY = 3  # score from which a variable is a time, whatever else is
+_REPEATED = 0.02  # share of samples with the stamp of the one before from which stamps are no times of single samples
 _LEAST = 100
-_USUAL_HZ = (10.0, 40e3)
-"""Rates at which robots are recorded."""
-_SLOWEST_HZ = 2.0
-"""Rate from which a time with fractions may be in seconds."""
-_STRAIGHT = 1.0
-"""Steps by which a ramp may be off a straight line: it is rounded."""
+_USUAL_HZ = (10.0, 40e3)  # rates at which robots are recorded
+_SLOWEST_HZ = 2.0  # rate from which a time with fractions may be in seconds
+_STRAIGHT = 1.0  # steps by which a ramp may be off a straight line: it is rounded
 
 
 @dataclass(frozen=True)
@@ -255,3 +252,136 @@ def _from_scalars(scalars: Mapping[str, float]) -> tuple[float | None, str]:
         if words in (("ts",), ("dt",), ("sampling", "period"), ("sample", "time"), ("sampling", "time")):
             return value, f"`{name}`"
     return None, ""
+
+
+_SECONDS = ("s", "ms", "us", "ns")
+_NAMES = ("time", "timestamp", "stamp", "t", "zeit", "sec", "seconds", "clock")
+_TIMES = ("header.stamp", "log_time")
+
+
+def on_common_instants(contents: Contents) -> Contents:
+    """Returns a log whose signals have the samples of one clock, where they have several in its table or messages."""
+    return _by_rows(contents) or _by_times(contents) or _by_topics(contents) or contents
+
+
+def _by_rows(contents: Contents) -> Contents | None:
+    """A table whose rows hold some of the signals each; None where it is none."""
+    length = max(len(one.values) for one in contents.columns)
+    table = [one for one in contents.columns if len(one.values) == length and one.file is None and not one.group]
+    times = [one for one in table if _may_be_time(one)]
+    if len(table) < 3 or not times or all(np.isfinite(one.values).all() for one in table):
+        return None
+    time = max(times, key=_names_time)
+    placed = [own_rows(Stream(one.name, one.name, 1.0, one.values), time.values) for one in table]
+    apart = {one.name: one for one in placed if one.stamps is not None}
+    if not apart:
+        return None
+    base = max(apart.values(), key=lambda one: len(one.values))
+    brought = _brought(contents, base, apart, time.name, time.values)
+    if brought is None:
+        return None
+    kept = np.isin(time.values, base.stamps) if base.stamps is not None else slice(None)
+    others = {one.name: one.values[kept] for one in table if one.name not in brought}
+    count = len(brought[time.name])
+    columns = tuple(
+        replace(one, values=brought.get(one.name, others.get(one.name, one.values)[:count]))
+        for one in contents.columns
+        if one in table
+    )
+    told = f"its rows hold some of the columns only: each is read at its own rows, by `{time.name}`."
+    rest = tuple(one for one in contents.columns if one not in table)
+    return replace(contents, columns=(*columns, *rest), notes=(*contents.notes, told))
+
+
+def _may_be_time(column: Column) -> bool:
+    values = column.values
+    return bool(np.isfinite(values).all()) and bool(np.all(np.diff(values) >= 0)) and float(np.ptp(values)) > 0
+
+
+def _names_time(column: Column) -> int:
+    """How surely a signal that rises is the time, by its name and unit."""
+    return 2 * (unit_of_name(column) in _SECONDS) + any(word in _NAMES for word in tokens(column.name))
+
+
+def _by_times(contents: Contents) -> Contents | None:
+    """A log whose signals have times beside them, not all the same; None where it is none."""
+    columns = {one.name: one for one in contents.columns if one.file is None and not one.group}
+    names = list(columns) if is_table(contents.file, contents.format) else []
+    own: dict[str, Column] = {}
+    for name in columns:
+        time = columns.get(f"{name}.time") or columns.get(time_before(names, name))
+        if time is not None and name not in times_of_groups(names) and len(time.values) == len(columns[name].values):
+            own[name] = time
+    times = list({id(time): time for time in own.values()}.values())
+    if not times or all(np.array_equal(time.values, times[0].values) for time in times):
+        return None
+    hints = read_names([columns[name] for name in own])
+    driving = [name for name, hint in zip(own, hints, strict=True) if hint.role in DRIVING]
+    base = (driving or list(own))[0]
+    streams = {
+        name: Stream(name, name, 1.0, columns[name].values, time.values, time.name) for name, time in own.items()
+    }
+    clock = own[base]
+    brought = _brought(contents, streams[base], streams, clock.name, clock.values)
+    if brought is None:
+        return None
+    dropped = {time.name for time in times} - {clock.name}
+    joined = [replace(columns[name], values=brought[name]) for name in columns if name in brought]
+    rest = [one for one in contents.columns if one.name not in brought and one.name not in dropped]
+    told = f"its signals have clocks of their own, as {', '.join(f'`{time.name}`' for time in times[:3])}: they are"
+    return replace(
+        contents, columns=(*joined, *rest), notes=(*contents.notes, f"{told} brought to that of `{clock.name}`.")
+    )
+
+
+def _by_topics(contents: Contents) -> Contents | None:
+    """Messages of several topics of which one drives and another one moves; None where there are none."""
+    topics: dict[str, list[Column]] = {}
+    for one in contents.columns:
+        if one.group and one.file is None:
+            topics.setdefault(one.group, []).append(one)
+    roles = {name: {hint.role for hint in read_names(members)} for name, members in topics.items()}
+    driving = [name for name, told in roles.items() if told & set(DRIVING)]
+    moving = [name for name, told in roles.items() if told & set(MOVING)]
+    if not driving or not moving or set(driving) & set(moving):
+        return None
+    chosen = [topics[driving[0]], topics[moving[0]]]
+    kind = next((one for one in _TIMES if all(_time_of(members, one) for members in chosen)), "")
+    first, other = (_time_of(members, kind) for members in chosen)
+    if first is None or other is None:
+        return None
+    streams = {
+        one.name: Stream(one.name, one.name, 1.0, one.values, stamps.values, stamps.name)
+        for members, stamps in zip(chosen, (first, other), strict=True)
+        for one in members
+        if len(one.values) == len(stamps.values) and not one.name.partition(".")[2].startswith(_TIMES)
+    }
+    base = next((one for one in streams.values() if one.clock == first.name), None)
+    brought = None if base is None else _brought(contents, base, streams, first.name, first.values)
+    if brought is None:
+        return None
+    joined = [
+        replace(one, values=brought[one.name], group=driving[0]) for one in contents.columns if one.name in brought
+    ]
+    rest = [one for one in contents.columns if one.name not in brought]
+    told = f"topics {driving[0]} and {moving[0]} have clocks of their own: they are brought to one by `{kind}`."
+    return replace(contents, columns=(*joined, *rest), notes=(*contents.notes, told))
+
+
+def _time_of(members: Sequence[Column], kind: str) -> Column | None:
+    return next((one for one in members if kind and one.name.partition(".")[2] == kind), None)
+
+
+def _brought(
+    contents: Contents, base: Stream, streams: Mapping[str, Stream], time: str, stamps: FloatArray
+) -> dict[str, FloatArray] | None:
+    """Signals at the instants of one of them, and these; None where they cannot be brought there."""
+    mapping = LogMapping(
+        file=contents.file,
+        sampling_period_s=1.0,
+        time=TimeChannel(time),
+        inputs=(InputChannel("base", base.column),),
+        outputs=tuple(OutputChannel(f"{index}", name) for index, name in enumerate(streams) if name != base.column),
+    )
+    joined, problems = on_one_clock(mapping, list(streams.values()), stamps)
+    return None if problems else dict(joined.columns)

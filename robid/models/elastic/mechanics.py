@@ -31,7 +31,7 @@ from robid.robot.response import nominal_parameters
 from robid.robot.statespace import discretise, state_space
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, require_controller
-from robid.signals.positions import readable, readable_units
+from robid.signals.quantities import readable, readable_units
 from robid.simulate.options import Imperfections, SimulateOptions
 from robid.simulate.steps import choose_steps
 

@@ -12,7 +12,7 @@ from robid.arrays import BoolArray, FloatArray
 from robid.results.doubt import Doubt
 from robid.results.plausible.evidence import Evidence
 from robid.robot.description import Robot
-from robid.signals.positions import METRES, RADIANS
+from robid.signals.quantities import METRES, RADIANS
 
 _PLACED = {RADIANS: float(np.deg2rad(2.0)), METRES: 0.01}
 """How well a configuration is stated and held, arm side: a rounded figure, a drift; by unit."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from robid.arrays import FloatArray
 from robid.pipeline import Run
-from robid.report.content import Verdict
 from robid.report.numbers import MISSING, percent, significant
+from robid.report.page import Verdict
 from robid.report.section import Curve, Figure, Section, Table
 from robid.settings.experiment import Campaign
 from robid.studies.frf.figures import (

@@ -11,8 +11,8 @@ import numpy as np
 
 from robid.artifacts.artifact import Artifact
 from robid.pipeline import Run
-from robid.report.content import Verdict
 from robid.report.numbers import MISSING, percent, significant
+from robid.report.page import Verdict
 from robid.report.section import Section, Table
 from robid.studies.mistakes.cases import COVERED, GRADES, HALF_WIDTHS, SPRING_ERROR
 from robid.studies.mistakes.responses import SOUND

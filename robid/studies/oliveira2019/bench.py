@@ -10,7 +10,7 @@ import numpy as np
 from scipy.signal import StateSpace, cont2discrete, dlsim, tf2ss
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.signals.chirp import chirp
+from robid.signals.waveforms import chirp
 from robid.studies.settings.parts import PlantsCase
 
 _MILLIMETRE, _DEGREE = 1e-3, float(np.pi / 180)

@@ -15,7 +15,7 @@ from robid.models.external.fit.data import Shot
 from robid.models.external.fit.options import ExternalOptions
 from robid.pipeline import Run
 from robid.report.section import Section, Table
-from robid.signals.chirp import chirp
+from robid.signals.waveforms import chirp
 from robid.studies.settings.parts import SyntheticCase
 from robid.studies.study import Asked, Part, PartFound
 from robid.studies.tasks import Content, Results, Task, in_chunks

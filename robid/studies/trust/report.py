@@ -9,8 +9,8 @@ from pathlib import Path
 from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
 from robid.pipeline import Run
-from robid.report.content import Verdict
 from robid.report.numbers import MISSING, percent, significant
+from robid.report.page import Verdict
 from robid.report.section import Section, Table
 from robid.studies.settings.trust import TrustStudy
 from robid.studies.simulated import REFUSAL, kept_solution, kept_truth

@@ -9,8 +9,8 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.pipeline import Run
-from robid.report.content import Verdict
 from robid.report.numbers import duration, percent, significant
+from robid.report.page import Verdict
 from robid.report.section import Beside, Curve, Figure, Section, Table
 from robid.studies.experiments import paper_figures
 from robid.studies.settings.elastic import WernholtStudy

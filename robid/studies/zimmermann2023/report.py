@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from robid.pipeline import Run
-from robid.report.content import Verdict
 from robid.report.numbers import MISSING, percent, significant
+from robid.report.page import Verdict
 from robid.report.section import Section, Table
 from robid.studies.experiments import paper_figures
 from robid.studies.study import Conclusion

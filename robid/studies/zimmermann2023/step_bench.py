@@ -15,7 +15,7 @@ from robid.robot.description import Robot
 from robid.robot.inverse import inverse_motion
 from robid.robot.linearize import Equilibrium, solve_statics
 from robid.robot.model import ElasticModel, build_model
-from robid.signals.smooth_step import PEAK_ACCELERATION, PEAK_SNAP, smooth_step, step_duration_s
+from robid.signals.waveforms import PEAK_ACCELERATION, PEAK_SNAP, smooth_step, step_duration_s
 from robid.simulate.engine import true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.playback import Playback, Played, play, turned_tool

@@ -18,8 +18,9 @@ from distributed.utils import LoopRunner
 
 import backend_tasks
 from dask_cluster import Cluster, cluster, wait_for
-from robid.backends.dask import checks, worker
 from robid.backends.dask import cluster as connecting
+from robid.backends.dask import worker
+from robid.backends.dask import worker as checks
 from robid.backends.dask.exchange import shared_folder
 from robid.backends.map import make_map
 from robid.errors import BackendError, RobidError, SettingsError

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import truncnorm
 
-from robid.clusters.onesided import bound, bounded_moments
+from robid.clusters.pooling import bound, bounded_moments
 
 
 @pytest.mark.parametrize("above", [-200.0, -40.0, -30.001, -29.999, -8.0, -1.0, 0.0, 2.0, 40.0])

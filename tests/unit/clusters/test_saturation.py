@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from place_systems import dense_places
-from robid.clusters.evidence import Evidence
-from robid.clusters.saturation import inverted, saturate, saturated, saturation_slope
+from robid.clusters.evidence import Evidence, inverted, saturate, saturated, saturation_slope
 from tolerances import FINITE_DIFFERENCE, IDENTITY
 
 BETWEEN = np.array([0.04, 0.0, 9.0])

@@ -5,7 +5,7 @@ import pytest
 
 from realizations import complex_normal
 from robid.frf.covariance import distinct_experiments, freedom_share, total_covariance
-from robid.signals.multisine import multisine
+from robid.signals.waveforms import multisine
 
 N_REAL, N_FREQ = 4, 60
 

@@ -16,9 +16,9 @@ from robid.frf.residual import LOGARITHM
 from robid.frf.residual import PLAIN as DIFFERENCE
 from robid.models.elastic.fit.options import Weights
 from robid.models.elastic.fit.weights import make_weights
-from robid.signals.multisine import multisine, time_signal
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
+from robid.signals.waveforms import multisine, time_signal
 
 STEP_S, N_SAMPLE = 0.01, 1000
 LINES = np.arange(21, 221, 4)

@@ -11,9 +11,9 @@ from robid.frf.covariance import pool
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.robot.friction import TorqueLaw
-from robid.signals.multisine import multisine, time_signal
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
+from robid.signals.waveforms import multisine, time_signal
 from tolerances import IDENTITY
 
 PERIOD_S, N_SAMPLE = 2.0, 256

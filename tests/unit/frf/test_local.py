@@ -9,9 +9,9 @@ from scipy import signal
 from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
-from robid.signals.multisine import multisine, time_signal
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
+from robid.signals.waveforms import multisine, time_signal
 
 STEP_S = 0.01
 EVERY_LINE = 1e9  # what noise leaves of a line is what is looked at here

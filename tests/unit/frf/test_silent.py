@@ -13,9 +13,9 @@ from robid.frf.options import EstimateOptions
 from robid.frf.silent import identify_laws, start_laws
 from robid.frf.spectra import line_amplitudes, record_blocks
 from robid.robot.friction import KINDS, LAWS, LUGRE, TorqueLaw
-from robid.signals.multisine import multisine, time_signal
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
+from robid.signals.waveforms import multisine, time_signal
 
 PERIOD_S, N_SAMPLE = 2.0, 2000
 SAMPLING_S = PERIOD_S / N_SAMPLE

@@ -9,9 +9,9 @@ from scipy import signal
 from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
-from robid.signals.multisine import multisine, time_signal
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
+from robid.signals.waveforms import multisine, time_signal
 
 PERIOD_S, N_SAMPLE = 4.0, 1024
 LINES = np.array([9, 15, 23, 31, 41, 53, 61, 75])

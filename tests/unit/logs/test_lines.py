@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from robid.design.excitation.lines import choose_lines
 from robid.design.excitation.options import MultisineOptions
-from robid.logs.lines import band_of, check_found, check_lines, find_lines, found_note, is_found_note
+from robid.logs.period import band_of, check_found, check_lines, find_lines, found_note, is_found_note
 
 N_SAMPLE = 2000
 BAND = np.arange(2, 400)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from robid.logs.mapping import Stated
 from robid.logs.period_checks import check_period
-from robid.logs.stated import Stated
 
 
 def told(listed):

@@ -11,8 +11,8 @@ from robid.errors import DataError
 from robid.logs.importing import import_log
 from robid.logs.losses import find_losses
 from robid.logs.mapping import LogMapping
-from robid.logs.match import PlayedExcitation
 from robid.logs.period import measure_repetition
+from robid.logs.placing import PlayedExcitation
 from robid.signals.log_channels import InputChannel, OutputChannel, ReferenceChannel
 from robid.signals.log_options import TimeChannel
 

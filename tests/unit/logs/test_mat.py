@@ -9,10 +9,9 @@ import pytest
 from scipy.io import savemat
 
 from robid.errors import DataError, SettingsError
-from robid.logs.importing import import_log, import_shot
-from robid.logs.joining import join_shots
-from robid.logs.lines import format_lines
+from robid.logs.importing import import_log, import_shot, join_shots
 from robid.logs.mapping import LogMapping
+from robid.logs.period import format_lines
 from robid.signals.log_channels import InputChannel, OutputChannel, ReferenceChannel
 from robid.signals.log_options import TimeChannel
 

@@ -7,12 +7,11 @@ import pytest
 from scipy.io import savemat
 
 from robid.errors import DataError
-from robid.logs.importing import import_log
-from robid.logs.joining import join_experiments
+from robid.logs.importing import import_log, join_experiments
 from robid.logs.mapping import LogMapping
-from robid.logs.match import PlayedExcitation, correlation, find_periods
+from robid.logs.placing import PlayedExcitation, correlation, find_periods
 from robid.signals.log_channels import InputChannel, OutputChannel, ReferenceChannel
-from robid.signals.multisine import multisine, time_signal
+from robid.signals.waveforms import multisine, time_signal
 
 N_SAMPLE, LINES, NAMES = 500, np.arange(5, 61, 2), ("turn", "lift")
 

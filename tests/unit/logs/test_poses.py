@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from robid.errors import DataError, SettingsError
 from robid.logs.columns import check_turns
-from robid.logs.importing import import_log, import_shot
-from robid.logs.joining import join_experiments, join_shots
+from robid.logs.importing import import_log, import_shot, join_experiments, join_shots
 from robid.logs.mapping import LogMapping
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.log_options import PoseOptions

@@ -10,7 +10,7 @@ from log_files import WRITERS
 from robid.errors import DataError
 from robid.logs.importing import import_shot
 from robid.logs.mapping import LogMapping
-from robid.logs.terms import NoSumError, UnknownNameError, parse_sum
+from robid.logs.streams import NoSumError, UnknownNameError, parse_sum
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.log_options import TimeChannel
 

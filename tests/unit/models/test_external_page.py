@@ -19,9 +19,8 @@ from robid.models.external.page.charts import excitation_figures, locus_figure, 
 from robid.models.external.page.data import coupling_section, new_section, own_section
 from robid.models.external.page.sections import sections, transfer_text
 from robid.models.parameters import parameter_rows
-from robid.report.content import ReportContent, Verdict
 from robid.report.numbers import MINUS
-from robid.report.page import render
+from robid.report.page import ReportContent, Verdict, render
 from robid.report.parameters import Estimates
 from robid.report.section import Beside, Choice, Figure, Notes
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robid.frf.comparison import compare
-from robid.report.bode import BodeMatrix, bode_data
+from robid.report.charts import BodeMatrix, bode_data
 from robid.report.comparison import Compared, comparison_content, comparison_verdict
 from robid.report.page import render
 from robid.report.section import Notes

@@ -10,9 +10,8 @@ import subprocess
 import numpy as np
 import pytest
 
-from robid.report.content import ReportContent, Verdict
-from robid.report.design_figures import information_figure, skeleton_figure, weight_figure
-from robid.report.page import render
+from robid.report.design import information_figure, skeleton_figure, weight_figure
+from robid.report.page import ReportContent, Verdict, render
 from robid.report.section import Beside, Section
 from robid.studies.zimmermann2023.curves import deviation_figures, step_response_figures
 from robid.studies.zimmermann2023.steps import StepResponses

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 
 from robid.models.elastic.page.sections import headline
-from robid.report.bode import BodeResponse, band_radius
-from robid.report.content import ReportContent, Verdict
+from robid.report.charts import BodeResponse, band_radius
 from robid.report.numbers import MINUS, MISSING, percent
-from robid.report.page import render
+from robid.report.page import ReportContent, Verdict, render
 from robid.report.parameter_section import identified_phrase, parameter_section
 from robid.report.parameters import Estimates, ParameterRow, misfit_sentence, parameter_line
 

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from robid.design.excitation.excitation import design_excitation
 from robid.design.excitation.prediction import predict
-from robid.report.plan import plan_table
+from robid.report.experiment import plan_table
 from two_drives import OPTIONS, STEP, make_loop
 
 

@@ -11,10 +11,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robid.report.bode import BodeMatrix, BodeResponse, Overlay, bode_data
-from robid.report.content import ReportContent, Verdict
+from robid.report.charts import BodeMatrix, BodeResponse, Overlay, bode_data
 from robid.report.numbers import MISSING
-from robid.report.page import render
+from robid.report.page import ReportContent, Verdict, render
 from robid.report.responses import (
     coherence_text,
     measured_sentence,

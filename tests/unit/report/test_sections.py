@@ -10,10 +10,8 @@ from dataclasses import replace
 
 import pytest
 
-from robid.report.bode import BodeMatrix, BodeResponse, Mark
-from robid.report.charts import Layer, Ratio, RatioChart, Waterfall
-from robid.report.content import ReportContent, Verdict
-from robid.report.page import render
+from robid.report.charts import BodeMatrix, BodeResponse, Layer, Mark, Ratio, RatioChart, Waterfall
+from robid.report.page import ReportContent, Verdict, render
 from robid.report.section import Bars, Beside, Cell, Choice, Curve, Figure, Folded, Line, Notes, Row, Section, Table
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)

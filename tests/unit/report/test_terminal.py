@@ -7,8 +7,8 @@ from io import StringIO
 
 from rich.console import Console
 
+from robid.report.parameter_section import parameter_table
 from robid.report.parameters import parameter_line
-from robid.report.terminal import parameter_table
 
 
 def printed(table, width):

@@ -11,7 +11,7 @@ from robid.errors import DataError
 from robid.robot.inverse import inverse_motion
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
-from robid.signals.smooth_step import smooth_step
+from robid.signals.waveforms import smooth_step
 from robid.simulate.playback import with_tool_point
 
 STEP = 1e-4

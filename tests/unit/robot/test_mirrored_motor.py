@@ -13,7 +13,7 @@ from robid.robot.friction import Friction
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
-from robid.signals.multisine import multisine, time_signal
+from robid.signals.waveforms import multisine, time_signal
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from tolerances import IDENTITY

@@ -7,7 +7,7 @@ from scipy.optimize import check_grad
 from robid.design.excitation.lines import choose_lines
 from robid.design.excitation.options import MultisineOptions
 from robid.signals.crest import _BlockNorm, _CopiesNorm, _TurnedNorm, reduce_crest, reduce_crest_with_motion
-from robid.signals.multisine import crest_factor, multisine, orthogonal_matrix, time_signal
+from robid.signals.waveforms import crest_factor, multisine, orthogonal_matrix, time_signal
 
 LINES = np.array([11, 13, 15, 17, 21, 25, 31, 37, 45, 55, 67, 81])
 ODD_AND_FULL = pytest.mark.parametrize("lines", [LINES, np.array([3, 4, 8, 9, 14])], ids=["odd", "full"])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import periodogram
 
-from robid.signals.multisine import crest_factor, multisine, orthogonal_matrix, time_signal
+from robid.signals.waveforms import crest_factor, multisine, orthogonal_matrix, time_signal
 
 LINES = np.array([11, 13, 15, 17, 21, 25, 31, 37, 45, 55, 67, 81])
 

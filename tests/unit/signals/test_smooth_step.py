@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robid.signals.smooth_step import PEAK_ACCELERATION, PEAK_SNAP, smooth_step, step_duration_s
+from robid.signals.waveforms import PEAK_ACCELERATION, PEAK_SNAP, smooth_step, step_duration_s
 from tolerances import FINITE_DIFFERENCE, IDENTITY
 
 SPEED, RAMP = 2.0, 0.3

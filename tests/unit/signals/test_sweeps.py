@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import chirp as scipy_chirp
 
-from robid.signals.chirp import chirp
-from robid.signals.fourier import resting_series
-from robid.signals.multisine import orthogonal_matrix
-from robid.signals.slow_motion import slow_motion
-from robid.signals.stepped_sine import stepped_sine, whole_cycles
+from robid.signals.waveforms import chirp, orthogonal_matrix, resting_series, slow_motion, stepped_sine, whole_cycles
 from tolerances import IDENTITY
 
 N_SAMPLE = 4000

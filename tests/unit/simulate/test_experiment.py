@@ -15,7 +15,7 @@ from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
 from robid.settings.load import load_robot
-from robid.signals.multisine import multisine, time_signal
+from robid.signals.waveforms import multisine, time_signal
 from robid.simulate.controller import Cascade, angle_reference, frequency_response
 from robid.simulate.experiment import SimulatedExperiment, encoder_readings, simulate
 from robid.simulate.options import Controller, Imperfections, SimulateOptions, Truth

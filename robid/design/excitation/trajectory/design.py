@@ -22,7 +22,7 @@ from robid.design.excitation.trajectory.search import descend, largest_factor, r
 from robid.design.excitation.trajectory.series import resting_series
 from robid.errors import SettingsError
 from robid.robot.reach import Reach
-from robid.signals.multisine import crest_factor, time_signal
+from robid.signals.waveforms import crest_factor, time_signal
 
 _JUDGED_PER_HARMONIC = 20
 """Samples of a period, for each harmonic, at which criterion and limits are looked at in the search."""

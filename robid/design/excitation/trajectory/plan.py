@@ -12,7 +12,7 @@ from robid.design.excitation.excitation import ExcitationPlan
 from robid.design.excitation.options import TrajectoryOptions
 from robid.design.excitation.prediction import admissible_scale
 from robid.design.excitation.trajectory.problem import TrajectoryProblem
-from robid.signals.multisine import crest_factor
+from robid.signals.waveforms import crest_factor
 
 
 @dataclass(frozen=True)

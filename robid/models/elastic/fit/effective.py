@@ -8,8 +8,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.clusters.between import estimate_between
-from robid.clusters.evidence import Evidence, summarise
-from robid.clusters.grouping import group_places
+from robid.clusters.evidence import Evidence, group_places, summarise
 from robid.clusters.pooling import Pooled, pool
 from robid.models.elastic.fit.nuisance.named import Named
 from robid.models.elastic.fit.optimizers import optimise

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import norm, t
 
 from robid.arrays import FloatArray
-from robid.clusters.grouping import group_places
+from robid.clusters.evidence import group_places
 from robid.clusters.pooling import Pooled
 from robid.models.elastic.fit.effective import LONGEST_STEP, Settled, lean, settle, weigh_few
 from robid.models.elastic.fit.nuisance.named import Named, Suspicion, name_doubts

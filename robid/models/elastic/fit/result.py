@@ -8,7 +8,7 @@ from typing import TypedDict
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from robid.clusters.grouping import group_places
+from robid.clusters.evidence import group_places
 from robid.models.elastic.fit.intervals import FEWEST_PLACES, LEARNT_SHARE, Spread, Spreads, find_spreads
 from robid.models.elastic.fit.model_error import ModelError, estimate_model_error
 from robid.models.elastic.fit.nuisance.named import Suspicion

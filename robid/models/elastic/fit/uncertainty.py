@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import norm, t
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.clusters.grouping import group_places, spread_over
+from robid.clusters.evidence import group_places, spread_over
 from robid.models.elastic.fit.problem import Problem
 from robid.robot.collocated import motor_rows
 

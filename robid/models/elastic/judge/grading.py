@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
-from robid.clusters.grouping import group_places
+from robid.clusters.evidence import group_places
 from robid.models.elastic.fit.intervals import FEWEST_PLACES
 from robid.models.elastic.fit.model_error import ModelError
 from robid.models.elastic.fit.solution import ElasticSolution

@@ -15,8 +15,8 @@ from robid.models.elastic.page.resonances import repeat_summary, resonance_error
 from robid.models.elastic.page.sections import fit_tables, headline, sections
 from robid.models.family import Shown
 from robid.models.parameters import parameter_summary
-from robid.report.content import FitReport
 from robid.report.costs import average_and_worst, effort
+from robid.report.page import FitReport
 from robid.report.parameter_section import identified_phrase
 from robid.report.parameters import misfit_sentence
 from robid.results.outcome import recovery_sentence

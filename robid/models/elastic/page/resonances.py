@@ -12,12 +12,11 @@ from rich.text import Text
 from robid.frf.frf import Frf
 from robid.models.elastic.judge.resonances import SAME_CONFIGURATION
 from robid.models.elastic.page.content import FitContent, RepeatRow, ResonanceRow
-from robid.report.bode import configuration_label
-from robid.report.content import KeyNumber
+from robid.report.charts import configuration_label
 from robid.report.numbers import MISSING, number_of, percent, significant
-from robid.report.parameter_section import within
+from robid.report.page import KeyNumber
+from robid.report.parameter_section import open_table, with_notes, within
 from robid.report.section import Row, Section, Table
-from robid.report.terminal import open_table, with_notes
 
 _REPEAT_CAPTION = (
     "What campaigns that measured the same robot configuration found, pooled. An interval is where another campaign's"

@@ -9,13 +9,12 @@ from rich.console import Group
 
 from robid.models.elastic.page.content import DoubtRow, FitContent
 from robid.models.elastic.page.resonances import resonance_number, resonance_section, resonance_table
-from robid.report.bode import BodeMatrix, BodeResponse, Mark
-from robid.report.content import Headline
+from robid.report.charts import BodeMatrix, BodeResponse, Mark
 from robid.report.costs import campaign_title, cost_number, cost_section, start_number, start_section
 from robid.report.numbers import MINUS, MISSING, percent
-from robid.report.parameter_section import parameter_numbers, parameter_section
+from robid.report.page import Headline
+from robid.report.parameter_section import parameter_numbers, parameter_section, parameter_table
 from robid.report.section import Folded, Notes, Part, Section, Table
-from robid.report.terminal import parameter_table
 
 _FEW_MOTORS = 2
 _CONVENTIONS = "Stiffness and damping are arm side."

@@ -14,11 +14,10 @@ from robid.models.external.page.sections import sections
 from robid.models.external.settings import external_fit
 from robid.models.family import Shown
 from robid.models.parameters import parameter_rows, parameter_summary
-from robid.report.content import FitReport, Headline, KeyNumber
 from robid.report.numbers import significant
-from robid.report.parameter_section import parameter_numbers
+from robid.report.page import FitReport, Headline, KeyNumber
+from robid.report.parameter_section import parameter_numbers, parameter_table
 from robid.report.parameters import Estimates
-from robid.report.terminal import parameter_table
 from robid.results.grade import Grade
 
 

@@ -21,12 +21,11 @@ from robid.models.lpv.page.charts import (
     surface_figures,
 )
 from robid.models.parameters import parameter_rows, parameter_summary
-from robid.report.content import FitReport, Headline, KeyNumber
 from robid.report.numbers import MISSING, percent, significant
-from robid.report.parameter_section import parameter_numbers, parameter_section
+from robid.report.page import FitReport, Headline, KeyNumber
+from robid.report.parameter_section import parameter_numbers, parameter_section, parameter_table
 from robid.report.parameters import Estimates
 from robid.report.section import Beside, Choice, ColumnStyle, Notes, Part, Row, Section, Table
-from robid.report.terminal import parameter_table
 from robid.results.grade import Grade
 
 _FITTED, _CHOOSING, _NEW = "fitted", "chooses the structure", "left out"

@@ -14,12 +14,11 @@ from robid.models.rigid.files import solution_from_artifact, validation_from_art
 from robid.models.rigid.fit.solution import RigidSolution
 from robid.models.rigid.judge.validating import RigidValidation
 from robid.models.rigid.page.charts import correlations, course, histogram, torques, trials, weights
-from robid.report.content import FitReport, Headline, KeyNumber
 from robid.report.numbers import MISSING, percent, significant
-from robid.report.parameter_section import parameter_numbers, parameter_section
+from robid.report.page import FitReport, Headline, KeyNumber
+from robid.report.parameter_section import parameter_numbers, parameter_section, parameter_table
 from robid.report.parameters import Estimates
 from robid.report.section import Beside, ColumnStyle, Folded, Notes, Part, Section, Table
-from robid.report.terminal import parameter_table
 from robid.results.grade import Grade
 
 _TITLES = {

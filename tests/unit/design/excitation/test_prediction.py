@@ -12,7 +12,7 @@ from robid.design.excitation.loop import nominal_loop
 from robid.design.excitation.options import MultisineOptions
 from robid.design.excitation.prediction import predict
 from robid.errors import SettingsError
-from robid.signals.multisine import crest_factor
+from robid.signals.waveforms import crest_factor
 from robid.simulate.controller import speed_gains
 from robid.simulate.options import Controller
 from two_drives import OPTIONS, STEP, make_loop, make_robot, simulate_rigid

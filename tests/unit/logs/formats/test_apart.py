@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.logs.formats import apart, known
-from robid.logs.formats.apart import Limits, Reader
-from robid.logs.formats.known import Format
+from robid.logs.formats import load as apart
+from robid.logs.formats import variables as known
+from robid.logs.formats.load import Limits, Reader
+from robid.logs.formats.variables import Format
 
 
 @pytest.fixture
 def reader(monkeypatch):
-    table = {**known.FORMATS, "toy": Format("a toy", "reader_of_nothing", ())}
+    table = {**known.FORMATS, "toy": Format("a toy", "reader_of_nothing:read", ())}
     monkeypatch.setattr(apart, "FORMATS", table)
     reader = Reader(Limits(seconds=8.0, memory=2 << 30))
     yield reader

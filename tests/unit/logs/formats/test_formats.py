@@ -10,10 +10,8 @@ import pytest
 from log_files import WRITERS, make_columns
 from robid.errors import DataError
 from robid.logs.formats import load
-from robid.logs.formats.apart import Limits, Reader
-from robid.logs.formats.known import FORMATS
-from robid.logs.formats.load import load_variables
-from robid.logs.formats.variables import find_variable
+from robid.logs.formats.load import Limits, Reader, load_variables
+from robid.logs.formats.variables import FORMATS, find_variable
 
 COLUMNS = make_columns()
 KINDS = sorted(WRITERS)

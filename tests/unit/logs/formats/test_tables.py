@@ -11,7 +11,7 @@ from robid.errors import DataError
 from robid.logs.formats.load import load_variables
 from robid.logs.formats.tables import CHUNK
 from robid.logs.formats.variables import find_variable
-from robid.signals.log_dialect import Dialect
+from robid.signals.log_options import Dialect
 
 COLUMN = [0.001, -2]
 NAMES = ["t", "speed [rad/s]"]

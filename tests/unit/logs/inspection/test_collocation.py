@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim
 
-from robid.logs.inspection.collocation import find_motor, is_behind_spring
 from robid.logs.inspection.relations import sense_of_inertia, spectrum_of
+from robid.logs.inspection.sides import find_motor, is_behind_spring
 
 STEP, COUNT = 1e-3, 10_000
 

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.logs.inspection.contents import Column
-from robid.logs.inspection.numbered import part_numbered
+from robid.logs.inspection.contents import Column, part_numbered
 
 
 def parted(*names: str):

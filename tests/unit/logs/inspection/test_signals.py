@@ -7,10 +7,10 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from robid.logs.inspection.contents import Column
+from robid.logs.inspection.excitation import Shared, carrying_lines, measure_period, shorten, unsettled
 from robid.logs.inspection.names import read_name, read_names
 from robid.logs.inspection.quality import judge
 from robid.logs.inspection.relations import compare, spectrum_of
-from robid.logs.inspection.repetition import Shared, carrying_lines, measure_period, shorten, unsettled
 from robid.logs.inspection.sampling import find_sampling
 
 N, STEP = 6000, 1e-3

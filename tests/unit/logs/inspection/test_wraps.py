@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robid.logs.inspection.wraps import find_wrap, unwrapped
+from robid.logs.inspection.quality import find_wrap, unwrapped
 
 TIME = 1e-3 * np.arange(6000)
 RNG = np.random.default_rng(4)

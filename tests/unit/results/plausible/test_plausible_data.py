@@ -19,8 +19,8 @@ from robid.robot.description import Inertial, Joint, Motor, Robot, Spring
 from robid.robot.friction import Friction
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
-from robid.signals.multisine import multisine, time_signal
 from robid.signals.quantities import motor_channels
+from robid.signals.waveforms import multisine, time_signal
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.truth import true_robot
 

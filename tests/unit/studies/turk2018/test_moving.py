@@ -12,9 +12,9 @@ from robid.frf.options import EstimateOptions
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
-from robid.signals.multisine import multisine, time_signal
 from robid.signals.quantities import Channel, motor_channels
 from robid.signals.record import Record
+from robid.signals.waveforms import multisine, time_signal
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Controller, Imperfections, SimulateOptions, Truth
 from robid.simulate.truth import TrueRobot

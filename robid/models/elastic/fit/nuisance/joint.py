@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
-from robid.clusters.grouping import spread_over
+from robid.clusters.evidence import spread_over
 from robid.errors import DataError
 from robid.models.elastic.fit.nuisance.kinds import Compliance, RobotMove
 from robid.models.elastic.fit.nuisance.named import Listed, Named, Suspicion, linearise

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.clusters.grouping import group_places, spread_over
+from robid.clusters.evidence import group_places, spread_over
 from robid.errors import DataError
 from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot, Nuisance, left_of_freed, list_nuisances
 from robid.models.elastic.fit.nuisance.off_robot import are_put_in, may_differ, put_in

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import t
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.clusters.grouping import group_places
+from robid.clusters.evidence import group_places
 from robid.errors import DataError
 from robid.models.elastic.fit.nuisance.kinds import Compliance, Nuisance
 from robid.models.elastic.fit.nuisance.named import Named

@@ -10,7 +10,7 @@ from robid.models.external.fit.checks import Block, mixed_findings, signal_findi
 from robid.models.external.fit.data import Shot, quantum_of
 from robid.models.external.fit.etfe import estimate_etfe, floors
 from robid.models.external.fit.options import ExternalOptions
-from robid.signals.chirp import chirp
+from robid.signals.waveforms import chirp
 
 PERIOD_S, N_SAMPLE = 0.012, 3000
 NAMES = ("X", "Y")

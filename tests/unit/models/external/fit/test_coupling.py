@@ -11,7 +11,7 @@ from robid.models.external.fit.coupling import Pairs, coherence_limit, map_coupl
 from robid.models.external.fit.data import Shot
 from robid.models.external.fit.etfe import Etfe, estimate_etfe, floors
 from robid.models.external.fit.options import CouplingOptions
-from robid.signals.chirp import chirp
+from robid.signals.waveforms import chirp
 
 PERIOD_S, N_SAMPLE = 0.012, 5000
 OPTIONS = CouplingOptions()

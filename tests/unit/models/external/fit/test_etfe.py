@@ -6,7 +6,7 @@ from scipy import signal
 
 from robid.models.external.fit.data import Shot
 from robid.models.external.fit.etfe import estimate_etfe, floors, moved_inputs, together
-from robid.signals.chirp import chirp
+from robid.signals.waveforms import chirp
 
 PERIOD_S, N_SAMPLE, DELAY = 0.012, 4000, 3
 NUMERATOR, DENOMINATOR = ([24.08, 1362.0], [1.0, 65.0, 1362.0])

@@ -1,0 +1,190 @@
+"""Reads files of named channels: HDF5, Parquet, TDMS and MDF; each library is imported by its reader alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robid.logs.formats.variables import Found, Reason, Wanted, number_repeated
+
+_UNITS = ("units", "unit", "Unit", "Units", "unit_string")
+_PARQUET_UNITS = (b"unit", b"units")
+_COPIED = "Check that the log was copied completely."
+_AGAIN = "Write the log again from its source."
+_CUT = Reason("The log is cut short.", "Check that it was copied completely, or save it again.")
+
+
+def read_hdf5(file: Path, wanted: Wanted) -> Found:
+    """Reads the datasets of an HDF5 file by their path, of a matrix only the columns that were asked for."""
+    import h5py
+
+    found = Found()
+    with h5py.File(file, "r") as root:
+
+        def visit(name: str, item: Any) -> None:  # noqa: ANN401
+            if isinstance(item, h5py.Dataset):
+                with found.guarded(name, remedy=_AGAIN):
+                    _take_dataset(name, item, wanted, found)
+
+        root.visititems(visit)
+    return found
+
+
+def _take_dataset(name: str, dataset: Any, wanted: Wanted, found: Found) -> None:  # noqa: ANN401
+    """Adds a dataset, each field of one whose elements are records."""
+    unit = next((dataset.attrs[key] for key in _UNITS if key in dataset.attrs), "")
+    unit = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
+    for field in dataset.dtype.names or ("",):
+        path = f"{name}.{field}" if field else name
+        kind = dataset.dtype[field] if field else dataset.dtype
+        if kind.kind not in "fiubc":
+            found.unreadable[path] = Reason("It holds no numbers.")
+        elif field and path in wanted:
+            found.add(path, dataset[field], unit)
+        elif field:
+            found.mention(path, int(np.prod(dataset.shape)), unit)
+        else:
+            found.take(path, dataset, wanted, unit)
+
+
+def read_parquet(file: Path, wanted: Wanted) -> Found:
+    """Reads columns of a Parquet file, row group by row group; fields of nested columns are `column.field`."""
+    import pyarrow.parquet as pq
+
+    found = Found()
+    with pq.ParquetFile(file) as table:
+        for field in table.schema_arrow:
+            for name, leaf in _leaves(field.name, field):
+                _take_column(name, field.name, leaf, table, wanted, found)
+    return found
+
+
+def _leaves(name: str, field: Any) -> Iterator[tuple[str, Any]]:  # noqa: ANN401
+    """Names every column inside nested ones."""
+    from pyarrow import types
+
+    if types.is_struct(field.type):
+        for inner in field.type:
+            yield from _leaves(f"{name}.{inner.name}", inner)
+    else:
+        yield name, field
+
+
+def _is_list(kind: Any) -> bool:  # noqa: ANN401
+    from pyarrow import types
+
+    return bool(types.is_list(kind) or types.is_fixed_size_list(kind))
+
+
+def _take_column(name: str, top: str, leaf: Any, table: Any, wanted: Wanted, found: Found) -> None:  # noqa: ANN401
+    """Adds one column; a list of one length in all rows is a matrix."""
+    from pyarrow import types
+
+    told = leaf.metadata or {}
+    unit = next((told[key].decode() for key in _PARQUET_UNITS if key in told), "")
+    kind = leaf.type.value_type if _is_list(leaf.type) else leaf.type
+    is_time = types.is_timestamp(kind)
+    if not (types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind) or is_time):
+        found.unreadable[name] = Reason(f"It holds {kind}, not numbers.")
+        return
+    unit = "s" if is_time else unit
+    if name not in wanted:
+        found.mention(name, table.metadata.num_rows, unit)
+        return
+    with found.guarded(name, "It cannot be decoded", _AGAIN):
+        groups = (table.read_row_group(group, columns=[name]) for group in range(table.num_row_groups))
+        parts = [_numbers(one.column(top).combine_chunks(), name, top, is_time=is_time) for one in groups]
+        values: NDArray[Any] = np.concatenate(parts) if parts else np.zeros(0)
+        found.add(name, (values - values[:1]) / np.timedelta64(1, "s") if is_time else values, unit)
+
+
+def _numbers(column: Any, name: str, top: str, *, is_time: bool) -> NDArray[Any]:  # noqa: ANN401
+    """The numbers of one row group, NaN where there is none; or its moments."""
+    from pyarrow import ChunkedArray
+
+    array = column.combine_chunks() if isinstance(column, ChunkedArray) else column
+    for inner in name.removeprefix(top).split(".")[1:]:
+        array = array.field(inner)
+    if _is_list(array.type):
+        lengths = np.unique(np.asarray(array.value_lengths()))
+        if len(lengths) != 1 or array.null_count:
+            raise ValueError("its lists have several lengths")
+        return np.asarray(array.flatten().to_numpy(zero_copy_only=False)).reshape(len(array), int(lengths[0]))
+    values: NDArray[Any] = array.to_numpy(zero_copy_only=False)
+    if is_time:
+        return values.astype("datetime64[ns]")
+    return values.astype(float) if values.dtype == object else values
+
+
+def read_tdms(file: Path, wanted: Wanted) -> Found:
+    """Reads channels of a TDMS file, scaled as it says: `group/channel`, by the rate that it states their time."""
+    from nptdms import TdmsFile
+
+    found = Found()
+    with TdmsFile.open(file) as log:
+        if log.file_status.incomplete_final_segment or not log.groups():
+            found.damage = _CUT
+        statuses = log.file_status.channel_statuses or {}
+        channels = [channel for group in log.groups() for channel in group.channels()]
+        starts = [channel.properties.get("wf_start_time") for channel in channels]
+        begun = min((start for start in starts if start is not None), default=None)
+        for channel in channels:
+            name = f"{channel.group_name}/{channel.name}"
+            cut = statuses.get(channel.path)
+            if cut is not None and cut.read_length != cut.expected_length:
+                what = f"The log ends inside it: {cut.read_length} of {cut.expected_length} values are there."
+                found.unreadable[name] = Reason(what, _CUT.remedy)
+                continue
+            unit = str(channel.properties.get("unit_string", ""))
+            if name in wanted:
+                with found.guarded(name, remedy=_COPIED):
+                    found.add(name, channel[:], unit)
+            elif channel.dtype is not None and channel.dtype.kind in "fiubc":
+                found.mention(name, len(channel), unit)
+            step = channel.properties.get("wf_increment")
+            if step and f"{name}.time" in wanted:
+                first = _first_s(channel.properties, begun)
+                found.add(f"{name}.time", first + float(step) * np.arange(len(channel)), "s")
+            elif step:
+                found.mention(f"{name}.time", len(channel), "s")
+    return found
+
+
+def _first_s(properties: Mapping[str, Any], begun: Any) -> float:  # noqa: ANN401
+    """When the first sample of a channel was taken, since the first channel began [s]."""
+    start = properties.get("wf_start_time")
+    late = 0.0 if start is None or begun is None else float((start - begun) / np.timedelta64(1, "s"))
+    return late + float(properties.get("wf_start_offset") or 0.0)
+
+
+def read_mdf(file: Path, wanted: Wanted) -> Found:
+    """Reads channels of an MDF file, version 4 mostly, converted as it says; the time of each is `channel.time`."""
+    from asammdf import MDF
+
+    found = Found()
+    log: Any
+    with MDF(file) as log:
+        places = [
+            (channel.name, group, index)
+            for group, content in enumerate(log.groups)
+            for index, channel in enumerate(content.channels)
+            if index != log.masters_db.get(group)
+        ]
+        names, twice = number_repeated([name for name, _, _ in places])
+        found.unreadable.update(twice)
+        for name, (plain, group, index) in zip(names, places, strict=True):
+            if name in wanted or plain in wanted or f"{name}.time" in wanted:
+                with found.guarded(name, "It cannot be decoded", _COPIED):
+                    signal = log.get(group=group, index=index)
+                    found.add(name, signal.samples, signal.unit or "")
+                    if f"{name}.time" in wanted:
+                        found.add(f"{name}.time", signal.timestamps, "s")
+            else:
+                size = int(log.groups[group].channel_group.cycles_nr)
+                found.mention(name, size, str(log.groups[group].channels[index].unit or ""))
+                found.mention(f"{name}.time", size, "s")
+    return found
