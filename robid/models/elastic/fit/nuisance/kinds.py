@@ -144,7 +144,7 @@ class Hysteresis(GearShare):
         slip: Where it slips, over the swing.
 
     Source:
-        Dahl (1968); statistical linearisation as in Roberts and Spanos (1990), ch. 8; docs/methods, sec. 1 (Linearisation).
+        Dahl (1968); statistical linearisation as in Roberts and Spanos (1990), ch. 8; docs/methods, sec. 1.
     """
 
     slip: float
