@@ -12,8 +12,8 @@ import robid
 from robid.commands.output import print_json
 from robid.errors import RobidError, SettingsError
 from robid.interrupts import hearing, was_interrupted
-from robid.pipeline import STAGES, Run
-from robid.stages.stage import Stage
+from robid.pipeline.graph import STAGES, Run
+from robid.pipeline.stage import Stage
 
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 _INTERRUPTED = 130
@@ -285,9 +285,9 @@ def export_model(
     """Writes a fitted model, or the excitation or responses of a campaign, for other programs."""
     del debug
     from robid.commands.export import export_campaign, export_fit, export_response
-    from robid.stages.export import ExportOptions
-    from robid.stages.export_excitation import ExcitationExport
-    from robid.stages.export_frf import FrfExport
+    from robid.pipeline.export import ExportOptions
+    from robid.pipeline.export_excitation import ExcitationExport
+    from robid.pipeline.export_frf import FrfExport
 
     run = _open(experiment, run_dir)
     if what == "frf":

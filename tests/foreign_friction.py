@@ -11,13 +11,13 @@ from scipy.linalg import expm
 from robid.design.excitation.excitation import design_excitation
 from robid.design.excitation.options import MultisineOptions
 from robid.models.files import load_experiment
+from robid.pipeline.estimate_frf import stated_law
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import motion_matrices, nominal_parameters
 from robid.signals.quantities import INJECTED, motor_channels
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade, angle_reference
-from robid.stages.estimate_frf import stated_law
 
 LOADED = load_experiment(Path(__file__).parent / "stages/small.yaml")
 NOMINAL = LOADED.robot.to_robot()

@@ -14,10 +14,10 @@ from robid.artifacts.artifact import Provenance
 from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_to_artifact
 from robid.backends.map import make_map
+from robid.pipeline.chain.estimate_frf import STAGE
+from robid.pipeline.stage import Job
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
-from robid.stages.chain.estimate_frf import STAGE
-from robid.stages.stage import Job
 
 _ENCODER_NOISE_RAD = 1e-5
 _TORQUE_NOISE_NM = 0.05
@@ -92,7 +92,7 @@ def _memory_bytes(kind: str) -> int:
 
 if __name__ == "__main__":
     # Prints by how much the stage raises this process's memory, its libraries left out.
-    importlib.import_module("robid.stages.estimate_frf")
+    importlib.import_module("robid.pipeline.estimate_frf")
     job_record, job_output, job_compensation = sys.argv[1:]
     before = _memory_bytes("VmRSS")
     run_job(Path(job_record), Path(job_output), job_compensation)

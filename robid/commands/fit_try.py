@@ -19,17 +19,17 @@ from robid.commands.shared import make_shell
 from robid.errors import SettingsError
 from robid.models.family import Work
 from robid.models.parameters import parameter_rows
-from robid.pipeline import Run
+from robid.pipeline.export import export_plan
+from robid.pipeline.fit_try import Trial, tried_experiment, try_fit, write_tried
+from robid.pipeline.freshness import input_hashes
+from robid.pipeline.graph import Run
+from robid.pipeline.replacing import check_outputs
+from robid.pipeline.stage import Job
 from robid.report.numbers import duration, percent, scale_for, significant
 from robid.report.parameters import ParameterRow, kind_title
 from robid.report.terminal import open_table
 from robid.results.grade import WORDS
 from robid.robot.parameters import NUISANCE
-from robid.stages.export import export_plan
-from robid.stages.fit_try import Trial, tried_experiment, try_fit, write_tried
-from robid.stages.freshness import input_hashes
-from robid.stages.replacing import check_outputs
-from robid.stages.stage import Job
 
 _MOVED = 1.0  # half-widths
 

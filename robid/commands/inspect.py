@@ -10,7 +10,7 @@ from typing import Any
 from robid.artifacts.store import inspect_artifact, kind_of
 from robid.commands.output import print_json
 from robid.errors import SettingsError
-from robid.stages.terminal import channel_lines, dataset_table, make_console
+from robid.pipeline.terminal import channel_lines, dataset_table, make_console
 
 _DIALECT = {"delimiter": "tab", "decimal": ",", "header_line": "3", "encoding": "utf-16"}
 """What can be said of a table on the command line, with examples."""

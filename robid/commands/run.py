@@ -7,8 +7,8 @@ import dataclasses
 from robid.artifacts.lock import FOLDER_LOCK, locked
 from robid.commands.output import print_json
 from robid.commands.shared import PROBLEM, graded, make_shell, tell
-from robid.pipeline import CHAIN, Run, run_all
-from robid.stages.report_content import gather
+from robid.pipeline.graph import CHAIN, Run, run_all
+from robid.pipeline.report_content import gather
 
 
 def run_experiment(run: Run, *, strict: bool, as_json: bool) -> int:

@@ -11,12 +11,12 @@ from robid.artifacts.lock import FOLDER_LOCK
 from robid.errors import SettingsError, require_module
 from robid.models.family import Graded
 from robid.models.files import load_experiment
-from robid.pipeline import Result, Run, run_folder
+from robid.pipeline.graph import Result, Run, run_folder
+from robid.pipeline.terminal import Shell, make_console
 from robid.report.numbers import duration
 from robid.settings.checks.other_units import other_units
 from robid.settings.experiment import Execution
 from robid.settings.load import LoadedExperiment
-from robid.stages.terminal import Shell, make_console
 
 PROBLEM = 5
 _TRUST = 2

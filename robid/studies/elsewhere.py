@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from robid.models.files import load_experiment
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 
 
 def run_of(run: Run, experiment: str, folder: str) -> Run:

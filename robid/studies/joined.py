@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.content import Verdict
 from robid.report.numbers import MISSING, significant
 from robid.report.section import Cell, Section, Table

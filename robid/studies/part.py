@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from robid.artifacts.artifact import Artifact
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.section import Section
 from robid.studies.study import Earlier, Step
 from robid.studies.tasks import Content, Function, Results, Task

@@ -15,17 +15,17 @@ from robid.artifacts.store import Header, read_header
 from robid.artifacts.task import TASK
 from robid.backends.progress import Progress
 from robid.errors import ArtifactError, SettingsError
-from robid.pipeline import Result, Run, run_all
+from robid.pipeline.graph import Result, Run, run_all
+from robid.pipeline.replacing import check_replaceable, settings_files
+from robid.pipeline.report import write_page
+from robid.pipeline.stage import counted
+from robid.pipeline.stamp import read_stamp
 from robid.report.content import ReportContent
 from robid.report.experiment import StageRow, run_section
 from robid.report.numbers import duration, significant
 from robid.report.section import Section, Table
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
-from robid.stages.replacing import check_replaceable, settings_files
-from robid.stages.report import write_page
-from robid.stages.stage import counted
-from robid.stages.stamp import read_stamp
 from robid.studies.conclusion import Conclusion
 from robid.studies.known import STUDIES
 from robid.studies.settings.study import FrfStudy

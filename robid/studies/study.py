@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
     from robid.artifacts.artifact import Artifact
-    from robid.pipeline import Run
+    from robid.pipeline.graph import Run
     from robid.settings.experiment import Experiment
     from robid.settings.load import LoadedExperiment
     from robid.settings.robot import RobotFile

@@ -16,8 +16,8 @@ from frf_campaign import make_job, write_campaign
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.backends.map import make_map
+from robid.pipeline.chain.estimate_frf import STAGE
 from robid.simulate.experiment import simulate
-from robid.stages.chain.estimate_frf import STAGE
 
 _N_CONF = 6
 

@@ -10,8 +10,8 @@ from arbitrary_logs import SIGNALS, STEP_S, play, truth
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.models.files import load_experiment
+from robid.pipeline.estimate_frf import stated_law
 from robid.simulate.options import Imperfections
-from robid.stages.estimate_frf import stated_law
 
 pytestmark = pytest.mark.slow
 

@@ -12,13 +12,13 @@ from robid.frf.laws import combine_laws
 from robid.frf.options import EstimateOptions
 from robid.frf.silent import identify_laws, start_laws
 from robid.models.files import load_experiment
+from robid.pipeline.estimate_frf import stated_law
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Imperfections
 from robid.simulate.truth import true_robot
-from robid.stages.estimate_frf import stated_law
 
 pytestmark = pytest.mark.slow
 

@@ -20,7 +20,7 @@ from robid.models import files
 from robid.models.family import Family
 from robid.models.files import experiment_schema, load_experiment
 from robid.models.known import FAMILIES
-from robid.pipeline import graph
+from robid.pipeline.graph import graph
 from robid.settings.plain import plain_settings
 from toy_family import INERTIA
 

@@ -11,9 +11,9 @@ from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.backends.map import make_map
 from robid.errors import DataError
+from robid.pipeline.chain.estimate_frf import STAGE
 from robid.signals.multisine import time_signal
 from robid.signals.quantities import motor_channels
-from robid.stages.chain.estimate_frf import STAGE
 
 
 class Heard:

@@ -19,8 +19,8 @@ from robid.models.elastic.fitting import nominal_robot
 from robid.models.files import load_experiment
 from robid.models.friction import friction_from_artifact
 from robid.models.standard import standard_from_artifact
-from robid.stages.chain import fit as fit_stage
-from robid.stages.fit import read_data
+from robid.pipeline.chain import fit as fit_stage
+from robid.pipeline.fit import read_data
 
 HERE = Path(__file__).parent
 FRICTION = "friction: {coulomb_nm: 0.5, static_nm: 0.6, presliding_rad: 0.02, viscous_nms_rad: "

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from robid.models.files import load_experiment
-from robid.pipeline import Run
-from robid.stages import terminal
+from robid.pipeline import terminal
+from robid.pipeline.graph import Run
 from robid.studies.frf import study as frf
 
 _HERE = Path(__file__).parent

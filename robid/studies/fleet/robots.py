@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.settings.load import LoadedExperiment
 from robid.studies.fleet.check import KINDS
 from robid.studies.settings.fleet import FleetStudy

@@ -22,7 +22,7 @@ from robid.artifacts.provenance import canonical_hash
 from robid.errors import BackendError
 from robid.fleet.ledger import FORMATS
 from robid.fleet.rows import load_fleet
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.studies.fleet.logs import NAME as LOGS_NAME
 from robid.studies.fleet.logs import hashes_of, stated_payload, write_manifest
 from robid.studies.fleet.page import speed_section

@@ -16,7 +16,8 @@ from robid.frf.estimate import estimate_frf
 from robid.frf.laws import combine_laws
 from robid.frf.options import IDENTIFYING, EstimateOptions
 from robid.frf.silent import identify_laws, start_laws
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
+from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
@@ -25,7 +26,6 @@ from robid.signals.quantities import units_text
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import SimulateOptions
-from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.settings.study import FrfStudy, choices
 from robid.studies.simulated import Estimator, make_estimator, simulate_options, simulation_settings
 from robid.studies.tasks import Content, Task

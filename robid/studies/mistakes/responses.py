@@ -20,13 +20,13 @@ from robid.frf.estimate import estimate_frf
 from robid.frf.frf import Frf
 from robid.frf.joined import join
 from robid.models.elastic.truth import true_values
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
+from robid.pipeline.simulate_or_acquire import simulated_experiment, simulated_truth
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
 from robid.simulate.experiment import SimulatedExperiment, simulate
-from robid.stages.simulate_or_acquire import simulated_experiment, simulated_truth
 from robid.studies.changed import changed_simulation
 from robid.studies.mistakes.mistaken import mistaken_record, mistaken_robot
 from robid.studies.mistakes.study import Case, campaigns_of, cases, read_with, study_of, subjects

@@ -8,7 +8,7 @@ from typing import Any
 from robid.artifacts.provenance import canonical_hash
 from robid.errors import SettingsError
 from robid.models.files import load_experiment
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
 from robid.settings.problems import format_field

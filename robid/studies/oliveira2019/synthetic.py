@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robid.artifacts.artifact import Artifact, Dataset
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.section import Section, Table
 from robid.studies.oliveira2019.random_plants import MOST_POLES, SIGNAL_TO_NOISE_DB, find_orders
 from robid.studies.oliveira2019.section import study_of

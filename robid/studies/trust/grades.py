@@ -14,7 +14,7 @@ from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.models.elastic.judge.assessment import assess_fit
 from robid.models.elastic.judge.validating import validate_elastic
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.results.doubt import Doubt
 from robid.studies.mistakes.grades import GRADING, refused_causes
 from robid.studies.study import Earlier

@@ -15,14 +15,14 @@ from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.settings import elastic_fit, model_settings
 from robid.models.elastic.truth import true_values
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
+from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.robot.description import Joint, Robot
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s, require_controller, robot_settings
 from robid.signals.quantities import motor_channels
 from robid.simulate.options import Imperfections, Truth
 from robid.simulate.truth import TrueRobot
-from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.changed import changed_simulation
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task

@@ -17,13 +17,13 @@ from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.settings import elastic_fit, model_settings
 from robid.models.elastic.truth import true_values
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
+from robid.pipeline.simulate_or_acquire import simulated_experiment, simulated_truth
 from robid.robot.description import Robot
 from robid.robot.doubts import Doubts
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
 from robid.simulate.truth import TrueRobot
-from robid.stages.simulate_or_acquire import simulated_experiment, simulated_truth
 from robid.studies.changed import changed_simulation
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Results, Task

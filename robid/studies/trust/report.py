@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 
 from robid.artifacts.artifact import Artifact
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.content import Verdict
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Section, Table

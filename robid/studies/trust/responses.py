@@ -19,10 +19,10 @@ from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
 from robid.frf.frf import Frf
 from robid.frf.joined import join
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
+from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.settings.plain import plain_settings
 from robid.simulate.experiment import SimulatedExperiment, simulate
-from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.changed import changed_simulation
 from robid.studies.settings.trust import TrustStudy
 from robid.studies.simulated import Estimator, make_estimator, simulation_settings

@@ -10,11 +10,11 @@ from robid.artifacts.store import read_artifact
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.errors import SettingsError
 from robid.models.files import load_experiment
-from robid.pipeline import Run
+from robid.pipeline.configurations import draw_in_reach
+from robid.pipeline.graph import Run
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.problems import format_field
-from robid.stages.configurations import draw_in_reach
 from robid.studies.settings.trust import TrustStudy
 from robid.studies.trust.check import experiment_problems, physics_problems
 from robid.studies.trust.individuals import Individual

@@ -11,7 +11,7 @@ from robid.arrays import BoolArray
 from robid.artifacts.artifact import Artifact, Dataset
 from robid.models.lpv.fit.blocks import block_names
 from robid.models.lpv.fit.options import LpvOptions
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.section import Section, Table
 from robid.settings.plain import plain_settings
 from robid.studies.part import Asked, PartFound

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from robid.arrays import BoolArray, IntArray
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.content import Verdict
 from robid.report.numbers import duration, percent, significant
 from robid.report.section import Section, Table

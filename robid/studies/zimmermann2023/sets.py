@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.studies.settings.study import ModelChoice, ZimmermannStudy
 from robid.studies.study import Earlier
 from robid.studies.tasks import Content, Task

@@ -16,11 +16,11 @@ from robid.artifacts.frf import frf_to_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.information import ConfigurationDesign
 from robid.frf.estimate import estimate_frf
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
+from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
 from robid.simulate.experiment import SimulatedExperiment, simulate
-from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.paper import paper_figures
 from robid.studies.settings.study import ZimmermannStudy
 from robid.studies.simulated import Estimator, make_estimator, simulate_options, simulation_settings

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from robid.artifacts.artifact import Artifact
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.section import Section
 from robid.studies.janot2009.section import study_of
 from robid.studies.janot2009.seeded.chunks import FILTERS, gather

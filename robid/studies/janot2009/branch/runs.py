@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robid.pipeline import Run
+from robid.pipeline.configurations import configurations_of
+from robid.pipeline.graph import Run
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import require_controller, robot_settings
-from robid.stages.configurations import configurations_of
 from robid.studies.janot2009.branch.motion import Branch
 from robid.studies.janot2009.branch.rig import make_rig, record_branch
 from robid.studies.janot2009.section import study_of

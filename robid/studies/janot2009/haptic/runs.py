@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.studies.janot2009.haptic.device import NOMINAL, Bench, Device, measured, simulate
 from robid.studies.janot2009.section import study_of
 from robid.studies.janot2009.seeded.chunks import Chunk, chunk_tasks, judge_chunk

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robid.artifacts.artifact import Artifact
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import percent, significant
 from robid.report.section import Section, Table
 from robid.studies.janot2009.kr300.runs import JOINTS

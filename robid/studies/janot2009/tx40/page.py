@@ -8,7 +8,7 @@ from robid.artifacts.artifact import Artifact
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact
 from robid.models.rigid.files import solution_from_artifact
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import significant
 from robid.report.section import Section, Table
 from robid.studies.elsewhere import missing_log, run_of

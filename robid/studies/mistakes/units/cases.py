@@ -20,7 +20,8 @@ from robid.artifacts.validation import VALIDATION
 from robid.errors import DataError, SettingsError
 from robid.fleet.row import Told
 from robid.models.files import load_experiment
-from robid.pipeline import Run, run_all
+from robid.pipeline.graph import Run, run_all
+from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.results.scale import read_scale
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign, Source
@@ -29,7 +30,6 @@ from robid.settings.plain import plain_settings
 from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import require_controller
 from robid.simulate.experiment import simulate
-from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.changed import changed_simulation
 from robid.studies.mistakes.study import campaigns_of, study_of
 from robid.studies.mistakes.units.logs import Log, Sizes, log_of, mapping_of, mistaken_log, stamps, write_log

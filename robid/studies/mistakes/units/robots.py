@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from robid.errors import SettingsError
 from robid.models.files import load_experiment
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.settings.load import LoadedExperiment
 from robid.settings.problems import format_field
 from robid.settings.yaml import FieldPath

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from robid.artifacts.artifact import Artifact
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.studies.oliveira2019.plants.bench import Bench, Plant, bench_of, plants_of
 from robid.studies.oliveira2019.plants.identified import Identified, from_content
 from robid.studies.oliveira2019.plants.judging import RootError, band_errors, judge_roots, undershoot

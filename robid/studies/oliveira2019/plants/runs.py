@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.settings.plain import plain_settings
 from robid.studies.oliveira2019.plants.bench import Bench, Plant, bench_of, plants_of
 from robid.studies.oliveira2019.plants.identification import identify_channel

@@ -11,7 +11,7 @@ from robid.artifacts.store import read_artifact
 from robid.artifacts.validation import VALIDATION
 from robid.models.lpv.files import solution_from_artifact, validation_from_artifact
 from robid.models.lpv.settings import lpv_fit
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.studies.paper import paper_figures
 from robid.studies.part import Asked, PartFound
 from robid.studies.turk2018.local.figures import rest_figures

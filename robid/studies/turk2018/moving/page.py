@@ -16,7 +16,7 @@ from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
 from robid.models.lpv.files import solution_from_artifact
 from robid.models.lpv.fit.solution import LpvSolution
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, significant
 from robid.report.section import Beside, Curve, Figure, Notes, Section, Table
 from robid.studies.paper import paper_figures
