@@ -12,7 +12,8 @@ import robid
 from robid.commands.output import print_json
 from robid.errors import RobidError, SettingsError
 from robid.interrupts import hearing, was_interrupted
-from robid.pipeline.graph import STAGES, Run
+from robid.pipeline.chain import STAGES
+from robid.pipeline.graph import Run
 from robid.pipeline.stage import Stage
 
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]

@@ -1,4 +1,4 @@
-"""Functions that are imported when they are called: a list of them costs nothing until one is."""
+"""What is imported when it is used: a list of references costs nothing until one is."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class later:  # noqa: N801  stands where a function would
-    """A function that is imported at its first call, as in `run=later("robid.pipeline.fit:run")`.
+    """A function or value that is imported when it is called or asked for, as in `run=later("robid.pipeline.fit:run")`.
 
     Attributes:
         where: Module and name; a test finds each that is written in the package.
@@ -17,7 +17,12 @@ class later:  # noqa: N801  stands where a function would
 
     where: str
 
-    def __call__(self, *arguments: Any, **named: Any) -> Any:  # noqa: ANN401
-        """Imports the function and calls it."""
+    @property
+    def value(self) -> Any:  # noqa: ANN401
+        """What it stands for."""
         module, _, name = self.where.partition(":")
-        return getattr(import_module(module), name)(*arguments, **named)
+        return getattr(import_module(module), name)
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:  # noqa: ANN401
+        """Calls the function that it stands for."""
+        return self.value(*arguments, **named)

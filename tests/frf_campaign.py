@@ -14,7 +14,7 @@ from robid.artifacts.artifact import Provenance
 from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_to_artifact
 from robid.backends.map import make_map
-from robid.pipeline.chain.estimate_frf import STAGE
+from robid.pipeline.estimate_frf import run
 from robid.pipeline.stage import Job
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
@@ -73,7 +73,7 @@ def make_job(record: Path, output: Path, compensation: str, parallel_map) -> Job
     loaded = replace(LOADED, experiment=LOADED.experiment.model_copy(update={"campaigns": campaigns}))
     inputs = {"record": record}
     return Job(
-        loaded, "estimation", {}, output, inputs, {}, output.parent, parallel_map, 1,
+        loaded, "estimate-frf", "estimation", {}, output, inputs, {}, output.parent, parallel_map, 1,
         _NoProgress(),
     )  # fmt: skip
 
@@ -81,7 +81,7 @@ def make_job(record: Path, output: Path, compensation: str, parallel_map) -> Job
 def run_job(record: Path, output: Path, compensation: str) -> None:
     """Runs the stage in this process."""
     with make_map("serial", 1) as parallel_map:
-        STAGE.run(make_job(record, output, compensation, parallel_map))
+        run(make_job(record, output, compensation, parallel_map))
 
 
 def _memory_bytes(kind: str) -> int:

@@ -21,7 +21,7 @@ from robid.frf.comparison import ElementDifference, compare
 from robid.frf.frf import Frf
 from robid.pipeline.export import write_export
 from robid.pipeline.export_frf import frf_export_plan
-from robid.pipeline.stamp import stamped
+from robid.pipeline.freshness import stamped
 from robid.pipeline.terminal import make_console, section_table
 from robid.report.comparison import (
     COLUMNS,

@@ -20,7 +20,7 @@ from robid.errors import SettingsError
 from robid.models.family import Work
 from robid.models.parameters import parameter_rows
 from robid.pipeline.export import export_plan
-from robid.pipeline.fit_try import Trial, tried_experiment, try_fit, write_tried
+from robid.pipeline.fit import Trial, tried_experiment, try_fit, write_tried
 from robid.pipeline.freshness import input_hashes
 from robid.pipeline.graph import Run
 from robid.pipeline.replacing import check_outputs
@@ -51,7 +51,19 @@ def try_freeing(run: Run, fit: str | None, names: list[str], output: Path | None
         if output is not None:
             read = {name: path for name, path in inputs.items() if name != "model"}
             hashes = input_hashes(plan, read)
-            job = Job(tried, node.owner, plan.settings, output, read, hashes, run.folder, parallel_map, 1, progress)
+            job = Job(
+                tried,
+                node.stage.name,
+                node.owner,
+                plan.settings,
+                output,
+                read,
+                hashes,
+                run.folder,
+                parallel_map,
+                1,
+                progress,
+            )
             write_tried(trial, job)
     if as_json:
         print_json(

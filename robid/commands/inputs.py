@@ -8,8 +8,9 @@ from pathlib import Path
 
 from robid.artifacts.store import read_header
 from robid.errors import ArtifactError, SettingsError
+from robid.pipeline.chain import STAGES
 from robid.pipeline.freshness import State, state_of_output
-from robid.pipeline.graph import STAGES, Node, Run, examine, graph, needed_for
+from robid.pipeline.graph import Node, Run, examine, graph, needed_for
 from robid.pipeline.replacing import outputs_at
 
 

@@ -16,8 +16,8 @@ from robid.errors import SettingsError
 from robid.fleet.manifest import ID, Manifest, read_manifest, wrong_rows
 from robid.fleet.robots import COLUMNS, Robots, robots_of, wrong_times
 from robid.models.files import load_row
-from robid.pipeline.chain.simulate_or_acquire import experiment_count
 from robid.pipeline.graph import Node, asked_for
+from robid.pipeline.plans import experiment_count
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.experiment import Experiment
 from robid.settings.load import LoadedExperiment, read_robot

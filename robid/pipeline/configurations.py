@@ -7,17 +7,20 @@ from pathlib import Path
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, IntArray
 from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
+from robid.design.excitation.signal_lines import signal_lines
 from robid.errors import SettingsError
-from robid.pipeline.chain.design_configs import design_inputs
+from robid.pipeline.plans import design_inputs
 from robid.pipeline.stage import counted
 from robid.robot.description import Robot
 from robid.robot.reach import Reach, mirror
 from robid.robot.shapes import Shapes
+from robid.settings.checks.experiment import sampling_period_s
 from robid.settings.experiment import Campaign, Configurations, RandomConfigurations
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot_parts import require_controller
 from robid.settings.robot_sections import given
 
 _TRIES = 100
@@ -126,3 +129,22 @@ def _checked(angles: FloatArray, reach: Reach, key: str) -> FloatArray:
         where=f"configurations.{key}",
         remedy="leave them out, or correct the robot file's `floor_m` and limits",
     )
+
+
+def campaign_lines(loaded: LoadedExperiment, campaign: Campaign) -> tuple[IntArray, IntArray]:
+    """Returns the excited and the detection lines of a campaign.
+
+    Raises:
+        SettingsError: If its signal cannot be made, or nothing says how it is sampled.
+    """
+    return signal_lines(campaign.excitation, campaign_sampling_s(loaded, campaign))
+
+
+def campaign_sampling_s(loaded: LoadedExperiment, campaign: Campaign) -> float:
+    """Returns the sampling period of a campaign: the log's, else the controller's [s].
+
+    Raises:
+        SettingsError: If there is neither.
+    """
+    found = sampling_period_s(campaign, loaded.robot)
+    return require_controller(loaded).sampling_period_s if found is None else found

@@ -14,12 +14,13 @@ from robid.artifacts.store import read_artifact, write_artifact
 from robid.design.configurations.cost import visit_cost_s
 from robid.design.configurations.information import ConfigurationDesign, design_configurations
 from robid.design.configurations.stability import Trial, stability
-from robid.pipeline.chain.design_configs import STAGE, visit_s
 from robid.pipeline.design_information import CandidateInformation, gather_information
+from robid.pipeline.plans import visit_s
 from robid.pipeline.stage import Job, counted
 from robid.pipeline.terminal import section_table
 from robid.report.design import design_numbers, design_tables, stability_sentence
 from robid.report.numbers import percent
+from robid.settings.load import LoadedExperiment
 
 
 def run(job: Job) -> str:
@@ -51,7 +52,7 @@ def run(job: Job) -> str:
         # What optimal weights of the chosen ones would be worth is no measure of a fit that has others.
         choice = replace(choice, rounding_loss=float("nan"), choice_efficiency=choice.efficiency)
     choice = replace(choice, cost_s=cost, stability=repeated, joint_units=job.loaded.robot.joint_units)
-    write_artifact(job.output, design_to_artifact(choice, job.provenance(STAGE.name)))
+    write_artifact(job.output, design_to_artifact(choice, job.provenance()))
     return choice_phrase(choice)
 
 
@@ -76,12 +77,12 @@ def choice_phrase(choice: ConfigurationDesign) -> str:
     return text if choice.stability is None else f"{text}; {stability_sentence(choice.stability)}"
 
 
-def phrase(output: Path) -> str:
+def phrase(_loaded: LoadedExperiment, _owner: str, output: Path) -> str:
     """Says what a design chose, in a phrase."""
     return choice_phrase(design_from_artifact(read_artifact(output, DESIGN)))
 
 
-def show(output: Path) -> Group:
+def show(output: Path, _loaded: LoadedExperiment) -> Group:
     """Lays out a design."""
     tables = design_tables(design_from_artifact(read_artifact(output, DESIGN)))
     return Group(*(section_table(table.title, table.columns, table.texts) for table in tables))

@@ -22,9 +22,8 @@ from robid.design.excitation.signal import design_signal
 from robid.design.excitation.trajectory.criterion import BaseModel
 from robid.design.excitation.trajectory.design import design_trajectory
 from robid.design.excitation.travel import with_travel
-from robid.pipeline.chain.design_excitation import STAGE, played_by_others, transient_periods
-from robid.pipeline.configurations import configurations_of, reach_of
-from robid.pipeline.lines import campaign_lines
+from robid.pipeline.configurations import campaign_lines, configurations_of, reach_of
+from robid.pipeline.plans import played_by_others, transient_periods
 from robid.pipeline.stage import Job, counted
 from robid.report.plan import plan_table
 from robid.robot.description import Robot
@@ -50,7 +49,7 @@ def run(job: Job) -> str:
     else:
         excitation = _designed(job, robot, configurations)
     artifact = excitation_to_artifact(
-        CampaignExcitation(configurations, excitation), job.provenance(STAGE.name, campaign.excitation.seed)
+        CampaignExcitation(configurations, excitation), job.provenance(campaign.excitation.seed)
     )
     write_artifact(job.output, artifact)
     return excitation_phrase(excitation, len(configurations))
@@ -136,7 +135,7 @@ def base_model(robot: Robot, options: TrajectoryOptions) -> BaseModel:
     return BaseModel(kept, base.values(model.nominal), np.array([kind not in left_out for kind in kept.kinds]))
 
 
-def phrase(output: Path) -> str:
+def phrase(_loaded: LoadedExperiment, _owner: str, output: Path) -> str:
     """Says what an excitation is, in a phrase."""
     content = excitation_from_artifact(read_artifact(output, EXCITATION))
     return excitation_phrase(content.excitation, len(content.configurations))

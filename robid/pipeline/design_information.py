@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,17 +25,47 @@ from robid.frf.realization_subsets import by_realizations
 from robid.models.elastic.files import solution_from_artifact
 from robid.models.elastic.fit.fitted_robot import fitted_delay_s, fitted_robot
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.fit.weights import assumed_error, make_whitening
-from robid.pipeline.configurations import configurations_of
-from robid.pipeline.design_options import about_options, fit_options, prior_decades
-from robid.pipeline.design_weights import UNREAD, fit_weights
-from robid.pipeline.lines import campaign_lines, campaign_sampling_s
+from robid.models.elastic.fit.weights import assumed_error, make_weights, make_whitening
+from robid.pipeline.configurations import campaign_lines, campaign_sampling_s, configurations_of
+from robid.pipeline.plans import about_options, fit_options
 from robid.pipeline.stage import Job
 from robid.robot.description import Robot
 from robid.settings.experiment import Design
 from robid.settings.robot_parts import delay_s
 from robid.simulate.options import Truth
 from robid.simulate.truth import true_robot
+
+UNREAD = (
+    "coherence",
+    "silent_level",
+    "silent_noise",
+    "silent_interpolation",
+    "uncompensated_response",
+    "input_amplitude",
+)
+"""What no design reads of a response."""
+_WEIGHED = (
+    "configurations",
+    "response",
+    "input_factor",
+    "element_scale",
+    "total_covariance",
+    "noise_covariance",
+    "dropped",
+)
+
+
+def fit_weights(path: Path, options: ElasticOptions) -> FloatArray:
+    """Weights (n_conf, n_freq, n_out, n_in) that the fit's own function gives all candidates together."""
+    rows = []
+    for row in range(read_outline(path, FRF).n_rows):
+        frf = frf_from_artifact(read_artifact(path, FRF, row=row, leave_out=(*UNREAD, "realization_error")))
+        rows.append({name: getattr(frf, name) for name in _WEIGHED})
+    whole: dict[str, Any] = {
+        name: None if rows[0][name] is None else np.concatenate([row[name] for row in rows]) for name in _WEIGHED
+    }
+    return make_weights(replace(frf, **whole), options.weights, options.residual)[0]
+
 
 _CHUNK = 20
 
@@ -249,7 +281,7 @@ def _measured_information(task: _Measured) -> _Found:
             fixed=about.fixed,
             weights=importance,
             model_error=about.model_error,
-            prior_decades=prior_decades(task.fit),
+            prior_decades=_prior_decades(task.fit),
         )
 
     found = [information(robot, frf) for robot in task.robots]
@@ -283,7 +315,7 @@ def _fitted(task: _Measured, frf: Frf) -> FittedInformation | None:
             nuisance=about.along(),
             fixed=about.fixed,
             model_error=max(about.model_error, float(assumed_error(options.weights))),
-            prior_decades=prior_decades(options),
+            prior_decades=_prior_decades(options),
         )[0]
         for robot in task.robots
     ]
@@ -294,3 +326,8 @@ def _weights(weights: DesignWeights, frequency_hz: FloatArray, n_out: int, n_in:
     """Weights (n_freq, n_out, n_in)."""
     element = np.where(np.eye(n_out, n_in) > 0, 1.0, weights.off_diagonal)
     return np.asarray(element * (frequency_hz >= weights.low_cut_hz)[:, None, None])
+
+
+def _prior_decades(fit: ElasticOptions | None) -> float:
+    """What the fit takes as known of springs, dampers and link inertias; nothing without one [decades]."""
+    return math.inf if fit is None else fit.prior_decades

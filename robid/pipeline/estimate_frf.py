@@ -15,7 +15,7 @@ from robid.artifacts.model import MODEL
 from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
-from robid.errors import DataError
+from robid.errors import DataError, SettingsError
 from robid.frf.checks import is_finding
 from robid.frf.compensation import shows_friction
 from robid.frf.estimate import estimate_frf
@@ -26,9 +26,8 @@ from robid.frf.quality import dropped_lines, saturation_text
 from robid.frf.reading import READS_REFERENCE
 from robid.frf.silent import identify_laws, start_laws
 from robid.models.friction import friction_from_artifact
-from robid.pipeline.chain.estimate_frf import STAGE
-from robid.pipeline.plausible import contradictions
 from robid.pipeline.stage import Job, counted
+from robid.results.plausible.doubts import evidence_doubts
 from robid.results.plausible.evidence import Evidence, gather_evidence, join_evidence
 from robid.robot.description import Motor
 from robid.settings.acquire import Acquire
@@ -36,6 +35,8 @@ from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
 from robid.signals.friction import TorqueLaw
+
+_STAGE = "estimate-frf"
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ def _estimate_part(task: _Task) -> _Brief:
     record = record_from_artifact(read_artifact(task.record, RECORD, row=task.index, leave_out=unread))
     frf = estimate_frf(record, task.options, task.laws, task.delay_s)
     frf = replace(frf, notes=(*frf.notes, *task.notes))
-    task.parts.write(task.index, frf_to_artifact(frf, Provenance(stage=STAGE.name)))
+    task.parts.write(task.index, frf_to_artifact(frf, Provenance(stage=_STAGE)))
     return _brief(frf)
 
 
@@ -161,7 +162,7 @@ def run(job: Job) -> str:
     tasks = [_Task(parts, path, index, options, laws, delay, notes) for index in todo]
     briefs = [_brief(frf_from_artifact(parts.read(index))) for index in range(n_conf) if index not in todo]
     briefs += job.map(_estimate_part, tasks, lambda _index, _result: job.progress.advance())
-    parts.merge(n_conf, job.provenance(STAGE.name))
+    parts.merge(n_conf, job.provenance())
     for finding in dict.fromkeys(finding for brief in briefs for finding in brief.findings):
         job.progress.warn(finding)
     for told in contradictions(job.loaded, job.owner, join_evidence([brief.evidence for brief in briefs])):
@@ -203,7 +204,7 @@ def stated_law(motor: Motor) -> TorqueLaw:
     )
 
 
-def phrase(output: Path) -> str:
+def phrase(_loaded: LoadedExperiment, _owner: str, output: Path) -> str:
     """Says what was estimated, in a phrase."""
     n_conf = read_outline(output, FRF).n_rows
     return _phrase([_brief(frf_from_artifact(read_artifact(output, FRF, row=row))) for row in range(n_conf)])
@@ -242,3 +243,25 @@ def _relative(level: FloatArray, frf: Frf) -> FloatArray:
     told = ~np.diagonal(np.broadcast_to(dropped_lines(frf)[:, :, None], level.shape), axis1=-2, axis2=-1)
     own, size = (np.diagonal(each, axis1=-2, axis2=-1)[told] for each in (level, np.abs(frf.response)))
     return np.asarray(own / size)
+
+
+def contradictions(loaded: LoadedExperiment, campaign: str, evidence: Evidence) -> tuple[str, ...]:
+    """Says what of a campaign's data contradicts the robot file, and what its data cannot tell.
+
+    The robot file is read anew each time and nothing of this is stored: a corrected file makes no response stale.
+    Where the robot cannot be built, there is nothing to compare with; the stages that need it say so.
+
+    Args:
+        loaded: The experiment.
+        campaign: The campaign's name.
+        evidence: What it shows.
+    """
+    if loaded.experiment.robot is None:
+        return ()
+    settings = loaded.experiment.campaigns[campaign]
+    try:
+        robot, declared_s = loaded.robot.to_robot(settings.payload_kg), delay_s(loaded, settings)
+        doubts, notes = evidence_doubts(robot, evidence, declared_s)
+    except (DataError, SettingsError):
+        return ()
+    return tuple(f"Campaign {campaign}: {told}." for told in (*(doubt.sentence for doubt in doubts), *notes))

@@ -9,7 +9,7 @@ from pathlib import Path
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.errors import SettingsError, require_module
-from robid.pipeline.frf_formats import Response, response_json, response_mat, response_tables
+from robid.pipeline.frf_formats import Response, response_json, response_mat, response_tables, response_uff
 from robid.pipeline.stage import Plan
 from robid.settings.load import LoadedExperiment
 
@@ -25,17 +25,11 @@ class _Format:
     write: Callable[[Response], bytes] | None = None
 
 
-def _uff(response: Response) -> bytes:
-    from robid.pipeline.frf_uff import response_uff
-
-    return response_uff(response)
-
-
 _FORMATS = {
     "csv": _Format("", ()),
     "mat": _Format("frf.mat", (".mat",), response_mat),
     "json": _Format("frf.json", (".json",), response_json),
-    "uff": _Format("frf.uff", (".uff", ".unv"), _uff),
+    "uff": _Format("frf.uff", (".uff", ".unv"), response_uff),
 }
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import json
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,7 +15,31 @@ from robid.artifacts.provenance import canonical_hash
 from robid.artifacts.store import read_header
 from robid.errors import ArtifactError
 from robid.pipeline.stage import Plan, Stage
-from robid.pipeline.stamp import read_stamp
+
+_STAMP = re.compile(r'<script type="application/json" id="provenance">(.*?)</script>', re.DOTALL)
+
+
+def stamped(page: str, provenance: Provenance) -> str:
+    """Returns a page that says how it came about, see `read_stamp`."""
+    stamp = json.dumps(asdict(provenance), sort_keys=True).replace("<", "\\u003c")
+    mark = f'<script type="application/json" id="provenance">{stamp}</script>\n'
+    return page.replace("</body>", f"{mark}</body>", 1)
+
+
+def read_stamp(path: Path) -> Provenance:
+    """Reads how a report came about.
+
+    Raises:
+        ArtifactError: If the page does not say it, or cannot be read.
+    """
+    remedy = "move it away; `robid report EXPERIMENT.yaml` makes it again"
+    try:
+        found = _STAMP.findall(path.read_text(encoding="utf-8"))
+        if found:
+            return Provenance(**json.loads(found[-1]))
+    except (OSError, ValueError, TypeError) as error:
+        raise ArtifactError(f"The page is damaged: {error}.", where=str(path), remedy=remedy) from error
+    raise ArtifactError("The page does not say what it was made from.", where=str(path), remedy=remedy)
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 from robid.artifacts.leftovers import remove_leftovers
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
-from robid.pipeline.chain import design_configs, design_excitation, estimate_frf, fit, simulate_or_acquire, validate
-from robid.pipeline.chain.report import report_stage
+from robid.pipeline.chain import STAGES
 from robid.pipeline.freshness import State, input_hashes, state_of_output
 from robid.pipeline.replacing import check_outputs
 from robid.pipeline.stage import Job, Plan, Stage, check_room
@@ -25,16 +24,6 @@ if TYPE_CHECKING:
 
 
 _SMALL_BYTES = 1e6
-
-CHAIN: tuple[Stage, ...] = (
-    design_configs.STAGE,
-    design_excitation.STAGE,
-    simulate_or_acquire.STAGE,
-    estimate_frf.STAGE,
-    fit.STAGE,
-    validate.STAGE,
-)
-STAGES = (*CHAIN, report_stage(CHAIN))
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,6 +257,7 @@ def execute(
     check_room(output, _SMALL_BYTES + node.plan.needed_bytes)
     job = Job(
         loaded=run.loaded,
+        stage=node.stage.name,
         owner=node.owner,
         settings=node.plan.settings,
         output=output,

@@ -11,8 +11,8 @@ from robid.artifacts.store import kind_of
 from robid.artifacts.truth import is_truth
 from robid.errors import ArtifactError
 from robid.models.encode import PARAMETER_COLUMNS
+from robid.pipeline.freshness import read_stamp
 from robid.pipeline.stage import Plan, Stage
-from robid.pipeline.stamp import read_stamp
 
 if TYPE_CHECKING:
     from robid.settings.load import LoadedExperiment

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Literal
 
@@ -14,7 +15,7 @@ from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.model import MODEL
-from robid.artifacts.store import inspect_artifact, read_artifact
+from robid.artifacts.store import inspect_artifact, read_artifact, read_header
 from robid.artifacts.truth import read_truth
 from robid.artifacts.validation import VALIDATION
 from robid.design.configurations.information import ConfigurationDesign
@@ -22,17 +23,17 @@ from robid.design.excitation.excitation import UNITS, CampaignExcitation, Excita
 from robid.frf.frf import Frf
 from robid.frf.quality import saturation_text
 from robid.models.family import Data, Shown, family_of
-from robid.pipeline.chain.validate import truth_input
+from robid.pipeline.chain import CHAIN
+from robid.pipeline.estimate_frf import contradictions
 from robid.pipeline.fit import data_of
-from robid.pipeline.plausible import contradictions
-from robid.pipeline.report_stages import stage_rows
-from robid.pipeline.stage import Stage
+from robid.pipeline.plans import truth_input
 from robid.report.content import FitReport, ReportContent, Verdict, fit_sections
 from robid.report.design import design_section
 from robid.report.experiment import (
     ConfigurationRow,
     ExcitationRow,
     PeakRow,
+    StageRow,
     TorqueRow,
     experiment_section,
     run_section,
@@ -76,14 +77,13 @@ class RunContent:
     measured: tuple[str, ...] = ()
 
 
-def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str], chain: Sequence[Stage]) -> RunContent:
+def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> RunContent:
     """Reads the artifacts of a run and lays them out.
 
     Args:
         loaded: The experiment.
         folder: The run folder.
         present: Paths in the run folder of the artifacts that are there.
-        chain: The stages that make them.
 
     Raises:
         ArtifactError: If one cannot be read.
@@ -108,7 +108,7 @@ def gather(loaded: LoadedExperiment, folder: Path, present: Collection[str], cha
             *response_sections(alone),
             *(_design(loaded, name, design) for name, design in run.designs.items()),
             *_experiment(loaded, run, excitations),
-            *run_section(stage_rows(loaded, folder, present, chain)),
+            *run_section(_stage_rows(loaded, folder, present)),
         ),
     )
     responses = {
@@ -302,3 +302,32 @@ def _removed(campaign: str, frf: Frf) -> list[TorqueRow]:
         return []
     named = zip(frf.input_names, rms.tolist(), strict=True)
     return [TorqueRow(campaign, name, value, frf.input_unit) for name, value in named]
+
+
+_SHORT = 8
+
+
+def _stage_rows(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> tuple[StageRow, ...]:
+    """How each artifact that is there came about."""
+    makers = {
+        stage.plan(loaded, name).outputs[0]: (stage, name)
+        for stage in CHAIN
+        for name in stage.owners(loaded.experiment)
+    }
+    rows = []
+    for path in present:
+        if path.endswith(".h5"):
+            stage, name = makers[path]
+            rows.append(_stage(path, folder / path, stage.phrase(loaded, name, folder / path)))
+    return tuple(rows)
+
+
+def _stage(path: str, file: Path, phrase: str) -> StageRow:
+    header = read_header(file)
+    made = header.provenance
+    seconds = None
+    if made.started_utc and made.finished_utc:
+        begun, ended = datetime.fromisoformat(made.started_utc), datetime.fromisoformat(made.finished_utc)
+        seconds = (ended - begun).total_seconds()
+    hashes = made.settings_hash[:_SHORT], header.content_sha256[:_SHORT]
+    return StageRow(made.stage, path, *hashes, seconds, phrase)

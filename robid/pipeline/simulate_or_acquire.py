@@ -19,9 +19,7 @@ from robid.artifacts.truth import truth_sha256, write_truth
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.logs.checks import is_still_note
 from robid.logs.lines import is_found_note
-from robid.pipeline.acquire import acquire_configuration, acquire_shots, with_lines
-from robid.pipeline.chain.simulate_or_acquire import STAGE
-from robid.pipeline.read_as_radians import is_radians_note, radians_note
+from robid.pipeline.acquire import acquire_configuration, acquire_shots, is_radians_note, radians_note, with_lines
 from robid.pipeline.stage import Job, counted
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
@@ -38,6 +36,8 @@ from robid.simulate.pose_loop import PoseExperiment, simulate_poses, with_settle
 from robid.simulate.steps import Steps
 from robid.simulate.truth import TrueRobot, bare, with_imperfections
 
+_STAGE = "simulate-or-acquire"
+
 
 def run(job: Job) -> str:
     """Simulates or imports a campaign; returns its key figures."""
@@ -53,7 +53,7 @@ def run(job: Job) -> str:
     return _simulate(job, source.simulate or SimulateOptions(), content)
 
 
-def phrase(output: Path) -> str:
+def phrase(_loaded: LoadedExperiment, _owner: str, output: Path) -> str:
     """Says what a record holds, in a phrase."""
     found = inspect_artifact(output)
     shape = found["datasets"]["inputs"]["shape"]
@@ -101,7 +101,7 @@ def _simulate_part(task: _Task) -> None:
     else:
         record = simulate(task.experiment, task.configuration, task.index, task.threads)
     record = replace(record, truth_sha256=task.truth_sha256)
-    task.parts.write(task.index, record_to_artifact(record, Provenance(stage=STAGE.name)))
+    task.parts.write(task.index, record_to_artifact(record, Provenance(stage=_STAGE)))
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def _acquire_part(task: _LogTask) -> None:
     units = task.robot.joint_units
     record = acquire_configuration(task.campaign, task.acquire, task.content, task.index, task.folder, units)
     record = replace(record, notes=(*record.notes, *radians_note(record, task.robot)))
-    task.parts.write(task.index, record_to_artifact(record, Provenance(stage=STAGE.name)))
+    task.parts.write(task.index, record_to_artifact(record, Provenance(stage=_STAGE)))
 
 
 def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
@@ -132,8 +132,8 @@ def _acquire(job: Job, acquire: Acquire, content: CampaignExcitation) -> str:
     job.map(_acquire_part, tasks, lambda _index, _result: job.progress.advance())
     if n_conf > 1 and (campaign.is_arbitrary or campaign.finds_lines):
         _make_alike(parts, n_conf)
-    parts.merge(n_conf, job.provenance(STAGE.name))
-    return phrase(job.output)
+    parts.merge(n_conf, job.provenance())
+    return phrase(job.loaded, job.owner, job.output)
 
 
 def _make_alike(parts: Parts, n_conf: int) -> None:
@@ -147,7 +147,7 @@ def _make_alike(parts: Parts, n_conf: int) -> None:
     for index, (length, own) in enumerate(found):
         if length != segments or (not segments and len(own) != len(lines)):
             record = with_lines(record_from_artifact(parts.read(index)), segments, lines)
-            parts.write(index, record_to_artifact(record, Provenance(stage=STAGE.name)))
+            parts.write(index, record_to_artifact(record, Provenance(stage=_STAGE)))
 
 
 def _acquire_shots(job: Job) -> str:
@@ -156,7 +156,7 @@ def _acquire_shots(job: Job) -> str:
         message = f"campaign {job.owner} has no logs"
         raise RuntimeError(message)
     record = acquire_shots(campaign, campaign.source.acquire, job.loaded.path.parent)
-    write_artifact(job.output, record_to_artifact(record, job.provenance(STAGE.name)))
+    write_artifact(job.output, record_to_artifact(record, job.provenance()))
     return _shots(campaign.realizations, record.period_s, record.notes)
 
 
@@ -171,7 +171,7 @@ def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -
     tasks = [_Task(parts, experiment, content.configurations[i], i, job.threads, digest) for i in todo]
     job.map(_simulate_part, tasks, lambda _index, _result: job.progress.advance())
     write_truth(job.output.with_name("truth.json"), truth)
-    parts.merge(n_conf, job.provenance(STAGE.name, options.seed))
+    parts.merge(n_conf, job.provenance(options.seed))
     n_real, n_exp, n_sample, _ = experiment.reference.shape
     period_s = n_sample * content.excitation.sampling_period_s
     said = f"{counted(steps.count, 'RK4 step')} per sample ({steps.reason})"

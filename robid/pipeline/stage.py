@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from robid.backends.map import Map
     from robid.backends.progress import Progress
+    from robid.later import later
     from robid.models.family import Graded
     from robid.settings.experiment import Campaign, Experiment
     from robid.settings.load import LoadedExperiment
@@ -47,6 +48,7 @@ class Job:
 
     Attributes:
         loaded: The experiment.
+        stage: Name of the stage.
         owner: The campaign, design or fit.
         settings: Settings that the stage reads, for the provenance.
         output: The main file to write.
@@ -60,6 +62,7 @@ class Job:
     """
 
     loaded: LoadedExperiment
+    stage: str
     owner: str
     settings: dict[str, Any]
     output: Path
@@ -81,10 +84,10 @@ class Job:
         """Hash of everything that decides the result."""
         return canonical_hash([self.settings, self.input_hashes])
 
-    def provenance(self, stage: str, seed: int | None = None) -> Provenance:
+    def provenance(self, seed: int | None = None) -> Provenance:
         """Returns how the output comes about, finished now."""
         return Provenance(
-            stage=stage,
+            stage=self.stage,
             settings=self.settings,
             settings_hash=canonical_hash(self.settings),
             inputs=self.input_hashes,
@@ -104,7 +107,7 @@ class Stage:
         name: The command.
         does: What it does, for the help.
         owned_by: What it runs for: one campaign, design or fit, or the whole experiment.
-        kind: Kind of its output; None for the report.
+        artifact: Kind of its output, imported when it is asked for; None for the report.
         owners: Names of the campaigns, designs or fits that it runs for.
         plan: What it reads and writes for one of them.
         run: Does it; returns its key figures in a phrase.
@@ -122,7 +125,7 @@ class Stage:
     name: str
     does: str
     owned_by: Literal["campaign", "design", "fit", "experiment"]
-    kind: Kind | None
+    artifact: later | None
     owners: Callable[[Experiment], tuple[str, ...]]
     plan: Callable[[LoadedExperiment, str], Plan]
     run: Callable[[Job], str]
@@ -134,6 +137,11 @@ class Stage:
     grade: Callable[[LoadedExperiment, str, Path], Graded | None] = lambda *_: None
     on_request: Callable[[LoadedExperiment, str], bool] = lambda *_: False
     vouched: Callable[[Sequence[Path]], str] = lambda _: ""
+
+    @property
+    def kind(self) -> Kind | None:
+        """Kind of its output; None for the report."""
+        return None if self.artifact is None else self.artifact.value
 
 
 def measured_campaigns(experiment: Experiment) -> tuple[str, ...]:

@@ -15,11 +15,11 @@ from robid.artifacts.store import Header, read_header
 from robid.artifacts.task import TASK
 from robid.backends.progress import Progress
 from robid.errors import ArtifactError, SettingsError
+from robid.pipeline.freshness import read_stamp
 from robid.pipeline.graph import Result, Run, run_all
 from robid.pipeline.replacing import check_replaceable, settings_files
 from robid.pipeline.report import write_page
 from robid.pipeline.stage import counted
-from robid.pipeline.stamp import read_stamp
 from robid.report.content import ReportContent
 from robid.report.experiment import StageRow, run_section
 from robid.report.numbers import duration, significant

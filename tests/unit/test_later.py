@@ -18,9 +18,9 @@ def _written():
 
 
 @pytest.mark.parametrize("where", sorted(set(_written())))
-def test_every_reference_leads_to_a_function(where):
+def test_every_reference_leads_somewhere(where):
     module, _, name = where.partition(":")
-    assert callable(getattr(import_module(module), name))
+    assert hasattr(import_module(module), name)
 
 
 def test_a_reference_imports_when_it_is_called():
@@ -28,3 +28,4 @@ def test_a_reference_imports_when_it_is_called():
     with pytest.raises(ModuleNotFoundError):
         later("robid.pipeline.nowhere:run")()
     assert later("math:hypot")(3.0, 4.0) == 5.0
+    assert later("math:pi").value > 3

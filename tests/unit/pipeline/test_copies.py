@@ -10,7 +10,7 @@ from robid.artifacts.artifact import Provenance
 from robid.artifacts.record import record_to_artifact
 from robid.artifacts.store import write_artifact
 from robid.errors import DataError
-from robid.pipeline import copies
+from robid.pipeline import validate as copies
 from robid.signals.quantities import Channel
 from robid.signals.record import Record
 

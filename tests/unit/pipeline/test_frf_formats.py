@@ -43,7 +43,7 @@ def test_dropped_lines_are_not_numbers_in_tables_and_null_in_json(response):
 
 def test_a_universal_file_leaves_dropped_lines_out(response, tmp_path):
     pyuff = pytest.importorskip("pyuff", reason="the extra uff is not installed")
-    from robid.pipeline.frf_uff import response_uff
+    from robid.pipeline.frf_formats import response_uff
 
     path = tmp_path / "frf.uff"
     path.write_bytes(response_uff(response))
@@ -64,7 +64,7 @@ def test_a_universal_file_leaves_dropped_lines_out(response, tmp_path):
 
 def test_a_universal_file_cannot_hold_a_single_line(response):
     pytest.importorskip("pyuff", reason="the extra uff is not installed")
-    from robid.pipeline.frf_uff import response_uff
+    from robid.pipeline.frf_formats import response_uff
 
     dropped = np.ones((1, len(response.frf.lines), 1), bool)
     dropped[0, 3] = False

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.pipeline.read_as_radians import is_radians_note, radians_note
+from robid.pipeline.acquire import is_radians_note, radians_note
 from robid.settings.load import load_robot
 from robid.signals.quantities import Channel
 from robid.signals.record import Record

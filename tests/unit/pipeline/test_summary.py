@@ -9,7 +9,7 @@ from exact_systems import exact_frf, two_mass_robot
 from robid.models.elastic.page.content import FitContent
 from robid.models.elastic.page.report import fit_report
 from robid.models.elastic.page.summary import comparison
-from robid.pipeline.summary import summarize
+from robid.pipeline.report import summarize
 from robid.report.costs import CostRow
 from robid.report.parameters import Estimates, ParameterRow
 
