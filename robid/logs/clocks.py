@@ -63,12 +63,14 @@ class Joined:
         notes: What to say about them.
         slow: The variable with the longest sampling period of those that were brought to a shorter one; empty for none.
         slow_s: That sampling period [s].
+        ends: What ends before the others, by more than a sample, and when; empty for nothing.
     """
 
     columns: dict[str, NDArray[Any]]
     notes: list[str] = field(default_factory=list)
     slow: str = ""
     slow_s: float = 0.0
+    ends: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,10 +240,18 @@ def _brought(
             float(np.asarray(_apart(stamps[np.isfinite(stamps)][:1], stamps[0]))[0]) if np.isfinite(stamps[0]) else 0.0
         )
         columns[mapping.time.variable] = origin + grid / mapping.time.to_seconds
-    joined = Joined(columns, list(notes.values()))
+    joined = Joined(columns, list(notes.values()), ends=_ends(mapping, timed))
     if slowest.pace.step > GAP * step:
         joined = replace(joined, slow=slowest.stream.name, slow_s=slowest.pace.step)
     return joined, []
+
+
+def _ends(mapping: LogMapping, timed: Sequence[_Timed]) -> str:
+    """Says which variable ends before the others do."""
+    first, last = (choose(timed, key=lambda one: float(one.times[-1])) for choose in (min, max))
+    if last.times[-1] - first.times[-1] <= GAP * max(first.pace.step, last.pace.step):
+        return ""
+    return f"{mapping.place(first.stream.column)} ends {last.times[-1] - first.times[-1]:.6g} s before others."
 
 
 def _grid(leading: _Timed, timed: Sequence[_Timed]) -> FloatArray:

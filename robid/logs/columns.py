@@ -23,6 +23,8 @@ from robid.logs.streams import (
     is_of_other_topic,
     is_table,
     jump_notes,
+    may_be_time,
+    on_time_of_log,
     own_times,
     time_before,
     times_of_groups,
@@ -79,14 +81,13 @@ def read_columns(mapping: LogMapping) -> Read:
         named.setdefault(mapping.file, []).append(f"{mapping.time.variable}.time")
     named[mapping.file] = [*named.get(mapping.file, []), *times]
     logs = {path: load_variables(path, mapping.format, names, mapping.dialect) for path, names in named.items()}
-    if mapping.time is not None:
-        found.beside = logs[mapping.file].get(f"{mapping.time.variable}.time")
-    for column, (path, variable) in mapping.variables.items():
-        if column in channels:
-            _read_channel(mapping, channels[column], logs[path], found)
-            continue
-        found.stamps, problems = read_column(mapping, logs[path], column, variable)
-        found.problems += problems
+    untimed: list[DataError] = []
+    if mapping.time is not None and (time := mapping.time.variable) not in channels:
+        found.beside = logs[mapping.file].get(f"{time}.time")
+        found.stamps, untimed = read_column(mapping, logs[mapping.file], time, time)
+    for column, channel in channels.items():
+        _read_channel(mapping, channel, logs[mapping.variables[column][0]], found)
+    found.problems += untimed
     times, variables = _times_before(mapping, logs[mapping.file]) if not times else (times, logs[mapping.file])
     untold = _untold_clocks(mapping, variables, times)
     return replace(found, streams=[], problems=[*found.problems, *untold]) if untold else found
@@ -118,7 +119,8 @@ def _read_channel(mapping: LogMapping, channel: LogChannel, variables: Variables
         if stamps is not None and found.beside is not None and np.array_equal(stamps, found.beside):
             stamps, clock = None, ""  # sample by sample they belong together with those of the log's own time
         elif stamps is not None:
-            stamps = _in_unit_of_time(mapping, stamps, variables.units.get(clock, ""))
+            times = on_time_of_log(stamps, found.beside, found.stamps) if clock == f"{name}.time" else None
+            stamps = _in_unit_of_time(mapping, stamps, variables.units.get(clock, "")) if times is None else times
         found.problems += problems
         if channel.unwraps and not channel.problems() and values.dtype.kind in "fiu":
             finite = values[np.isfinite(values)].astype(float)
@@ -169,7 +171,7 @@ def _own_stamps(
             stamps = np.asarray(find_variable(variables, time))
         except (KeyError, DataError):
             continue
-        if stamps.dtype.kind in "fiu" and stamps.ndim == 1 and len(stamps) > 1:
+        if may_be_time(time, stamps):
             return stamps, time, []
     behind = _behind_other_time(mapping, path, name, variables)
     if behind:

@@ -18,6 +18,7 @@ from robid.logs.columns import check_lengths, check_motion, check_values, read_c
 from robid.logs.lines import check_found, find_lines, found_note
 from robid.logs.mapping import LogMapping
 from robid.logs.match import PlayedExcitation
+from robid.logs.period_checks import OtherPeriodError
 from robid.logs.pieces import chosen_part, whole_piece
 from robid.logs.placing import Log, check_band, match_periods, place_periods, strongest_channel
 from robid.logs.resample import resample_to_period, resample_to_time
@@ -76,7 +77,9 @@ def import_log(
         start, found, told = place_periods(mapping, log, stated)
     used, columns = slice(start, start + periods * samples_per_period), log.columns
     notes += told
-    found += [] if log.clock is None else _checked_steps(mapping, log.clock, used, stated)
+    # By a period that is not the log's own the gaps between its periods would be counted wrongly.
+    named = not any(isinstance(one, OtherPeriodError) for one in found)
+    found += [] if log.clock is None else _checked_steps(mapping, log.clock, used, stated, named=named)
     _raise(mapping.file, problems + found)
     if find:
         excited_lines, line_note = _found_lines(mapping, columns, used, periods, excited_lines)
@@ -192,12 +195,12 @@ def _read(mapping: LogMapping, stated: Stated | None = None) -> tuple[Log, list[
         period_s = None if stated is None else stated.period_s
         columns, clock, told = resample_to_time(mapping, columns, clock, period_s)
         notes += told
-    return Log(columns, clock, joined.slow, joined.slow_s), problems, notes
+    return Log(columns, clock, joined.slow, joined.slow_s, joined.ends), problems, notes
 
 
-def _checked_steps(mapping: LogMapping, clock: Clock, used: slice, stated: Stated) -> list[DataError]:
+def _checked_steps(mapping: LogMapping, clock: Clock, used: slice, stated: Stated, *, named: bool) -> list[DataError]:
     """Gaps and jitter of periods that are used, counted from the first sample unless from the end or by references."""
-    return check_steps(clock, used, stated, counted=mapping.take == "first" and not mapping.references)
+    return check_steps(clock, used, stated, counted=mapping.take == "first" and not mapping.references, named=named)
 
 
 def _cut_note(mapping: LogMapping, part: slice) -> str:

@@ -24,6 +24,10 @@ _SURE = 0.05
 """Standard deviation of a measured period up to which it says what to resample to [samples]."""
 
 
+class OtherPeriodError(DataError):
+    """A log that repeats with another period than was stated; by that one no gap lies between its periods."""
+
+
 def check_period(
     where: str, steady: FloatArray, stated: Stated, clock: Clock | None = None, part: Part | None = None
 ) -> tuple[list[DataError], list[str]]:
@@ -43,8 +47,10 @@ def check_period(
         Problems and notes.
     """
     part = Part() if part is None else part
-    if clock is not None and _breaks(clock, part.used(len(steady), stated), stated):
-        return [], []  # the time names the gap, across which nothing repeats
+    used = part.used(len(steady), stated)
+    gaps = np.zeros(0, int) if clock is None else clock.gaps[(clock.gaps >= used[0]) & (clock.gaps < used[1] - 1)]
+    if clock is not None and np.any((gaps + 1 - used[0]) % stated.samples):
+        return _across_gaps(where, steady, stated, clock, gaps), []
     losses, whole = ([], steady) if clock is not None and clock.is_off else part_losses(steady, stated, part)
     if losses:
         return lost_samples(where, losses, len(steady), stated, part, clock), []
@@ -54,10 +60,19 @@ def check_period(
     return problems, notes
 
 
-def _breaks(clock: Clock, used: tuple[int, int], stated: Stated) -> bool:
-    """Whether the log's own time has a gap within a period that is used."""
-    gaps = clock.gaps[(clock.gaps >= used[0]) & (clock.gaps < used[1] - 1)]
-    return bool(np.any((gaps + 1 - used[0]) % stated.samples))
+def _across_gaps(where: str, steady: FloatArray, stated: Stated, clock: Clock, gaps: IntArray) -> list[DataError]:
+    """Says the period of a channel whose gaps break the stated one, where whole periods of another one are missing.
+
+    Else nothing repeats across them, and the time names them.
+    """
+    found = measure_repetition(steady, stated.samples, stated.lines)
+    if clock.is_off or found.samples is None or found.agrees(stated.samples, stated.lines):
+        return []
+    missing = np.round((clock.time_s[gaps + 1] - clock.time_s[gaps]) / clock.step_s - 1)
+    beside = np.abs(missing - found.samples * np.round(missing / found.samples))
+    if _shares_no_clock(found, stated) or np.any(beside > 0.5):
+        return []
+    return [_other_period(where, steady, stated, found)]
 
 
 def _check_whole(
@@ -140,7 +155,7 @@ def _same_period(stated: Stated, clock: Clock) -> str:
     return f"{set_all(settings)[:-1]}: a period of {stated.period_s:.9g} s is then {counted} samples."
 
 
-def _other_period(where: str, steady: FloatArray, stated: Stated, found: Repetition) -> DataError:
+def _other_period(where: str, steady: FloatArray, stated: Stated, found: Repetition) -> OtherPeriodError:
     real = found.proposed(stated.samples, stated.lines)
     step = stated.sampling_period_s
     what = (
@@ -154,9 +169,9 @@ def _other_period(where: str, steady: FloatArray, stated: Stated, found: Repetit
         )
     if stated.differs and abs(real / stated.samples - 1) < RESAMPLED_RATE:
         remedy = f"Set resample to period: {_OTHER_PERIODS} {stated.samples} samples of {stated.period_s:.9g} s."
-        return DataError(what, where=where, remedy=remedy)
+        return OtherPeriodError(what, where=where, remedy=remedy)
     settings = set_all(_period_settings(steady, stated, real, step))
-    return DataError(what, where=where, remedy=f"{settings[:-1]}, or correct sampling_period_s.")
+    return OtherPeriodError(what, where=where, remedy=f"{settings[:-1]}, or correct sampling_period_s.")
 
 
 def _period_settings(steady: FloatArray, stated: Stated, real: int, step_s: float) -> dict[str, str]:

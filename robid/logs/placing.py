@@ -33,12 +33,14 @@ class Log:
         clock: The log's own time.
         slow: The variable with the longest sampling period of those that were brought to a shorter one; empty for none.
         slow_s: That sampling period [s].
+        ends: What ends before the others, and when; empty for nothing.
     """
 
     columns: dict[str, NDArray[Any]]
     clock: Clock | None
     slow: str = ""
     slow_s: float = 0.0
+    ends: str = ""
 
     @property
     def n_sample(self) -> int:
@@ -84,7 +86,7 @@ def strongest_channel(
 def place_periods(mapping: LogMapping, log: Log, stated: Stated) -> tuple[int, list[DataError], list[str]]:
     """First sample that is used where the log has no references; checks the period on the input that moves most."""
     start = stated.dropped * stated.samples
-    problems = check_count(mapping, log.n_sample, stated.samples, stated.periods) if log.n_sample else []
+    problems = check_count(mapping, log.n_sample, stated.samples, stated.periods, log.ends) if log.n_sample else []
     if mapping.take == "last":
         start = max(log.n_sample - stated.periods * stated.samples, 0)
     part = Part(0 if problems else start, mapping.take == "last")
@@ -119,10 +121,10 @@ def match_periods(
     n_sample = len(played.expected)
     wanted = stated.dropped + stated.periods
     if len(logged) < wanted * n_sample:
-        return 0, check_count(mapping, len(logged), n_sample, stated.periods), []
+        return 0, check_count(mapping, len(logged), n_sample, stated.periods, log.ends), []
     match = find_periods(logged, played.expected)
     if match.count < wanted:
-        return 0, _unmatched(mapping, logged, played, stated, log.clock), []
+        return 0, _unmatched(mapping, logged, played, stated, log), []
     stop = match.start + match.count * n_sample
     steady = logged[match.start : stop, int(np.argmax(np.ptp(logged, axis=0)))]
     part = Part(match.start, mapping.take == "last", matched=True)
@@ -145,7 +147,7 @@ def _sizes(mapping: LogMapping, match: Match, played: PlayedExcitation) -> tuple
 
 
 def _unmatched(
-    mapping: LogMapping, logged: FloatArray, played: PlayedExcitation, stated: Stated, clock: Clock | None
+    mapping: LogMapping, logged: FloatArray, played: PlayedExcitation, stated: Stated, log: Log
 ) -> list[DataError]:
     """Says why a log does not hold the periods that are needed."""
     names = tuple(channel.name for channel in mapping.references)
@@ -157,7 +159,7 @@ def _unmatched(
     steady = _playing(logged[match.start :, int(np.argmax(np.ptp(logged, axis=0)))])
     # Where samples were lost on the way nothing repeats, and the count says more.
     if measure_repetition(steady, n_sample, stated.lines).samples is not None:
-        problems, _ = check_period(where, steady, stated, clock, Part(match.start, matched=True))
+        problems, _ = check_period(where, steady, stated, log.clock, Part(match.start, matched=True))
         if problems:
             return problems
     stop = match.start + match.count * n_sample
@@ -165,6 +167,7 @@ def _unmatched(
         f"The excitation is there from sample {match.start} to {stop}, {match.count} whole"
         f" period{'' if match.count == 1 else 's'}, fewer than the"
         f" {stated.dropped + stated.periods} that were said ({stated.dropped} dropped and {stated.periods} used)."
+        f"{log.ends and f' {log.ends}'}"
     )
     fewer = match.count - stated.dropped
     shorter = f"set periods to {fewer}" if fewer > 0 else "record longer"

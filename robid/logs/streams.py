@@ -20,6 +20,7 @@ _MESSAGES = ("mcap", "rosbag")
 _TIMED = ("tdms", "mdf")
 _TIMES = ("header.stamp", "log_time")
 _TABLES = ("csv", "parquet")
+_PLACE = re.compile(r"\d+|.*\([\d:, ]+\)")
 _NUMBER = re.compile(r"[\s_(-]*\d+\)?")
 _TIME_WORD = re.compile(r"(?<![a-z])(time|timestamp|stamp|zeit|zeitstempel|temps|tempo)(?![a-z])")
 
@@ -58,7 +59,7 @@ def own_times(mapping: LogMapping, channel: LogChannel, path: Path, name: str) -
     if mapping.time is None:
         return []
     told, found = mapping.time.variable, [f"{name}.time"]
-    if path != mapping.file:
+    if path != mapping.file and (path, told) not in mapping.variables.values():
         found.insert(0, told)
     kind = topic_time(mapping)
     if kind and _has_topics(path):
@@ -66,6 +67,43 @@ def own_times(mapping: LogMapping, channel: LogChannel, path: Path, name: str) -
         other = is_of_other_topic(mapping, path, name)
         found = [f"{topic_of(name)}.{kind}{label}", *([f"{topic_of(name)}.{kind}"] if other else [])]
     return [one for one in dict.fromkeys(found) if path != mapping.file or one != told]
+
+
+def may_be_time(name: str, stamps: NDArray[Any]) -> bool:
+    """Returns whether a variable that was looked for by its name may hold time stamps.
+
+    One that is named by its place, a column's number or that of a matrix, has to advance: any may stand there.
+
+    Args:
+        name: The variable.
+        stamps: Its samples.
+    """
+    if stamps.dtype.kind not in "fiu" or stamps.ndim != 1 or len(stamps) < 2:
+        return False
+    return _PLACE.fullmatch(name) is None or bool(np.all(np.diff(stamps.astype(float)) > 0))
+
+
+def on_time_of_log(
+    stamps: NDArray[Any], recorded: NDArray[Any] | None, time: NDArray[Any] | None
+) -> NDArray[Any] | None:
+    """Returns a recorder's stamps of a variable as times of the log's own time, a variable with such stamps itself.
+
+    Args:
+        stamps (n_sample,): The stamps.
+        recorded (n_time,): Those of the log's own time; None where it has none.
+        time (n_time,): The log's own time, in its unit.
+
+    Returns:
+        The times in that unit; None where both were not recorded so.
+    """
+    if recorded is None or time is None or len(recorded) != len(time):
+        return None
+    if np.result_type(stamps, recorded, time).kind != "f" or not np.all(np.diff(recorded) > 0):
+        return None  # whole numbers may be nanoseconds since 1970, with more digits than a float holds
+    stamps, recorded, time = stamps.astype(float), recorded.astype(float), time.astype(float)
+    at = np.clip(np.searchsorted(recorded, stamps, side="right") - 1, 0, len(time) - 2)
+    slope = (time[at + 1] - time[at]) / (recorded[at + 1] - recorded[at])
+    return np.asarray(time[at] + slope * (stamps - recorded[at]))
 
 
 def topic_of(name: str) -> str:

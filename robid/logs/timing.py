@@ -188,7 +188,9 @@ def clock_problems(clock: Clock) -> list[DataError]:
     return [DataError(f"{clock.told}.", where=clock.where, remedy=remedy)]
 
 
-def check_steps(clock: Clock, used: slice, stated: Stated | None = None, *, counted: bool = True) -> list[DataError]:
+def check_steps(
+    clock: Clock, used: slice, stated: Stated | None = None, *, counted: bool = True, named: bool = True
+) -> list[DataError]:
     """Checks the part of a log that is used for gaps and jitter.
 
     A gap between two periods loses whole periods only: what follows is checked to repeat what was before.
@@ -198,6 +200,7 @@ def check_steps(clock: Clock, used: slice, stated: Stated | None = None, *, coun
         used: The samples that are used.
         stated: What was said of the period; None where nothing repeats.
         counted: Whether the periods are counted from the log's first sample.
+        named: Whether gaps are named.
     """
     first, stop, _ = used.indices(len(clock.time_s))
     gaps = clock.gaps[(clock.gaps >= first) & (clock.gaps < stop - 1)]
@@ -208,7 +211,7 @@ def check_steps(clock: Clock, used: slice, stated: Stated | None = None, *, coun
     deviation = float(np.abs(steps[inside] / clock.step_s - 1).max(initial=0.0))
     # What jitters or has another clock is resampled, which no gap may be in.
     by_periods = stated if counted and deviation <= _JITTER and not clock.is_off else None
-    problems = [_gaps(clock, gaps, steps, by_periods)] if len(gaps) else []
+    problems = [_gaps(clock, gaps, steps, by_periods)] if named and len(gaps) else []
     if deviation > _JITTER:
         what = f"The time steps deviate from {clock.usual_s:g} s by up to {100 * deviation:.0f} %."
         remedy = "Set resample to time, or leave out `time` if only the stamps are coarse."
@@ -233,8 +236,10 @@ def _gaps(clock: Clock, gaps: IntArray, steps: FloatArray, stated: Stated | None
     return DataError(what, where=f"{clock.where}, sample {clock.first + gaps[0]}", remedy=remedy)
 
 
-def check_count(mapping: LogMapping, n_sample: int, samples_per_period: int, periods: int) -> list[DataError]:
-    """Checks that the log holds the periods that were said."""
+def check_count(
+    mapping: LogMapping, n_sample: int, samples_per_period: int, periods: int, ends: str = ""
+) -> list[DataError]:
+    """Checks that the log holds the periods that were said; `ends` says what ends before the others."""
     held = n_sample / samples_per_period
     wanted = mapping.drop_periods + periods
     if held >= wanted:
@@ -244,7 +249,7 @@ def check_count(mapping: LogMapping, n_sample: int, samples_per_period: int, per
     return [
         DataError(
             f"It holds {held:.4g} periods of {samples_per_period} samples, fewer than the {wanted} that were said"
-            f" ({mapping.drop_periods} dropped and {periods} used).",
+            f" ({mapping.drop_periods} dropped and {periods} used).{ends and f' {ends}'}",
             where=f"{mapping.file}: {n_sample} samples",
             remedy=f"{remedy}, or correct the period.",
         )

@@ -139,6 +139,18 @@ def test_remedies_about_periods_and_what_was_resampled_lead_to_a_record(tmp_path
     assert run_to_the_end(tmp_path, settings)
 
 
+@pytest.mark.parametrize("stated_s", [0.499, 0.501, 0.6])
+@pytest.mark.parametrize("lost", [range(500, 1000), range(1000, 2000), range(1210, 1710)])
+def test_a_wrong_period_shows_where_whole_ones_are_lost(tmp_path, monkeypatch, stated_s, lost):
+    monkeypatch.chdir(tmp_path)
+    write_logs(tmp_path, [log(drop=tuple(lost))])
+    settings = settings_of("periodic", 1, periods=3)
+    settings["campaigns"]["log"]["excitation"]["period_s"] = stated_s
+    messages = run_to_the_end(tmp_path, settings)
+    assert "every 500 samples" in messages[0]
+    assert settings["campaigns"]["log"]["excitation"]["period_s"] == 0.5
+
+
 def test_a_log_too_slow_for_resampling_is_not_called_fast(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_logs(tmp_path, [log(rate=1.052)])

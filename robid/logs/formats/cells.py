@@ -112,10 +112,13 @@ def is_grouped(cell: str) -> bool:
 
 
 def has_decimal_commas(cells: Sequence[str]) -> bool:
-    """Whether commas in cells are decimal marks: no group of thousands begins with 0 or has other than three digits."""
-    with_comma = [cell.lower() for cell in cells if "," in cell]
+    """Whether commas in cells are decimal marks: no group of thousands begins with 0 or has other than three digits.
+
+    What is no number tells nothing: a date may have points, and a comma before the fraction of its second.
+    """
+    with_comma = [cell.lower() for cell in cells if "," in cell and is_number(cell, decimal_comma=True)]
     found = [cell for cell in with_comma if _DECIMAL_COMMA.fullmatch(cell)]
-    pointed = any("." in cell for cell in with_comma)
+    pointed = any(cell.rfind(".") > cell.rfind(",") for cell in with_comma)
     return not pointed and any(not is_grouped(cell) for cell in found)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from log_files import write_tdms
+from log_files import write_tdms, write_twincat
 from robid.errors import DataError
 from robid.logs.importing import import_log, import_shot
 from robid.logs.mapping import LogMapping
@@ -143,6 +143,39 @@ def test_files_of_one_recording_are_joined_by_their_stamps(tmp_path):
     outputs = (OutputChannel("motor", "q", file="b.csv"),)
     mapping = mapping_of(tmp_path / "a.csv", outputs=outputs, files={"b.csv": tmp_path / "b.csv"})
     assert wrong_by(import_waves(mapping), 5.001) < 1e-6
+
+
+def test_columns_without_names_are_no_time_for_standing_where_it_stands_in_another_file(tmp_path):
+    moments = instants()
+    torque, motion = waves(moments)
+    other = np.random.default_rng(5).normal(size=len(moments))
+    np.savetxt(tmp_path / "a.csv", np.stack([torque, moments], axis=1), delimiter=",", fmt="%.12g")
+    for columns, place in (([other, motion], "2"), ([motion, other], "1")):
+        np.savetxt(tmp_path / "b.csv", np.stack(columns, axis=1), delimiter=",", fmt="%.12g")
+        mapping = mapping_of(
+            tmp_path / "a.csv",
+            time=TimeChannel("2", "s"),
+            inputs=(InputChannel("motor", "1", "N m"),),
+            outputs=(OutputChannel("motor", place, file="b.csv"),),
+            files={"b.csv": tmp_path / "b.csv"},
+        )
+        assert wrong_by(import_waves(mapping)) < 1e-6
+
+
+@pytest.mark.parametrize("began", [0.0, 0.003, 12.5])
+@pytest.mark.parametrize("held", [1700, 3000])
+def test_a_file_that_ends_early_keeps_its_place_in_the_time_of_the_log(tmp_path, began, held):
+    moments = instants()
+    torque, motion = waves(moments)
+    write_twincat(tmp_path / "a.csv", {"t": began + moments, "u": torque})
+    write_twincat(tmp_path / "b.csv", {"other": torque[:held], "q": motion[:held]})
+    outputs = (OutputChannel("motor", "q", file="b.csv"),)
+    mapping = mapping_of(tmp_path / "a.csv", outputs=outputs, files={"b.csv": tmp_path / "b.csv"})
+    assert wrong_by(import_waves(mapping, periods=3)) < 1e-6
+    if held < len(moments):
+        with pytest.raises(DataError, match="fewer than the 4") as caught:
+            import_waves(mapping, periods=4)
+        assert "b.csv" in str(caught.value)
 
 
 def test_rows_of_several_channels_need_a_time(tmp_path):

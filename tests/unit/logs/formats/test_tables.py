@@ -58,6 +58,16 @@ def test_separators_within_quotes_are_text(tmp_path):
     assert find_variable(quoted, "t").tolist() == [0, 1]
 
 
+@pytest.mark.parametrize(
+    "beside",
+    ["03.05.2024 23:59:56,101000", "a valve, no. 3", "1.234,5"],
+    ids=["a date with points", "a text", "thousands"],
+)
+def test_decimal_commas_between_commas_are_told_by_numbers_alone(tmp_path, beside):
+    variables = load(tmp_path, f'"speed","other"\n"0,001","{beside}"\n"-2,0","{beside}"\n', names=["speed"])
+    np.testing.assert_array_equal(find_variable(variables, "speed"), COLUMN)
+
+
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig", "utf-8", "cp1252"])
 def test_the_encoding_is_told(tmp_path, encoding):
     variables = load(tmp_path, "t;Drehzahl °\n0;1\n1;2\n", encoding=encoding)
