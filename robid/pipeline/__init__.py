@@ -1,1 +1,5 @@
-"""The stages. Read `stage`, then `chain/`: what each reads, writes and says; what it does is in its namesake here."""
+"""An experiment as stages.
+
+Read `stage`, `chain` (the list), `plans` (what each reads and writes), then `graph` (what runs, and when); each stage
+does its work in the module of its name.
+"""

@@ -1,4 +1,4 @@
-"""The configurations of a campaign: listed, drawn, chosen by designs, and all of them in reach."""
+"""The configurations and lines of a campaign, by one rule for what is played, what a log holds and what is planned."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Responses as tables, MAT and JSON."""
+"""Responses as tables, MAT, JSON and Universal File."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""validate: a fitted model on a campaign that its fit never saw."""
+"""validate: a fitted model on a campaign that its fit never saw, no sample of which is the fit's."""
 
 from __future__ import annotations
 
