@@ -12,9 +12,10 @@ import robid
 from robid.commands.output import print_json
 from robid.errors import RobidError, SettingsError
 from robid.interrupts import hearing, was_interrupted
-from robid.pipeline import STAGES, Run
+from robid.pipeline.chain import STAGES
+from robid.pipeline.graph import Run
+from robid.pipeline.stage import Stage
 from robid.signals.log_options import LogFormat
-from robid.stages.stage import Stage
 
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 _INTERRUPTED = 130
@@ -286,9 +287,9 @@ def export_model(
     """Writes a fitted model, or the excitation or responses of a campaign, for other programs."""
     del debug
     from robid.commands.export import export_campaign, export_fit, export_response
-    from robid.stages.export import ExportOptions
-    from robid.stages.export_excitation import ExcitationExport
-    from robid.stages.export_frf import FrfExport
+    from robid.pipeline.export import ExportOptions
+    from robid.pipeline.export_excitation import ExcitationExport
+    from robid.pipeline.export_frf import FrfExport
 
     run = _open(experiment, run_dir)
     if what == "frf":
@@ -365,10 +366,14 @@ def inspect_file(
 ) -> int:
     """Says what is in an artifact; of a log also what its variables look like, and how to import it."""
     del debug
-    from robid.commands.inspect import LogInspection, describe, read_dialect
+    from robid.commands.inspect import LogInspection, describe_artifact, is_artifact, read_dialect
 
     options = LogInspection(format_, sampling_period_s, output, propose, read_dialect(dialect or []))
-    return describe(files, options, as_json=as_json)
+    if is_artifact(files[0]):
+        return describe_artifact(files, options, as_json=as_json)
+    from robid.commands.inspect_log import describe_log
+
+    return describe_log(files, options, as_json=as_json)
 
 
 @app.command("schema")

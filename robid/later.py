@@ -8,24 +8,31 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, TypeVar
+
+_Value = TypeVar("_Value")
 
 
 @dataclass(frozen=True)
 class Later:
-    """A function of a module that is imported with its first call."""
+    """A function or value of a module that is imported when it is called or asked for."""
 
     module: str
     name: str
 
     @property
-    def function(self) -> Any:  # noqa: ANN401
-        """The function itself."""
+    def value(self) -> Any:  # noqa: ANN401
+        """What the name stands for."""
         return getattr(import_module(self.module), self.name)
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:  # noqa: ANN401
         """Calls it."""
-        return self.function(*arguments, **named)
+        return self.value(*arguments, **named)
+
+
+def imported(reference: _Value) -> _Value:
+    """Returns what a name of a `with later` block stands for, importing its module; anything else as it is."""
+    return reference.value if isinstance(reference, Later) else reference
 
 
 @contextmanager

@@ -14,10 +14,10 @@ from robid.artifacts.artifact import Provenance
 from robid.artifacts.parts import Parts
 from robid.artifacts.record import RECORD, record_to_artifact
 from robid.backends.map import make_map
+from robid.pipeline.estimate_frf import run
+from robid.pipeline.stage import Job
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
-from robid.stages.chain.estimate_frf import STAGE
-from robid.stages.stage import Job
 
 _ENCODER_NOISE_RAD = 1e-5
 _TORQUE_NOISE_NM = 0.05
@@ -73,7 +73,7 @@ def make_job(record: Path, output: Path, compensation: str, parallel_map) -> Job
     loaded = replace(LOADED, experiment=LOADED.experiment.model_copy(update={"campaigns": campaigns}))
     inputs = {"record": record}
     return Job(
-        loaded, "estimation", {}, output, inputs, {}, output.parent, parallel_map, 1,
+        loaded, "estimate-frf", "estimation", {}, output, inputs, {}, output.parent, parallel_map, 1,
         _NoProgress(),
     )  # fmt: skip
 
@@ -81,7 +81,7 @@ def make_job(record: Path, output: Path, compensation: str, parallel_map) -> Job
 def run_job(record: Path, output: Path, compensation: str) -> None:
     """Runs the stage in this process."""
     with make_map("serial", 1) as parallel_map:
-        STAGE.run(make_job(record, output, compensation, parallel_map))
+        run(make_job(record, output, compensation, parallel_map))
 
 
 def _memory_bytes(kind: str) -> int:
@@ -92,7 +92,7 @@ def _memory_bytes(kind: str) -> int:
 
 if __name__ == "__main__":
     # Prints by how much the stage raises this process's memory, its libraries left out.
-    importlib.import_module("robid.stages.estimate_frf")
+    importlib.import_module("robid.pipeline.estimate_frf")
     job_record, job_output, job_compensation = sys.argv[1:]
     before = _memory_bytes("VmRSS")
     run_job(Path(job_record), Path(job_output), job_compensation)

@@ -19,6 +19,10 @@ from robid.commands.shared import open_run
 from robid.errors import DataError, SettingsError
 from robid.frf.comparison import ElementDifference, compare
 from robid.frf.frf import Frf
+from robid.pipeline.export import write_export
+from robid.pipeline.export_frf import frf_export_plan
+from robid.pipeline.freshness import stamped
+from robid.pipeline.terminal import make_console, section_table
 from robid.report.comparison import (
     COLUMNS,
     Compared,
@@ -29,10 +33,6 @@ from robid.report.comparison import (
     element_cells,
 )
 from robid.report.page import render
-from robid.stages.export import write_export
-from robid.stages.export_frf import frf_export_plan
-from robid.stages.stamp import stamped
-from robid.stages.terminal import make_console, section_table
 
 _FEWEST, _MOST = 2, 6
 _SHOWN = 12

@@ -10,16 +10,16 @@ from robid.artifacts.lock import locked
 from robid.commands.inputs import choose_node, require_inputs
 from robid.commands.output import print_json
 from robid.commands.shared import lock_of, make_shell
-from robid.pipeline import Run
-from robid.stages.export import ExportOptions, check_options, export, export_plan, export_target, write_export
-from robid.stages.export_excitation import (
+from robid.pipeline.export import ExportOptions, check_options, export, export_plan, export_target, write_export
+from robid.pipeline.export_excitation import (
     ExcitationExport,
     check_excitation_export,
     excitation_export_plan,
     export_excitation,
 )
-from robid.stages.export_frf import FrfExport, check_frf_export, export_frf, frf_export_plan
-from robid.stages.replacing import settings_files
+from robid.pipeline.export_frf import FrfExport, check_frf_export, export_frf, frf_export_plan
+from robid.pipeline.graph import Run
+from robid.pipeline.replacing import settings_files
 
 
 def export_fit(run: Run, fit: str | None, options: ExportOptions, *, force: bool, as_json: bool) -> int:

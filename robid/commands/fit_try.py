@@ -19,17 +19,17 @@ from robid.commands.shared import make_shell
 from robid.errors import SettingsError
 from robid.models.family import Work
 from robid.models.parameters import parameter_rows
-from robid.pipeline import Run
+from robid.pipeline.export import export_plan
+from robid.pipeline.fit import Trial, tried_experiment, try_fit, write_tried
+from robid.pipeline.freshness import input_hashes
+from robid.pipeline.graph import Run
+from robid.pipeline.replacing import check_outputs
+from robid.pipeline.stage import Job
 from robid.report.numbers import duration, percent, scale_for, significant
 from robid.report.parameter_section import open_table
 from robid.report.parameters import ParameterRow, kind_title
 from robid.results.grade import WORDS
 from robid.robot.parameters import NUISANCE
-from robid.stages.export import export_plan
-from robid.stages.fit_try import Trial, tried_experiment, try_fit, write_tried
-from robid.stages.freshness import input_hashes
-from robid.stages.replacing import check_outputs
-from robid.stages.stage import Job
 
 _MOVED = 1.0  # half-widths
 
@@ -51,7 +51,19 @@ def try_freeing(run: Run, fit: str | None, names: list[str], output: Path | None
         if output is not None:
             read = {name: path for name, path in inputs.items() if name != "model"}
             hashes = input_hashes(plan, read)
-            job = Job(tried, node.owner, plan.settings, output, read, hashes, run.folder, parallel_map, 1, progress)
+            job = Job(
+                tried,
+                node.stage.name,
+                node.owner,
+                plan.settings,
+                output,
+                read,
+                hashes,
+                run.folder,
+                parallel_map,
+                1,
+                progress,
+            )
             write_tried(trial, job)
     if as_json:
         print_json(

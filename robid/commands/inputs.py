@@ -8,9 +8,10 @@ from pathlib import Path
 
 from robid.artifacts.store import read_header
 from robid.errors import ArtifactError, SettingsError
-from robid.pipeline import STAGES, Node, Run, examine, graph, needed_for
-from robid.stages.freshness import State, state_of_output
-from robid.stages.replacing import outputs_at
+from robid.pipeline.chain import STAGES
+from robid.pipeline.freshness import State, state_of_output
+from robid.pipeline.graph import Node, Run, examine, graph, needed_for
+from robid.pipeline.replacing import outputs_at
 
 
 def choose_node(run: Run, stage_name: str, owner: str | None, option: str = "") -> Node:

@@ -10,8 +10,8 @@ from typing import Any
 from robid.artifacts.store import inspect_artifact, kind_of
 from robid.commands.output import print_json
 from robid.errors import SettingsError
+from robid.pipeline.terminal import channel_lines, dataset_table, make_console
 from robid.signals.log_options import LogFormat
-from robid.stages.terminal import channel_lines, dataset_table, make_console
 
 _DIALECT = {"delimiter": "tab", "decimal": ",", "header_line": "3", "encoding": "utf-16"}
 """What can be said of a table on the command line, with examples."""
@@ -64,28 +64,23 @@ def read_dialect(given: Sequence[str]) -> dict[str, Any]:
     return found
 
 
-def describe(paths: Sequence[Path], options: LogInspection, *, as_json: bool) -> int:
-    """Describes an artifact, or a log in one or several files, told apart by their content; returns the exit code."""
-    if not is_artifact(paths[0]):
-        from robid.commands.inspect_log import describe_log
-
-        return describe_log(paths, options, as_json=as_json)
-    if len(paths) > 1 or options.given:
-        what = (
-            f"{', '.join(options.given)} belongs to logs." if options.given else "Artifacts are described one by one."
-        )
-        raise SettingsError(what, where=str(paths[0]), remedy="`robid inspect ARTIFACT` takes nothing but `--json`")
-    return describe_artifact(paths[0], as_json=as_json)
-
-
 def is_artifact(path: Path) -> bool:
     """Whether a file is an artifact, or, where it is missing, is named like one."""
     return bool(kind_of(path)) if path.is_file() else path.suffix == ".h5" and not path.exists()
 
 
-def describe_artifact(artifact: Path, *, as_json: bool) -> int:
-    """Prints what an artifact holds and how it came about; returns the exit code."""
-    found = inspect_artifact(artifact)
+def describe_artifact(paths: Sequence[Path], options: LogInspection, *, as_json: bool) -> int:
+    """Prints what an artifact holds and how it came about; returns the exit code.
+
+    Raises:
+        SettingsError: If there are several, or an option of logs is given.
+    """
+    if len(paths) > 1 or options.given:
+        what = (
+            f"{', '.join(options.given)} belongs to logs." if options.given else "Artifacts are described one by one."
+        )
+        raise SettingsError(what, where=str(paths[0]), remedy="`robid inspect ARTIFACT` takes nothing but `--json`")
+    found = inspect_artifact(paths[0])
     if as_json:
         print_json(found)
         return 0

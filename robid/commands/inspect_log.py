@@ -20,9 +20,9 @@ from robid.logs.inspection.findings import Findings, inspect_log
 from robid.logs.inspection.roles import Signal
 from robid.logs.inspection.text import describe_period, describe_sampling, remarks, role_text, write_experiment
 from robid.logs.period import format_lines
+from robid.pipeline.terminal import Shell, make_console
 from robid.report.numbers import significant
 from robid.signals.log_options import Dialect
-from robid.stages.terminal import Shell, make_console
 
 _MARK = "<!-- page of robid inspect -->"
 _COLUMNS = ("variable", "taken for", "unit", "from", "to", "step", "remarks")

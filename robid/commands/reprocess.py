@@ -23,9 +23,9 @@ from robid.fleet.rows import Fleet, load_fleet
 from robid.fleet.run import ROWS, Batch, Options, run_fleet
 from robid.fleet.summary import causes
 from robid.fleet.table import require_table
+from robid.pipeline.stage import counted
+from robid.pipeline.terminal import Shell, make_console
 from robid.settings.base import DATA_VARIABLE, data_path
-from robid.stages.stage import counted
-from robid.stages.terminal import Shell, make_console
 
 _SHOWN_CAUSES = 10
 _SHOWN_NAMES = 5

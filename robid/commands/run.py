@@ -7,8 +7,9 @@ import dataclasses
 from robid.artifacts.lock import FOLDER_LOCK, locked
 from robid.commands.output import print_json
 from robid.commands.shared import PROBLEM, graded, make_shell, tell
-from robid.pipeline import CHAIN, Run, run_all
-from robid.stages.report_content import gather
+from robid.pipeline.chain import CHAIN
+from robid.pipeline.graph import Run, run_all
+from robid.pipeline.report_content import gather
 
 
 def run_experiment(run: Run, *, strict: bool, as_json: bool) -> int:
@@ -17,7 +18,7 @@ def run_experiment(run: Run, *, strict: bool, as_json: bool) -> int:
     with locked(run.path(FOLDER_LOCK), f"robid run {run.loaded.path}"):
         results = run_all(run, lambda node: shell.progress(node.output), lambda result: tell(shell, result))
     present = [path for result in results if result.outcome != "skipped" for path in result.node.plan.outputs]
-    gathered = gather(run.loaded, run.folder, present, CHAIN)
+    gathered = gather(CHAIN, run.loaded, run.folder, present)
     report = str(run.path("report.html"))
     if as_json:
         rows = {fit.headline.name: [dataclasses.asdict(row) for row in fit.parameters] for fit in gathered.fits}

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Literal
 from robid.artifacts.lock import FOLDER_LOCK
 from robid.errors import SettingsError, require_module
 from robid.models.known import load_experiment
-from robid.pipeline import Result, Run, run_folder
+from robid.pipeline.graph import Result, Run, run_folder
+from robid.pipeline.terminal import Shell, make_console
 from robid.report.numbers import duration
 from robid.settings.checks.other_units import other_units
 from robid.settings.experiment import Execution
 from robid.settings.load import LoadedExperiment
-from robid.stages.terminal import Shell, make_console
 
 if TYPE_CHECKING:
     from robid.results.grade import Grade

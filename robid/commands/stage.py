@@ -11,10 +11,10 @@ from robid.commands.inputs import choose_node, fresh_at, require_inputs
 from robid.commands.output import print_json
 from robid.commands.shared import PROBLEM, doubts, graded, lock_of, make_shell
 from robid.errors import ArtifactError, SettingsError
-from robid.pipeline import Run, execute, grade_of
+from robid.pipeline.graph import Run, execute, grade_of
+from robid.pipeline.replacing import check_outputs
+from robid.pipeline.stage import Stage
 from robid.report.numbers import duration
-from robid.stages.replacing import check_outputs
-from robid.stages.stage import Stage
 
 
 def check_strict(stage: Stage) -> None:

@@ -7,11 +7,11 @@ from pathlib import Path
 from robid.commands.output import print_json
 from robid.commands.shared import doubts, graded
 from robid.errors import SettingsError
-from robid.pipeline import Run, asked_for, examine, grade_of
+from robid.pipeline.graph import Run, asked_for, examine, grade_of
+from robid.pipeline.terminal import Shell, make_console, status_table
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.checks.other_units import other_units
 from robid.settings.robot import MODEL_NOT_THERE, SET_DATA_FOLDER
-from robid.stages.terminal import Shell, make_console, status_table
 
 
 def show_status(run: Run, *, as_json: bool) -> int:

@@ -8,8 +8,8 @@ from robid.artifacts.atomic import read_json
 from robid.artifacts.lock import FOLDER_LOCK, locked
 from robid.commands.output import print_json
 from robid.commands.shared import make_shell, tell
-from robid.pipeline import Run
-from robid.stages.terminal import section_table
+from robid.pipeline.graph import Run
+from robid.pipeline.terminal import section_table
 from robid.studies.run import run_study
 
 

@@ -19,8 +19,8 @@ import robid
 from robid.artifacts.atomic import plain, read_json, write_json
 from robid.artifacts.provenance import canonical_hash
 from robid.errors import ArtifactError
-from robid.pipeline import CHAIN
-from robid.stages.freshness import file_sha256
+from robid.pipeline.chain import CHAIN
+from robid.pipeline.freshness import file_sha256
 
 LEDGER = "row.json"
 SCHEMA_VERSION = 3

@@ -13,10 +13,10 @@ from robid.fleet.folders import PAGE, remove, writing
 from robid.fleet.ledger import LEDGER, Ledger, read_ledger
 from robid.fleet.page.report import provenance_of
 from robid.fleet.row import RowTask, Told, load_task
-from robid.pipeline import Run, asked_for, run_all
+from robid.pipeline.graph import Run, asked_for, run_all
+from robid.pipeline.report import write_page
 from robid.report.page import ReportContent, Verdict
 from robid.report.section import Folded, Notes, Section, Table
-from robid.stages.report import write_page
 
 if TYPE_CHECKING:
     from robid.backends.map import Progress

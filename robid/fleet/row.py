@@ -21,7 +21,7 @@ from robid.fleet.results import misfits_of, results_of
 from robid.fleet.rows import chain_of, logs_of, settings_hash_of
 from robid.interrupts import stop_if_interrupted
 from robid.models.known import load_row
-from robid.pipeline import Node, Run, run_all
+from robid.pipeline.graph import Node, Run, run_all
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.load import LoadedExperiment
 from robid.settings.placeholders import Row

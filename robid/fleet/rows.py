@@ -16,14 +16,14 @@ from robid.errors import SettingsError
 from robid.fleet.manifest import ID, Manifest, read_manifest, wrong_rows
 from robid.fleet.robots import COLUMNS, Robots, robots_of, wrong_times
 from robid.models.known import load_row
-from robid.pipeline import Node, asked_for
+from robid.pipeline.graph import Node, asked_for
+from robid.pipeline.plans import experiment_count
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.experiment import Experiment
 from robid.settings.load import LoadedExperiment, read_robot
 from robid.settings.placeholders import Row, check_placeholders, leads_outside, placeholders
 from robid.settings.problems import SettingsProblem, format_field
 from robid.settings.yaml import Document, FieldPath, parse_yaml, read_text
-from robid.stages.chain.simulate_or_acquire import experiment_count
 
 _SHOWN_PROBLEMS = 20
 _SHOWN_ROWS = 3

@@ -21,7 +21,7 @@ from robid.fleet.row import RowTask, fail_row, run_row
 from robid.fleet.rows import Fleet, PlannedRow
 from robid.fleet.summary import check_summary, write_summary
 from robid.fleet.table import check_table, write_table
-from robid.stages.stage import check_room
+from robid.pipeline.stage import check_room
 
 if TYPE_CHECKING:
     from robid.backends.map import Map, Progress

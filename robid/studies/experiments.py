@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from robid.errors import SettingsError
 from robid.models.known import load_experiment
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.settings.checks.truth import check_truth
 from robid.settings.experiment import Campaign, Experiment, Source
 from robid.settings.load import LoadedExperiment

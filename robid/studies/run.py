@@ -14,17 +14,17 @@ from robid.artifacts.store import Header, read_header
 from robid.artifacts.task import TASK
 from robid.backends.map import Progress
 from robid.errors import ArtifactError, SettingsError
-from robid.pipeline import Result, Run, run_all
+from robid.pipeline.freshness import read_stamp
+from robid.pipeline.graph import Result, Run, run_all
+from robid.pipeline.replacing import check_replaceable, settings_files
+from robid.pipeline.report import write_page
+from robid.pipeline.stage import counted
 from robid.report.experiment import StageRow, run_section
 from robid.report.numbers import duration, significant
 from robid.report.page import ReportContent
 from robid.report.section import Section, Table
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings
-from robid.stages.replacing import check_replaceable, settings_files
-from robid.stages.report import write_page
-from robid.stages.stage import counted
-from robid.stages.stamp import read_stamp
 from robid.studies.fleet.logs import LOGS
 from robid.studies.fleet.robots import require_packages
 from robid.studies.fleet.speed import SCHEDULER, SPEED

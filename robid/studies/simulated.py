@@ -24,7 +24,9 @@ from robid.frf.joined import join
 from robid.frf.options import EstimateOptions
 from robid.models.elastic.files import solution_content, solution_from_artifact
 from robid.models.elastic.fit.solution import ElasticSolution
-from robid.pipeline import Run
+from robid.pipeline.estimate_frf import stated_laws
+from robid.pipeline.graph import Run
+from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.robot.friction import TorqueLaw
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
@@ -33,8 +35,6 @@ from robid.settings.robot_parts import robot_settings
 from robid.settings.truth import SimulateSettings
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
-from robid.stages.estimate_frf import stated_laws
-from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.tasks import Content, Task
 
 REFUSAL = "refusal"

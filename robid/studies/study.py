@@ -9,7 +9,7 @@ from typing import Any, TypeAlias, TypeVar
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.model import MODEL
 from robid.artifacts.store import read_artifact
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, significant
 from robid.report.page import Verdict
 from robid.report.section import Cell, Section, Table

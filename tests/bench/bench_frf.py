@@ -16,8 +16,8 @@ from frf_campaign import make_job, write_campaign
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.backends.map import make_map
+from robid.pipeline.estimate_frf import run
 from robid.simulate.experiment import simulate
-from robid.stages.chain.estimate_frf import STAGE
 
 _N_CONF = 6
 
@@ -49,7 +49,7 @@ def read_and_transform(path):
 def test_estimate_against_reading_and_transforming(compare, campaign, key, compensation):
     with make_map("serial", 1) as parallel_map:
         job = make_job(campaign, campaign.with_name("frf.h5"), compensation, parallel_map)
-        compare(key, ours=lambda: STAGE.run(job), reference=lambda: read_and_transform(campaign), rounds=7)
+        compare(key, ours=lambda: run(job), reference=lambda: read_and_transform(campaign), rounds=7)
 
 
 def test_memory_does_not_grow_with_the_configurations(keep, simulated, tmp_path):

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.stages.frf_formats import Response, response_mat
+from robid.pipeline.frf_formats import Response, response_mat
 from sample_reports import arm_fit, bench_report
 
 pytest.importorskip("control", reason="python-control is not installed")

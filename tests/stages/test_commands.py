@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robid import pipeline
 from robid.artifacts.design import DESIGN, design_from_artifact, design_to_artifact
 from robid.artifacts.excitation import EXCITATION, excitation_from_artifact, excitation_to_artifact
 from robid.artifacts.grade import grade_from_artifact
@@ -21,6 +20,7 @@ from robid.models.elastic.files import (
     validation_of,
 )
 from robid.models.known import load_experiment
+from robid.pipeline.graph import graph as pipeline
 
 CHAIN = (
     ("design-configs",),

@@ -8,7 +8,7 @@ from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.errors import SettingsError
 from robid.models.known import load_experiment
-from robid.stages.configurations import configurations_of
+from robid.pipeline.configurations import configurations_of
 from tolerances import IDENTITY
 
 

@@ -19,7 +19,7 @@ from robid.artifacts.validation import VALIDATION, outcome_from_artifact
 from robid.models import known as files
 from robid.models.family import Family
 from robid.models.known import FAMILIES, experiment_schema, load_experiment
-from robid.pipeline import graph
+from robid.pipeline.graph import graph
 from robid.settings.plain import plain_settings
 from toy_family import INERTIA
 

@@ -11,9 +11,9 @@ from robid.artifacts.frf import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.backends.map import make_map
 from robid.errors import DataError
+from robid.pipeline.estimate_frf import run
 from robid.signals.quantities import motor_channels
 from robid.signals.waveforms import time_signal
-from robid.stages.chain.estimate_frf import STAGE
 
 
 class Heard:
@@ -48,7 +48,7 @@ def run_stage(tmp_path, record, n_conf=2):
     path, output, heard = tmp_path / "record.h5", tmp_path / "frf.h5", Heard()
     write_campaign(path, record, n_conf)
     with make_map("serial", 1) as parallel_map:
-        STAGE.run(replace(make_job(path, output, "none", parallel_map), progress=heard))
+        run(replace(make_job(path, output, "none", parallel_map), progress=heard))
     return heard.warnings, frf_from_artifact(read_artifact(output, FRF)).notes
 
 

@@ -18,8 +18,8 @@ from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fitting import nominal_robot
 from robid.models.handed_on import friction_from_artifact, standard_from_artifact
 from robid.models.known import load_experiment
-from robid.stages.chain import fit as fit_stage
-from robid.stages.fit import read_data
+from robid.pipeline.fit import read_data
+from robid.pipeline.plans import data_inputs
 
 HERE = Path(__file__).parent
 FRICTION = "friction: {coulomb_nm: 0.5, static_nm: 0.6, presliding_rad: 0.02, viscous_nms_rad: "
@@ -197,7 +197,7 @@ def test_an_elastic_fit_with_the_masses_of_a_rigid_one_finds_the_springs(fed):
 def test_what_the_rigid_fit_leaves_open_is_in_the_intervals(fed):
     """With a file that is taken for granted the same fit would be surer of every spring."""
     loaded = load_experiment(fed.folder / "small.yaml")
-    inputs = {key: fed.runs / path for key, path in fit_stage.data_inputs(("frf",), ("estimation",)).items()}
+    inputs = {key: fed.runs / path for key, path in data_inputs(("frf",), ("estimation",)).items()}
     data = read_data(loaded, "fed", {**inputs, "standard": fed.runs / "fits" / "rigid" / "model.h5"})
     options = loaded.experiment.fits["fed"].options()
     sure = fit_elastic(certain(nominal_robot(data)), data.response, options, 1e-3).estimate

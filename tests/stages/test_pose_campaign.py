@@ -16,7 +16,7 @@ from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
 from robid.design.excitation.options import PoseChirpOptions
 from robid.models.known import load_experiment
-from robid.pipeline import graph
+from robid.pipeline.graph import graph
 from robid.settings.pose import tool_arm
 from robid.simulate.pose_response import pose_response
 
@@ -149,7 +149,7 @@ def test_every_setting_of_a_pose_chirp_decides_it(poses):
 
 
 def test_a_killed_simulation_goes_on_where_it_was(poses, monkeypatch):
-    import robid.stages.simulate_or_acquire as stage
+    import robid.pipeline.simulate_or_acquire as stage
 
     assert poses.robid("design-excitation", FILE, "--campaign", "moved").code == 0
     real, done = stage.simulate_poses, []

@@ -199,7 +199,7 @@ def test_silent_lines_that_determine_no_law_are_no_defect(shop, monkeypatch, com
     def fail(*_):
         raise np.linalg.LinAlgError
 
-    monkeypatch.setattr("robid.stages.estimate_frf.start_laws", fail)
+    monkeypatch.setattr("robid.pipeline.estimate_frf.start_laws", fail)
     shop.change("{compensation: nominal}", f"{{compensation: {compensation}}}")
     shop.change("{from: best}", "{list_deg: [[20, 30]]}")
     for stage in ("design-excitation", "simulate-or-acquire"):

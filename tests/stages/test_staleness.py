@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from robid.models.known import load_experiment
-from robid.pipeline import graph
+from robid.pipeline.graph import graph
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import robot_settings
 

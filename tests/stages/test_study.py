@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.pipeline import Run
-from robid.stages import terminal
+from robid.pipeline import terminal
+from robid.pipeline.graph import Run
 from robid.studies.frf import study as frf
 from robid.studies.known import load_with_study
 

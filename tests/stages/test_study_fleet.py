@@ -9,7 +9,7 @@ import pytest
 from scipy.io import loadmat
 
 from robid.backends.map import make_map
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.robot.description import Robot
 from robid.studies.fleet import logs, speed
 from robid.studies.fleet import speed as scheduler

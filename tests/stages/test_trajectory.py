@@ -13,9 +13,9 @@ from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.excitation.options import TrajectoryOptions
 from robid.models.known import load_experiment
-from robid.pipeline import graph
+from robid.pipeline.design_excitation import base_model
+from robid.pipeline.graph import graph
 from robid.settings.load import load_robot
-from robid.stages.design_excitation import base_model
 
 HERE = Path(__file__).parent
 FILE = "trajectory.yaml"

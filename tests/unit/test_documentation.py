@@ -18,7 +18,7 @@ from robid.cli import app
 from robid.errors import ArtifactError, DataError, SettingsError
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.known import load_experiment
-from robid.pipeline import graph
+from robid.pipeline.graph import graph
 from robid.settings.load import load_robot
 from robid.simulate.truth import true_robot
 from settings_tables import PAGES, ROOT, marked, renewed

@@ -22,7 +22,7 @@ def test_every_function_of_a_family_is_there_and_is_of_its_own_room(family):
     found = functions(family)
     assert {"fit", "validate", "phrase", "report", *(f"exports.{name}" for name in family.exports)} <= set(found)
     for value in found.values():
-        assert inspect.isfunction(value.function)
+        assert inspect.isfunction(value.value)
         assert value.module.startswith(f"robid.models.{family.name}.")
 
 

@@ -13,11 +13,11 @@ from robid.fleet.page.failures import failure_sections, grade_sections
 from robid.fleet.page.found import Found
 from robid.fleet.page.outliers import drift_sections, outlier_sections, population_sections
 from robid.fleet.page.parameters import parameter_sections
+from robid.pipeline.freshness import read_stamp
+from robid.pipeline.replacing import check_replaceable
+from robid.pipeline.report import write_page
+from robid.pipeline.stage import counted
 from robid.report.page import ReportContent, Verdict
-from robid.stages.replacing import check_replaceable
-from robid.stages.report import write_page
-from robid.stages.stage import counted
-from robid.stages.stamp import read_stamp
 
 _STAGE = "reprocess"
 

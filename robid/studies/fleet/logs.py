@@ -19,14 +19,14 @@ from robid.artifacts.atomic import replacing
 from robid.artifacts.excitation import EXCITATION
 from robid.artifacts.store import read_header
 from robid.errors import SettingsError
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
+from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.settings.truth import true_robot_of
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions
-from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.experiments import Further, changed_simulation
 from robid.studies.fleet.robots import FleetRobot, Log, faulty_bytes, faulty_log, fleet_robots
 from robid.studies.settings.study import FleetStudy

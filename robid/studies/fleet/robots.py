@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robid.errors import require_module
 from robid.fleet.table import require_table
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.settings.load import LoadedExperiment
 from robid.studies.settings.study import KINDS, FleetStudy
 from robid.studies.study import study_of

@@ -26,7 +26,7 @@ from robid.errors import BackendError, DataError
 from robid.fleet.ledger import FORMATS, Ledger, read_ledger
 from robid.fleet.row import RowTask
 from robid.fleet.rows import load_fleet
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import significant
 from robid.report.section import Section, Table
 from robid.studies.fleet.logs import NAME as LOGS_NAME

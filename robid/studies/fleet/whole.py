@@ -20,7 +20,7 @@ from robid.fleet.ledger import FORMATS
 from robid.fleet.row import Told
 from robid.fleet.rows import load_fleet
 from robid.fleet.run import Batch, Options, run_fleet
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.section import Cell, Curve, Figure, Section, Table
 from robid.studies.fleet.logs import NAME as LOGS_NAME
 from robid.studies.fleet.logs import hashes_of, manifest_path, stated_payload, write_manifest

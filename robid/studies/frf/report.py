@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from robid.arrays import FloatArray
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import Verdict
 from robid.report.section import Curve, Figure, Section, Table

@@ -15,7 +15,8 @@ from robid.errors import DataError
 from robid.frf.laws import combine_laws
 from robid.frf.options import IDENTIFYING, EstimateOptions
 from robid.frf.silent import identify_laws, start_laws
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
+from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.robot.friction import TorqueLaw
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
@@ -24,7 +25,6 @@ from robid.signals.quantities import units_text
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import SimulateOptions
-from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.settings.study import FrfStudy, choices
 from robid.studies.simulated import Estimator, make_estimator, played, simulate_options, simulation_settings, threads_of
 from robid.studies.study import Earlier, study_of

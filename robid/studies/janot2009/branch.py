@@ -10,7 +10,8 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.models.rigid.fit.result import first_moments
-from robid.pipeline import Run
+from robid.pipeline.configurations import configurations_of
+from robid.pipeline.graph import Run
 from robid.report.section import Section
 from robid.robot.description import Robot
 from robid.robot.regressor.base import find_base_parameters
@@ -20,7 +21,6 @@ from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import require_controller, robot_settings
 from robid.simulate.options import Controller
 from robid.simulate.rigid_loop import simulate_rigid, simulate_rigid_loop
-from robid.stages.configurations import configurations_of
 from robid.studies.janot2009.seeded import FILTERS, Chunk, Machine, Recording, chunk_tasks, gather, judge_chunk
 from robid.studies.janot2009.verdicts import (
     VERDICTS,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Beside, Section, Table
 from robid.studies.experiments import paper_figures

@@ -15,7 +15,8 @@ from robid.models.rigid.fit.fitting import fit_rigid
 from robid.models.rigid.fit.options import RigidFitOptions
 from robid.models.rigid.fit.shots import shots_of
 from robid.models.rigid.settings import rigid_fit
-from robid.pipeline import Run
+from robid.pipeline.configurations import configurations_of
+from robid.pipeline.graph import Run
 from robid.report.numbers import percent, significant
 from robid.report.section import Section, Table
 from robid.robot.description import Robot
@@ -26,7 +27,6 @@ from robid.settings.robot_parts import require_controller, robot_settings
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Controller, SimulateOptions, Truth
 from robid.simulate.truth import true_robot
-from robid.stages.configurations import configurations_of
 from robid.studies.experiments import Further, run_of
 from robid.studies.settings.parts import CoverageCase
 from robid.studies.simulated import simulate_options

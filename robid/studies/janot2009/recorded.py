@@ -9,7 +9,7 @@ from typing import Any
 from robid.artifacts.artifact import Artifact
 from robid.models.rigid.files import solution_from_artifact
 from robid.models.rigid.fit.solution import RigidSolution
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import significant
 from robid.report.section import Section, Table
 from robid.robot.description import Robot

@@ -21,7 +21,7 @@ from robid.models.elastic.judge.assessment import assess_fit
 from robid.models.elastic.judge.grading import telling_shares
 from robid.models.elastic.judge.validating import Validation, validate_elastic
 from robid.models.elastic.settings import elastic_fit, model_settings
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.results.doubt import CAUSES
 from robid.results.plausible.doubts import data_doubts
 from robid.robot.description import Robot

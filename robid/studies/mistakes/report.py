@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.artifacts.artifact import Artifact
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import Verdict
 from robid.report.section import Section, Table

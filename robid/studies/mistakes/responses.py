@@ -19,7 +19,8 @@ from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.frf.joined import join
 from robid.models.elastic.fitting import true_values
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
+from robid.pipeline.simulate_or_acquire import simulated_experiment, simulated_truth
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
@@ -29,7 +30,6 @@ from robid.settings.robot_parts import delay_s
 from robid.settings.robot_sections import JointSection, given
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
-from robid.stages.simulate_or_acquire import simulated_experiment, simulated_truth
 from robid.studies.experiments import Further, Problems, changed_simulation, run_of
 from robid.studies.settings.mistakes import Mistake, MistakesStudy, robot_problems
 from robid.studies.simulated import (

@@ -17,7 +17,7 @@ from robid.models.external.fit.solution import ExternalSolution
 from robid.models.external.judge.validating import ExternalValidation
 from robid.models.external.page.data import coupling_section
 from robid.models.external.settings import external_fit
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, significant
 from robid.report.section import Beside, Figure, Section, Table
 from robid.studies.experiments import Further, paper_figures

@@ -13,7 +13,7 @@ from robid.models.external.fit.graphs import Fitted
 from robid.models.external.fit.output_error import fit_block
 from robid.models.external.fit.problem import Structure
 from robid.models.external.fit.transfer import TransferMatrix
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import percent, significant
 from robid.report.section import Section, Table
 from robid.studies.oliveira2019.identification import (

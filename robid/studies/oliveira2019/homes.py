@@ -21,7 +21,7 @@ from robid.models.external.fit.fitting import own_pairs, ports_of
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.solution import Ports
 from robid.models.external.settings import external_fit
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.robot.description import Robot
 from robid.robot.kinematics import ToolArm
 from robid.settings.plain import plain_settings

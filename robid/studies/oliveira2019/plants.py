@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import MINUS, MISSING, percent, significant
 from robid.report.section import Notes, Row, Section, Table
 from robid.studies.experiments import paper_figures

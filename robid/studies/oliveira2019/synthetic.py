@@ -13,7 +13,7 @@ from robid.artifacts.artifact import Dataset
 from robid.models.external.fit.choice import choose_structure
 from robid.models.external.fit.data import Shot
 from robid.models.external.fit.options import ExternalOptions
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.section import Section, Table
 from robid.signals.waveforms import chirp
 from robid.studies.settings.parts import SyntheticCase

@@ -30,7 +30,8 @@ from robid.models.elastic.fit.nuisance.response import NO_LOAD_RAD, bristle_shar
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fitting import true_values
 from robid.models.elastic.settings import elastic_fit, model_settings
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
+from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.robot.description import Joint, Robot
 from robid.robot.linearize import LinearModel, axial_inertia, linearize, solve_statics
 from robid.robot.model import build_model
@@ -41,7 +42,6 @@ from robid.settings.robot_parts import delay_s, require_controller, robot_settin
 from robid.signals.quantities import motor_channels
 from robid.simulate.options import Imperfections, Truth
 from robid.simulate.truth import TrueRobot
-from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.experiments import changed_simulation
 from robid.studies.settings.trust import TrustStudy
 from robid.studies.simulated import solution_or_refusal, with_truth

@@ -20,14 +20,14 @@ from robid.models.elastic.fitting import true_values
 from robid.models.elastic.judge.assessment import assess_fit
 from robid.models.elastic.judge.validating import validate_elastic
 from robid.models.elastic.settings import elastic_fit, model_settings
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
+from robid.pipeline.simulate_or_acquire import simulated_experiment, simulated_truth
 from robid.results.doubt import Doubt
 from robid.robot.description import Robot
 from robid.robot.doubts import Doubts
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
 from robid.simulate.truth import TrueRobot
-from robid.stages.simulate_or_acquire import simulated_experiment, simulated_truth
 from robid.studies.experiments import changed_simulation
 from robid.studies.mistakes.cases import GRADING, refused_causes
 from robid.studies.settings.trust import TrustStudy

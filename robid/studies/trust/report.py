@@ -8,7 +8,7 @@ from pathlib import Path
 
 from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import Verdict
 from robid.report.section import Section, Table

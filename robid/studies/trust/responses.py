@@ -8,10 +8,10 @@ from pathlib import Path
 
 from robid.arrays import FloatArray
 from robid.design.excitation.excitation import CampaignExcitation
-from robid.pipeline import Run
+from robid.pipeline.configurations import draw_in_reach
+from robid.pipeline.graph import Run
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.stages.configurations import draw_in_reach
 from robid.studies.experiments import Further, Problems, changed_simulation, run_of
 from robid.studies.settings.trust import TrustStudy
 from robid.studies.simulated import measurements, played, threads_of

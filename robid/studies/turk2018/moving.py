@@ -19,7 +19,7 @@ from robid.frf.frf import Frf
 from robid.frf.spectra import output_factor
 from robid.models.lpv.files import solution_from_artifact
 from robid.models.lpv.fit.solution import LpvSolution
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, significant
 from robid.report.section import Beside, Curve, Figure, Notes, Section, Table
 from robid.signals.record import Record

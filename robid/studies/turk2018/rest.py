@@ -18,7 +18,7 @@ from robid.models.lpv.fit.responses import expected_share, smooth_variance
 from robid.models.lpv.fit.solution import Held, LpvSolution
 from robid.models.lpv.fit.state_space import MATRICES, block_names, measure
 from robid.models.lpv.settings import lpv_fit
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, pretty_unit, significant
 from robid.report.section import Row, Section, Table
 from robid.studies.experiments import Further, paper_figures

@@ -14,7 +14,7 @@ from robid.models.lpv.fit.fitting import LpvResult, estimate_lpv
 from robid.models.lpv.fit.options import LpvOptions
 from robid.models.lpv.fit.responses import LocalResponses
 from robid.models.lpv.fit.state_space import StateSpace, block_names, response, transform
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.section import Section, Table
 from robid.settings.plain import plain_settings
 from robid.studies.settings.parts import KnownStructureCase

@@ -14,7 +14,7 @@ from robid.models.elastic.fit.fitting import set_up
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.uncertainty import sandwich
 from robid.models.elastic.judge.extrema import own_resonance_errors
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.simulate.truth import true_robot

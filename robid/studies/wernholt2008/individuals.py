@@ -16,7 +16,7 @@ from robid.artifacts.store import read_header
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.settings import model_settings
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.robot.description import Robot
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s

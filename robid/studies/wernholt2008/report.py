@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import duration, percent, significant
 from robid.report.page import Verdict
 from robid.report.section import Beside, Curve, Figure, Section, Table

@@ -20,7 +20,7 @@ from robid.models.elastic.fit.options import ElasticOptions, WeightsKind
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.uncertainty import sandwich
 from robid.models.elastic.settings import model_settings
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
 from robid.settings.plain import plain_settings

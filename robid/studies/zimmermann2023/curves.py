@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.design import design_section
 from robid.report.numbers import significant
 from robid.report.section import Beside, Curve, Figure, Section, Table

@@ -13,7 +13,7 @@ from robid.artifacts.artifact import Artifact
 from robid.artifacts.design import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.information import ConfigurationDesign
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.studies.over_individuals import Mean, differs, over_springs, scatter, scatter_error, scatters_differ
 from robid.studies.settings.elastic import ZimmermannStudy
 from robid.studies.study import Earlier, study_of

@@ -26,7 +26,7 @@ from robid.models.elastic.judge.extrema import first_resonances
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model
 from robid.models.elastic.judge.validating import weighted_costs
 from robid.models.elastic.settings import model_settings
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.robot.description import Robot
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model

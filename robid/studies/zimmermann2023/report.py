@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import Verdict
 from robid.report.section import Section, Table

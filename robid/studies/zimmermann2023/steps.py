@@ -16,7 +16,8 @@ from robid.artifacts.mapping import from_datasets, to_datasets
 from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
 from robid.models.elastic.fit.fitted_robot import with_estimates
-from robid.pipeline import Run
+from robid.pipeline.configurations import draw_in_reach
+from robid.pipeline.graph import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import RandomConfigurations
 from robid.settings.plain import plain_settings
@@ -24,7 +25,6 @@ from robid.settings.robot_parts import require_controller, robot_settings
 from robid.settings.truth import true_robot_of
 from robid.simulate.options import Controller, SimulateOptions
 from robid.simulate.playback import with_tool_point
-from robid.stages.configurations import draw_in_reach
 from robid.studies.settings.elastic import StepOptions, ZimmermannStudy
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Earlier, study_of

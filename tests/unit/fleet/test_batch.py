@@ -20,9 +20,9 @@ from robid.fleet.robots import robots_of
 from robid.fleet.row import Told
 from robid.fleet.rows import Fleet, PlannedRow
 from robid.fleet.run import Options, run_fleet
+from robid.pipeline.terminal import Shell, make_console
 from robid.settings.placeholders import Row
 from robid.settings.yaml import Document
-from robid.stages.terminal import Shell, make_console
 
 IDS = [f"r{number}" for number in range(10)]
 NOTHING = Options(pages="none")

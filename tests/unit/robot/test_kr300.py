@@ -10,9 +10,9 @@ from robid.design.configurations.candidates import candidate_information
 from robid.design.configurations.information import design_configurations
 from robid.design.excitation.excitation import design_excitation
 from robid.models.known import load_experiment
+from robid.pipeline.configurations import configurations_of
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
-from robid.stages.configurations import configurations_of
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 

@@ -20,7 +20,8 @@ from robid.artifacts.validation import VALIDATION
 from robid.errors import DataError, SettingsError
 from robid.fleet.row import Told
 from robid.models.known import load_experiment
-from robid.pipeline import Run, run_all
+from robid.pipeline.graph import Run, run_all
+from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.results.scale import read_scale
 from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign, Source
@@ -30,7 +31,6 @@ from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import require_controller
 from robid.settings.yaml import FieldPath
 from robid.simulate.experiment import simulate
-from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.experiments import Further, Problems, changed_simulation, fit_problem, physics_problems, run_of
 from robid.studies.mistakes.responses import campaigns_of
 from robid.studies.mistakes.units.logs import (

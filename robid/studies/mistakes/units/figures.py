@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from robid.artifacts.artifact import Artifact
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.report.numbers import percent
 from robid.report.section import Section, Table
 from robid.studies.mistakes.units.cases import UnitSubject, unit_subjects

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from robid.pipeline import Run
+from robid.pipeline.graph import Run
 from robid.settings.yaml import load_yaml
 from robid.studies.janot2009.recorded import EMPS, asked_of
 from robid.studies.known import load_with_study

@@ -10,8 +10,8 @@ from robid.models.known import load_experiment
 from robid.models.rigid.fit.fitting import fit_rigid
 from robid.models.rigid.fit.shots import shots_of
 from robid.models.rigid.settings import rigid_fit
+from robid.pipeline.acquire import acquire_shots
 from robid.robot.description import Inertial, Joint, Motor, Robot
-from robid.stages.acquire import acquire_shots
 from robid.studies.janot2009.recorded import PUBLISHED, arm_side, published_rows, tx40_figures
 
 EXPERIMENT = Path(__file__).parents[4] / "configs" / "tx40.yaml"

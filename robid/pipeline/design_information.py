@@ -1,0 +1,333 @@
+"""The information of a design's candidates: assumed or measured, one task for a few of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.model import MODEL
+from robid.artifacts.store import read_artifact, read_outline
+from robid.design.configurations.candidates import candidate_information
+from robid.design.configurations.fitted import FittedInformation
+from robid.design.configurations.measured import fitted_information, measured_information
+from robid.design.configurations.options import DesignWeights, InformationOptions
+from robid.design.configurations.stability import halves
+from robid.errors import DataError
+from robid.frf.frf import Frf
+from robid.frf.realization_subsets import by_realizations
+from robid.models.elastic.files import solution_from_artifact
+from robid.models.elastic.fit.fitted_robot import fitted_delay_s, fitted_robot
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.weights import assumed_error, make_weights, make_whitening
+from robid.pipeline.configurations import campaign_lines, campaign_sampling_s, configurations_of
+from robid.pipeline.plans import about_options, fit_options
+from robid.pipeline.stage import Job
+from robid.robot.description import Robot
+from robid.settings.experiment import Design
+from robid.settings.robot_parts import delay_s
+from robid.simulate.options import Truth
+from robid.simulate.truth import true_robot
+
+UNREAD = (
+    "coherence",
+    "silent_level",
+    "silent_noise",
+    "silent_interpolation",
+    "uncompensated_response",
+    "input_amplitude",
+)
+"""What no design reads of a response."""
+_WEIGHED = (
+    "configurations",
+    "response",
+    "input_factor",
+    "element_scale",
+    "total_covariance",
+    "noise_covariance",
+    "dropped",
+)
+
+
+def fit_weights(path: Path, options: ElasticOptions) -> FloatArray:
+    """Weights (n_conf, n_freq, n_out, n_in) that the fit's own function gives all candidates together."""
+    rows = []
+    for row in range(read_outline(path, FRF).n_rows):
+        frf = frf_from_artifact(read_artifact(path, FRF, row=row, leave_out=(*UNREAD, "realization_error")))
+        rows.append({name: getattr(frf, name) for name in _WEIGHED})
+    whole: dict[str, Any] = {
+        name: None if rows[0][name] is None else np.concatenate([row[name] for row in rows]) for name in _WEIGHED
+    }
+    return make_weights(replace(frf, **whole), options.weights, options.residual)[0]
+
+
+_CHUNK = 20
+
+
+@dataclass(frozen=True)
+class CandidateInformation:
+    """What a choice is made of.
+
+    Attributes:
+        matrices (n_draw, n_conf, n_param, n_param): Information of one visit to each candidate.
+        names: Names of the parameters.
+        configurations (n_conf, n_joint): The candidates [rad].
+        halves (n_way, 2, n_conf, n_param, n_param): The same by half the realizations each; n_way may be 0.
+        fitted: What a fit with weights of its own makes of them, under each draw, or None.
+        prior (n_param, n_param): What an earlier fit knows, or None.
+        between (n_param,): Deviation of each log-parameter between configurations.
+    """
+
+    matrices: FloatArray
+    names: tuple[str, ...]
+    configurations: FloatArray
+    halves: FloatArray
+    fitted: FittedInformation | None
+    prior: FloatArray | None
+    between: FloatArray
+
+
+@dataclass(frozen=True)
+class _Task:
+    robots: tuple[Robot, ...]
+    about: InformationOptions
+    delay_s: float
+
+
+@dataclass(frozen=True)
+class _Assumed(_Task):
+    configurations: FloatArray
+    frequency_hz: FloatArray
+    sampling_period_s: float
+
+
+@dataclass(frozen=True)
+class _Measured(_Task):
+    frf: Path
+    row: int
+    pooled: int
+    fit: ElasticOptions | None
+    weights: FloatArray | None
+
+
+@dataclass(frozen=True)
+class _Found:
+    matrices: FloatArray
+    names: tuple[str, ...]
+    configurations: FloatArray
+    halves: FloatArray
+    fitted: FittedInformation | None
+
+
+def gather_information(job: Job) -> CandidateInformation:
+    """Computes the information of all candidates, in parallel and with little memory.
+
+    Raises:
+        SettingsError: If the parameters or candidates cannot be had.
+        DataError: If a covariance has no inverse.
+    """
+    design = job.loaded.experiment.designs[job.owner]
+    robot, delay, knowledge = _point(job, design)
+    robots = tuple(_drawn(robot, about_options(job.loaded.experiment, design)))
+    measured = design.information == "measured"
+    tasks: Sequence[_Task] = _measured(job, robots, delay) if measured else _assumed(job, robots, delay)
+    job.progress.expect(len(tasks), "configurations" if measured else "parts")
+    found = job.map(_information, tasks, lambda _index, _result: job.progress.advance())
+    names = found[0].names
+    return CandidateInformation(
+        matrices=np.concatenate([each.matrices for each in found], axis=1),
+        names=names,
+        configurations=np.concatenate([each.configurations for each in found]),
+        halves=np.concatenate([each.halves for each in found], axis=2),
+        fitted=_joined([each.fitted for each in found if each.fitted is not None], axis=1),
+        prior=None if knowledge is None else knowledge.about(names),
+        between=_between(job, design, names),
+    )
+
+
+def _between(job: Job, design: Design, names: tuple[str, ...]) -> FloatArray:
+    """Deviation (n_param,) of each log-parameter between configurations: an earlier fit's, or that of the settings."""
+    if design.between is None:
+        return design.between_relative_std.of(names)
+    solution = solution_from_artifact(read_artifact(job.inputs["between"], MODEL))
+    if solution.effective is None:
+        raise DataError(
+            f"Fit `{design.between}` does not tell how far parameters differ between configurations: it has fewer than"
+            " four.",
+            where="between",
+            remedy="Name a fit of four configurations or more, or state `between_relative_std`.",
+        )
+    found = dict(zip(solution.estimate.names, solution.effective.between_std.tolist(), strict=True))
+    return np.array([found[name] for name in names])
+
+
+@dataclass(frozen=True)
+class _Knowledge:
+    """What an earlier fit found of log-parameters."""
+
+    names: tuple[str, ...]
+    covariance: FloatArray
+
+    def about(self, names: tuple[str, ...]) -> FloatArray:
+        """Information about some of them, whatever the others are."""
+        chosen = [self.names.index(name) for name in names]
+        return np.asarray(np.linalg.inv(self.covariance[np.ix_(chosen, chosen)]))
+
+
+def _point(job: Job, design: Design) -> tuple[Robot, float, _Knowledge | None]:
+    """Robot and delay at which derivatives are taken, and what is known beforehand."""
+    campaign = job.loaded.experiment.campaigns[design.campaign]
+    robot, delay = job.loaded.robot.to_robot(campaign.payload_kg), delay_s(job.loaded, campaign)
+    if design.prior is None:
+        return robot, delay, None
+    solution = solution_from_artifact(read_artifact(job.inputs["model"], MODEL))
+    # Its covariance is as wide as its intervals: a misfit is in it already.
+    knowledge = _Knowledge(solution.estimate.names, solution.internal.covariance)
+    return fitted_robot(robot, solution.estimate), fitted_delay_s(solution.estimate, delay), knowledge
+
+
+def _drawn(robot: Robot, about: InformationOptions) -> Iterable[Robot]:
+    """Robots whose wanted springs and dampers deviate; the robot alone when there is one draw."""
+    if about.draws == 1:
+        return [robot]
+    damper_factor = about.draw_factor if "damping" in about.free else 1.0
+    known = tuple(spring.name for spring in robot.springs if f"{spring.name}.stiffness" in about.fixed)
+    draw = Truth(spring_factor=about.draw_factor, damper_factor=damper_factor, friction_relative=0.0, keep=known)
+    seeds = np.random.SeedSequence(about.draw_seed).generate_state(about.draws)
+    return (true_robot(robot, replace(draw, seed=int(seed))) for seed in seeds)
+
+
+def _assumed(job: Job, robots: tuple[Robot, ...], delay: float) -> list[_Assumed]:
+    design = job.loaded.experiment.designs[job.owner]
+    campaign = job.loaded.experiment.campaigns[design.campaign]
+    candidates = configurations_of(job.loaded, campaign, job.inputs)
+    period = campaign_sampling_s(job.loaded, campaign)
+    frequency_hz = campaign_lines(job.loaded, campaign)[0] / campaign.excitation.period_s
+    parts = [candidates[begin : begin + _CHUNK] for begin in range(0, len(candidates), _CHUNK)]
+    about = about_options(job.loaded.experiment, design)
+    return [_Assumed(robots, about, delay, part, frequency_hz, period) for part in parts]
+
+
+def _measured(job: Job, robots: tuple[Robot, ...], delay: float) -> list[_Measured]:
+    experiment = job.loaded.experiment
+    design = experiment.designs[job.owner]
+    pooled = experiment.campaigns[design.campaign].estimate.pooled_lines
+    path, fit = job.inputs["frf"], fit_options(experiment, design)
+    rows = range(read_outline(path, FRF).n_rows)
+    weights = None if fit is None else fit_weights(path, fit)
+    about = about_options(experiment, design)
+    return [
+        _Measured(robots, about, delay, path, row, pooled, fit, None if weights is None else weights[row : row + 1])
+        for row in rows
+    ]
+
+
+def _joined(parts: Sequence[FittedInformation], axis: int) -> FittedInformation | None:
+    """The parts of sums over more draws (axis 0) or configurations (axis 1)."""
+    if not parts:
+        return None
+    bread, meat, best = (
+        np.concatenate([getattr(each, name) for each in parts], axis=axis) for name in ("bread", "meat", "best")
+    )
+    return FittedInformation(bread, meat, best, parts[0].precision)
+
+
+def _information(task: _Task) -> _Found:
+    return _measured_information(task) if isinstance(task, _Measured) else _assumed_information(task)
+
+
+def _assumed_information(task: _Task) -> _Found:
+    assert isinstance(task, _Assumed)
+    about, size = task.about, len(task.robots[0].joints)
+    weights = _weights(about.weights, task.frequency_hz, size, size)
+    found = [
+        candidate_information(
+            robot,
+            task.configurations,
+            task.frequency_hz,
+            task.sampling_period_s,
+            task.delay_s,
+            about.assumed_relative_error,
+            kinds=about.free,
+            nuisance=about.along(),
+            fixed=about.fixed,
+            weights=weights,
+        )
+        for robot in task.robots
+    ]
+    matrices, names = np.array([each for each, _ in found]), found[0][1]
+    return _Found(matrices, names, task.configurations, np.zeros((0, 2, *matrices.shape[1:])), None)
+
+
+def _measured_information(task: _Measured) -> _Found:
+    about = task.about
+    left_out = UNREAD if task.fit is None else (*UNREAD, "realization_error")
+    frf = frf_from_artifact(read_artifact(task.frf, FRF, row=task.row, leave_out=left_out))
+    importance = None if task.fit else _weights(about.weights, frf.frequency_hz, *frf.response.shape[2:])[None]
+
+    def information(robot: Robot, response: Frf) -> tuple[FloatArray, tuple[str, ...]]:
+        return measured_information(
+            robot,
+            response,
+            task.delay_s,
+            kinds=about.free,
+            nuisance=about.along(),
+            fixed=about.fixed,
+            weights=importance,
+            model_error=about.model_error,
+            prior_decades=_prior_decades(task.fit),
+        )
+
+    found = [information(robot, frf) for robot in task.robots]
+    matrices, names = np.array([each for each, _ in found]), found[0][1]
+    n_real = 0 if frf.realization_error is None else frf.realization_error.shape[1]
+    ways = [
+        [information(task.robots[0], by_realizations(frf, half, task.pooled))[0] for half in way]
+        for way in halves(n_real)
+    ]
+    shape = (len(ways), 2, *matrices.shape[1:])
+    return _Found(matrices, names, frf.configurations, np.array(ways).reshape(shape), _fitted(task, frf))
+
+
+def _fitted(task: _Measured, frf: Frf) -> FittedInformation | None:
+    """What the fit that the design is for makes of one candidate, under each draw."""
+    about, options, weights = task.about, task.fit, task.weights
+    if options is None or weights is None:
+        return None
+    if not options.correct_torques:
+        frf = replace(frf, sensitivity=frf.sensitivity[:, :0], coefficient_relative_std=np.zeros(0))
+    correlated = options.weights.kind == "optimal_full"
+    found = [
+        fitted_information(
+            robot,
+            frf,
+            task.delay_s,
+            weights,
+            whitening=make_whitening(frf, weights > 0, options.residual) if correlated else None,
+            residual=options.residual,
+            kinds=about.free,
+            nuisance=about.along(),
+            fixed=about.fixed,
+            model_error=max(about.model_error, float(assumed_error(options.weights))),
+            prior_decades=_prior_decades(options),
+        )[0]
+        for robot in task.robots
+    ]
+    return _joined(found, axis=0)
+
+
+def _weights(weights: DesignWeights, frequency_hz: FloatArray, n_out: int, n_in: int) -> FloatArray:
+    """Weights (n_freq, n_out, n_in)."""
+    element = np.where(np.eye(n_out, n_in) > 0, 1.0, weights.off_diagonal)
+    return np.asarray(element * (frequency_hz >= weights.low_cut_hz)[:, None, None])
+
+
+def _prior_decades(fit: ElasticOptions | None) -> float:
+    """What the fit takes as known of springs, dampers and link inertias; nothing without one [decades]."""
+    return math.inf if fit is None else fit.prior_decades

@@ -1,0 +1,204 @@
+"""export --campaign: an excitation as tables or MAT, at the controller's rate, for a real robot to play."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import robid
+from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
+from robid.artifacts.store import read_artifact
+from robid.design.excitation.excitation import UNITS, CampaignExcitation, Excitation
+from robid.errors import ArtifactError, SettingsError
+from robid.models.encode import encode_mat, encode_table
+from robid.pipeline.stage import Plan, counted
+from robid.settings.experiment import Campaign
+from robid.settings.load import LoadedExperiment
+from robid.signals.quantities import readable, readable_units
+
+_HOW = {
+    "speed_reference": "Add it to each motor's speed reference, and its integral of zero mean to the angle reference.",
+    "position_reference": "Add it to each motor's angle reference.",
+    "torque": "Add it to each motor's torque at the controller's output.",
+    "pose_reference": "Command it as displacement from the home pose, along and about the axes of the tool there.",
+}
+
+
+@dataclass(frozen=True)
+class ExcitationExport:
+    """What to export.
+
+    Attributes:
+        campaign: The campaign.
+        format: `csv`, one table for each experiment, or `mat`, all in one file.
+        output: Folder of the tables, or the MAT file; None for the campaign's folder.
+    """
+
+    campaign: str
+    format: str
+    output: Path | None = None
+
+    def target(self, folder: Path) -> Path:
+        """Returns the folder of the tables, or the MAT file."""
+        default = folder / self.campaign / "export"
+        return self.output or (default / "excitation.mat" if self.format == "mat" else default)
+
+
+def check_excitation_export(options: ExcitationExport, others: Sequence[str]) -> None:
+    """Refuses options that do not belong to an excitation, before anything is read.
+
+    Args:
+        options: What to export.
+        others: Further options that were given.
+
+    Raises:
+        SettingsError: With every problem.
+    """
+    problems = [f"`{option}` is for a fit, not for the excitation of a campaign" for option in others]
+    if options.format not in ("csv", "mat"):
+        problems.append(f"an excitation is exported as `csv` or `mat`, not as `{options.format}`")
+    elif options.output is not None and (options.output.suffix == ".mat") != (options.format == "mat"):
+        wanted = "must end with .mat" if options.format == "mat" else "must be a folder for one table per experiment"
+        problems.append(f"`--output {options.output}` {wanted}")
+    if problems:
+        raise SettingsError("; ".join(problems), where="export", remedy="`robid export --help` says what goes together")
+
+
+def excitation_export_plan(campaign: str) -> Plan:
+    """Returns what the export of an excitation reads."""
+    return Plan((), {}, {"excitation": f"{campaign}/excitation.h5"})
+
+
+def export_excitation(
+    options: ExcitationExport, loaded: LoadedExperiment, source: Path, folder: Path
+) -> dict[Path, bytes]:
+    """Makes the content of every exported file, by its path.
+
+    Args:
+        options: What to export; checked.
+        loaded: The experiment.
+        source: The excitation artifact.
+        folder: The run folder.
+
+    Raises:
+        ArtifactError: If the excitation was not designed here.
+    """
+    content = excitation_from_artifact(read_artifact(source, EXCITATION))
+    if not content.excitation.reference.size:
+        raise ArtifactError(
+            "It holds only the lines of what somebody else played: there is nothing to export.",
+            where=str(source),
+            remedy="`references` under `source.acquire` let it be designed here",
+        )
+    joints = Joints(tuple(joint.name for joint in loaded.robot.joints), loaded.robot.joint_units)
+    origin = (
+        f"Excitation of campaign {options.campaign}, experiment {loaded.experiment.name}, robid {robid.__version__}"
+    )
+    campaign = loaded.experiment.campaigns[options.campaign]
+    target = options.target(folder)
+    if options.format == "mat":
+        return {target: encode_mat(_arrays(content, campaign, joints, origin))}
+    return {
+        target / f"excitation_r{index[0] + 1}_e{index[1] + 1}.csv": _table(content, campaign, joints, origin, index)
+        for index in np.ndindex(*content.excitation.reference.shape[:2])
+    }
+
+
+@dataclass(frozen=True)
+class Joints:
+    """Names of the joints, and units of their positions; None where all are angles."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...] | None
+
+
+def _periods(campaign: Campaign) -> tuple[int, int]:
+    """Periods until the steady state and periods to record."""
+    source = campaign.source
+    if source is not None and source.acquire is not None:
+        return source.acquire.drop_periods, campaign.periods
+    transient = 1 if source is None or source.simulate is None else source.simulate.transient_periods
+    return transient, campaign.periods
+
+
+def _instructions(content: CampaignExcitation, campaign: Campaign, joints: Joints) -> list[str]:
+    excitation, (transient, periods) = content.excitation, _periods(campaign)
+    n_real, n_exp, n_sample, _ = excitation.reference.shape
+    blocks = f"{counted(n_real, 'realization')} of {counted(n_exp, 'experiment')}"
+    lines = [
+        f"{excitation.kind} of {_of(excitation)} [{UNITS[excitation.kind]}]: {_HOW[excitation.kind]}",
+        f"One period: {n_sample} samples of {excitation.sampling_period_s:g} s, {excitation.period_s:g} s.",
+        f"Repeat it without a gap, at least {counted(transient + periods, 'period')} and one to spare"
+        f" ({transient} until the steady state, {periods} to record).",
+        f"Play {blocks} in each of {counted(len(content.configurations), 'configuration')}; log {_wanted(excitation)},"
+        " at this rate.",
+    ]
+    if excitation.travel is not None:
+        lines.append("Add each motor's travel to its angle reference meanwhile, from the configuration on.")
+    units = readable_units(joints.units, len(joints.names))
+    for number, positions in enumerate(readable(content.configurations, joints.units), start=1):
+        named = zip(joints.names, positions.tolist(), units, strict=True)
+        told = ", ".join(f"{name} {value:.6g}" + (" m" if unit == "m" else "") for name, value, unit in named)
+        lines.append(f"Configuration {number} [deg]: {told}")
+    return lines
+
+
+def _of(excitation: Excitation) -> str:
+    return "one channel after the other" if excitation.channels else "all motors at once"
+
+
+def _wanted(excitation: Excitation) -> str:
+    """What is to be logged."""
+    if excitation.channels:
+        return "the commands as they were sent and the measured pose"
+    return "torque and angle of every motor, and this reference"
+
+
+def _columns(excitation: Excitation, joints: Joints) -> list[str]:
+    """Name and unit of each column of the reference."""
+    if excitation.channels:
+        return [f"{channel.name} [{channel.unit}]" for channel in excitation.channels]
+    return [f"{name} [{UNITS[excitation.kind]}]" for name in joints.names]
+
+
+def _table(
+    content: CampaignExcitation, campaign: Campaign, joints: Joints, origin: str, index: tuple[int, ...]
+) -> bytes:
+    excitation = content.excitation
+    part = f"Realization {index[0] + 1}, experiment {index[1] + 1}."
+    columns = ["time [s]", *_columns(excitation, joints)]
+    reference = excitation.reference[index]
+    time = np.arange(len(reference)) * excitation.sampling_period_s
+    notes = [origin, part, *_instructions(content, campaign, joints)]
+    played = [time, reference]
+    if excitation.travel is not None:
+        columns += [f"{name} travel [rad]" for name in joints.names]
+        played.append(excitation.travel)
+    return encode_table(notes, columns, np.column_stack(played))
+
+
+def _arrays(content: CampaignExcitation, campaign: Campaign, joints: Joints, origin: str) -> dict[str, object]:
+    excitation, (transient, periods) = content.excitation, _periods(campaign)
+    travel = {} if excitation.travel is None else {"travel": excitation.travel, "travel_units": "rad"}
+    return {
+        **travel,
+        "origin": origin,
+        "instructions": _instructions(content, campaign, joints),
+        "reference": excitation.reference,
+        "reference_axes": "realization, experiment, sample, motor",
+        "reference_units": UNITS[excitation.kind],
+        "kind": excitation.kind,
+        "motor_names": joints.names,
+        "columns": _columns(excitation, joints),
+        "time_s": np.arange(excitation.reference.shape[2]) * excitation.sampling_period_s,
+        "sampling_period_s": excitation.sampling_period_s,
+        "period_s": excitation.period_s,
+        "transient_periods": transient,
+        "recorded_periods": periods,
+        "excited_lines": excitation.excited_lines,
+        "detection_lines": excitation.detection_lines,
+        "configurations_rad": content.configurations,
+    }

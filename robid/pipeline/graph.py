@@ -1,0 +1,285 @@
+"""The graph of an experiment: what there is, what is fresh, and running what is not."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from robid.artifacts.leftovers import remove_leftovers
+from robid.errors import ArtifactError, DataError, RobidError, SettingsError
+from robid.pipeline.chain import STAGES
+from robid.pipeline.freshness import State, input_hashes, state_of_output
+from robid.pipeline.replacing import check_outputs
+from robid.pipeline.stage import Job, Plan, Stage, check_room
+
+if TYPE_CHECKING:
+    from robid.backends.map import Map, Progress
+    from robid.results.grade import Grade
+    from robid.settings.load import LoadedExperiment
+
+
+_SMALL_BYTES = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """A stage for one campaign, design or fit."""
+
+    stage: Stage
+    owner: str
+    plan: Plan
+
+    @property
+    def output(self) -> str:
+        """Path of the main output in the run folder."""
+        return self.plan.outputs[0]
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of one node.
+
+    Attributes:
+        node: The node.
+        outcome: `made`, `fresh` or `skipped`.
+        text: Its key figures, or why it was skipped.
+        problem: What went wrong numerically.
+        grade: How far to trust the model, where the node says so.
+        seconds: Time it took [s].
+    """
+
+    node: Node
+    outcome: Literal["made", "fresh", "skipped"]
+    text: str
+    problem: str = ""
+    seconds: float = 0.0
+    grade: Grade | None = None
+
+    def fails(self, *, strict: bool) -> bool:
+        """Whether the command exits with 5 for it."""
+        return bool(self.problem) or (self.grade is not None and self.grade.fails(strict=strict))
+
+
+@dataclass(frozen=True)
+class Run:
+    """An experiment, its run folder, and how to compute.
+
+    Attributes:
+        loaded: The experiment.
+        folder: The run folder.
+        backend: How tasks are mapped to cores.
+        workers: Number of processes, or of simulation threads in serial.
+        scheduler: Address of a Dask scheduler; None for a local cluster.
+    """
+
+    loaded: LoadedExperiment
+    folder: Path
+    backend: Literal["serial", "processes", "dask"]
+    workers: int
+    scheduler: str | None = None
+
+    def path(self, relative: str) -> Path:
+        """Returns where an output lies."""
+        return self.folder / relative
+
+    def make_map(self) -> AbstractContextManager[Map]:
+        """Returns what maps tasks to cores."""
+        from robid.backends.map import make_map
+
+        return make_map(self.backend, self.workers, scheduler=self.scheduler, folder=self.folder)
+
+    def command(self, node: Node) -> str:
+        """Returns the command that makes a node's output."""
+        chosen = f" --{node.stage.owned_by} {node.owner}" if node.stage.owned_by != "experiment" else ""
+        return f"robid {node.stage.name} {self.loaded.path}{chosen}{self.in_folder}"
+
+    @property
+    def in_folder(self) -> str:
+        """What a command needs beside its experiment to work in this run folder."""
+        return "" if self.folder == run_folder(self.loaded) else f" --run-dir {self.folder}"
+
+
+def run_folder(loaded: LoadedExperiment) -> Path:
+    """Returns the run folder of an experiment where none is named."""
+    return Path("runs") / loaded.experiment.name
+
+
+def graph(loaded: LoadedExperiment) -> tuple[Node, ...]:
+    """Returns the nodes of an experiment, each after what it needs, short stages before long ones."""
+    left = [Node(stage, name, stage.plan(loaded, name)) for stage in STAGES for name in stage.owners(loaded.experiment)]
+    made: set[str] = set()
+    order: list[Node] = []
+    while left:
+        node = next(node for node in left if made.issuperset(node.plan.inputs.values()))
+        left.remove(node)
+        order.append(node)
+        made.update(node.plan.outputs)
+    return tuple(order)
+
+
+def asked_for(loaded: LoadedExperiment) -> tuple[Node, ...]:
+    """Returns the nodes that a run makes: all but those whose output nothing reads."""
+    return tuple(node for node in graph(loaded) if not node.stage.on_request(loaded, node.owner))
+
+
+def examine(run: Run, nodes: tuple[Node, ...]) -> dict[Node, State]:
+    """Tells of every node whether it is fresh, and why not."""
+    states: dict[str, State] = {}
+    return {node: _settle(run, node, states) for node in nodes}
+
+
+def _settle(run: Run, node: Node, states: dict[str, State]) -> State:
+    """Finds a node's state from those of its inputs, and notes it under each of its outputs."""
+    above = {path: states[path] for path in node.plan.inputs.values()}
+    gone = [path for path, state in above.items() if state.problem or state.blocked]
+    if gone and not node.stage.takes_what_is_there:
+        state = State(
+            "missing", f"{gone[0]} has a problem: {above[gone[0]].problem or above[gone[0]].why}", blocked=True
+        )
+    else:
+        state = state_of_output(
+            node.stage, node.plan, run.folder, {path: state for path, state in above.items() if not state.blocked}
+        )
+    if state.unreadable is not None:
+        state = replace(state, unreadable=_with_command(run, node, state.unreadable))
+    states.update(dict.fromkeys(node.plan.outputs, state))
+    return state
+
+
+def _with_command(run: Run, node: Node, error: ArtifactError) -> ArtifactError:
+    """The same error, its remedy naming the command that makes this very output."""
+    remedy = error.remedy.replace(f"robid {node.stage.name} EXPERIMENT.yaml", run.command(node))
+    return ArtifactError(error.what, where=error.where, remedy=remedy)
+
+
+def needed_for(nodes: tuple[Node, ...], outputs: Collection[str]) -> tuple[Node, ...]:
+    """Returns the nodes that make these outputs, and all that they need, in the same order."""
+    wanted, chosen = set(outputs), []
+    for node in reversed(nodes):
+        if wanted.intersection(node.plan.outputs):
+            chosen.append(node)
+            wanted.update(node.plan.inputs.values())
+    return tuple(reversed(chosen))
+
+
+def run_all(
+    run: Run,
+    progress: Callable[[Node], AbstractContextManager[Progress]],
+    tell: Callable[[Result], None],
+    outputs: Collection[str] | None = None,
+) -> list[Result]:
+    """Runs what is not fresh, in order; what needs an output with a numerical problem is skipped.
+
+    Args:
+        run: The run.
+        progress: Shows how far a node is.
+        tell: Is told what became of each node.
+        outputs: Outputs to make with all that they need; everything when None.
+
+    Raises:
+        RobidError: What the first node that cannot be made raised; what is finished stays.
+    """
+    nodes = asked_for(run.loaded) if outputs is None else needed_for(graph(run.loaded), outputs)
+    _preflight(run, nodes)
+    states: dict[str, State] = {}
+    results = []
+    with run.make_map() as parallel_map:
+        for node in nodes:
+            state = _settle(run, node, states)
+            if state.blocked:
+                result = Result(node, "skipped", state.why)
+            elif state.status == "fresh":
+                result = Result(node, "fresh", "", state.problem, grade=grade_of(run, node))
+            else:
+                inputs = {name: run.path(path) for name, path in node.plan.inputs.items() if not states[path].blocked}
+                begun = time.monotonic()
+                with progress(node) as shown:
+                    text = execute(run, node, inputs, run.path(node.output), parallel_map, shown)
+                state = State("fresh", problem=node.stage.problem(run.path(node.output)))
+                states.update(dict.fromkeys(node.plan.outputs, state))
+                result = Result(node, "made", text, state.problem, time.monotonic() - begun, grade_of(run, node))
+            results.append(result)
+            tell(result)
+    return results
+
+
+def grade_of(run: Run, node: Node, output: Path | None = None) -> Grade | None:
+    """Reads how far to trust the model of a node's output; None where the node does not say."""
+    return node.stage.grade(run.loaded, node.owner, output or run.path(node.output))
+
+
+def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:
+    """Refuses what would fail after a long computation: outputs that are not ours, a full disk, a missing log."""
+    states = examine(run, nodes)
+    due = [node for node, state in states.items() if state.status != "fresh"]
+    _tidy(run, {path for node in nodes if node not in due for path in node.plan.outputs})
+    check_room(run.folder / "run", _SMALL_BYTES + sum(node.plan.needed_bytes for node in due))
+    for state in states.values():
+        if state.unreadable is not None:
+            raise state.unreadable
+    for node in due:
+        _check_files(node)
+        check_outputs(run.loaded, node.stage, node.plan, {}, run.path(node.output))
+
+
+def _tidy(run: Run, fresh: set[str]) -> None:
+    """Removes what killed runs left and none resumes: parts of what is fresh or unknown, unfinished files."""
+    known = {path for node in graph(run.loaded) for path in node.plan.outputs}
+    remove_leftovers(run.folder, {run.path(path) for path in known - fresh})
+
+
+def _check_files(node: Node) -> None:
+    missing = [(name, path) for name, path in node.plan.files.items() if not path.exists()]
+    if missing:
+        more = f", nor do {len(missing) - 1} more of its {len(node.plan.files)}" if len(missing) > 1 else ""
+        raise DataError(
+            f"the {missing[0][0]} of campaign {node.owner} does not exist{more}",
+            where=str(missing[0][1]),
+            remedy="correct `file`, or set ROBID_DATA to the folder that holds the data",
+        )
+
+
+def execute(
+    run: Run, node: Node, inputs: Mapping[str, Path], output: Path, parallel_map: Map, progress: Progress
+) -> str:
+    """Runs a node's stage; returns its key figures.
+
+    Raises:
+        RobidError: With the experiment file and the campaign, design or fit in its place.
+    """
+    _check_files(node)
+    check_outputs(run.loaded, node.stage, node.plan, inputs, output)
+    check_room(output, _SMALL_BYTES + node.plan.needed_bytes)
+    job = Job(
+        loaded=run.loaded,
+        stage=node.stage.name,
+        owner=node.owner,
+        settings=node.plan.settings,
+        output=output,
+        inputs={**inputs, **node.plan.files},
+        input_hashes=input_hashes(node.plan, inputs),
+        folder=run.folder,
+        map=parallel_map,
+        threads=run.workers if run.backend == "serial" else 1,
+        progress=progress,
+    )
+    try:
+        return node.stage.run(job)
+    except (SettingsError, DataError) as error:
+        raise _placed(error, run, node) from error
+
+
+def _placed(error: RobidError, run: Run, node: Node) -> RobidError:
+    if str(run.loaded.path) in error.where:
+        return error
+    section = "" if node.stage.owned_by == "experiment" else f"{node.stage.owned_by}s.{node.owner}"
+    own = node.stage.owned_by
+    where = "" if error.where == own else error.where.removeprefix(f"{section}.").removeprefix(f"{own}.")
+    joint = "." if isinstance(error, SettingsError) and where.startswith(("excitation", "configurations")) else ": "
+    return type(error)(
+        error.what, where=f"{run.loaded.path}: {section}{joint if where else ''}{where}", remedy=error.remedy
+    )
