@@ -12,23 +12,13 @@ from typing import TYPE_CHECKING
 
 from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.grade import grade_content, grade_from_artifact
-from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.artifacts.mapping import from_datasets, to_datasets
 from robid.artifacts.model import Parts
 
 if TYPE_CHECKING:
     from robid.results.outcome import Outcome
 
 VALIDATION = Kind("validation", "3.2", "robid validate")
-
-_KNOWN = ("known",)
-_OUTCOME = {
-    "outcome/recovery/names": Column("1", _KNOWN, "Parameters with a known truth"),
-    "outcome/recovery/kinds": Column("1", _KNOWN),
-    "outcome/recovery/truth": Column("as in the model", _KNOWN, "True values"),
-    "outcome/recovery/relative_error": Column("1", _KNOWN, "Error over the true value; the error itself for friction"),
-    "outcome/recovery/covered": Column("1", _KNOWN, "Whether the interval holds the truth"),
-    "outcome/recovery/identifiable": Column("1", _KNOWN, "Whether the parameter counts as identifiable"),
-}
 
 
 def validation_to_artifact(family: str, outcome: Outcome, own: Parts, provenance: Provenance | None = None) -> Artifact:
@@ -40,7 +30,7 @@ def validation_to_artifact(family: str, outcome: Outcome, own: Parts, provenance
         own: What only this one has, in a group of the family's name.
         provenance: Where it comes from; the stage fills in what is missing.
     """
-    parts = [to_datasets(outcome, _OUTCOME, "outcome/", without=("grade",)), grade_content(outcome.grade), own]
+    parts = [to_datasets(outcome, "outcome/", without=("grade",)), grade_content(outcome.grade), own]
     datasets = {name: dataset for part, _ in parts for name, dataset in part.items()}
     attributes = {name: attribute for _, part in parts for name, attribute in part.items()}
     return Artifact(VALIDATION, datasets, {"family": family, **attributes}, provenance or Provenance(stage="validate"))

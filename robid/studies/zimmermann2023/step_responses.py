@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from robid.arrays import FloatArray, check_shape
+from robid.arrays import FloatArray, Quantity, check_shape
 from robid.robot.description import Robot
 from robid.simulate.options import Controller, SimulateOptions
 from robid.simulate.playback import with_tool_point
@@ -22,33 +22,29 @@ _TREND = 3  # degree; the feedback's slow settling is no vibration
 Map = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
 
 
+_TOOL = "model configuration axis time xyz"
+
+
 @dataclass(frozen=True)
 class StepResponses:
-    """What the tool point and the stepped axis' motor did; arrays begin with (n_model, n_conf, n_axis).
+    """What the tool point and the stepped axis' motor did; arrays begin with (n_model, n_conf, n_axis)."""
 
-    Attributes:
-        time_s (n_time,): Time from the beginning of the step [s].
-        models: Name of each model.
-        axes: Name of each stepped axis.
-        configurations (n_conf, n_joint): Arm-side angles at rest [rad].
-        move_s (n_conf, n_axis): How long the commanded move lasts [s].
-        path (n_conf, n_axis, n_time, 3): Displacement of the tool point of a rigid robot [m].
-        tool_true (..., n_time, 3): Displacement of the true robot's tool point [m].
-        tool_model (..., n_time, 3): Displacement that the model predicts [m].
-        torque_true (..., n_time): Torque command of the stepped axis, true robot [N m].
-        torque_model (..., n_time): Torque command that the model predicts [N m].
-    """
-
-    time_s: FloatArray
-    models: tuple[str, ...]
-    axes: tuple[str, ...]
-    configurations: FloatArray
-    move_s: FloatArray
-    path: FloatArray
-    tool_true: FloatArray
-    tool_model: FloatArray
-    torque_true: FloatArray
-    torque_model: FloatArray
+    time_s: Annotated[FloatArray, Quantity("s", "time", "From the beginning of a step")]
+    models: Annotated[tuple[str, ...], Quantity("1", "model", "Name of each model")]
+    axes: Annotated[tuple[str, ...], Quantity("1", "axis", "Name of each stepped axis")]
+    configurations: Annotated[FloatArray, Quantity("rad", "configuration joint", "Arm-side angles at rest")]
+    move_s: Annotated[FloatArray, Quantity("s", "configuration axis", "Duration of the commanded move")]
+    path: Annotated[
+        FloatArray, Quantity("m", "configuration axis time xyz", "Displacement of a rigid robot's tool point")
+    ]
+    tool_true: Annotated[FloatArray, Quantity("m", _TOOL, "Displacement of the true tool point", compact=True)]
+    tool_model: Annotated[FloatArray, Quantity("m", _TOOL, "Displacement that the model predicts", compact=True)]
+    torque_true: Annotated[
+        FloatArray, Quantity("N m", "model configuration axis time", "Torque of the stepped axis", compact=True)
+    ]
+    torque_model: Annotated[
+        FloatArray, Quantity("N m", "model configuration axis time", "What the model predicts", compact=True)
+    ]
 
     @property
     def size_m(self) -> FloatArray:

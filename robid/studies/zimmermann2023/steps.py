@@ -7,7 +7,7 @@ from pathlib import Path
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.artifacts.mapping import from_datasets, to_datasets
 from robid.artifacts.store import read_artifact
 from robid.artifacts.task import TASK
 from robid.models.elastic.fit.fitted_robot import with_estimates
@@ -27,19 +27,6 @@ from robid.studies.zimmermann2023.step_responses import StepResponses, step_resp
 from robid.studies.zimmermann2023.study import study_of
 
 NOMINAL = "robot file"
-_BEHIND = ("model", "configuration", "axis")
-_TABLE = {
-    "time_s": Column("s", ("time",), "From the beginning of a step"),
-    "models": Column("1", ("model",)),
-    "axes": Column("1", ("axis",)),
-    "configurations": Column("rad", ("configuration", "joint"), "Arm-side angles at rest"),
-    "move_s": Column("s", ("configuration", "axis"), "Duration of the commanded move"),
-    "path": Column("m", ("configuration", "axis", "time", "xyz"), "Displacement of a rigid robot's tool point"),
-    "tool_true": Column("m", (*_BEHIND, "time", "xyz"), "Displacement of the true tool point", compact=True),
-    "tool_model": Column("m", (*_BEHIND, "time", "xyz"), "Displacement that the model predicts", compact=True),
-    "torque_true": Column("N m", (*_BEHIND, "time"), "Torque of the stepped axis", compact=True),
-    "torque_model": Column("N m", (*_BEHIND, "time"), "What the model predicts", compact=True),
-}
 
 
 @dataclass(frozen=True)
@@ -109,7 +96,7 @@ def step(one: Stepping) -> Content:
         one.configurations,
         one.options,
     )
-    return Content(*to_datasets(responses, _TABLE))
+    return Content(*to_datasets(responses))
 
 
 def read_steps(artifact: Artifact) -> StepResponses:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
 from robid.models.external.fit.data import Shot
 
 _PER_DECADE = 60
@@ -20,19 +21,21 @@ _ROUNDING = 1e-9
 _LARGEST = 0.1  # of a command's largest component
 
 
+_RESPONSE = "frequency output input"
+
+
 @dataclass(frozen=True)
 class Etfe:
     """Empirical response of every output to every command.
 
     Attributes:
-        frequency_hz (n_freq,): Frequencies [Hz].
-        response (n_freq, n_out, n_in): Output over command; NaN where a command was not excited.
-        radius (n_freq, n_out, n_in): Radius around it that holds the true response at the level of confidence.
+        response: Output over command; NaN where a command was not excited.
+        radius: Radius around it that holds the true response at the level of confidence.
     """
 
-    frequency_hz: FloatArray
-    response: ComplexArray
-    radius: FloatArray
+    frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency")]
+    response: Annotated[ComplexArray, Quantity("output over input", _RESPONSE, "Empirical response")]
+    radius: Annotated[FloatArray, Quantity("output over input", _RESPONSE, "Its confidence radius")]
 
 
 @dataclass(frozen=True)

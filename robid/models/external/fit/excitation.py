@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import FloatArray, IntArray, Quantity
 from robid.models.external.fit.data import Shot
 from robid.models.external.fit.etfe import moved_inputs
 
@@ -20,36 +21,24 @@ class Excitation:
     """Commands and their own outputs in the shots that move them.
 
     Attributes:
-        names: Name of each channel: of the first of those that a command has, of its own name where there is one.
-        shots: Names of the shots.
-        time_channel (n_row,): Index into `names` of each sample.
-        time_shot (n_row,): Index into `shots`.
-        time_s (n_row,): Time since the shot began [s].
-        command (n_row,): Command.
-        answer (n_row,): Output, less its mean in a period, less its first value in a shot, where it has an offset.
-        line_channel (n_line,): Index into `names` of each line of a spectrum.
-        line_shot (n_line,): Index into `shots`.
-        frequency_hz (n_line,): Frequency [Hz].
-        command_amplitude (n_line,): Largest amplitude of the command's components around it.
-        answer_amplitude (n_line,): The same of the output.
-        command_resolution (n_name,): Resolution of each command.
-        answer_resolution (n_name,): The same of each output.
+        time_s: Time since the shot began.
+        answer: Output, less its mean in a period, less its first value in a shot, where it has an offset.
     """
 
-    names: tuple[str, ...]
-    shots: tuple[str, ...]
-    time_channel: IntArray
-    time_shot: IntArray
-    time_s: FloatArray
-    command: FloatArray
-    answer: FloatArray
-    line_channel: IntArray
-    line_shot: IntArray
-    frequency_hz: FloatArray
-    command_amplitude: FloatArray
-    answer_amplitude: FloatArray
-    command_resolution: FloatArray
-    answer_resolution: FloatArray
+    names: Annotated[tuple[str, ...], Quantity("1", "own_channel", "Channels, one a command")]
+    shots: Annotated[tuple[str, ...], Quantity("1", "shot", "Names of the shots")]
+    time_channel: Annotated[IntArray, Quantity("1", "sample", "Index into names")]
+    time_shot: Annotated[IntArray, Quantity("1", "sample", "Index into shots")]
+    time_s: Annotated[FloatArray, Quantity("s", "sample")]
+    command: Annotated[FloatArray, Quantity("as of the command", "sample", "What was commanded", compact=True)]
+    answer: Annotated[FloatArray, Quantity("as of the output", "sample", "What came of it", compact=True)]
+    line_channel: Annotated[IntArray, Quantity("1", "component", "Index into names")]
+    line_shot: Annotated[IntArray, Quantity("1", "component", "Index into shots")]
+    frequency_hz: Annotated[FloatArray, Quantity("Hz", "component")]
+    command_amplitude: Annotated[FloatArray, Quantity("as of the command", "component", "Largest around it")]
+    answer_amplitude: Annotated[FloatArray, Quantity("as of the output", "component", "Largest around it")]
+    command_resolution: Annotated[FloatArray, Quantity("as of the command", "own_channel")]
+    answer_resolution: Annotated[FloatArray, Quantity("as of the output", "own_channel")]
 
 
 @dataclass(frozen=True)

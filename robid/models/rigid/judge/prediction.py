@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import FloatArray, IntArray, Quantity
 from robid.models.rigid.fit.options import PreprocessingOptions
 from robid.models.rigid.fit.preprocessing import prepare
 from robid.models.rigid.fit.reading import Reading
@@ -17,17 +18,11 @@ from robid.robot.regressor.model import RigidModel
 
 @dataclass(frozen=True)
 class Prediction:
-    """Measured and predicted torques, filtered alike; NaN where a row does not count.
+    """Measured and predicted torques, filtered alike; NaN where a row does not count."""
 
-    Attributes:
-        time_s (n_row,): Time of each row from the beginning, shots after each other [s].
-        measured (n_row, n_joint): Measured torque [N m].
-        predicted (n_row, n_joint): The model's [N m].
-    """
-
-    time_s: FloatArray
-    measured: FloatArray
-    predicted: FloatArray
+    time_s: Annotated[FloatArray, Quantity("s", "row", "Time, shots after each other")]
+    measured: Annotated[FloatArray, Quantity("N m, or the drives' unit", "row joint", "Measured torque", compact=True)]
+    predicted: Annotated[FloatArray, Quantity("N m, or the drives' unit", "row joint", "The model's", compact=True)]
 
     @property
     def n_row(self) -> IntArray:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, Quantity
 from robid.errors import DataError
 from robid.models.rigid.fit.fitting import Simulate
 from robid.models.rigid.fit.options import RigidFitOptions
@@ -36,22 +37,22 @@ class RigidValidation:
     Attributes:
         outcome: Whether it holds, its grade, and its parameters against the truth.
         prediction: Measured and predicted torques.
-        relative_error (n_joint,): Norm of the error over that of the torque.
         total_error: The same of all joints together.
-        error_ratio (n_joint,): Root mean square of the error over what the fit's own residual was.
         same_motion: Whether the fit has seen this motion already.
-        forward_error (n_joint,): Root mean square of simulated less measured positions over that of the measured ones
-            about their mean, the model in the robot's loop under the recorded commands; None where the loop or the
-            commands are unknown, NaN where the simulation is lost.
+        forward_error: Root mean square of simulated less measured positions over that of the measured ones about their
+            mean, the model in the robot's loop under the recorded commands; None where the loop or the commands are
+            unknown, NaN where the simulation is lost.
     """
 
     outcome: Outcome
     prediction: Prediction
-    relative_error: FloatArray
+    relative_error: Annotated[FloatArray, Quantity("1", "joint", "Norm of the error over that of the torque")]
     total_error: float
-    error_ratio: FloatArray
+    error_ratio: Annotated[FloatArray, Quantity("1", "joint", "Error over what the fit left")]
     same_motion: bool
-    forward_error: FloatArray | None = None
+    forward_error: Annotated[
+        FloatArray | None, Quantity("1", "joint", "Error of simulated positions over the motion")
+    ] = None
 
 
 def validate_rigid(

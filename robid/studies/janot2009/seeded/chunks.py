@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import FloatArray, IntArray, Quantity
 from robid.artifacts.artifact import Artifact, Attribute, Dataset
-from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.artifacts.mapping import from_datasets, to_datasets
 from robid.models.rigid.fit.huber import huber_weights, sweep_bend
 from robid.models.rigid.fit.least_squares import Regression, ordinary_least_squares
 from robid.models.rigid.fit.options import HuberOptions, PreprocessingOptions
@@ -42,63 +42,32 @@ class Judged:
     """What seeds gave, and the first of them in detail.
 
     Attributes:
-        names: Names of the parameters.
-        units: Their units.
-        truth (n_param,): Their true values.
-        size (n_param,): What their errors are relative to: the magnitude of the truth, of a vector's parts its norm.
-        trust (n_seed,): Whether least squares was trusted, 1 or 0.
-        alarms (n_seed, n_test): Which tests spoke against it, in the order of `TESTS`.
-        plain (n_seed, n_param): Least squares as the paper has it.
-        instrumental (n_seed, n_param): Instrumental variables.
-        deviation (n_seed, n_joint): Deviations of the residuals of `plain` [N m].
-        value (n_bend + 1, n_param): Of the first seed least squares, then Huber's estimates at `BENDS`.
-        std (n_bend + 1, n_param): Their standard deviations by eq. 8 and 19.
-        sigma (n_bend + 1, n_joint): Deviations of their residuals, weighted by eq. 19 [N m].
-        iterations (n_bend + 1,): Passes that they took.
-        time_s (n_row,): Time of the first seed's rows [s].
-        residual (n_row, n_joint): Its residuals of least squares, NaN where a row is not used [N m].
-        weight (n_row, n_joint): Its weights by Huber's estimator at the usual bend.
+        size: What their errors are relative to: the magnitude of the truth, of a vector's parts its norm.
+        residual: Its residuals of least squares, NaN where a row is not used.
         sentence: The verdict on it.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    truth: FloatArray
-    size: FloatArray
-    trust: IntArray
-    alarms: IntArray
-    plain: FloatArray
-    instrumental: FloatArray
-    deviation: FloatArray
-    value: FloatArray
-    std: FloatArray
-    sigma: FloatArray
-    iterations: IntArray
-    time_s: FloatArray
-    residual: FloatArray
-    weight: FloatArray
+    names: Annotated[tuple[str, ...], Quantity("1", "parameter", "Names of the parameters")]
+    units: Annotated[tuple[str, ...], Quantity("1", "parameter", "Their units")]
+    truth: Annotated[FloatArray, Quantity("as in units", "parameter", "Their true values")]
+    size: Annotated[FloatArray, Quantity("as in units", "parameter", "What errors are relative to")]
+    trust: Annotated[IntArray, Quantity("1", "seed", "Whether least squares was trusted")]
+    alarms: Annotated[IntArray, Quantity("1", "seed test", "Which tests spoke against it")]
+    plain: Annotated[FloatArray, Quantity("as in units", "seed parameter", "Least squares")]
+    instrumental: Annotated[FloatArray, Quantity("as in units", "seed parameter", "Instrumental variables")]
+    deviation: Annotated[FloatArray, Quantity("N m", "seed joint", "Deviation of the residuals")]
+    value: Annotated[
+        FloatArray, Quantity("as in units", "estimate parameter", "First seed: least squares, Huber at several bends")
+    ]
+    std: Annotated[FloatArray, Quantity("as in units", "estimate parameter", "Their standard deviations")]
+    sigma: Annotated[FloatArray, Quantity("N m", "estimate joint", "Deviations of their residuals")]
+    iterations: Annotated[IntArray, Quantity("1", "estimate", "Passes that they took")]
+    time_s: Annotated[FloatArray, Quantity("s", "row", "Time of the first seed's rows")]
+    residual: Annotated[
+        FloatArray, Quantity("N m", "row joint", "First seed: residuals of least squares", compact=True)
+    ]
+    weight: Annotated[FloatArray, Quantity("1", "row joint", "First seed: Huber's weights", compact=True)]
     sentence: str
-
-
-_PARAMETER, _SEED, _ESTIMATE, _ROW = ("parameter",), ("seed",), ("estimate",), ("row",)
-_TABLE = {
-    "names": Column("1", _PARAMETER),
-    "units": Column("1", _PARAMETER),
-    "truth": Column("as in units", _PARAMETER),
-    "size": Column("as in units", _PARAMETER, "What errors are relative to"),
-    "trust": Column("1", _SEED, "Whether least squares was trusted"),
-    "alarms": Column("1", ("seed", "test"), "Which tests spoke against it"),
-    "plain": Column("as in units", ("seed", "parameter"), "Least squares"),
-    "instrumental": Column("as in units", ("seed", "parameter"), "Instrumental variables"),
-    "deviation": Column("N m", ("seed", "joint"), "Deviation of the residuals"),
-    "value": Column("as in units", ("estimate", "parameter"), "First seed: least squares, Huber at several bends"),
-    "std": Column("as in units", ("estimate", "parameter"), "Their standard deviations"),
-    "sigma": Column("N m", ("estimate", "joint"), "Deviations of their residuals"),
-    "iterations": Column("1", _ESTIMATE, "Passes that they took"),
-    "time_s": Column("s", _ROW),
-    "residual": Column("N m", ("row", "joint"), "First seed: residuals of least squares", compact=True),
-    "weight": Column("1", ("row", "joint"), "First seed: Huber's weights", compact=True),
-}
 
 
 def chunk_tasks(
@@ -130,8 +99,7 @@ def judge_chunk(machine: Machine, recording: Recording, case: SeededCase) -> Con
     for name, cut in zip(FILTERS, (case.good_cut_hz, case.bad_cut_hz), strict=True):
         options = PreprocessingOptions(cut, drop_deviations=case.drop_deviations)
         judged = _judged(machine, identify(machine, recording, options), _detail(machine, recording, options))
-        table = {f"{name}/{key}": column for key, column in _TABLE.items()}
-        arrays, scalars = to_datasets(judged, table, f"{name}/")
+        arrays, scalars = to_datasets(judged, f"{name}/")
         datasets, attributes = datasets | arrays, attributes | scalars
     return Content(datasets, attributes)
 

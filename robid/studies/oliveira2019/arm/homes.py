@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray, Quantity
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.artifacts.mapping import from_datasets, to_datasets
 from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_header
 from robid.models.external.fit.channels import blocks_of
@@ -34,6 +35,8 @@ from robid.simulate.truth import true_robot
 from robid.studies.oliveira2019.section import study_of
 from robid.studies.simulated import simulate_options
 from robid.studies.tasks import Content, Task
+
+_RESPONSE = "frequency output command"
 
 
 @dataclass(frozen=True)
@@ -66,42 +69,17 @@ class Mapped:
     """What was found in one home.
 
     Attributes:
-        inputs: Names of the commands.
-        outputs: Names of the outputs.
         map: The decoupling map.
-        response (n_freq, n_out, n_in): The empirical response, from samples to samples.
-        linear (n_freq, n_out, n_in): That of the linearised loop.
-        linear_gain (n_freq, n_out, n_in): Its magnitude in resolutions.
     """
 
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
+    inputs: Annotated[tuple[str, ...], Quantity("1", "command", "Names of the commands")]
+    outputs: Annotated[tuple[str, ...], Quantity("1", "output", "Names of the outputs")]
     map: CouplingMap
-    response: ComplexArray
-    linear: ComplexArray
-    linear_gain: FloatArray
-
-
-_BAND, _PAIR, _FREQUENCY = ("band",), ("output", "command"), ("frequency", "output", "command")
-_TABLE = {
-    "inputs": Column("1", ("command",)),
-    "outputs": Column("1", ("output",)),
-    "map/bands": Column("1", _BAND),
-    "map/highest_hz": Column("Hz", _BAND),
-    "map/coherence": Column("1", ("band", *_PAIR), "Root of the largest coherence"),
-    "map/limit": Column("1", _BAND),
-    "map/ratio": Column("1", ("band", *_PAIR), "Size of what follows, in resolutions"),
-    "map/own": Column("1", _PAIR),
-    "map/coupled": Column("1", ("band", *_PAIR)),
-    "map/frequency_hz": Column("Hz", ("frequency",)),
-    "map/gain": Column("1", _FREQUENCY, "In resolutions"),
-    "map/gain_radius": Column("1", _FREQUENCY, "In resolutions"),
-    "map/crossing_hz": Column("Hz", _PAIR),
-    "map/decoupled_up_to_hz": Column("Hz", ("command",)),
-    "response": Column("as the channels", _FREQUENCY),
-    "linear": Column("as the channels", _FREQUENCY),
-    "linear_gain": Column("1", _FREQUENCY, "In resolutions"),
-}
+    response: Annotated[
+        ComplexArray, Quantity("as the channels", _RESPONSE, "The empirical response, from samples to samples")
+    ]
+    linear: Annotated[ComplexArray, Quantity("as the channels", _RESPONSE, "That of the linearised loop")]
+    linear_gain: Annotated[FloatArray, Quantity("1", _RESPONSE, "In resolutions")]
 
 
 def homes_tasks(run: Run) -> list[Task]:
@@ -164,7 +142,7 @@ def map_home(home: Home) -> Content:
         linear=linear,
         linear_gain=np.abs(linear) * pairs.per_resolution,
     )
-    return Content(*to_datasets(mapped, _TABLE))
+    return Content(*to_datasets(mapped))
 
 
 def map_record(record: Record, index: int, options: ExternalOptions) -> tuple[Etfe, Pairs, CouplingMap]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray, Quantity
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.mapping import Column, from_datasets, to_datasets
+from robid.artifacts.mapping import from_datasets, to_datasets
 from robid.studies.oliveira2019.plants.judging import RootValue
 from robid.studies.tasks import Content
 
@@ -55,89 +56,50 @@ class Identified:
     """One channel, identified from one seed's noise.
 
     Attributes:
-        numerator (n_zero + 1,): Estimate, highest power of s first.
-        denominator (n_pole + 1,): As the numerator.
-        covariance (n_param, n_param): Of the numerator's coefficients and the denominator's after the first.
         delay_samples: Estimated delay.
         reason: Why this structure.
         status: How the fit ended.
-        roots: Poles and zeros.
-        undetermined: What the data do not determine, and what else is to be known, a sentence each.
-        tried: The structures that were tried.
         quality: On the validation.
-        frequency_hz (n_freq,): Frequencies of the responses [Hz].
-        response (n_freq,): Of the estimate from samples to samples: with hold, average and delay.
-        continuous (n_freq,): Of its transfer function, with the delay.
-        relative_std (n_freq,): Predicted relative deviation of the magnitude.
-        phase_std (n_freq,): Predicted deviation of the phase [rad].
-        etfe_hz (n_etfe,): Frequencies of the empirical response [Hz].
-        etfe (n_etfe,): Empirical response.
-        etfe_radius (n_etfe,): Its confidence radius.
-        command (n_sample,): The validation's chirp [m or rad].
-        measured (n_sample,): Mean of the repeats.
-        simulated (n_sample,): What the estimate says.
-        bound (n_sample,): Half width of its interval of `CONFIDENCE`.
-        step_s (n_step,): Times since a unit step of the command: every sample [s].
-        step (n_step,): What the estimate answers, without the moving average.
-        step_std (n_step,): Its predicted deviation.
     """
 
-    numerator: FloatArray
-    denominator: FloatArray
-    covariance: FloatArray
+    numerator: Annotated[FloatArray, Quantity("rad/s, powers", "power", "Highest power first")]
+    denominator: Annotated[FloatArray, Quantity("rad/s, powers", "power", "Highest power first")]
+    covariance: Annotated[
+        FloatArray,
+        Quantity("SI", "parameter parameter", "Of the numerator's coefficients and the denominator's after the first"),
+    ]
     delay_samples: int
     reason: str
     status: str
-    roots: tuple[RootValue, ...]
-    undetermined: tuple[str, ...]
-    tried: tuple[Tried, ...]
+    roots: Annotated[tuple[RootValue, ...], Quantity("as named", "root", "Poles and zeros")]
+    undetermined: Annotated[
+        tuple[str, ...],
+        Quantity("1", "sentence", "What the data do not determine, and what else is to be known, a sentence each"),
+    ]
+    tried: Annotated[tuple[Tried, ...], Quantity("as named", "structure", "The structures that were tried")]
     quality: Quality
-    frequency_hz: FloatArray
-    response: ComplexArray
-    continuous: ComplexArray
-    relative_std: FloatArray
-    phase_std: FloatArray
-    etfe_hz: FloatArray
-    etfe: ComplexArray
-    etfe_radius: FloatArray
-    command: FloatArray
-    measured: FloatArray
-    simulated: FloatArray
-    bound: FloatArray
-    step_s: FloatArray
-    step: FloatArray
-    step_std: FloatArray
-
-
-_FREQUENCY, _ETFE, _SAMPLE, _STEP = ("frequency",), ("etfe",), ("sample",), ("step",)
-_TABLE = {
-    "numerator": Column("rad/s, powers", ("power",), "Highest power first"),
-    "denominator": Column("rad/s, powers", ("power",), "Highest power first"),
-    "covariance": Column("SI", ("parameter", "parameter")),
-    "roots": Column("as named", ("root",)),
-    "undetermined": Column("1", ("sentence",)),
-    "tried": Column("as named", ("structure",)),
-    "frequency_hz": Column("Hz", _FREQUENCY),
-    "response": Column("1", _FREQUENCY, "Of the estimate, from samples to samples"),
-    "continuous": Column("1", _FREQUENCY, "Of its transfer function, with the delay"),
-    "relative_std": Column("1", _FREQUENCY, "Of the magnitude"),
-    "phase_std": Column("rad", _FREQUENCY),
-    "etfe_hz": Column("Hz", _ETFE),
-    "etfe": Column("1", _ETFE, "Empirical response"),
-    "etfe_radius": Column("1", _ETFE),
-    "command": Column("m or rad", _SAMPLE, compact=True),
-    "measured": Column("m or rad", _SAMPLE, compact=True),
-    "simulated": Column("m or rad", _SAMPLE, compact=True),
-    "bound": Column("m or rad", _SAMPLE, compact=True),
-    "step_s": Column("s", _STEP),
-    "step": Column("1", _STEP),
-    "step_std": Column("1", _STEP),
-}
+    frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency", "Frequencies of the responses")]
+    response: Annotated[ComplexArray, Quantity("1", "frequency", "Of the estimate, from samples to samples")]
+    continuous: Annotated[ComplexArray, Quantity("1", "frequency", "Of its transfer function, with the delay")]
+    relative_std: Annotated[FloatArray, Quantity("1", "frequency", "Of the magnitude")]
+    phase_std: Annotated[FloatArray, Quantity("rad", "frequency", "Predicted deviation of the phase")]
+    etfe_hz: Annotated[FloatArray, Quantity("Hz", "etfe", "Frequencies of the empirical response")]
+    etfe: Annotated[ComplexArray, Quantity("1", "etfe", "Empirical response")]
+    etfe_radius: Annotated[FloatArray, Quantity("1", "etfe", "Its confidence radius")]
+    command: Annotated[FloatArray, Quantity("m or rad", "sample", "The validation's chirp", compact=True)]
+    measured: Annotated[FloatArray, Quantity("m or rad", "sample", "Mean of the repeats", compact=True)]
+    simulated: Annotated[FloatArray, Quantity("m or rad", "sample", "What the estimate says", compact=True)]
+    bound: Annotated[
+        FloatArray, Quantity("m or rad", "sample", "Half width of its interval of `CONFIDENCE`", compact=True)
+    ]
+    step_s: Annotated[FloatArray, Quantity("s", "step", "Times since a unit step of the command: every sample")]
+    step: Annotated[FloatArray, Quantity("1", "step", "What the estimate answers, without the moving average")]
+    step_std: Annotated[FloatArray, Quantity("1", "step", "Its predicted deviation")]
 
 
 def to_content(found: Identified) -> Content:
     """Returns what a task keeps of a channel."""
-    return Content(*to_datasets(found, _TABLE))
+    return Content(*to_datasets(found))
 
 
 def from_content(artifact: Artifact) -> Identified:
