@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from robid.models.files import experiment_schema
 from robid.settings.schema import robot_schema
+from robid.studies.settings.study import Study
 
 ROOT = Path(__file__).parent.parent
-PAGES = {"docs/experiment-file.md": experiment_schema, "docs/bring-your-own.md": robot_schema}
+PAGES = {"docs/experiment-file.md": partial(experiment_schema, study=Study), "docs/bring-your-own.md": robot_schema}
 _HEAD = ["| key | value | default | meaning |", "|---|---|---|---|"]
 _MARK = re.compile(r"^<!-- settings: (\w+(?:, \w+)*) -->\n(?:\|.*\n)*", re.MULTILINE)
 _LIMITS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}

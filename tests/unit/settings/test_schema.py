@@ -1,11 +1,13 @@
+from functools import partial
 from typing import Any
 
 import pytest
 
 from robid.models.files import experiment_schema
 from robid.settings.schema import robot_schema
+from robid.studies.settings.study import Study
 
-SCHEMAS = {"experiment": experiment_schema, "robot": robot_schema}
+SCHEMAS = {"experiment": partial(experiment_schema, study=Study), "robot": robot_schema}
 
 
 def _objects(schema: dict[str, Any]) -> dict[str, dict[str, Any]]:
