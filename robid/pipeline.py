@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from robid.artifacts.leftovers import remove_leftovers
+from robid.artifacts.atomic import remove_leftovers
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.stages.chain import design_configs, design_excitation, estimate_frf, fit, simulate_or_acquire, validate
 from robid.stages.chain.report import report_stage

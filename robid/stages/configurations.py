@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.design import DESIGN, design_from_artifact
+from robid.artifacts.kinds import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.errors import SettingsError
 from robid.robot.description import Robot

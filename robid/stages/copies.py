@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
 from robid.errors import DataError
 from robid.results.copies import Copy, find_copy, take_excerpt

@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Group
 
 from robid.arrays import FloatArray
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact, excitation_to_artifact
+from robid.artifacts.kinds import EXCITATION, excitation_from_artifact, excitation_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.design.excitation.arbitrary import ArbitraryOptions
 from robid.design.excitation.excitation import CampaignExcitation, Excitation

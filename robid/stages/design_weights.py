@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.weights import make_weights

@@ -10,10 +10,9 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Provenance
-from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.kinds import FRF, RECORD, frf_from_artifact, frf_to_artifact, record_from_artifact
 from robid.artifacts.parts import Parts
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact, read_outline
 from robid.errors import DataError
 from robid.frf.checks import is_finding

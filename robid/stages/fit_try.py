@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.errors import SettingsError
 from robid.models.family import Work, family_of

@@ -9,11 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.artifact import Provenance
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
+from robid.artifacts.artifact import Provenance, canonical_hash
+from robid.artifacts.kinds import EXCITATION, RECORD, excitation_from_artifact, record_from_artifact, record_to_artifact
 from robid.artifacts.parts import Parts
-from robid.artifacts.provenance import canonical_hash
-from robid.artifacts.record import RECORD, record_from_artifact, record_to_artifact
 from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
 from robid.artifacts.truth import truth_sha256, write_truth
 from robid.design.excitation.excitation import CampaignExcitation

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import FRF, RECORD, frf_from_artifact, record_from_artifact
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.truth import read_truth
 from robid.models.family import Data, family_of

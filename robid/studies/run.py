@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, Literal
 
-from robid.artifacts.artifact import Provenance
+from robid.artifacts.artifact import Provenance, canonical_hash, git_commit, package_versions, utc_now
 from robid.artifacts.atomic import write_json
-from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
+from robid.artifacts.kinds import TASK
 from robid.artifacts.store import Header, read_header
-from robid.artifacts.task import TASK
 from robid.backends.progress import Progress
 from robid.errors import ArtifactError, SettingsError
 from robid.pipeline import Result, Run, run_all

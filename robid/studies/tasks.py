@@ -7,10 +7,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance
-from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
+from robid.artifacts.artifact import (
+    Artifact,
+    Attribute,
+    Dataset,
+    Provenance,
+    canonical_hash,
+    git_commit,
+    package_versions,
+    utc_now,
+)
+from robid.artifacts.kinds import TASK
 from robid.artifacts.store import kind_of, read_artifact, write_artifact
-from robid.artifacts.task import TASK
 from robid.backends.map import Map
 from robid.backends.progress import Progress
 from robid.errors import ArtifactError

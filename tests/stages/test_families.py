@@ -11,11 +11,15 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from robid.artifacts.grade import grade_from_artifact
-from robid.artifacts.model import MODEL, estimate_from_artifact
+from robid.artifacts.results import (
+    MODEL,
+    VALIDATION,
+    estimate_from_artifact,
+    grade_from_artifact,
+    outcome_from_artifact,
+)
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.truth import read_truth
-from robid.artifacts.validation import VALIDATION, outcome_from_artifact
 from robid.models import files
 from robid.models.family import Family
 from robid.models.files import experiment_schema, load_experiment

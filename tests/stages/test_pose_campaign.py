@@ -9,9 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import (
+    EXCITATION,
+    FRF,
+    RECORD,
+    excitation_from_artifact,
+    frf_from_artifact,
+    record_from_artifact,
+)
 from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
 from robid.design.excitation.options import PoseChirpOptions

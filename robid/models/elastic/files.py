@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.mapping import from_datasets, to_datasets
-from robid.artifacts.model import Parts, estimate_content, estimate_from_artifact, model_to_artifact
-from robid.artifacts.validation import outcome_from_artifact, validation_to_artifact
+from robid.artifacts.results import (
+    Parts,
+    estimate_content,
+    estimate_from_artifact,
+    model_to_artifact,
+    outcome_from_artifact,
+    validation_to_artifact,
+)
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.judge.resonances import ResonanceTable
 from robid.models.elastic.judge.validating import Validation

@@ -42,7 +42,7 @@ def _phrase(model: Artifact) -> str:
 
 
 def _verdict(validation: Artifact) -> str:
-    from robid.artifacts.validation import outcome_from_artifact
+    from robid.artifacts.results import outcome_from_artifact
 
     return outcome_from_artifact(validation).verdict
 

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.mapping import from_datasets, to_datasets
-from robid.artifacts.model import estimate_from_artifact, model_to_artifact
-from robid.artifacts.validation import outcome_from_artifact, validation_to_artifact
+from robid.artifacts.results import (
+    estimate_from_artifact,
+    model_to_artifact,
+    outcome_from_artifact,
+    validation_to_artifact,
+)
 from robid.models.external.fit.solution import ExternalSolution
 from robid.models.external.judge.validating import ExternalValidation
 from robid.results.grade import Grade

@@ -6,8 +6,12 @@ import numpy as np
 
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.mapping import from_datasets, to_datasets
-from robid.artifacts.model import estimate_from_artifact, model_to_artifact
-from robid.artifacts.validation import outcome_from_artifact, validation_to_artifact
+from robid.artifacts.results import (
+    estimate_from_artifact,
+    model_to_artifact,
+    outcome_from_artifact,
+    validation_to_artifact,
+)
 from robid.models.lpv.fit.solution import LpvSolution
 from robid.models.lpv.judge.validating import LpvValidation
 from robid.results.grade import Grade

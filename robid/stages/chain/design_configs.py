@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robid.artifacts.design import DESIGN
+from robid.artifacts.kinds import DESIGN
 from robid.artifacts.store import inspect_artifact
 from robid.report.numbers import percent
 from robid.settings.plain import plain_settings

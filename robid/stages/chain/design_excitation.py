@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robid.artifacts.excitation import EXCITATION
+from robid.artifacts.kinds import EXCITATION
 from robid.settings.robot_parts import line_settings, log_sampling_settings, robot_settings
 from robid.stages.chain.design_configs import design_inputs
 from robid.stages.stage import Job, Plan, Stage, periodic_campaigns

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robid.artifacts.frf import FRF
+from robid.artifacts.kinds import FRF
 from robid.models.family import family_of
 from robid.settings.robot_parts import delay_s, robot_settings
 from robid.stages.stage import Job, Plan, Stage, responding_campaigns

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robid.artifacts.model import MODEL
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import inspect_artifact, read_artifact
 from robid.models.family import Graded, family_of
 from robid.stages.stage import Job, Plan, Stage

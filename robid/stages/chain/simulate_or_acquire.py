@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robid.artifacts.record import RECORD
+from robid.artifacts.kinds import RECORD
 from robid.artifacts.truth import check_vouched
 from robid.settings.robot_parts import Part, require_controller, robot_settings
 from robid.simulate.options import STEP_LIMITS

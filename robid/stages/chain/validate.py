@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from robid.artifacts.results import VALIDATION
 from robid.artifacts.store import read_artifact
-from robid.artifacts.validation import VALIDATION
 from robid.models.family import family_of
 from robid.stages.chain.fit import data_inputs, payloads, read_grade, taken_inputs
 from robid.stages.stage import Job, Plan, Stage

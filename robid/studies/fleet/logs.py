@@ -16,7 +16,7 @@ from scipy.io import savemat
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact, Dataset
 from robid.artifacts.atomic import replacing
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
+from robid.artifacts.kinds import EXCITATION, excitation_from_artifact
 from robid.artifacts.store import read_artifact, read_header
 from robid.errors import SettingsError
 from robid.pipeline import Run

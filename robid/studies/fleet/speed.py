@@ -16,9 +16,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from robid.artifacts.artifact import Artifact, Dataset
+from robid.artifacts.artifact import Artifact, Dataset, canonical_hash
 from robid.artifacts.atomic import read_json, write_json
-from robid.artifacts.provenance import canonical_hash
 from robid.errors import BackendError
 from robid.fleet.ledger import FORMATS
 from robid.fleet.rows import load_fleet

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact
 from robid.models.rigid.files import solution_from_artifact
 from robid.models.rigid.fit.solution import RigidSolution

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from robid.artifacts.artifact import Artifact, Attribute, Dataset
+from robid.artifacts.kinds import TASK
 from robid.artifacts.store import read_artifact
-from robid.artifacts.task import TASK
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.models.elastic.files import solution_content, solution_from_artifact

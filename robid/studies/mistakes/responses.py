@@ -11,8 +11,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
+from robid.artifacts.kinds import EXCITATION, FRF, excitation_from_artifact, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.errors import DataError

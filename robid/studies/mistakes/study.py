@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from robid.artifacts.provenance import canonical_hash
+from robid.artifacts.artifact import canonical_hash
 from robid.errors import SettingsError
 from robid.models.files import load_experiment
 from robid.pipeline import Run

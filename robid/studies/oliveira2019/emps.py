@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact
 from robid.models.external.files import solution_from_artifact
 from robid.models.external.fit.solution import ExternalSolution

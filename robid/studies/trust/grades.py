@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from robid.artifacts.artifact import Attribute, Dataset
+from robid.artifacts.kinds import TASK
 from robid.artifacts.store import read_artifact
-from robid.artifacts.task import TASK
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.models.elastic.judge.assessment import assess_fit

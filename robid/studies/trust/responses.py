@@ -12,9 +12,8 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact, Provenance
-from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
+from robid.artifacts.kinds import FRF, TASK, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact
-from robid.artifacts.task import TASK
 from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
 from robid.frf.frf import Frf

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from robid.arrays import FloatArray
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
+from robid.artifacts.kinds import EXCITATION, excitation_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.errors import SettingsError

@@ -11,7 +11,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.artifacts.artifact import Artifact, Dataset
-from robid.artifacts.frf import FRF
+from robid.artifacts.kinds import FRF
 from robid.artifacts.store import read_header
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions

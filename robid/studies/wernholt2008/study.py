@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from robid.artifacts.artifact import Dataset
-from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact, read_header
 from robid.frf.frf import Frf
 from robid.frf.residual import EstimatorKind

@@ -10,9 +10,8 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.artifacts.artifact import Dataset
-from robid.artifacts.frf import frf_from_artifact
+from robid.artifacts.kinds import TASK, frf_from_artifact
 from robid.artifacts.store import read_artifact
-from robid.artifacts.task import TASK
 from robid.design.configurations.measured import measured_information
 from robid.design.configurations.options import ALONG
 from robid.frf.frf import Frf

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact
+from robid.artifacts.kinds import TASK
 from robid.artifacts.mapping import from_datasets, to_datasets
 from robid.artifacts.store import read_artifact
-from robid.artifacts.task import TASK
 from robid.models.elastic.fit.fitted_robot import with_estimates
 from robid.pipeline import Run
 from robid.robot.description import Robot

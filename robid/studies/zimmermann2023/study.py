@@ -10,9 +10,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Provenance
-from robid.artifacts.design import DESIGN, design_from_artifact
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.frf import frf_to_artifact
+from robid.artifacts.kinds import DESIGN, EXCITATION, design_from_artifact, excitation_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.information import ConfigurationDesign
 from robid.frf.estimate import estimate_frf

@@ -12,9 +12,15 @@ from hypothesis import strategies as st
 
 from robid.arrays import Quantity, part_of
 from robid.artifacts.artifact import Artifact, Kind, Provenance
-from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
+from robid.artifacts.kinds import (
+    FRF,
+    RECORD,
+    frf_from_artifact,
+    frf_to_artifact,
+    record_from_artifact,
+    record_to_artifact,
+)
 from robid.artifacts.mapping import from_datasets, to_datasets
-from robid.artifacts.record import RECORD, record_from_artifact, record_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.errors import ArtifactError
 from robid.frf.frf import Frf

@@ -2,7 +2,7 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from robid.artifacts.provenance import canonical_hash
+from robid.artifacts.artifact import canonical_hash
 from robid.design.configurations.options import DesignOptions
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.settings import ElasticFit

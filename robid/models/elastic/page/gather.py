@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import norm
 
 from robid.arrays import FloatArray
-from robid.artifacts.grade import grade_from_artifact
+from robid.artifacts.results import grade_from_artifact
 from robid.models.elastic.files import solution_from_artifact, validation_from_artifact
 from robid.models.elastic.fit.doubts.listing import list_doubts
 from robid.models.elastic.fit.model_error import ModelError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact
 from robid.models.rigid.files import solution_from_artifact
 from robid.pipeline import Run

@@ -12,11 +12,9 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Dataset
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.grade import grade_from_artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.kinds import EXCITATION, excitation_from_artifact
+from robid.artifacts.results import MODEL, VALIDATION, grade_from_artifact
 from robid.artifacts.store import read_artifact, read_header
-from robid.artifacts.validation import VALIDATION
 from robid.errors import DataError, SettingsError
 from robid.fleet.row import Told
 from robid.models.files import load_experiment

@@ -11,8 +11,8 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, Quantity
 from robid.artifacts.artifact import Artifact
+from robid.artifacts.kinds import RECORD, record_from_artifact
 from robid.artifacts.mapping import from_datasets, to_datasets
-from robid.artifacts.record import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_header
 from robid.models.external.fit.channels import blocks_of
 from robid.models.external.fit.coupling import CouplingMap, Pairs, map_coupling

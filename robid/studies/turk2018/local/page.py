@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.kinds import FRF, frf_from_artifact
+from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import read_artifact
-from robid.artifacts.validation import VALIDATION
 from robid.models.lpv.files import solution_from_artifact, validation_from_artifact
 from robid.models.lpv.settings import lpv_fit
 from robid.pipeline import Run

@@ -9,9 +9,8 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import FRF, RECORD, frf_from_artifact, record_from_artifact
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
 from robid.models.lpv.files import solution_from_artifact
