@@ -13,7 +13,7 @@ from robid.models.family import Graded
 from robid.models.files import load_experiment
 from robid.pipeline import Result, Run, run_folder
 from robid.report.numbers import duration
-from robid.settings.checks.other_units import other_units
+from robid.settings.checks.configurations import other_units
 from robid.settings.experiment import Execution
 from robid.settings.load import LoadedExperiment
 from robid.stages.terminal import Shell, make_console

@@ -9,7 +9,7 @@ from robid.commands.shared import doubts, graded
 from robid.errors import SettingsError
 from robid.pipeline import Run, asked_for, examine, grade_of
 from robid.settings.base import DATA_VARIABLE, data_path
-from robid.settings.checks.other_units import other_units
+from robid.settings.checks.configurations import other_units
 from robid.settings.robot import MODEL_NOT_THERE, SET_DATA_FOLDER
 from robid.stages.terminal import Shell, make_console, status_table
 

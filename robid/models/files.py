@@ -9,10 +9,16 @@ from typing import Any
 from robid.models.family import Family
 from robid.models.known import FAMILIES
 from robid.settings.checks.experiment import Studies
-from robid.settings.load import LoadedExperiment, RobotReader, load_experiment_of, load_row_of, read_robot
+from robid.settings.load import (
+    LoadedExperiment,
+    RobotReader,
+    experiment_schema_of,
+    load_experiment_of,
+    load_row_of,
+    read_robot,
+)
 from robid.settings.placeholders import Row
 from robid.settings.problems import SettingsProblem
-from robid.settings.schema import experiment_schema_of
 from robid.settings.yaml import Document
 
 

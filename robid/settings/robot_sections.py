@@ -12,10 +12,7 @@ from robid.arrays import FloatArray
 from robid.robot.description import Friction, Inertial, JointType, Motor, Sensor, Spring, TorquePlace, no_motor
 from robid.robot.parameters import PARAMETER_KINDS
 from robid.settings.base import Assumed, Name, Section, Vector
-from robid.settings.counterbalance import CounterbalanceSection
-from robid.settings.doubts import JointDoubts
-from robid.settings.gears import GearSection, SpringDamper
-from robid.settings.robot_frames import Dh, Frame
+from robid.settings.joint_sections import CounterbalanceSection, Dh, Frame, GearSection, JointDoubts, SpringDamper
 
 _Value = TypeVar("_Value")
 

@@ -19,8 +19,8 @@ from robid.logs.importing import import_arbitrary, import_log, import_shot
 from robid.logs.joining import join_experiments, join_shots
 from robid.logs.mapping import LogMapping
 from robid.logs.match import PlayedExcitation
-from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
+from robid.settings.sources import Acquire
 from robid.signals.log_options import LogOptions
 from robid.signals.record import Record
 from robid.stages.chain.simulate_or_acquire import experiment_count

@@ -27,10 +27,10 @@ from robid.frf.silent import identify_laws, start_laws
 from robid.models.friction import friction_from_artifact
 from robid.results.plausible.evidence import Evidence, gather_evidence, join_evidence
 from robid.robot.description import Motor
-from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
+from robid.settings.sources import Acquire
 from robid.signals.friction import TorqueLaw
 from robid.stages.chain.estimate_frf import STAGE
 from robid.stages.plausible import contradictions

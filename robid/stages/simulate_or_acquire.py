@@ -17,14 +17,12 @@ from robid.artifacts.truth import truth_sha256, write_truth
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.logs.checks import is_still_note
 from robid.logs.lines import is_found_note
-from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.settings.fits import part
 from robid.settings.load import LoadedExperiment
-from robid.settings.pose import require_pose_interface, tool_arm
 from robid.settings.robot import RobotFile
-from robid.settings.robot_parts import delay_s, require_controller
-from robid.settings.truth import true_robot_of
+from robid.settings.robot_parts import delay_s, require_controller, require_pose_interface, tool_arm
+from robid.settings.sources import Acquire, true_robot_of
 from robid.signals.quantities import channel_names
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions, Truth

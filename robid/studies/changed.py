@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from robid.settings.experiment import Campaign, Source
-from robid.settings.truth import SimulateSettings
+from robid.settings.sources import SimulateSettings
 
 
 def changed_simulation(

@@ -12,15 +12,14 @@ from robid.models.elastic.fit.names import name_problems
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.parameters import ElasticKind
 from robid.settings.base import STRICT, Name
-from robid.settings.checks.limits import TORQUE, missing_limits
-from robid.settings.checks.sensed import without_motor_text
+from robid.settings.checks.beyond_motors import without_motor_text
+from robid.settings.checks.campaigns import TORQUE, missing_limits
 from robid.settings.experiment import Experiment
 from robid.settings.fits import FitSettings, HandedOn, fit_of, part
 from robid.settings.load import LoadedExperiment
-from robid.settings.parameter_names import kinds_by_name
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
-from robid.settings.robot_parts import delay_s, robot_settings
+from robid.settings.robot_parts import delay_s, kinds_by_name, robot_settings
 from robid.settings.yaml import FieldPath
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]

@@ -13,9 +13,9 @@ from robid.stages.stage import Job, Plan, Stage, periodic_campaigns
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from robid.settings.acquire import Acquire
     from robid.settings.experiment import Campaign
     from robid.settings.load import LoadedExperiment
+    from robid.settings.sources import Acquire
 
 
 def _plan(loaded: LoadedExperiment, owner: str) -> Plan:

@@ -15,9 +15,9 @@ from robid.simulate.options import STEP_LIMITS
 from robid.stages.stage import Job, Plan, Stage, measured_campaigns
 
 if TYPE_CHECKING:
-    from robid.settings.acquire import Acquire
     from robid.settings.experiment import Campaign
     from robid.settings.load import LoadedExperiment
+    from robid.settings.sources import Acquire
 
 _BYTES_PER_SAMPLE = 4
 
@@ -53,7 +53,7 @@ def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
     """Inputs and outputs of all samples, once in the parts and once merged."""
     from robid.settings.checks.configurations import configuration_count
     from robid.settings.checks.experiment import sampling_period_s
-    from robid.settings.pose import input_count
+    from robid.settings.robot_parts import input_count
 
     n_input = input_count(campaign, loaded.robot)
     period_s = sampling_period_s(campaign, loaded.robot) or require_controller(loaded).sampling_period_s

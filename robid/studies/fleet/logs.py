@@ -22,7 +22,7 @@ from robid.errors import SettingsError
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
-from robid.settings.truth import true_robot_of
+from robid.settings.sources import true_robot_of
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions

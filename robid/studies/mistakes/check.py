@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pydantic import ValidationError
 
 from robid.results.doubt import CAUSES
-from robid.settings.checks.truth import check_truth
+from robid.settings.checks.campaigns import check_truth
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile

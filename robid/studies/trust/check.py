@@ -8,7 +8,7 @@ from typing import Literal
 from pydantic import ValidationError
 
 from robid.results.doubt import CAUSES
-from robid.settings.checks.truth import check_truth
+from robid.settings.checks.campaigns import check_truth
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile

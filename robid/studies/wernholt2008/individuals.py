@@ -20,7 +20,7 @@ from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import delay_s
-from robid.settings.truth import true_robot_of
+from robid.settings.sources import true_robot_of
 from robid.studies.over_individuals import stated_std
 from robid.studies.settings.study import WernholtStudy
 from robid.studies.simulated import simulate_options

@@ -16,7 +16,7 @@ from robid.robot.description import Robot
 from robid.settings.experiment import RandomConfigurations
 from robid.settings.plain import plain_settings
 from robid.settings.robot_parts import require_controller, robot_settings
-from robid.settings.truth import true_robot_of
+from robid.settings.sources import true_robot_of
 from robid.simulate.options import Controller, SimulateOptions
 from robid.stages.configurations import draw_in_reach
 from robid.studies.settings.steps import StepOptions

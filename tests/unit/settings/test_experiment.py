@@ -7,9 +7,9 @@ from robid.design.configurations.options import DesignOptions
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.settings import ElasticFit
 from robid.models.files import load_experiment
-from robid.settings.acquire import Acquire
 from robid.settings.experiment import Configurations, Design, Execution
 from robid.settings.plain import plain_settings
+from robid.settings.sources import Acquire
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 

@@ -12,7 +12,7 @@ from scipy.io import savemat
 
 from robid.arrays import FloatArray
 from robid.results.scale import OWN_SCALES, SCALES, Scale
-from robid.settings.acquire import Acquire
+from robid.settings.sources import Acquire
 from robid.signals.log_channels import InputChannel, OutputChannel, UnitName
 from robid.signals.log_options import TimeChannel
 from robid.signals.record import Record
