@@ -15,9 +15,9 @@ from robid.settings.checks.values import absurd, missing_keys
 from robid.settings.experiment import Experiment, experiment_type
 from robid.settings.fits import Families
 from robid.settings.placeholders import Row, fill, refuse_placeholders
-from robid.settings.plain import plain_settings
 from robid.settings.problems import SettingsProblem, problem_at, raise_problems, validate_document
 from robid.settings.robot import RobotFile, UnknownRobot
+from robid.settings.robot_parts import plain_settings
 from robid.settings.sources import Acquire
 from robid.settings.yaml import Document, FieldPath, load_yaml
 from robid.signals.log_channels import InputChannel, OutputChannel, ReferenceChannel

@@ -29,13 +29,8 @@ from robid.robot.regressor.model import build_rigid_model
 from robid.robot.regressor.options import FrictionForm, RigidOptions
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.settings.robot_parts import (
-    commanded_channels,
-    input_count,
-    require_controller,
-    require_pose_interface,
-    tool_arm,
-)
+from robid.settings.robot_derived import commanded_channels, input_count, require_pose_interface, tool_arm
+from robid.settings.robot_parts import require_controller
 from robid.stages.chain.design_excitation import STAGE, played_by_others, transient_periods
 from robid.stages.configurations import configurations_of, reach_of
 from robid.stages.lines import campaign_lines

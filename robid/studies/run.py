@@ -20,7 +20,7 @@ from robid.report.experiment import StageRow, run_section
 from robid.report.numbers import duration, significant
 from robid.report.section import Section, Table
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
 from robid.stages.replacing import check_replaceable, settings_files
 from robid.stages.report import write_page
 from robid.stages.stage import counted

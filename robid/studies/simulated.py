@@ -8,8 +8,7 @@ from typing import Any
 from robid.frf.options import EstimateOptions
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import robot_settings
+from robid.settings.robot_parts import plain_settings, robot_settings
 from robid.signals.friction import TorqueLaw
 from robid.simulate.options import SimulateOptions
 from robid.stages.estimate_frf import stated_laws

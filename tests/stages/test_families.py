@@ -25,7 +25,7 @@ from robid.models.family import Family
 from robid.models.files import experiment_schema, load_experiment
 from robid.models.known import FAMILIES
 from robid.pipeline import graph
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
 from toy_family import INERTIA
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)

@@ -19,7 +19,8 @@ from robid.settings.fits import FitSettings, HandedOn, fit_of, part
 from robid.settings.load import LoadedExperiment
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
-from robid.settings.robot_parts import delay_s, kinds_by_name, robot_settings
+from robid.settings.robot_derived import kinds_by_name
+from robid.settings.robot_parts import delay_s, robot_settings
 from robid.settings.yaml import FieldPath
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]

@@ -8,8 +8,14 @@ from typing import TYPE_CHECKING, Any
 from robid.artifacts.kinds import DESIGN
 from robid.artifacts.store import inspect_artifact
 from robid.report.numbers import percent
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import Part, delay_s, line_settings, log_sampling_settings, robot_settings
+from robid.settings.robot_parts import (
+    Part,
+    delay_s,
+    line_settings,
+    log_sampling_settings,
+    plain_settings,
+    robot_settings,
+)
 from robid.stages.design_options import about_options, fit_options
 from robid.stages.stage import Job, Plan, Stage
 

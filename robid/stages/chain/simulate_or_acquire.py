@@ -53,7 +53,7 @@ def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
     """Inputs and outputs of all samples, once in the parts and once merged."""
     from robid.settings.checks.configurations import configuration_count
     from robid.settings.checks.experiment import sampling_period_s
-    from robid.settings.robot_parts import input_count
+    from robid.settings.robot_derived import input_count
 
     n_input = input_count(campaign, loaded.robot)
     period_s = sampling_period_s(campaign, loaded.robot) or require_controller(loaded).sampling_period_s

@@ -19,7 +19,7 @@ from robid.frf.silent import identify_laws, start_laws
 from robid.pipeline import Run
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
 from robid.signals.friction import TorqueLaw
 from robid.signals.quantities import units_text
 from robid.signals.record import Record

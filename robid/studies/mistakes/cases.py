@@ -24,8 +24,7 @@ from robid.models.elastic.settings import elastic_fit, model_settings
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import delay_s
+from robid.settings.robot_parts import delay_s, plain_settings
 from robid.studies.mistakes.grades import GRADING, Against, against_truth, refused_causes
 from robid.studies.mistakes.mistaken import mistaken_robot, mistaken_truth
 from robid.studies.mistakes.responses import read_response, read_true_values

@@ -10,8 +10,8 @@ from robid.errors import SettingsError
 from robid.models.files import load_experiment
 from robid.pipeline import Run
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
 from robid.settings.problems import format_field
+from robid.settings.robot_parts import plain_settings
 from robid.studies.mistakes.check import fit_problem, mistake_problems
 from robid.studies.settings.study import Mistake, MistakesStudy
 

@@ -17,8 +17,7 @@ from robid.models.elastic.settings import elastic_fit, model_settings
 from robid.models.elastic.truth import true_values
 from robid.pipeline import Run
 from robid.robot.description import Joint, Robot
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import delay_s, require_controller, robot_settings
+from robid.settings.robot_parts import delay_s, plain_settings, require_controller, robot_settings
 from robid.signals.quantities import motor_channels
 from robid.simulate.options import Imperfections, Truth
 from robid.simulate.truth import TrueRobot

@@ -19,7 +19,7 @@ from robid.frf.estimate import estimate_frf
 from robid.frf.frf import Frf
 from robid.frf.joined import join
 from robid.pipeline import Run
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.changed import changed_simulation

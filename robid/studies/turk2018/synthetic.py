@@ -13,7 +13,7 @@ from robid.models.lpv.fit.blocks import block_names
 from robid.models.lpv.fit.options import LpvOptions
 from robid.pipeline import Run
 from robid.report.section import Section, Table
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
 from robid.studies.part import Asked, PartFound
 from robid.studies.tasks import Content, Task
 from robid.studies.turk2018.known_structure import ORDER, STRUCTURE, fit_synthetic

@@ -18,8 +18,7 @@ from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.settings import model_settings
 from robid.pipeline import Run
 from robid.robot.description import Robot
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import delay_s
+from robid.settings.robot_parts import delay_s, plain_settings
 from robid.settings.sources import true_robot_of
 from robid.studies.over_individuals import stated_std
 from robid.studies.settings.study import WernholtStudy

@@ -23,8 +23,7 @@ from robid.models.elastic.settings import model_settings
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import delay_s
+from robid.settings.robot_parts import delay_s, plain_settings
 from robid.studies.paper import paper_figures
 from robid.studies.settings.study import WernholtStudy
 from robid.studies.study import Earlier

@@ -31,8 +31,7 @@ from robid.robot.description import Robot
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
 from robid.robot.rest import settle_springs
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import delay_s
+from robid.settings.robot_parts import delay_s, plain_settings
 from robid.settings.sources import true_robot_of
 from robid.simulate.truth import with_imperfections
 from robid.studies.over_individuals import stated_std

@@ -14,8 +14,7 @@ from robid.models.elastic.fit.fitted_robot import with_estimates
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import RandomConfigurations
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import require_controller, robot_settings
+from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
 from robid.settings.sources import true_robot_of
 from robid.simulate.options import Controller, SimulateOptions
 from robid.stages.configurations import draw_in_reach

@@ -16,7 +16,7 @@ from robid.design.configurations.information import ConfigurationDesign
 from robid.frf.estimate import estimate_frf
 from robid.pipeline import Run
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.stages.simulate_or_acquire import simulated_experiment
 from robid.studies.paper import paper_figures

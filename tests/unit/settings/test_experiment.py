@@ -8,7 +8,7 @@ from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.settings import ElasticFit
 from robid.models.files import load_experiment
 from robid.settings.experiment import Configurations, Design, Execution
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
 from robid.settings.sources import Acquire
 
 CONFIGS = Path(__file__).parents[3] / "configs"

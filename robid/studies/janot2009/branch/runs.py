@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robid.pipeline import Run
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import require_controller, robot_settings
+from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
 from robid.stages.configurations import configurations_of
 from robid.studies.janot2009.branch.motion import Branch
 from robid.studies.janot2009.branch.rig import make_rig, record_branch

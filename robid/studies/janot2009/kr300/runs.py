@@ -18,8 +18,7 @@ from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.model import build_rigid_model
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import require_controller, robot_settings
+from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Controller, SimulateOptions, Truth
 from robid.simulate.truth import true_robot

@@ -16,7 +16,7 @@ from robid.models.rigid.fit.least_squares import Regression, ordinary_least_squa
 from robid.models.rigid.fit.options import HuberOptions, PreprocessingOptions
 from robid.models.rigid.fit.reduction import reduce_rows, residuals
 from robid.models.rigid.fit.verdict import Verdict
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
 from robid.studies.janot2009.seeded.identification import Identified, Machine, Recording, identify, read
 from robid.studies.settings.study import SeededCase
 from robid.studies.tasks import Content, Task

@@ -22,9 +22,8 @@ from robid.pipeline import Run, run_all
 from robid.results.scale import read_scale
 from robid.settings.experiment import Campaign, Source
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
 from robid.settings.robot import RobotFile
-from robid.settings.robot_parts import require_controller
+from robid.settings.robot_parts import plain_settings, require_controller
 from robid.settings.sources import Acquire
 from robid.simulate.experiment import simulate
 from robid.stages.simulate_or_acquire import simulated_experiment

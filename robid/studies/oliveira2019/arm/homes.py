@@ -25,8 +25,8 @@ from robid.models.external.settings import external_fit
 from robid.pipeline import Run
 from robid.robot.description import Robot
 from robid.robot.kinematics import ToolArm
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import require_controller, require_pose_interface, robot_settings, tool_arm
+from robid.settings.robot_derived import require_pose_interface, tool_arm
+from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
 from robid.signals.record import Record
 from robid.simulate.options import Controller, PoseInterface
 from robid.simulate.pose_response import pose_response

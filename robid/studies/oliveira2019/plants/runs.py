@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from robid.pipeline import Run
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
 from robid.studies.oliveira2019.plants.bench import Bench, Plant, bench_of, plants_of
 from robid.studies.oliveira2019.plants.identification import identify_channel
 from robid.studies.oliveira2019.plants.identified import to_content
