@@ -1,11 +1,20 @@
-"""Array types and the one place where argument shapes are checked."""
+"""Array types, the declaration of what an array is, and the one place where argument shapes are checked."""
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Instance = TypeVar("Instance", bound="DataclassInstance")
 
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
 ComplexArray: TypeAlias = NDArray[np.complexfloating[Any, Any]]
@@ -14,6 +23,51 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 
 LARGEST = 1e18
 """Above any number that a robot has: what is made of larger ones overflows."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a field of a result is, once: stands in its annotation, as in `Annotated[FloatArray, Quantity("s", "row")]`.
+
+    Files, their documentation and the choice of a part along an axis follow from it.
+
+    Attributes:
+        unit: SI unit of the values, `1` for none; `{name}` for one that the dataclass's `own_units` say.
+        axes: Name of each axis, separated by spaces.
+        meaning: What it is, in one sentence.
+        compact: Whether float32 with a scale is enough to keep.
+    """
+
+    unit: str
+    axes: str
+    meaning: str = ""
+    compact: bool = False
+
+
+@cache
+def quantities(cls: type[DataclassInstance]) -> Mapping[str, Quantity]:
+    """Returns what the annotations of a dataclass declare, by field."""
+    hints = get_type_hints(cls, include_extras=True)
+    extras = {field.name: getattr(hints[field.name], "__metadata__", ()) for field in dataclasses.fields(cls)}
+    return {name: said for name, extra in extras.items() for said in extra if isinstance(said, Quantity)}
+
+
+def places_of(cls: type[DataclassInstance], axis: str) -> Mapping[str, int]:
+    """Returns the place of an axis in every field that has it."""
+    axes = {name: said.axes.split() for name, said in quantities(cls).items()}
+    return {name: all_axes.index(axis) for name, all_axes in axes.items() if axis in all_axes}
+
+
+def part_of(value: Instance, axis: str, chosen: slice | IntArray) -> Instance:
+    """Returns a dataclass with a part of an axis, in everything that has it."""
+    part: dict[str, Any] = {}
+    for name, place in places_of(type(value), axis).items():
+        whole = getattr(value, name)
+        if isinstance(whole, tuple):
+            part[name] = tuple(whole[index] for index in np.arange(len(whole))[chosen])
+        else:
+            part[name] = None if whole is None else whole[(*[slice(None)] * place, chosen)]
+    return dataclasses.replace(value, **part)
 
 
 def check_shape(name: str, array: NDArray[Any], axes: str, **sizes: int) -> None:

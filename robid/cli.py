@@ -385,7 +385,7 @@ def show_schema(
     """Prints the JSON schema of the experiment file, for editors."""
     del as_json, debug
     from robid.models.known import experiment_schema
-    from robid.settings.schema import robot_schema
+    from robid.settings.load import robot_schema
     from robid.studies.settings.study import Study
 
     print_json(robot_schema() if robot else experiment_schema(study=Study))

@@ -29,13 +29,9 @@ import robid as robid_package
 from any_log_text import Text
 from log_files import WRITERS
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.design import DESIGN
-from robid.artifacts.excitation import EXCITATION
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL
-from robid.artifacts.record import RECORD
+from robid.artifacts.kinds import DESIGN, EXCITATION, FRF, RECORD, frf_from_artifact
+from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import check_artifact, inspect_artifact, kind_of, read_artifact, read_header
-from robid.artifacts.validation import VALIDATION
 from robid.cli import run_command
 from robid.errors import ArtifactError
 from robid.logs.formats import load

@@ -11,8 +11,8 @@ import numpy as np
 
 from default_campaign import CAMPAIGN, LOADED
 from robid.artifacts.artifact import Provenance
+from robid.artifacts.kinds import RECORD, record_to_artifact
 from robid.artifacts.parts import Parts
-from robid.artifacts.record import RECORD, record_to_artifact
 from robid.backends.map import make_map
 from robid.pipeline.estimate_frf import run
 from robid.pipeline.stage import Job

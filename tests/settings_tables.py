@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from robid.models.known import experiment_schema
-from robid.settings.schema import robot_schema
+from robid.settings.load import robot_schema
 from robid.studies.settings.study import Study
 
 ROOT = Path(__file__).parent.parent

@@ -11,8 +11,7 @@ import pydantic.dataclasses
 from pydantic import Field
 
 from robid.artifacts.artifact import Artifact, Dataset
-from robid.artifacts.model import estimate_from_artifact, model_to_artifact
-from robid.artifacts.validation import validation_to_artifact
+from robid.artifacts.results import estimate_from_artifact, model_to_artifact, validation_to_artifact
 from robid.models.family import Data, Export, ExportTask, Family, Shown, Work
 from robid.models.parameters import parameter_rows, parameter_summary
 from robid.report.page import FitReport, Headline, KeyNumber

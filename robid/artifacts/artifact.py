@@ -1,16 +1,21 @@
-"""What an artifact is: datasets with units and axes, attributes, provenance, and the hash of its content."""
+"""What an artifact is: datasets with units and axes, attributes, the hash of its content, and provenance."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import math
+import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+from robid.versions import package_versions as package_versions
 
 Scalar: TypeAlias = bool | int | float | str
 Attribute: TypeAlias = Scalar | list[bool] | list[int] | list[float] | list[str]
@@ -70,7 +75,7 @@ class Provenance:
     Attributes:
         stage: The stage that made it.
         settings: Resolved settings that the stage read; no absolute paths.
-        settings_hash: Their hash, see `robid.artifacts.provenance.canonical_hash`.
+        settings_hash: Their hash, see `robid.artifacts.artifact.canonical_hash`.
         inputs: Content hash of each input artifact or file, by name.
         seed: Seed of the task, or None.
         versions: Version of each package that matters.
@@ -217,3 +222,31 @@ def _power_of_two(values: NDArray[Any]) -> float:
 
 def _canonical(value: object) -> bytes:
     return json.dumps(value, sort_keys=True, separators=(",", ":")).encode()
+
+
+def canonical_hash(value: object) -> str:
+    """SHA-256 of a plain value (mappings, lists, scalars), whatever the order of its keys."""
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def git_commit() -> str:
+    """Commit of robid's source tree, with `+` where files differ from it; "" outside a checkout."""
+    root = Path(__file__).parents[2]
+    if not (root / ".git").exists():
+        return ""
+    commit = _git(root, "rev-parse", "HEAD")
+    return commit + ("+" if commit and _git(root, "status", "--porcelain", "--untracked-files=no") else "")
+
+
+def utc_now() -> str:
+    """The time, as provenance records it."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _git(root: Path, *arguments: str) -> str:
+    try:
+        done = subprocess.run(["git", "-C", str(root), *arguments], capture_output=True, text=True, check=False)
+    except OSError:
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""

@@ -1,12 +1,13 @@
-"""Files that are either the old one or the new one, never half of it; JSON files."""
+"""Files that are either the old one or the new one, never half of it; what killed processes leave; JSON files."""
 
 from __future__ import annotations
 
 import json
 import math
 import os
+import re
 import secrets
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,44 @@ from typing import Any
 import numpy as np
 
 from robid.errors import ArtifactError
+
+PARTS = ".parts"
+
+_PART = re.compile(r"\d{5,}\.[0-9a-f]{16}\.h5((\.[0-9a-f]{8})?\.partial)?")
+_UNFINISHED = re.compile(r".+\.(h5|json|html|xml|csv|mat|npz)(\.[0-9a-f]{8})?\.partial")
+_PLACES = ("", "*", "*/*", "fits/*/export")
+
+
+def remove_leftovers(folder: Path, resumable: Collection[Path]) -> None:
+    """Removes unfinished files from a run folder that nobody else works in, and parts that nobody resumes.
+
+    Args:
+        folder: The run folder.
+        resumable: Artifacts whose parts stay.
+    """
+    for place in _PLACES:
+        for path in folder.glob(f"{place}/*.partial" if place else "*.partial"):
+            if _UNFINISHED.fullmatch(path.name) and path.is_file():
+                path.unlink()
+        for path in folder.glob(f"{place}/*.h5{PARTS}" if place else f"*.h5{PARTS}"):
+            if path.with_name(path.name.removesuffix(PARTS)) not in resumable:
+                remove_parts(path)
+
+
+def remove_parts(folder: Path, *, keep: str | None = None) -> None:
+    """Removes parts, and their folder once it is empty; files that are no parts stay.
+
+    Args:
+        folder: The folder of the parts.
+        keep: End of the names of parts that stay.
+    """
+    if not folder.is_dir():
+        return
+    for path in folder.iterdir():
+        if _PART.fullmatch(path.name) and not (keep and path.name.endswith(keep)):
+            path.unlink()
+    with suppress(OSError):
+        folder.rmdir()
 
 
 @contextmanager

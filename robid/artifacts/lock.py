@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from robid.artifacts.provenance import utc_now
+from robid.artifacts.artifact import utc_now
 from robid.errors import ArtifactError
 
 FOLDER_LOCK = ".lock"

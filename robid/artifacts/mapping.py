@@ -1,20 +1,20 @@
 """The mapping between a frozen dataclass of plain values and the datasets and attributes of an artifact.
 
-Arrays and tuples become datasets, whose units and axes stand in a table; scalars become attributes, whose unit is part
-of their name; a tuple of dataclasses becomes one dataset for each of their fields; None is left out. A field that a
-file of an older minor version lacks gets its default.
+Arrays and tuples become datasets, whose units and axes their annotations declare; scalars become attributes, whose
+unit is part of their name; a tuple of dataclasses becomes one dataset for each of their fields; None is left out. A
+field that a file of an older minor version lacks gets its default.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import types
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from robid.arrays import Quantity, quantities
 from robid.artifacts.artifact import Artifact, Attribute, Dataset
 from robid.errors import ArtifactError
 
@@ -24,58 +24,43 @@ if TYPE_CHECKING:
 Instance = TypeVar("Instance", bound="DataclassInstance")
 
 
-@dataclass(frozen=True)
-class Column:
-    """What the table says about one field; `compact` as in `robid.artifacts.artifact.Dataset`."""
-
-    units: str
-    axes: tuple[str, ...]
-    description: str = ""
-    compact: bool = False
-
-
-def position_units(joint_units: tuple[str, ...] | None) -> str:
-    """Unit of a dataset of joint positions."""
-    return "rad" if joint_units is None else "rad; m"
-
-
 def to_datasets(
-    value: DataclassInstance, table: Mapping[str, Column], prefix: str = "", without: Collection[str] = ()
+    value: DataclassInstance, prefix: str = "", without: Collection[str] = ()
 ) -> tuple[dict[str, Dataset], dict[str, Attribute]]:
     """Takes a dataclass apart.
 
     Args:
-        value: The dataclass; its fields are arrays, flat tuples, scalars, None, dataclasses of these, or tuples of
-            dataclasses of scalars.
-        table: Units and axes of each field that is an array or a tuple; `field/inner` in a nested dataclass. Of a tuple
-            of dataclasses one entry serves all fields.
-        prefix: What it lies below, such as `grade/`; the table's names begin with it.
+        value: The dataclass; its fields are arrays and flat tuples, which declare a `Quantity`, scalars, None,
+            dataclasses of these, or tuples of dataclasses of scalars, of which one declaration serves all fields.
+        prefix: What it lies below, such as `grade/`.
         without: Fields that lie elsewhere.
 
     Raises:
-        ValueError: If the table lacks a field or names one that is not there.
+        ValueError: If an array or a tuple declares nothing.
         TypeError: If a field is of another type.
     """
     datasets: dict[str, Dataset] = {}
     attributes: dict[str, Attribute] = {}
-    absent: set[str] = set()
-    for name, content in _flat(value, prefix, without):
-        if isinstance(content, _Rows):
-            datasets |= {f"{name}/{key}": _dataset(key, part, table[name]) for key, part in content.columns.items()}
+    kind = type(value)
+    hints, declared = get_type_hints(kind), quantities(kind)
+    for field in dataclasses.fields(value):
+        name, content = prefix + field.name, getattr(value, field.name)
+        if field.name in without or content is None:
+            continue
+        row, said = _row_type(hints[field.name]), declared.get(field.name)
+        if dataclasses.is_dataclass(content) and not isinstance(content, type):
+            inner = to_datasets(content, f"{name}/")
+            datasets, attributes = datasets | inner[0], attributes | inner[1]
         elif isinstance(content, np.ndarray | tuple):
-            if name not in table:
-                raise ValueError(f"The table lacks units and axes of `{type(value).__name__}.{name}`.")
-            datasets[name] = _dataset(name, content, table[name])
+            if said is None:
+                raise ValueError(f"`{kind.__name__}.{field.name}` declares no unit and axes.")
+            unit = said.unit.format_map(value.own_units) if "{" in said.unit else said.unit  # type: ignore[attr-defined]
+            columns = {name: content} if row is None else _columns(row, name, content)
+            datasets |= {key: _dataset(key, values, said, unit) for key, values in columns.items()}
         elif isinstance(content, bool | int | float | str | np.generic):
             attributes[name] = content.item() if isinstance(content, np.generic) else content
-        elif content is None:
-            absent.add(name)
         else:
-            raise TypeError(f"`{type(value).__name__}.{name}` is a {type(content).__name__}, which has no place here.")
-    written = {*datasets, *(name.rpartition("/")[0] for name in datasets)}
-    unknown = [name for name in table if name not in written and absent.isdisjoint(_paths(name))]
-    if unknown:
-        raise ValueError(f"The table names {unknown}, which are no arrays of {type(value).__name__}.")
+            raise TypeError(f"`{kind.__name__}.{field.name}` is a {type(content).__name__}, which has no place here.")
     return datasets, attributes
 
 
@@ -103,39 +88,16 @@ def from_datasets(
     return instance
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """A tuple of dataclasses, one column for each of their fields."""
-
-    columns: dict[str, tuple[Any, ...]]
-
-
 def _row_type(hint: object) -> type[DataclassInstance] | None:
     """The dataclass of which a field holds a tuple, if it does."""
     inner = get_args(hint)[0] if get_origin(hint) is tuple and get_args(hint) else None
     return inner if isinstance(inner, type) and dataclasses.is_dataclass(inner) else None
 
 
-def _paths(name: str) -> list[str]:
-    """A name and everything that it lies in: `a/b/c`, `a/b`, `a`."""
-    parts = name.split("/")
-    return ["/".join(parts[:count]) for count in range(1, len(parts) + 1)]
-
-
-def _flat(value: DataclassInstance, prefix: str, without: Collection[str] = ()) -> Iterator[tuple[str, object]]:
-    hints = get_type_hints(type(value))
-    for field in dataclasses.fields(value):
-        if field.name in without:
-            continue
-        content = getattr(value, field.name)
-        row = _row_type(hints[field.name])
-        if row is not None:
-            names = [inner.name for inner in dataclasses.fields(row)]
-            yield prefix + field.name, _Rows({name: tuple(getattr(one, name) for one in content) for name in names})
-        elif dataclasses.is_dataclass(content) and not isinstance(content, type):
-            yield from _flat(content, f"{prefix}{field.name}/")
-        else:
-            yield prefix + field.name, content
+def _columns(row: type[DataclassInstance], name: str, rows: Iterable[object]) -> dict[str, tuple[Any, ...]]:
+    """A tuple of dataclasses as one column for each of their fields."""
+    names = [field.name for field in dataclasses.fields(row)]
+    return {f"{name}/{key}": tuple(getattr(one, key) for one in rows) for key in names}
 
 
 def _build(
@@ -183,11 +145,11 @@ def _find(hint: Any, artifact: Artifact, path: str, missing: list[str]) -> objec
     return _build(hint, artifact, f"{path}/", missing) if inside else None
 
 
-def _dataset(name: str, content: np.ndarray[Any, Any] | tuple[Any, ...], column: Column) -> Dataset:
+def _dataset(name: str, content: np.ndarray[Any, Any] | tuple[Any, ...], said: Quantity, unit: str) -> Dataset:
     values = np.asarray(content, dtype=str if isinstance(content, tuple) and not content else None)
     if isinstance(content, tuple) and (values.ndim != 1 or values.dtype.kind not in "biufU"):
         raise TypeError(f"`{name}` must be a flat tuple of strings or numbers.")
-    return Dataset(values, column.units, column.axes, column.description, column.compact)
+    return Dataset(values, unit, tuple(said.axes.split()), said.meaning, said.compact)
 
 
 def _without_none(hint: object) -> tuple[object, bool]:

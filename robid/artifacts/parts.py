@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robid.artifacts.artifact import Artifact, Dataset, Kind, Label, Provenance, content_hash, encode
-from robid.artifacts.atomic import replacing
+from robid.artifacts.atomic import PARTS, remove_parts, replacing
 from robid.artifacts.layout import copy_row, create_dataset, create_file, write_dataset
-from robid.artifacts.leftovers import PARTS, remove_parts
 from robid.artifacts.store import (
     Header,
     Outline,
@@ -40,7 +39,7 @@ class Parts:
         artifact: The artifact that the parts will be merged into.
         kind: Kind of the parts.
         key: Hash of everything that decides a part's content: settings and input hashes, see
-            `robid.artifacts.provenance.canonical_hash`. Parts with another key are discarded.
+            `robid.artifacts.artifact.canonical_hash`. Parts with another key are discarded.
     """
 
     def __init__(self, artifact: Path, kind: Kind, key: str) -> None:

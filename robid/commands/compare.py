@@ -11,7 +11,7 @@ from rich.console import Group
 from rich.table import Table
 
 from robid.artifacts.artifact import Provenance
-from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.commands.inputs import choose_node, require_inputs
 from robid.commands.output import print_json

@@ -11,8 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.grade import grade_from_artifact
-from robid.artifacts.model import estimate_from_artifact
+from robid.artifacts.results import estimate_from_artifact, grade_from_artifact
 from robid.commands.inputs import choose_node, require_inputs
 from robid.commands.output import print_json
 from robid.commands.shared import make_shell

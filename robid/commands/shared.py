@@ -13,7 +13,7 @@ from robid.models.known import load_experiment
 from robid.pipeline.graph import Result, Run, run_folder
 from robid.pipeline.terminal import Shell, make_console
 from robid.report.numbers import duration
-from robid.settings.checks.other_units import other_units
+from robid.settings.checks.configurations import other_units
 from robid.settings.experiment import Execution
 from robid.settings.load import LoadedExperiment
 

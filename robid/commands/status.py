@@ -10,7 +10,7 @@ from robid.errors import SettingsError
 from robid.pipeline.graph import Run, asked_for, examine, grade_of
 from robid.pipeline.terminal import Shell, make_console, status_table
 from robid.settings.base import DATA_VARIABLE, data_path
-from robid.settings.checks.other_units import other_units
+from robid.settings.checks.configurations import other_units
 from robid.settings.robot import MODEL_NOT_THERE, SET_DATA_FOLDER
 
 

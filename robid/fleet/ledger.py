@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import robid
+from robid.artifacts.artifact import canonical_hash
 from robid.artifacts.atomic import plain, read_json, write_json
-from robid.artifacts.provenance import canonical_hash
 from robid.errors import ArtifactError
 from robid.pipeline.chain import CHAIN
 from robid.pipeline.freshness import file_sha256

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from robid.artifacts.model import MODEL, estimate_from_artifact
+from robid.artifacts.results import MODEL, VALIDATION, estimate_from_artifact
 from robid.artifacts.store import read_artifact, read_header
-from robid.artifacts.validation import VALIDATION
 from robid.models.family import family_of
 from robid.results.estimate import Estimate
 from robid.robot.parameters import owner_of

@@ -13,7 +13,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from robid.artifacts.provenance import utc_now
+from robid.artifacts.artifact import utc_now
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.fleet.folders import aside, begin, check_own, keep_files, new_attempt, put_in_place, remove, writing
 from robid.fleet.ledger import FileKey, Ledger, RowError, file_key, write_ledger

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from robid.artifacts.provenance import canonical_hash
+from robid.artifacts.artifact import canonical_hash
 from robid.errors import SettingsError
 from robid.fleet.manifest import ID, Manifest, read_manifest, wrong_rows
 from robid.fleet.robots import COLUMNS, Robots, robots_of, wrong_times

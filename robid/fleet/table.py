@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import robid
+from robid.artifacts.artifact import canonical_hash
 from robid.artifacts.atomic import replacing
-from robid.artifacts.provenance import canonical_hash
 from robid.errors import ArtifactError, require_module
 from robid.fleet.manifest import GROUP, ID, ROBOT
 from robid.results.grade import WORDS

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
 
 import numpy as np
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from robid.signals.quantities import Channel, Rate, channel_names, response_unit, units_text
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity, part_of
+from robid.signals.quantities import Channel, Rate, channel_names, joint_unit, response_unit, units_text
 
 Level = Literal["odd", "even", "noise"]
 LEVELS: tuple[Level, ...] = ("odd", "even", "noise")
@@ -17,32 +17,9 @@ LEVELS: tuple[Level, ...] = ("odd", "even", "noise")
 _NEIGHBOURS = 4
 """Silent lines whose mean power stands for an excited line."""
 
-CONFIGURATION_WISE = (
-    "configurations",
-    "response",
-    "input_factor",
-    "element_scale",
-    "realization_error",
-    "total_covariance",
-    "noise_covariance",
-    "sensitivity",
-    "removed_torque_rms",
-    "coherence",
-    "silent_level",
-    "silent_noise",
-    "silent_interpolation",
-    "uncompensated_response",
-    "input_amplitude",
-    "mean_input",
-    "mean_output",
-    "motion_rms",
-    "line_correlation",
-    "freedom_share",
-    "dropped",
-    "saturated_inputs",
-    "saturated_outputs",
-)
-"""Fields of an `Frf` whose first axis is the configuration."""
+_RESPONSE = "configuration frequency output input"
+_COVARIANCE = "configuration frequency output output"
+_SILENT = "configuration silent output"
 
 
 @dataclass(frozen=True)
@@ -55,19 +32,10 @@ class Frf:
     the inputs through a block, as friction does, gathers in some elements, which the product alone cannot hold.
 
     Attributes:
-        frequency_hz (n_freq,): Excited frequencies [Hz].
-        lines (n_freq,): Their DFT lines.
-        configurations (n_conf, n_joint): Arm-side joint angles [rad].
-        response (n_conf, n_freq, n_out, n_in): Frequency response [unit of the output over that of the input].
-        input_factor (n_conf, n_freq, n_in, n_in): See above [inverse square of the inputs' unit].
-        element_scale (n_conf, n_out, n_in): Total variance of each element over that of the product, mean over
-            the lines; 1 where there is only one realization.
-        total_covariance (n_conf, n_freq, n_out, n_out): `C_v` from realizations, or None when there is
-            only one [square of the outputs' unit].
-        noise_covariance (n_conf, n_freq, n_out, n_out): `C_v` from periods, or None when there is only
-            one [square of the outputs' unit].
-        realization_error (n_conf, n_real, n_freq, n_out, n_in): What each realization's output residual adds to
-            the response; they sum to nearly zero. None with one realization, or where an estimator has none of its own.
+        element_scale: Total variance of each element over that of the product, mean over the lines; 1 where there is
+            only one realization.
+        realization_error: What each realization's output residual adds to the response; they sum to nearly zero. None
+            with one realization, or where an estimator has none of its own.
         total_degrees_of_freedom: Complex degrees of freedom behind `total_covariance` (0 if None).
         noise_degrees_of_freedom: The same for `noise_covariance`.
         sensitivity (n_conf, n_coef, n_freq, n_out, n_in): Derivative of `response` with respect to the
@@ -82,79 +50,127 @@ class Frf:
         law_values (n_law,): The values, in the units of `robid.robot.friction.VALUES`.
         law_std (n_law,): Their standard deviations.
         sampling_period_s: Sampling period of the experiment [s].
-        input_channels: What each input is: name, quantity, unit and side.
         output_channels: What each output is; motions have become accelerations where that was asked for.
         measured_channels: What each output was measured as; the same as `output_channels` where empty.
         input_hold: `zoh` or `band_limited`, see `robid.signals.record.Record`.
         notes: What the estimator wants the reader to know.
-        coherence (n_conf, n_freq, n_out): Share of each output's power that the response explains.
-        silent_lines (n_silent,): Lines of the band that were not excited.
-        silent_level (n_conf, n_silent, n_out): RMS amplitude of `Y - G U` there, see `robid.frf.distortion`
-            [unit of the output].
-        silent_noise (n_conf, n_silent, n_out): The part of it that is noise, or None with a single period.
-        silent_interpolation (n_conf, n_silent, n_out): What the error of interpolating G between the lines may add;
-            a level that does not exceed it says nothing.
-        input_amplitude (n_conf, n_freq, n_in, n_block): Half the complex amplitude of every input in every
-            experiment of all realizations, compensation subtracted; its power is twice its square. NaN for an
-            experiment that there is not; None where it was not kept [unit of the input].
-        mean_input (n_conf, n_in): Mean input as recorded, without compensation [unit of the input]. This and the next
-            two are over all samples, and None where they are unknown.
-        mean_output (n_conf, n_out): Mean output as it was measured, in that unit.
-        motion_rms (n_conf, n_out): RMS of the output as it was measured about its mean, in that unit.
+        silent_level: RMS amplitude of `Y - G U` there, see `robid.frf.distortion`.
+        silent_interpolation: What the error of interpolating G between the lines may add; a level that does not exceed
+            it says nothing.
+        input_amplitude: Half the complex amplitude of every input in every experiment of all realizations, compensation
+            subtracted; its power is twice its square. NaN for an experiment that there is not; None where it was not
+            kept.
+        mean_input: Mean input as recorded, without compensation. This and the next two are over all samples, and None
+            where they are unknown.
         compensation: Which laws were subtracted: `none`, `nominal`, `silent_lines` or `fit`; "" where it is unknown.
-        line_correlation (n_conf, n_freq, n_next): Correlation of each line's error with those of the next lines, of
-            estimators whose windows overlap; None where lines are independent.
-        freedom_share (n_conf,): Share of the degrees of freedom behind `covariance` left where experiments repeat each
-            other's residual or pooled lines are unequal or share what leaks; None where it is unknown.
-        dropped (n_conf, n_freq, n_in): Lines that tell too little of an input: the response from it is interpolated
-            there, and its variance infinite. None where it is unknown.
-        saturated_inputs (n_conf, n_in): Share of the time in which each input saturates, see `robid.frf.saturation`.
-            None where it is unknown.
-        saturated_outputs (n_conf, n_out): The same of each output.
+        line_correlation: Correlation of each line's error with those of the next lines, of estimators whose windows
+            overlap; None where lines are independent.
+        freedom_share: Share of the degrees of freedom behind `covariance` left where experiments repeat each other's
+            residual or pooled lines are unequal or share what leaks; None where it is unknown.
+        dropped: Lines that tell too little of an input: the response from it is interpolated there, and its variance
+            infinite. None where it is unknown.
+        saturated_inputs: Share of the time in which each input saturates, see `robid.frf.saturation`. None where it is
+            unknown.
     """
 
-    frequency_hz: FloatArray
-    lines: IntArray
-    configurations: FloatArray
-    response: ComplexArray
-    input_factor: ComplexArray
-    element_scale: FloatArray
-    total_covariance: ComplexArray | None
-    noise_covariance: ComplexArray | None
+    frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency", "Excited frequencies")]
+    lines: Annotated[IntArray, Quantity("1", "frequency", "Their DFT lines")]
+    configurations: Annotated[FloatArray, Quantity("{joint}", "configuration joint", "Arm-side joints")]
+    response: Annotated[ComplexArray, Quantity("{response}", _RESPONSE, "From inputs to outputs, by their channels")]
+    input_factor: Annotated[
+        ComplexArray,
+        Quantity("1/{per_input}^2", "configuration frequency input input", "Input factor of the covariance"),
+    ]
+    element_scale: Annotated[
+        FloatArray, Quantity("1", "configuration output input", "Element variance over that of the product")
+    ]
+    total_covariance: Annotated[
+        ComplexArray | None, Quantity("({output})^2", _COVARIANCE, "Output factor, from realizations")
+    ]
+    noise_covariance: Annotated[
+        ComplexArray | None, Quantity("({output})^2", _COVARIANCE, "Output factor, from periods")
+    ]
     total_degrees_of_freedom: float
     noise_degrees_of_freedom: float
-    sensitivity: ComplexArray
-    coefficient_names: tuple[str, ...]
-    coefficient_relative_std: FloatArray
-    removed_torque_rms: FloatArray
+    sensitivity: Annotated[
+        ComplexArray,
+        Quantity(
+            "{response}",
+            "configuration coefficient frequency output input",
+            "Derivative with respect to relative errors of compensated torque coefficients",
+        ),
+    ]
+    coefficient_names: Annotated[tuple[str, ...], Quantity("1", "coefficient")]
+    coefficient_relative_std: Annotated[
+        FloatArray, Quantity("1", "coefficient", "Standard deviation of the relative error")
+    ]
+    removed_torque_rms: Annotated[FloatArray, Quantity("{input}", "configuration input", "What compensation removed")]
     sampling_period_s: float
-    input_channels: tuple[Channel, ...]
-    output_channels: tuple[Channel, ...]
-    coefficient_offset: FloatArray | None = None
-    uncompensated_response: ComplexArray | None = None
-    law_names: tuple[str, ...] = ()
-    law_values: FloatArray = field(default_factory=lambda: np.zeros(0))
-    law_std: FloatArray = field(default_factory=lambda: np.zeros(0))
-    measured_channels: tuple[Channel, ...] = ()
+    input_channels: Annotated[tuple[Channel, ...], Quantity("1", "input", "What each input is")]
+    output_channels: Annotated[tuple[Channel, ...], Quantity("1", "output", "What each output is")]
+    coefficient_offset: Annotated[
+        FloatArray | None, Quantity("1", "coefficient", "Distance of the subtracted coefficient from the file's")
+    ] = None
+    uncompensated_response: Annotated[
+        ComplexArray | None, Quantity("{response}", _RESPONSE, "The response without compensation")
+    ] = None
+    law_names: Annotated[tuple[str, ...], Quantity("1", "value", "Values of the subtracted torque laws")] = ()
+    law_values: Annotated[
+        FloatArray, Quantity("N m; rad; rad/s; samples; 1", "value", "By their names: N m, rad, rad/s, samples or 1")
+    ] = field(default_factory=lambda: np.zeros(0))
+    law_std: Annotated[FloatArray, Quantity("N m; rad; rad/s; samples; 1", "value", "Their standard deviations")] = (
+        field(default_factory=lambda: np.zeros(0))
+    )
+    measured_channels: Annotated[tuple[Channel, ...], Quantity("1", "output", "What each output was measured as")] = ()
     input_hold: Literal["zoh", "band_limited"] = "zoh"
-    notes: tuple[str, ...] = field(default=())
-    coherence: FloatArray | None = None
-    silent_lines: IntArray = field(default_factory=lambda: np.zeros(0, int))
-    silent_level: FloatArray | None = None
-    silent_noise: FloatArray | None = None
-    silent_interpolation: FloatArray | None = None
-    realization_error: ComplexArray | None = None
-    input_amplitude: ComplexArray | None = None
-    mean_input: FloatArray | None = None
-    mean_output: FloatArray | None = None
-    motion_rms: FloatArray | None = None
+    notes: Annotated[tuple[str, ...], Quantity("1", "note")] = field(default=())
+    coherence: Annotated[
+        FloatArray | None, Quantity("1", "configuration frequency output", "Share of power that the response explains")
+    ] = None
+    silent_lines: Annotated[IntArray, Quantity("1", "silent", "Lines of the band that were not excited")] = field(
+        default_factory=lambda: np.zeros(0, int)
+    )
+    silent_level: Annotated[
+        FloatArray | None, Quantity("{output}", _SILENT, "RMS amplitude of the output residual there")
+    ] = None
+    silent_noise: Annotated[FloatArray | None, Quantity("{output}", _SILENT, "The part of it that is noise")] = None
+    silent_interpolation: Annotated[
+        FloatArray | None, Quantity("{output}", _SILENT, "What interpolating the response may add")
+    ] = None
+    realization_error: Annotated[
+        ComplexArray | None,
+        Quantity("{response}", "configuration realization frequency output input", "What each realization adds to it"),
+    ] = None
+    input_amplitude: Annotated[
+        ComplexArray | None,
+        Quantity("{input}", "configuration frequency input block", "Half amplitudes in every experiment"),
+    ] = None
+    mean_input: Annotated[FloatArray | None, Quantity("{input}", "configuration input", "Mean inputs as recorded")] = (
+        None
+    )
+    mean_output: Annotated[
+        FloatArray | None, Quantity("{measured}", "configuration output", "Mean outputs as measured")
+    ] = None
+    motion_rms: Annotated[
+        FloatArray | None, Quantity("{measured}", "configuration output", "RMS of the outputs about their means")
+    ] = None
     compensation: str = ""
-    line_correlation: FloatArray | None = None
-    freedom_share: FloatArray | None = None
-    joint_units: tuple[str, ...] | None = None
-    dropped: BoolArray | None = None
-    saturated_inputs: FloatArray | None = None
-    saturated_outputs: FloatArray | None = None
+    line_correlation: Annotated[
+        FloatArray | None, Quantity("1", "configuration frequency next", "Of errors at overlapping windows")
+    ] = None
+    freedom_share: Annotated[
+        FloatArray | None, Quantity("1", "configuration", "Of the degrees of freedom, left by experiments that repeat")
+    ] = None
+    joint_units: Annotated[tuple[str, ...] | None, Quantity("1", "joint", "Units of the joints' positions")] = None
+    dropped: Annotated[
+        BoolArray | None, Quantity("1", "configuration frequency input", "Lines that tell too little of an input")
+    ] = None
+    saturated_inputs: Annotated[FloatArray | None, Quantity("1", "configuration input", "Share of time at a limit")] = (
+        None
+    )
+    saturated_outputs: Annotated[
+        FloatArray | None, Quantity("1", "configuration output", "Share of time at a limit")
+    ] = None
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -172,16 +188,27 @@ class Frf:
         return units_text(self.input_channels)
 
     @property
+    def own_units(self) -> dict[str, str]:
+        """Units that its channels and joints decide."""
+        inputs, outputs = self.input_unit, units_text(self.output_channels)
+        per_input = inputs if inputs.isalnum() else f"({inputs})"
+        return {
+            "joint": joint_unit(self.joint_units),
+            "input": inputs,
+            "output": outputs,
+            "measured": units_text(self.measured_channels or self.output_channels),
+            "per_input": per_input,
+            "response": "; ".join(f"{output}/{per_input}" for output in outputs.split("; ")),
+        }
+
+    @property
     def unit(self) -> str:
         """Unit of the response; that of the first output where they differ."""
         return response_unit(units_text(self.output_channels[:1]), self.input_unit)
 
     def select(self, configurations: Sequence[int]) -> Frf:
         """Returns the response in some of its configurations."""
-        chosen = np.asarray(configurations)
-        held: dict[str, Any] = {name: getattr(self, name) for name in CONFIGURATION_WISE}
-        part: dict[str, Any] = {name: None if value is None else value[chosen] for name, value in held.items()}
-        return replace(self, **part)
+        return part_of(self, "configuration", np.asarray(configurations))
 
     @property
     def output_rates(self) -> tuple[Rate, ...]:

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.arrays import BoolArray, FloatArray, IntArray, places_of
 from robid.errors import DataError
 from robid.frf.dropped import completed
-from robid.frf.frf import CONFIGURATION_WISE, Frf
+from robid.frf.frf import Frf
 from robid.frf.friction import with_friction_moved
 
 _SAME = ("input_channels", "output_channels", "input_hold", "sampling_period_s", "coefficient_names")
@@ -58,7 +58,7 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
         aligned = _on_all_lines(aligned, names)
     aligned = _equally_correlated(aligned)
     whole: dict[str, Any] = {}
-    for key in CONFIGURATION_WISE:
+    for key in places_of(Frf, "configuration"):
         parts = [getattr(frf, key) for frf in aligned]
         if key == "dropped" and any(part is not None for part in parts):
             parts = [_none_dropped(frf) if frf.dropped is None else frf.dropped for frf in aligned]

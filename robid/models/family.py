@@ -128,7 +128,7 @@ class Export:
 
 def verdict_of(validation: Artifact) -> str:
     """Says what a validation found, from its artifact."""
-    from robid.artifacts.validation import outcome_from_artifact
+    from robid.artifacts.results import outcome_from_artifact
 
     return outcome_from_artifact(validation).verdict
 

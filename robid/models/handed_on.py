@@ -12,7 +12,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.model import estimate_from_artifact
+from robid.artifacts.results import estimate_from_artifact
 from robid.errors import DataError
 from robid.results.estimate import Estimate
 from robid.robot.description import Inertial, Robot

@@ -12,10 +12,16 @@ from robid.models.family import Family
 from robid.models.lpv.family import LPV
 from robid.models.rigid.family import RIGID
 from robid.settings.checks.experiment import Studies
-from robid.settings.load import LoadedExperiment, RobotReader, load_experiment_of, load_row_of, read_robot
+from robid.settings.load import (
+    LoadedExperiment,
+    RobotReader,
+    experiment_schema_of,
+    load_experiment_of,
+    load_row_of,
+    read_robot,
+)
 from robid.settings.placeholders import Row
 from robid.settings.problems import SettingsProblem
-from robid.settings.schema import experiment_schema_of
 from robid.settings.yaml import Document
 
 FAMILIES: Mapping[str, Family] = {family.name: family for family in (ELASTIC, RIGID, EXTERNAL, LPV)}

@@ -19,9 +19,9 @@ from robid.logs.importing import import_arbitrary, import_log, import_shot, join
 from robid.logs.mapping import LogMapping
 from robid.logs.placing import PlayedExcitation
 from robid.pipeline.plans import experiment_count
-from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.settings.robot import RobotFile
+from robid.settings.sources import Acquire
 from robid.signals.log_options import LogOptions
 from robid.signals.record import Record
 

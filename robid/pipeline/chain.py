@@ -6,12 +6,8 @@ from robid.later import later
 from robid.pipeline.stage import Stage, measured_campaigns, periodic_campaigns, responding_campaigns
 
 with later(__name__):
-    from robid.artifacts.design import DESIGN
-    from robid.artifacts.excitation import EXCITATION
-    from robid.artifacts.frf import FRF
-    from robid.artifacts.model import MODEL
-    from robid.artifacts.record import RECORD
-    from robid.artifacts.validation import VALIDATION
+    from robid.artifacts.kinds import DESIGN, EXCITATION, FRF, RECORD
+    from robid.artifacts.results import MODEL, VALIDATION
     from robid.pipeline.design_configs import phrase as phrase_design_configs
     from robid.pipeline.design_configs import run as run_design_configs
     from robid.pipeline.design_configs import show as show_design_configs

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
-from robid.artifacts.design import DESIGN, design_from_artifact
+from robid.artifacts.kinds import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.excitation.signal_lines import signal_lines
 from robid.errors import SettingsError

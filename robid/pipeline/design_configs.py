@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rich.console import Group
 
-from robid.artifacts.design import DESIGN, design_from_artifact, design_to_artifact
+from robid.artifacts.kinds import DESIGN, design_from_artifact, design_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.design.configurations.cost import visit_cost_s
 from robid.design.configurations.information import ConfigurationDesign, design_configurations

@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Group
 
 from robid.arrays import FloatArray
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact, excitation_to_artifact
+from robid.artifacts.kinds import EXCITATION, excitation_from_artifact, excitation_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.design.excitation.arbitrary import ArbitraryOptions
 from robid.design.excitation.excitation import CampaignExcitation, Excitation
@@ -32,7 +32,7 @@ from robid.robot.regressor.drives import FrictionForm, RigidOptions
 from robid.robot.regressor.model import build_rigid_model
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.settings.pose import commanded_channels, input_count, require_pose_interface, tool_arm
+from robid.settings.robot_derived import commanded_channels, input_count, require_pose_interface, tool_arm
 from robid.settings.robot_parts import require_controller
 
 _LEFT_OUT = {"none": ("viscous", "coulomb"), "viscous": ("coulomb",)}

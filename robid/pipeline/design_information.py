@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.kinds import FRF, frf_from_artifact
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact, read_outline
 from robid.design.configurations.candidates import candidate_information
 from robid.design.configurations.fitted import FittedInformation

@@ -10,10 +10,9 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Provenance
-from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.kinds import FRF, RECORD, frf_from_artifact, frf_to_artifact, record_from_artifact
 from robid.artifacts.parts import Parts
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact, read_outline
 from robid.errors import DataError, SettingsError
 from robid.frf.checks import is_finding
@@ -30,10 +29,10 @@ from robid.pipeline.stage import Job, counted
 from robid.results.plausible.doubts import evidence_doubts
 from robid.results.plausible.evidence import Evidence, gather_evidence, join_evidence
 from robid.robot.friction import TorqueLaw
-from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
+from robid.settings.sources import Acquire
 
 _STAGE = "estimate-frf"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from robid.artifacts.atomic import replacing
-from robid.artifacts.model import MODEL
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact
 from robid.errors import ArtifactError, SettingsError
 from robid.models.family import Export, ExportTask, family_of

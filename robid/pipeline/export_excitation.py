@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import robid
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
+from robid.artifacts.kinds import EXCITATION, excitation_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.excitation.excitation import UNITS, CampaignExcitation, Excitation
 from robid.errors import ArtifactError, SettingsError

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.errors import SettingsError, require_module
 from robid.pipeline.frf_formats import Response, response_json, response_mat, response_tables, response_uff

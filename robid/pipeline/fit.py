@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import FRF, RECORD, frf_from_artifact, record_from_artifact
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.errors import SettingsError
 from robid.frf.frf import Frf

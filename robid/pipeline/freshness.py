@@ -10,8 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from robid.artifacts.artifact import Provenance
-from robid.artifacts.provenance import canonical_hash
+from robid.artifacts.artifact import Provenance, canonical_hash
 from robid.artifacts.store import read_header
 from robid.errors import ArtifactError
 from robid.pipeline.stage import Plan, Stage

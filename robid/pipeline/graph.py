@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from robid.artifacts.leftovers import remove_leftovers
+from robid.artifacts.atomic import remove_leftovers
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.pipeline.chain import STAGES
 from robid.pipeline.freshness import State, input_hashes, state_of_output

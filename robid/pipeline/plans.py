@@ -13,11 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from robid.artifacts.grade import read_grade
-from robid.artifacts.model import MODEL
+from robid.artifacts.results import MODEL, VALIDATION, read_grade
 from robid.artifacts.store import inspect_artifact
 from robid.artifacts.truth import check_vouched
-from robid.artifacts.validation import VALIDATION
 from robid.design.configurations.options import InformationOptions
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.settings import elastic_fit
@@ -25,23 +23,23 @@ from robid.models.family import family_of
 from robid.pipeline.stage import Plan, Stage, measured_campaigns
 from robid.report.numbers import percent
 from robid.results.grade import Grade
-from robid.settings.acquire import Acquire
 from robid.settings.checks.configurations import configuration_count
 from robid.settings.checks.experiment import sampling_period_s
 from robid.settings.experiment import Campaign, Design, Experiment, heaviest
 from robid.settings.fits import FitSettings, Read
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
-from robid.settings.pose import input_count
 from robid.settings.robot import assumed_names
+from robid.settings.robot_derived import input_count
 from robid.settings.robot_parts import (
     Part,
     delay_s,
     line_settings,
     log_sampling_settings,
+    plain_settings,
     require_controller,
     robot_settings,
 )
+from robid.settings.sources import Acquire
 from robid.simulate.options import STEP_LIMITS
 
 _WIDE_GAP = 0.01

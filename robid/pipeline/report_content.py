@@ -11,13 +11,17 @@ from typing import Literal
 import numpy as np
 
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.design import DESIGN, design_from_artifact
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.kinds import (
+    DESIGN,
+    EXCITATION,
+    FRF,
+    design_from_artifact,
+    excitation_from_artifact,
+    frf_from_artifact,
+)
+from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import inspect_artifact, read_artifact, read_header
 from robid.artifacts.truth import read_truth
-from robid.artifacts.validation import VALIDATION
 from robid.design.configurations.information import ConfigurationDesign
 from robid.design.excitation.excitation import UNITS, CampaignExcitation, ExcitationPlan
 from robid.frf.frf import Frf

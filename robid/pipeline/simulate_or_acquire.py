@@ -9,11 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.artifact import Provenance
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
+from robid.artifacts.artifact import Provenance, canonical_hash
+from robid.artifacts.kinds import EXCITATION, RECORD, excitation_from_artifact, record_from_artifact, record_to_artifact
 from robid.artifacts.parts import Parts
-from robid.artifacts.provenance import canonical_hash
-from robid.artifacts.record import RECORD, record_from_artifact, record_to_artifact
 from robid.artifacts.store import inspect_artifact, read_artifact, write_artifact
 from robid.artifacts.truth import truth_sha256, write_truth
 from robid.design.excitation.excitation import CampaignExcitation
@@ -21,14 +19,13 @@ from robid.logs.mapping import is_still_note
 from robid.logs.period import is_found_note
 from robid.pipeline.acquire import acquire_configuration, acquire_shots, is_radians_note, radians_note, with_lines
 from robid.pipeline.stage import Job, counted
-from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign
 from robid.settings.fits import part
 from robid.settings.load import LoadedExperiment
-from robid.settings.pose import require_pose_interface, tool_arm
 from robid.settings.robot import RobotFile
+from robid.settings.robot_derived import require_pose_interface, tool_arm
 from robid.settings.robot_parts import delay_s, require_controller
-from robid.settings.truth import true_robot_of
+from robid.settings.sources import Acquire, true_robot_of
 from robid.signals.quantities import channel_names
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions, Truth

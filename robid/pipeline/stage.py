@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from robid.artifacts.artifact import Kind, Provenance
-from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
+from robid.artifacts.artifact import Kind, Provenance, canonical_hash, git_commit, package_versions, utc_now
 from robid.errors import ArtifactError
 from robid.later import imported
 

@@ -10,12 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import FRF, RECORD, frf_from_artifact, record_from_artifact
+from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import read_artifact, read_outline, write_artifact
 from robid.artifacts.truth import read_truth
-from robid.artifacts.validation import VALIDATION
 from robid.errors import DataError
 from robid.models.family import Data, family_of
 from robid.pipeline.fit import read_taken

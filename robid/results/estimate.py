@@ -3,33 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from scipy.stats import norm
 
-from robid.arrays import BoolArray, FloatArray
+from robid.arrays import BoolArray, FloatArray, Quantity
 from robid.robot.parameters import DOUBT
 
 
 @dataclass(frozen=True)
 class Tied:
-    """Parameters that follow another one.
+    """Parameters that follow another one."""
 
-    Attributes:
-        names: Their names.
-        to: Name of the parameter that each follows.
-        nominal (n_tied,): Their values in the robot file.
-        value (n_tied,): Their estimated values.
-        lower (n_tied,): Lower ends of their intervals.
-        upper (n_tied,): Upper ends.
-    """
-
-    names: tuple[str, ...] = ()
-    to: tuple[str, ...] = ()
-    nominal: FloatArray = field(default_factory=lambda: np.zeros(0))
-    value: FloatArray = field(default_factory=lambda: np.zeros(0))
-    lower: FloatArray = field(default_factory=lambda: np.zeros(0))
-    upper: FloatArray = field(default_factory=lambda: np.zeros(0))
+    names: Annotated[tuple[str, ...], Quantity("1", "tied", "Parameters that follow another one")] = ()
+    to: Annotated[tuple[str, ...], Quantity("1", "tied", "Name of that one")] = ()
+    nominal: Annotated[FloatArray, Quantity("as of to", "tied", "Values of the robot file")] = field(
+        default_factory=lambda: np.zeros(0)
+    )
+    value: Annotated[FloatArray, Quantity("as of to", "tied", "Estimated values")] = field(
+        default_factory=lambda: np.zeros(0)
+    )
+    lower: Annotated[FloatArray, Quantity("as of to", "tied", "Lower ends of their intervals")] = field(
+        default_factory=lambda: np.zeros(0)
+    )
+    upper: Annotated[FloatArray, Quantity("as of to", "tied", "Upper ends of their intervals")] = field(
+        default_factory=lambda: np.zeros(0)
+    )
 
 
 @dataclass(frozen=True)
@@ -40,60 +40,57 @@ class Estimate:
     relative error is related to nothing.
 
     Attributes:
-        names: Name of each parameter.
-        kinds: Kind of each parameter.
-        units: Unit of each parameter.
-        nominal (n_param,): What the robot file says.
-        value (n_param,): Estimated value.
-        lower (n_param,): Lower end of the interval of the parameter itself; it need not lie around the value.
-        upper (n_param,): Upper end of the interval.
-        covariance (n_param, n_param): Covariance of the values, linearised, without any quantile.
-        degrees_of_freedom (n_param,): Of Student's distribution, whose quantile of `covariance` an interval is;
-            infinite for the normal one.
+        lower: Lower end of the interval of the parameter itself; it need not lie around the value.
+        covariance: Covariance of the values, linearised, without any quantile.
+        degrees_of_freedom: Of Student's distribution, whose quantile of `covariance` an interval is; infinite for the
+            normal one.
         confidence: Level of the intervals.
         interval_rule: What set the width of the intervals, in words.
-        relative_std (n_param,): Standard deviation over the value.
-        predicted_relative_std (n_param,): The same, predicted at the nominal values before the fit.
-        prior_relative_std (n_param,): What was known beforehand, relative as the prediction; infinite for nothing.
-        relative_half_width (n_param,): Half width of the interval over the value.
-        identifiable (n_param,): Whether the data determine it, decided before the fit.
+        prior_relative_std: What was known beforehand, relative as the prediction; infinite for nothing.
+        identifiable: Whether the data determine it, decided before the fit.
         identifiable_relative_std: Predicted deviation up to which a parameter counts as identifiable.
-        undetermined: Combinations of parameters that the data do not determine, a sentence each.
         status: How the fit ended: `converged`, `iteration_limit` or `stalled`.
         advice: What to try next; empty when all is well.
         tied: Parameters that follow one of these.
-        physical_value (n_param,): Middle of the interval, where it is not the estimated value; None where it is.
-        effective_value (n_param,): What infinitely many places of this robot would give by this model, the value that
-            predicts best; None where a family tells it from no other.
-        effective_lower (n_param,): Lower end of its interval.
-        effective_upper (n_param,): Upper end.
+        effective_value: What infinitely many places of this robot would give by this model, the value that predicts
+            best; None where a family tells it from no other.
     """
 
-    names: tuple[str, ...]
-    kinds: tuple[str, ...]
-    units: tuple[str, ...]
-    nominal: FloatArray
-    value: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-    covariance: FloatArray
-    degrees_of_freedom: FloatArray
+    names: Annotated[tuple[str, ...], Quantity("1", "parameter")]
+    kinds: Annotated[tuple[str, ...], Quantity("1", "parameter")]
+    units: Annotated[tuple[str, ...], Quantity("1", "parameter", "Unit of each parameter")]
+    nominal: Annotated[FloatArray, Quantity("as in units", "parameter", "Value of the robot file")]
+    value: Annotated[FloatArray, Quantity("as in units", "parameter", "Estimated value")]
+    lower: Annotated[FloatArray, Quantity("as in units", "parameter", "Lower end of the interval")]
+    upper: Annotated[FloatArray, Quantity("as in units", "parameter", "Upper end of the interval")]
+    covariance: Annotated[FloatArray, Quantity("products of units", "parameter parameter", "Covariance of the values")]
+    degrees_of_freedom: Annotated[
+        FloatArray, Quantity("1", "parameter", "Of Student's distribution that the intervals follow")
+    ]
     confidence: float
     interval_rule: str
-    relative_std: FloatArray
-    predicted_relative_std: FloatArray
-    prior_relative_std: FloatArray
-    relative_half_width: FloatArray
-    identifiable: BoolArray
+    relative_std: Annotated[FloatArray, Quantity("1", "parameter", "Relative standard deviation")]
+    predicted_relative_std: Annotated[FloatArray, Quantity("1", "parameter", "The same, predicted before the fit")]
+    prior_relative_std: Annotated[
+        FloatArray, Quantity("1", "parameter", "What was known beforehand, as predicted_relative_std")
+    ]
+    relative_half_width: Annotated[FloatArray, Quantity("1", "parameter", "Half width of the interval over the value")]
+    identifiable: Annotated[BoolArray, Quantity("1", "parameter", "Whether the prediction was small enough")]
     identifiable_relative_std: float
-    undetermined: tuple[str, ...]
+    undetermined: Annotated[tuple[str, ...], Quantity("1", "combination", "What the data do not determine")]
     status: str
     advice: str
     tied: Tied = field(default_factory=Tied)
-    physical_value: FloatArray | None = None
-    effective_value: FloatArray | None = None
-    effective_lower: FloatArray | None = None
-    effective_upper: FloatArray | None = None
+    physical_value: Annotated[FloatArray | None, Quantity("as in units", "parameter", "Middle of the interval")] = None
+    effective_value: Annotated[
+        FloatArray | None, Quantity("as in units", "parameter", "What infinitely many places would give by this model")
+    ] = None
+    effective_lower: Annotated[FloatArray | None, Quantity("as in units", "parameter", "Lower end of its interval")] = (
+        None
+    )
+    effective_upper: Annotated[FloatArray | None, Quantity("as in units", "parameter", "Upper end of its interval")] = (
+        None
+    )
 
     @property
     def identified(self) -> BoolArray:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray
+from robid.arrays import BoolArray, FloatArray, Quantity
 from robid.results.doubt import CAUSES, Doubt
 from robid.results.scale import Scale
 
@@ -27,19 +28,18 @@ class Grade:
         value: 2 to trust, 1 predicts but single parameters may be off, 0 not to be used.
         reasons: What keeps it from a better grade, clauses without a full stop, the worst first.
         causes: Likely cause of each doubt, of `robid.results.doubt.CAUSES`, the first to blame first.
-        messages: What was seen.
-        decisive (n_doubt,): Whether nothing that follows from the data may be used while a doubt stands.
-        strength (n_doubt,): How far each is beyond what is normal.
         sentence: The grade, why it is no better, and the likeliest cause.
         scales: Which wrong scales explain each doubt; empty where none do so for any.
     """
 
     value: int
-    reasons: tuple[str, ...]
-    causes: tuple[str, ...]
-    messages: tuple[str, ...]
-    decisive: BoolArray
-    strength: FloatArray
+    reasons: Annotated[tuple[str, ...], Quantity("1", "reason", "What keeps it from a better grade")]
+    causes: Annotated[tuple[str, ...], Quantity("1", "doubt", "Likely causes, the first to blame first")]
+    messages: Annotated[tuple[str, ...], Quantity("1", "doubt", "What was seen of each")]
+    decisive: Annotated[
+        BoolArray, Quantity("1", "doubt", "Whether nothing that follows from the data may be used while it stands")
+    ]
+    strength: Annotated[FloatArray, Quantity("1", "doubt", "How far each is beyond what is normal")]
     sentence: str
     scales: tuple[tuple[Scale, ...], ...] = ()
 

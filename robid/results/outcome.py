@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray
+from robid.arrays import BoolArray, FloatArray, Quantity
 from robid.results.estimate import Estimate
 from robid.results.grade import Grade
 
@@ -19,21 +20,18 @@ class Recovery:
     """Fitted against true values.
 
     Attributes:
-        names: Parameters whose truth is known.
-        kinds: Their kinds.
-        truth (n_known,): True values.
-        relative_error (n_known,): Error over the true value; the error itself for relative errors of
-            friction and where the truth is zero.
-        covered (n_known,): Whether the interval holds the truth.
-        identifiable (n_known,): As decided before the fit.
+        relative_error: Error over the true value; the error itself for relative errors of friction and where the truth
+            is zero.
     """
 
-    names: tuple[str, ...]
-    kinds: tuple[str, ...]
-    truth: FloatArray
-    relative_error: FloatArray
-    covered: BoolArray
-    identifiable: BoolArray
+    names: Annotated[tuple[str, ...], Quantity("1", "known", "Parameters with a known truth")]
+    kinds: Annotated[tuple[str, ...], Quantity("1", "known")]
+    truth: Annotated[FloatArray, Quantity("as in the model", "known", "True values")]
+    relative_error: Annotated[
+        FloatArray, Quantity("1", "known", "Error over the true value; the error itself for friction")
+    ]
+    covered: Annotated[BoolArray, Quantity("1", "known", "Whether the interval holds the truth")]
+    identifiable: Annotated[BoolArray, Quantity("1", "known", "Whether the parameter counts as identifiable")]
 
     @property
     def coverage(self) -> float | None:

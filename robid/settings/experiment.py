@@ -19,12 +19,10 @@ from robid.design.excitation.options import (
     TrajectoryOptions,
 )
 from robid.frf.options import EstimateOptions
-from robid.settings.acquire import Acquire
 from robid.settings.base import STRICT, Name, Section
-from robid.settings.excitation import ExcitationSettings
 from robid.settings.fits import Families, FitSettings, part
 from robid.settings.robot import RobotFile
-from robid.settings.truth import SimulateSettings
+from robid.settings.sources import Acquire, ExcitationSettings, SimulateSettings
 
 Rows = Annotated[tuple[Annotated[tuple[float, ...], Field(min_length=1)], ...], Field(min_length=1)]
 _ONE_KEY = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})

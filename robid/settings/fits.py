@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Literal, Protocol, TypeAlias, TypeVar
 
 import pydantic.dataclasses
@@ -14,8 +14,8 @@ from robid.settings.base import STRICT, Name
 
 if TYPE_CHECKING:
     from robid.settings.experiment import Experiment
+    from robid.settings.problems import Found
     from robid.settings.robot import RobotFile
-    from robid.settings.yaml import FieldPath
 
 Read: TypeAlias = Literal["record", "frf"]
 HandedOn: TypeAlias = Literal["friction", "standard"]
@@ -97,7 +97,7 @@ class SettingsOfFamily(Protocol):
         """Whether its fits ask for the inside of the robot."""
 
     @property
-    def problems(self) -> Callable[[Experiment, str, RobotFile], Iterator[tuple[FieldPath, str]]]:
+    def problems(self) -> Callable[[Experiment, str, RobotFile], Found]:
         """Finds what is wrong with one of its fits for a robot, by the fit's name: fields below the fit, messages."""
 
 

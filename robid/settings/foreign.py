@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,17 +13,14 @@ from robid.robot.chain import ForeignJoint, carried_by, extract_chain, frame_on_
 from robid.robot.foreign import ForeignModel, read_model
 from robid.robot.ties import led_by
 from robid.settings.base import DATA_VARIABLE, data_path
-from robid.settings.counterbalance import CounterbalanceSection
 from robid.settings.foreign_motion import Motion, motion_faults, motion_notes, motion_of
-from robid.settings.loop_links import LoopLinkSection
-from robid.settings.problems import SettingsProblem, problem_at, suggest
-from robid.settings.robot import RobotFile
-from robid.settings.robot_frames import Frame
+from robid.settings.joint_sections import CounterbalanceSection, Frame
+from robid.settings.problems import Found, SettingsProblem, problem_at, suggest
+from robid.settings.robot import LoopLinkSection, RobotFile
 from robid.settings.robot_sections import JointSection, MotorSection, SpringSection, moved
 from robid.settings.robot_values import body_section
-from robid.settings.yaml import Document, FieldPath
+from robid.settings.yaml import Document
 
-_Found = Iterator[tuple[FieldPath, str]]
 _MOST_RADIANS, _MOST_TURNS = 6.3, 10
 _LEAST_GRAVITY, _MOST_GRAVITY = 9.7, 9.9
 
@@ -96,7 +92,7 @@ def _typed(joint: JointSection, model: ForeignModel) -> JointSection:
     return joint.model_copy(update={"type": "prismatic" if joint.name in model.slides else "revolute"})
 
 
-def _joints(robot: RobotFile, model: ForeignModel, immobile: dict[str, str]) -> _Found:
+def _joints(robot: RobotFile, model: ForeignModel, immobile: dict[str, str]) -> Found:
     for index, joint in enumerate(robot.joints):
         name, field = joint.name, ("joints", index, "name")
         if name in immobile:
@@ -113,7 +109,7 @@ def _joints(robot: RobotFile, model: ForeignModel, immobile: dict[str, str]) -> 
                 yield ("joints", index, key), "is what `model` brings: leave one of them out"
 
 
-def _limits(robot: RobotFile, model: ForeignModel) -> _Found:
+def _limits(robot: RobotFile, model: ForeignModel) -> Found:
     for index, joint in enumerate(robot.joints):
         if joint.name not in model.driven:
             continue
@@ -126,7 +122,7 @@ def _limits(robot: RobotFile, model: ForeignModel) -> _Found:
             yield ("joints", index, key), "is missing: the model does not say it either"
 
 
-def _units(robot: RobotFile, model: ForeignModel) -> _Found:
+def _units(robot: RobotFile, model: ForeignModel) -> Found:
     """Asks where all limits of a model look as if radians were read as degrees, or degrees as radians."""
     stated = {joint.name for joint in robot.joints if joint.stated_limits is None and joint.name in model.hinges}
     found = {name: model.compiled.joint(name) for name in stated}
@@ -144,7 +140,7 @@ def _units(robot: RobotFile, model: ForeignModel) -> _Found:
             yield ("model",), f"{told}: correct the model, or write limits in `limits_deg` here"
 
 
-def _links(robot: RobotFile, model: ForeignModel, motion: Motion) -> _Found:
+def _links(robot: RobotFile, model: ForeignModel, motion: Motion) -> Found:
     """Finds links that move and have no masses that a body can have; those of joints that are unknown count, too."""
     listed = {joint.name for joint in robot.joints}
     moving = motion.listed if listed <= {*model.driven} else [n for n in model.driven if n not in motion.held]
@@ -166,7 +162,7 @@ def _links(robot: RobotFile, model: ForeignModel, motion: Motion) -> _Found:
         yield ("model",), f"links without an `inertial` in `{model.name}`: {named}; a dynamic model needs their masses"
 
 
-def _gravity(robot: RobotFile, model: ForeignModel) -> _Found:
+def _gravity(robot: RobotFile, model: ForeignModel) -> Found:
     """Asks for gravity where the model's cannot be meant, or where the mounting is stated twice."""
     stated, size = model.gravity, float(np.linalg.norm(model.gravity))
     if "gravity_m_s2" in robot.model_fields_set:

@@ -12,11 +12,9 @@ from robid.robot.chain import carried_by, carrier_of, frame_of_link
 from robid.robot.description import Inertial
 from robid.robot.foreign import ForeignModel
 from robid.robot.ties import Tie, follow
-from robid.settings.problems import suggest
+from robid.settings.problems import Found, suggest
 from robid.settings.robot import RobotFile
-from robid.settings.yaml import FieldPath
 
-_Found = Iterator[tuple[FieldPath, str]]
 _LOCKED = {"hinge": "locked_deg", "slide": "locked_m"}
 _SAME = 1e-3
 _DUST = 1e-12
@@ -91,7 +89,7 @@ def _led(tie: Tie, model: ForeignModel, listed: tuple[str, ...]) -> Tie | None:
     return tie if tie.leader in listed else None
 
 
-def motion_faults(robot: RobotFile, model: ForeignModel, motion: Motion) -> _Found:
+def motion_faults(robot: RobotFile, model: ForeignModel, motion: Motion) -> Found:
     """Yields what is wrong with what moves."""
     yield from _held_faults(robot, model, motion)
     if motion.unnamed:
@@ -127,7 +125,7 @@ def _unnamed(model: ForeignModel, names: tuple[str, ...]) -> str:
     return f"{told}: `locked: rest` holds {'all of them' if many else 'it'} at rest"
 
 
-def _held_faults(robot: RobotFile, model: ForeignModel, motion: Motion) -> _Found:
+def _held_faults(robot: RobotFile, model: ForeignModel, motion: Motion) -> Found:
     """Finds positions of locked joints that cannot be."""
     laws = {tie.follower: tie for tie in model.ties if tie.is_linear}
     for key, names in (("locked_deg", model.hinges), ("locked_m", model.slides)):
@@ -155,7 +153,7 @@ def _cannot_be(model: ForeignModel, name: str, law: Tie | None, motion: Motion) 
             yield f"`{name}` {told}, which puts it at {_position(model, name, wanted)}: leave it out"
 
 
-def _listed_followers(robot: RobotFile, model: ForeignModel) -> _Found:
+def _listed_followers(robot: RobotFile, model: ForeignModel) -> Found:
     laws = {tie.follower: tie for tie in model.ties}
     for index, joint in enumerate(robot.joints):
         law = laws.get(joint.name)
@@ -165,7 +163,7 @@ def _listed_followers(robot: RobotFile, model: ForeignModel) -> _Found:
             yield ("joints", index, "name"), f"{told} or take the tie out of the model where the robot has none"
 
 
-def _led_faults(model: ForeignModel, motion: Motion) -> _Found:
+def _led_faults(model: ForeignModel, motion: Motion) -> Found:
     """Refuses joints that follow others that move, with the loop links that stand for them."""
     entries = []
     led = [tie.follower for tie in motion.led]
@@ -227,7 +225,7 @@ def _number(value: float) -> str:
     return "0" if abs(value) < _DUST else f"{value:.9g}"
 
 
-def _apart_faults(robot: RobotFile, model: ForeignModel, motion: Motion) -> _Found:
+def _apart_faults(robot: RobotFile, model: ForeignModel, motion: Motion) -> Found:
     """Finds loop links that turn otherwise than the joint of the model in whose place they stand."""
     for name, index in motion.apart.items():
         found = next((_led(tie, model, motion.listed) for tie in model.ties if tie.follower == name), None)
@@ -239,7 +237,7 @@ def _apart_faults(robot: RobotFile, model: ForeignModel, motion: Motion) -> _Fou
                 yield ("loop_links", index, "turns"), told
 
 
-def _bond_faults(model: ForeignModel, motion: Motion) -> _Found:
+def _bond_faults(model: ForeignModel, motion: Motion) -> Found:
     for bond in model.bonds:
         if not _strains(bond.bodies, bond.joints, model, motion):
             continue

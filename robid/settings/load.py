@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,16 +11,83 @@ from typing import Any, TypeAlias, TypeVar
 from robid.errors import SettingsError
 from robid.settings.checks.experiment import Studies, check_experiment
 from robid.settings.checks.robot import check_robot
-from robid.settings.checks.robot_missing import missing_keys
+from robid.settings.checks.values import absurd, missing_keys
 from robid.settings.experiment import Experiment, experiment_type
 from robid.settings.fits import Families
 from robid.settings.placeholders import Row, fill, refuse_placeholders
-from robid.settings.plain import plain_settings
-from robid.settings.plausible import absurd
 from robid.settings.problems import SettingsProblem, problem_at, raise_problems, validate_document
 from robid.settings.robot import RobotFile, UnknownRobot
-from robid.settings.sides import with_sides
+from robid.settings.robot_parts import plain_settings
+from robid.settings.sources import Acquire
 from robid.settings.yaml import Document, FieldPath, load_yaml
+from robid.signals.log_channels import InputChannel, OutputChannel, ReferenceChannel
+
+ARM = ".arm"
+_One = TypeVar("_One", InputChannel, OutputChannel, ReferenceChannel)
+
+
+def with_sides(experiment: Experiment, robot: RobotFile) -> Experiment:
+    """Returns an experiment whose channels of a joint's arm side are named alike, however the file wrote them.
+
+    `A1.arm`, `A1` with `side: arm`, and `A1` of a joint without a motor are the same. An output is then called
+    `A1.arm`, since the motor's angle may stand beside it; an input or a reference is the one of its joint, `A1` with
+    its side.
+    """
+    changed = {}
+    for name, campaign in experiment.campaigns.items():
+        source = campaign.source
+        acquire = None if source is None else source.acquire
+        if source is None or acquire is None:
+            continue
+        found = _in_robot(acquire, robot)
+        if found != acquire:
+            changed[name] = campaign.model_copy(update={"source": source.model_copy(update={"acquire": found})})
+    return experiment.model_copy(update={"campaigns": {**experiment.campaigns, **changed}}) if changed else experiment
+
+
+def _in_robot(acquire: Acquire, robot: RobotFile) -> Acquire:
+    joints, sensed = [joint.name for joint in robot.joints], robot.without_motor
+    return replace(
+        acquire,
+        inputs=tuple(_drive(one, joints, sensed) for one in acquire.inputs),
+        references=tuple(_drive(one, joints, sensed) for one in acquire.references),
+        outputs=tuple(_output(one, joints, sensed) for one in acquire.outputs),
+    )
+
+
+def _drive(channel: _One, joints: Collection[str], sensed: Collection[str]) -> _One:
+    name = channel.name.removesuffix(ARM)
+    is_arm = _is_arm(channel, joints, sensed)
+    return replace(channel, name=name, side="arm") if is_arm else channel
+
+
+def _output(channel: OutputChannel, joints: Collection[str], sensed: Collection[str]) -> OutputChannel:
+    is_arm = _is_arm(channel, joints, sensed) and not channel.name.endswith(ARM)
+    return replace(channel, name=f"{channel.name}{ARM}", side=None) if is_arm else channel
+
+
+def _is_arm(channel: _One, joints: Collection[str], sensed: Collection[str]) -> bool:
+    """Whether a channel is of the arm side of a joint; one that contradicts itself stays for the checks."""
+    name = channel.name.removesuffix(ARM)
+    if name not in joints:
+        return False
+    if channel.name.endswith(ARM):
+        return channel.side in (None, "arm")
+    return channel.side == "arm" or (channel.side is None and name in sensed)
+
+
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def experiment_schema_of(families: Families, study: Any = Any) -> dict[str, Any]:  # noqa: ANN401
+    """Returns the JSON schema of the experiment file whose fits are of these families, with this type of study."""
+    return {"$schema": _DIALECT, **experiment_type(families, study).model_json_schema(by_alias=True)}
+
+
+def robot_schema() -> dict[str, Any]:
+    """Returns the JSON schema of the robot file."""
+    return {"$schema": _DIALECT, **RobotFile.model_json_schema(by_alias=True)}
+
 
 RobotReader: TypeAlias = Callable[[Path], tuple[RobotFile | None, list[SettingsProblem]]]
 """Reads a robot file and finds what is wrong with it; raises a `SettingsError` where it cannot be read."""

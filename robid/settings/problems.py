@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from robid.errors import SettingsError
 from robid.settings.base import NAME_PATTERN
 from robid.settings.yaml import Document, FieldPath
+
+Found: TypeAlias = Iterator[tuple[FieldPath, str]]
+"""What a check finds: where, and what is wrong."""
 
 _Model = TypeVar("_Model", bound=BaseModel)
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")

@@ -1,4 +1,4 @@
-"""The parts of the robot file that a stage reads, and the plain values behind them."""
+"""Settings as plain values, as stages hash them: whole sections, and the parts of the robot file that a stage reads."""
 
 from __future__ import annotations
 
@@ -141,3 +141,10 @@ def _without_assumed(plain: Any) -> Any:  # noqa: ANN401
     if isinstance(plain, dict):
         return {key: _without_assumed(value) for key, value in plain.items() if key != "assumed"}
     return [_without_assumed(value) for value in plain] if isinstance(plain, list) else plain
+
+
+def plain_settings(settings: object) -> Any:  # noqa: ANN401
+    """Returns a settings model, an options dataclass or a container of them as values that JSON knows."""
+    from pydantic_core import to_jsonable_python
+
+    return to_jsonable_python(settings, by_alias=True)

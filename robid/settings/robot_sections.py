@@ -13,10 +13,7 @@ from robid.robot.description import Inertial, JointType, Motor, Sensor, Spring, 
 from robid.robot.friction import Friction
 from robid.robot.parameters import PARAMETER_KINDS
 from robid.settings.base import Assumed, Name, Section, Vector
-from robid.settings.counterbalance import CounterbalanceSection
-from robid.settings.doubts import JointDoubts
-from robid.settings.gears import GearSection, SpringDamper
-from robid.settings.robot_frames import Dh, Frame
+from robid.settings.joint_sections import CounterbalanceSection, Dh, Frame, GearSection, JointDoubts, SpringDamper
 
 _Value = TypeVar("_Value")
 

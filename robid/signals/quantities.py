@@ -220,6 +220,11 @@ def units_text(channels: Iterable[Channel]) -> str:
     return "; ".join(dict.fromkeys(channel.unit for channel in channels)) or "1"
 
 
+def joint_unit(joint_units: tuple[str, ...] | None) -> str:
+    """Returns the unit of joint positions, all of which are angles where none are given."""
+    return "rad" if joint_units is None else "rad; m"
+
+
 def response_unit(output: str, inputs: str) -> str:
     """Returns the unit of a response, as in `rad/(s^2 N m)`."""
     above, _, below = output.partition("/")

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import FloatArray, IntArray, Quantity, part_of
 from robid.errors import DataError
-from robid.signals.quantities import Channel, channel_names
+from robid.signals.quantities import Channel, channel_names, joint_unit, units_text
 
 
 def _no_lines() -> IntArray:
     return np.zeros(0, int)
+
+
+_SAMPLES = "configuration realization experiment period sample"
 
 
 @dataclass(frozen=True)
@@ -26,46 +29,62 @@ class Record:
 
     Attributes:
         sampling_period_s: Sampling period of all channels [s].
-        inputs (n_conf, n_real, n_exp, n_period, n_sample, n_in): Inputs, in their channels' units.
-        outputs (n_conf, n_real, n_exp, n_period, n_sample, n_out): Outputs less `output_offset`, in their channels'
-            units.
-        output_offset (n_conf, n_out): What was subtracted from `outputs`.
-        input_channels: What each input is.
-        output_channels: What each output is.
-        configurations (n_conf, n_joint): Arm-side joint positions, encoder side of the gears [rad, or m]; None for a
-            record that does not begin and stay at rest.
-        reference (n_conf, n_real, n_exp, n_sample, n_reference): One period of what was injected, or None.
-        reference_channels: What each column of `reference` is; empty where there is none.
-        excited_lines (n_freq,): Excited DFT lines of one period; none for one shot whose signal is not arbitrary.
-        detection_lines (n_detection,): Odd lines of the band that were left out on purpose.
+        configurations: Arm-side joint positions, encoder side of the gears; None for a record that does not begin and
+            stay at rest.
+        excited_lines: Excited DFT lines of one period; none for one shot whose signal is not arbitrary.
         segments: Segments of one over the resolution that an arbitrary signal is long, so that `excited_lines` are
             multiples of it; 0 for any other.
         input_hold: `zoh` where the inputs are commands held for a sample, `band_limited` where they were measured
             behind the same anti-aliasing as the outputs.
-        input_relative_std (n_in,): Standard deviation of the relative error of each input's scale, or None
-            where the scale is exact.
-        joint_units: Unit of each joint's position; None where all are angles.
         truth_sha256: Hash of the file with the truth that was simulated; "" where it is unknown.
         notes: What the import or the simulation wants the reader to know.
     """
 
     sampling_period_s: float
-    inputs: FloatArray
-    outputs: FloatArray
-    output_offset: FloatArray
-    input_channels: tuple[Channel, ...]
-    output_channels: tuple[Channel, ...]
-    configurations: FloatArray | None = None
-    reference: FloatArray | None = None
-    reference_channels: tuple[Channel, ...] = ()
-    excited_lines: IntArray = field(default_factory=_no_lines)
-    detection_lines: IntArray = field(default_factory=_no_lines)
+    inputs: Annotated[FloatArray, Quantity("{input}", f"{_SAMPLES} input", "Inputs, by their channels", compact=True)]
+    outputs: Annotated[
+        FloatArray,
+        Quantity("{output}", f"{_SAMPLES} output", "Outputs less their offset, by their channels", compact=True),
+    ]
+    output_offset: Annotated[
+        FloatArray, Quantity("{output}", "configuration output", "Offset subtracted from the outputs")
+    ]
+    input_channels: Annotated[tuple[Channel, ...], Quantity("1", "input", "What each input is")]
+    output_channels: Annotated[tuple[Channel, ...], Quantity("1", "output", "What each output is")]
+    configurations: Annotated[FloatArray | None, Quantity("{joint}", "configuration joint", "Arm-side joints")] = None
+    reference: Annotated[
+        FloatArray | None,
+        Quantity(
+            "{reference}",
+            "configuration realization experiment sample reference",
+            "One period of the injected signal",
+            compact=True,
+        ),
+    ] = None
+    reference_channels: Annotated[
+        tuple[Channel, ...], Quantity("1", "reference", "What each column of the reference is")
+    ] = ()
+    excited_lines: Annotated[
+        IntArray, Quantity("1", "frequency", "Excited DFT lines of one period; none for one shot")
+    ] = field(default_factory=_no_lines)
+    detection_lines: Annotated[IntArray, Quantity("1", "detection", "DFT lines left out to detect distortion")] = field(
+        default_factory=_no_lines
+    )
     segments: int = 0
     input_hold: Literal["zoh", "band_limited"] = "zoh"
-    input_relative_std: FloatArray | None = None
+    input_relative_std: Annotated[
+        FloatArray | None, Quantity("1", "input", "Standard deviation of the input scale's relative error")
+    ] = None
     truth_sha256: str = ""
-    joint_units: tuple[str, ...] | None = None
-    notes: tuple[str, ...] = ()
+    joint_units: Annotated[tuple[str, ...] | None, Quantity("1", "joint", "Units of the joints' positions")] = None
+    notes: Annotated[tuple[str, ...], Quantity("1", "note")] = ()
+
+    @property
+    def own_units(self) -> dict[str, str]:
+        """Units that its channels and joints decide."""
+        inputs, outputs = units_text(self.input_channels), units_text(self.output_channels)
+        reference = units_text(self.reference_channels)
+        return {"input": inputs, "output": outputs, "reference": reference, "joint": joint_unit(self.joint_units)}
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -127,34 +146,13 @@ class Record:
 
     def shortened(self, segments: int) -> Record:
         """Returns the first segments of an arbitrary signal."""
-        n_sample = self.inputs.shape[4] // self.segments * segments
-        return replace(
-            self,
-            inputs=self.inputs[..., :n_sample, :],
-            outputs=self.outputs[..., :n_sample, :],
-            reference=None if self.reference is None else self.reference[..., :n_sample, :],
-            excited_lines=self.excited_lines // self.segments * segments,
-            segments=segments,
-        )
+        part = part_of(self, "sample", slice(self.inputs.shape[4] // self.segments * segments))
+        return replace(part, excited_lines=self.excited_lines // self.segments * segments, segments=segments)
 
     def select(self, configuration: int) -> Record:
         """Returns the record of one configuration, its axis kept."""
-        part = slice(configuration, configuration + 1)
-        return replace(
-            self,
-            configurations=None if self.configurations is None else self.configurations[part],
-            inputs=self.inputs[part],
-            outputs=self.outputs[part],
-            reference=None if self.reference is None else self.reference[part],
-            output_offset=self.output_offset[part],
-        )
+        return part_of(self, "configuration", slice(configuration, configuration + 1))
 
     def realizations(self, count: int, first: int = 0) -> Record:
         """Returns the record of some successive realizations."""
-        chosen = slice(first, first + count)
-        return replace(
-            self,
-            inputs=self.inputs[:, chosen],
-            outputs=self.outputs[:, chosen],
-            reference=None if self.reference is None else self.reference[:, chosen],
-        )
+        return part_of(self, "realization", slice(first, first + count))

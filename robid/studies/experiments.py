@@ -11,12 +11,12 @@ from pydantic import ValidationError
 from robid.errors import SettingsError
 from robid.models.known import load_experiment
 from robid.pipeline.graph import Run
-from robid.settings.checks.truth import check_truth
+from robid.settings.checks.campaigns import check_truth
 from robid.settings.experiment import Campaign, Experiment, Source
 from robid.settings.load import LoadedExperiment
 from robid.settings.problems import format_field, suggest
 from robid.settings.robot import RobotFile
-from robid.settings.truth import SimulateSettings
+from robid.settings.sources import SimulateSettings
 from robid.settings.yaml import FieldPath, load_yaml
 
 Problems: TypeAlias = Iterator[tuple[FieldPath, str]]

@@ -7,11 +7,10 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from robid.artifacts.artifact import Provenance
+from robid.artifacts.artifact import Provenance, canonical_hash, git_commit, utc_now
 from robid.artifacts.atomic import write_json
-from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
+from robid.artifacts.kinds import TASK
 from robid.artifacts.store import Header, read_header
-from robid.artifacts.task import TASK
 from robid.backends.map import Progress
 from robid.errors import ArtifactError, SettingsError
 from robid.pipeline.freshness import read_stamp
@@ -24,7 +23,7 @@ from robid.report.numbers import duration, significant
 from robid.report.page import ReportContent
 from robid.report.section import Section, Table
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
 from robid.studies.fleet.logs import LOGS
 from robid.studies.fleet.robots import require_packages
 from robid.studies.fleet.speed import SCHEDULER, SPEED
@@ -58,6 +57,7 @@ from robid.studies.wernholt2008 import study as wernholt
 from robid.studies.zimmermann2023 import models as zimmermann_models
 from robid.studies.zimmermann2023 import report as zimmermann_report
 from robid.studies.zimmermann2023 import steps
+from robid.versions import package_versions
 
 PROCEDURES: Mapping[str, Procedure] = {
     "frf": Procedure(frf.needs, (Step("", frf.tasks, frf.estimate_chunk),), frf_report.conclude),

@@ -12,10 +12,8 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
+from robid.artifacts.kinds import EXCITATION, FRF, TASK, excitation_from_artifact, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact
-from robid.artifacts.task import TASK
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
@@ -30,9 +28,8 @@ from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.robot.friction import TorqueLaw
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import robot_settings
-from robid.settings.truth import SimulateSettings
+from robid.settings.robot_parts import plain_settings, robot_settings
+from robid.settings.sources import SimulateSettings
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.studies.tasks import Content, Task

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeAlias, TypeVar
 
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact
 from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, significant

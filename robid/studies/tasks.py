@@ -6,15 +6,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
-from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance
-from robid.artifacts.mapping import Column
-from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
+from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance, canonical_hash, git_commit, utc_now
+from robid.artifacts.kinds import TASK
 from robid.artifacts.store import kind_of, read_artifact, write_artifact
-from robid.artifacts.task import TASK
 from robid.backends.map import Map, Progress
 from robid.errors import ArtifactError
+from robid.versions import package_versions
 
 TASKS = "tasks"
 """Folder of the tasks in the run folder."""
@@ -26,18 +25,6 @@ class Content:
 
     datasets: Mapping[str, Dataset]  # Named arrays
     attributes: Mapping[str, Attribute] = field(default_factory=dict)  # Scalars and texts, where there are any
-
-
-def kept(units: str, axes: str, what: str, *, compact: bool = False) -> Column:
-    """Declares, inside `Annotated`, what a task keeps: its units, its axes with spaces between them, what it is."""
-    return Column(units, tuple(axes.split()), what, compact=compact)
-
-
-def columns_of(kind: type) -> dict[str, Column]:
-    """Returns how the fields of a dataclass are kept, by their names, from their annotations."""
-    hints = get_type_hints(kind, include_extras=True)
-    found = {name: getattr(hint, "__metadata__", ()) for name, hint in hints.items()}
-    return {name: each for name, extras in found.items() for each in extras if isinstance(each, Column)}
 
 
 Function = Callable[[Any], Content]

@@ -13,7 +13,7 @@ import pytest
 import frf_campaign
 from default_campaign import CAMPAIGN, CONFIGURATION, default_experiment
 from frf_campaign import make_job, write_campaign
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.backends.map import make_map
 from robid.pipeline.estimate_frf import run

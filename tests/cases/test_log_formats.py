@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.logs.formats.load import load_variables
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.cli import run_command
 from robid.models.known import load_experiment

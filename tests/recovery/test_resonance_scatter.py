@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_mass_robot, with_arm_friction, with_spring_factors
+from robid.arrays import places_of
 from robid.frf.estimate import estimate_frf
-from robid.frf.frf import CONFIGURATION_WISE
+from robid.frf.frf import Frf
 from robid.frf.options import EstimateOptions
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
@@ -87,7 +88,7 @@ def test_configurations_that_repeat_each_other_widen_the_interval():
         exact_frf(robot, [[0.0]], np.arange(11.0, 251.0), sampling_period_s=4e-4, relative_noise=1e-4, seed=seed)
         for seed, robot in enumerate(robots)
     ]
-    held = {name: [getattr(frf, name) for frf in each] for name in CONFIGURATION_WISE}
+    held = {name: [getattr(frf, name) for frf in each] for name in places_of(Frf, "configuration")}
     joined = {name: np.concatenate(parts) for name, parts in held.items() if parts[0] is not None}
     whole = replace(each[0], **joined)
     solution = fit_elastic(DRIVE, whole, OPTIONS, 0.0)

@@ -15,8 +15,7 @@ from any_log_files import NAMED, write
 from any_log_text import Text
 from linear_loop import LINES, N_SAMPLE
 from log_files import WRITERS
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.kinds import EXCITATION, FRF, excitation_from_artifact, frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.logs.formats.variables import FORMATS
 from wrong_logs import COLUMNS, WRONG, channel_of, chosen

@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 from any_drive import ANGLE, LINES, NAMED, NAMES, PERIOD, STEP_S, TORQUE, Drive, response
 from any_log import STAMPS
 from any_log_text import Text
-from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
 
 STAGES = ("design-excitation", "simulate-or-acquire", "estimate-frf")

@@ -7,8 +7,7 @@ import pytest
 from scipy.io import savemat
 
 from arbitrary_logs import SIGNALS, play, truth, write_logs
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import FRF, RECORD, frf_from_artifact, record_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.models.known import load_experiment
 from robid.simulate.options import Imperfections

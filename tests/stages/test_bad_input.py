@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from robid.artifacts.design import DESIGN, design_from_artifact
-from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
+from robid.artifacts.kinds import DESIGN, FRF, design_from_artifact, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.design.configurations.candidates import candidate_information
 from robid.models.known import load_experiment

@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import (
+    EXCITATION,
+    FRF,
+    RECORD,
+    excitation_from_artifact,
+    frf_from_artifact,
+    record_from_artifact,
+)
 from robid.artifacts.store import read_artifact
 from robid.cli import run_command
 from robid.settings.load import load_robot

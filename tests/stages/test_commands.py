@@ -5,12 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robid.artifacts.design import DESIGN, design_from_artifact, design_to_artifact
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact, excitation_to_artifact
-from robid.artifacts.grade import grade_from_artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.kinds import (
+    DESIGN,
+    EXCITATION,
+    design_from_artifact,
+    design_to_artifact,
+    excitation_from_artifact,
+    excitation_to_artifact,
+)
+from robid.artifacts.results import MODEL, VALIDATION, grade_from_artifact
 from robid.artifacts.store import read_artifact, write_artifact
-from robid.artifacts.validation import VALIDATION
 from robid.models.elastic.files import (
     model_of,
     new_resonances_from_artifact,

@@ -3,7 +3,7 @@
 import pytest
 
 from robid.artifacts.artifact import Provenance
-from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
+from robid.artifacts.kinds import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 
 PATH = "runs/small/estimation/frf.h5"

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from robid.artifacts.design import DESIGN, design_from_artifact
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
+from robid.artifacts.kinds import DESIGN, EXCITATION, design_from_artifact, excitation_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.errors import SettingsError
 from robid.models.known import load_experiment

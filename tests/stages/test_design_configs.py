@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robid.artifacts.design import DESIGN, design_from_artifact
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.kinds import DESIGN, FRF, design_from_artifact, frf_from_artifact
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.measured import measured_information
 from robid.models.elastic.files import solution_from_artifact

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.kinds import FRF, frf_from_artifact
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact, read_header
 from robid.models.elastic.files import solution_from_artifact
 from robid.models.encode import encode_mat

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
+from robid.artifacts.kinds import EXCITATION, excitation_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.logs.formats.load import load_variables
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.io import loadmat
 
 from robid import errors
-from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
 
 

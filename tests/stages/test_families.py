@@ -11,16 +11,20 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from robid.artifacts.grade import grade_from_artifact
-from robid.artifacts.model import MODEL, estimate_from_artifact
+from robid.artifacts.results import (
+    MODEL,
+    VALIDATION,
+    estimate_from_artifact,
+    grade_from_artifact,
+    outcome_from_artifact,
+)
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.truth import read_truth
-from robid.artifacts.validation import VALIDATION, outcome_from_artifact
 from robid.models import known as files
 from robid.models.family import Family
 from robid.models.known import FAMILIES, experiment_schema, load_experiment
 from robid.pipeline.graph import graph
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
 from toy_family import INERTIA
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)

@@ -7,7 +7,7 @@ import pytest
 
 from default_campaign import CONFIGURATION, ROBOT
 from frf_campaign import make_job, random_record, write_campaign
-from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.backends.map import make_map
 from robid.errors import DataError

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from robid.artifacts.model import MODEL, estimate_from_artifact
+from robid.artifacts.results import MODEL, estimate_from_artifact
 from robid.artifacts.store import read_artifact
 
 PLACES = "{list_deg: [[-20, 30], [25, -60], [50, 70], [-60, 20], [10, -20]]}"

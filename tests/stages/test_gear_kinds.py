@@ -5,8 +5,7 @@ import re
 
 import pytest
 
-from robid.artifacts.grade import grade_from_artifact
-from robid.artifacts.model import MODEL, estimate_from_artifact
+from robid.artifacts.results import MODEL, estimate_from_artifact, grade_from_artifact
 from robid.artifacts.store import read_artifact
 
 PLACES = "{list_deg: [[-20, 30], [25, -55], [50, 95], [-60, 0], [10, -20]]}"

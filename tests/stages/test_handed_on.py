@@ -9,8 +9,8 @@ import pytest
 
 from exact_systems import certain
 from robid.artifacts.artifact import Artifact, Provenance
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL, estimate_from_artifact
+from robid.artifacts.kinds import FRF, frf_from_artifact
+from robid.artifacts.results import MODEL, estimate_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
 from robid.errors import DataError

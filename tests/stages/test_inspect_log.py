@@ -8,7 +8,7 @@ import pytest
 from scipy.io import savemat
 
 from log_files import WRITERS
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.models.known import load_experiment
 from settings_tables import ROOT

@@ -5,9 +5,14 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import (
+    EXCITATION,
+    FRF,
+    RECORD,
+    excitation_from_artifact,
+    frf_from_artifact,
+    record_from_artifact,
+)
 from robid.artifacts.store import read_artifact
 
 STEP_S = 1e-3

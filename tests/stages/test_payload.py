@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from robid.artifacts.model import MODEL, estimate_from_artifact
+from robid.artifacts.results import MODEL, estimate_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
 from robid.models.known import load_experiment

@@ -9,15 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import (
+    EXCITATION,
+    FRF,
+    RECORD,
+    excitation_from_artifact,
+    frf_from_artifact,
+    record_from_artifact,
+)
 from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
 from robid.design.excitation.options import PoseChirpOptions
 from robid.models.known import load_experiment
 from robid.pipeline.graph import graph
-from robid.settings.pose import tool_arm
+from robid.settings.robot_derived import tool_arm
 from robid.simulate.pose_response import pose_response
 
 HERE = Path(__file__).parent

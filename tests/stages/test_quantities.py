@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import FRF, RECORD, frf_from_artifact, record_from_artifact
 from robid.artifacts.store import read_artifact
 
 N_SAMPLE, STEP_S, LINES, GAIN = 500, 1e-3, np.arange(10, 81), 0.9

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
 
-from robid.artifacts.model import MODEL
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -8,8 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import FRF, RECORD, frf_from_artifact, record_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
 from robid.models.elastic.fitting import true_values

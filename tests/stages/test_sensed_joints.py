@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robid.artifacts.model import MODEL
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact, read_header
 from robid.models.known import load_experiment
 from robid.models.rigid.files import solution_from_artifact

@@ -3,9 +3,14 @@
 import numpy as np
 import pytest
 
-from robid.artifacts.design import DESIGN, design_from_artifact
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.kinds import (
+    DESIGN,
+    EXCITATION,
+    FRF,
+    design_from_artifact,
+    excitation_from_artifact,
+    frf_from_artifact,
+)
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.candidates import candidate_information
 from robid.models.known import load_experiment

@@ -6,8 +6,7 @@ import pytest
 
 from robid.models.known import load_experiment
 from robid.pipeline.graph import graph
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import robot_settings
+from robid.settings.robot_parts import plain_settings, robot_settings
 
 PLAYED = (
     *("inject", "rms", "amplitude", "phase_iterations", "phase_starts", "crest_at", "limit_share"),

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from robid.artifacts.kinds import TASK
 from robid.artifacts.store import read_artifact
-from robid.artifacts.task import TASK
 from robid.studies.mistakes import cases as mistakes_cases
 
 _HERE = Path(__file__).parent

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from robid.artifacts.kinds import TASK
 from robid.artifacts.store import read_artifact
-from robid.artifacts.task import TASK
 
 _HERE = Path(__file__).parent
 

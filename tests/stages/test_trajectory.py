@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import EXCITATION, RECORD, excitation_from_artifact, record_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.excitation.options import TrajectoryOptions
 from robid.models.known import load_experiment

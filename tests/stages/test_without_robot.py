@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import FRF, RECORD, frf_from_artifact, record_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.models import known as files
 from robid.models.known import load_experiment

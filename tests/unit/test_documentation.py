@@ -8,12 +8,8 @@ import pytest
 import typer
 
 import robid
-from robid.artifacts.design import DESIGN
-from robid.artifacts.excitation import EXCITATION
-from robid.artifacts.frf import FRF
-from robid.artifacts.model import MODEL
-from robid.artifacts.record import RECORD
-from robid.artifacts.validation import VALIDATION
+from robid.artifacts.kinds import DESIGN, EXCITATION, FRF, RECORD
+from robid.artifacts.results import MODEL, VALIDATION
 from robid.cli import app
 from robid.errors import ArtifactError, DataError, SettingsError
 from robid.models.elastic.fit.options import ElasticOptions

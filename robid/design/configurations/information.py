@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray, IntArray, check_shape
+from robid.arrays import ComplexArray, FloatArray, IntArray, Quantity, check_shape
 from robid.design.configurations.fitted import FittedInformation, merged
 from robid.design.configurations.options import DesignOptions
 from robid.design.configurations.plan import ConfigurationPlan, checked_plan, choose_counts
 from robid.design.configurations.regularity import check_different, check_finite, checked_scale, is_regular
 from robid.design.configurations.relaxed import Relaxed
 from robid.design.configurations.visits import Visits, make_visits
+from robid.signals.quantities import joint_unit
 
 _FIX = "Fix or tie one of the named parameters in each combination, or offer configurations that excite it."
 _TIGHTENED = 4
@@ -24,52 +26,60 @@ class ConfigurationDesign:
     """The chosen configurations with what they promise.
 
     Attributes:
-        weights (n_conf,): Optimal weights of the candidates, sum 1: shares of the experiments, or of the cost. Where
-            parameters differ between configurations and none is repeated, no share is larger than that of one visit.
+        weights: Optimal weights of the candidates, sum 1: shares of the experiments, or of the cost. Where parameters
+            differ between configurations and none is repeated, no share is larger than that of one visit.
         gap: Certificate of the weights: no others are worth more than `1 + gap` times as much; for `d` without prior
             `(max tr(M^-1 H_i) - n) / n`.
         criterion: `d`, `a` or `e`.
-        slopes (n_conf,): What more weight of each candidate brings at the optimum; 1 for those that have weight.
-        chosen (n_chosen,): Indices of the chosen candidates, rising.
-        counts (n_conf,): Experiments (visits) in each candidate.
         efficiency: Worth of the chosen numbers over the certified bound on any weights, 0 to 1; what is missing is
             also the price of few configurations and whole numbers.
         choice_efficiency: The same over the certified bound on choices of as many different candidates, with equal
             effort, or with repeats or costs with all the effort in each; `efficiency` where that is tighter.
         rounding_loss: Share of the worth that whole numbers cost, against optimal weights of the chosen ones.
-        gain (n_conf,): What one experiment more of each candidate adds to `log det` of the information known
-            beforehand; where that alone does not determine all parameters, of it and the chosen ones together.
-        information (n_conf, n_param, n_param): Information of each candidate about the log-parameters as they are
-            there, mean over the draws.
-        predicted_relative_std (n_param,): Relative standard deviations that what is known beforehand and the chosen
-            numbers promise together.
-        parameter_names: Names of the parameters.
-        configurations (n_conf, n_joint): The candidates' arm-side joint positions [rad, or m].
-        cost_s (n_conf,): Cost of one experiment in each candidate [s]; None where they cost the same.
+        gain: What one experiment more of each candidate adds to `log det` of the information known beforehand; where
+            that alone does not determine all parameters, of it and the chosen ones together.
+        information: Information of each candidate about the log-parameters as they are there, mean over the draws.
+        predicted_relative_std: Relative standard deviations that what is known beforehand and the chosen numbers
+            promise together.
+        cost_s: Cost of one experiment in each candidate; None where they cost the same.
         stability: Whether the choice would come out the same; None without other information to choose by.
-        joint_units: Unit of each joint's position; None where all are angles.
-        between_relative_std (n_param,): Deviation of each log-parameter between configurations that was allowed for;
-            None where none was.
     """
 
-    weights: FloatArray
+    weights: Annotated[
+        FloatArray, Quantity("1", "candidate", "Optimal weights: shares of the experiments, or of the cost")
+    ]
     gap: float
     criterion: str
-    slopes: FloatArray
-    chosen: IntArray
-    counts: IntArray
+    slopes: Annotated[
+        FloatArray, Quantity("1", "candidate", "What more weight brings; 1 for candidates that have weight")
+    ]
+    chosen: Annotated[IntArray, Quantity("1", "configuration", "Indices of the chosen candidates")]
+    counts: Annotated[IntArray, Quantity("1", "candidate", "Experiments in each candidate")]
     efficiency: float
     choice_efficiency: float
     rounding_loss: float
-    gain: FloatArray
-    information: FloatArray
-    predicted_relative_std: FloatArray
-    parameter_names: tuple[str, ...]
-    configurations: FloatArray
-    cost_s: FloatArray | None = None
+    gain: Annotated[
+        FloatArray, Quantity("1", "candidate", "What one experiment more adds to log det of the information")
+    ]
+    information: Annotated[
+        FloatArray, Quantity("1", "candidate parameter parameter", "Information about the log-parameters")
+    ]
+    predicted_relative_std: Annotated[
+        FloatArray, Quantity("1", "parameter", "Relative standard deviation that the choice promises")
+    ]
+    parameter_names: Annotated[tuple[str, ...], Quantity("1", "parameter")]
+    configurations: Annotated[FloatArray, Quantity("{joint}", "candidate joint", "The candidates' arm-side joints")]
+    cost_s: Annotated[FloatArray | None, Quantity("s", "candidate", "Time of one visit: experiments and way")] = None
     stability: Stability | None = None
-    joint_units: tuple[str, ...] | None = None
-    between_relative_std: FloatArray | None = None
+    joint_units: Annotated[tuple[str, ...] | None, Quantity("1", "joint", "Units of the joints' positions")] = None
+    between_relative_std: Annotated[
+        FloatArray | None, Quantity("1", "parameter", "Deviation between configurations that was allowed for")
+    ] = None
+
+    @property
+    def own_units(self) -> dict[str, str]:
+        """Units that its joints decide."""
+        return {"joint": joint_unit(self.joint_units)}
 
     @property
     def told(self) -> FloatArray:
@@ -89,16 +99,14 @@ class Stability:
 
     Attributes:
         source: Where that comes from: `realizations` (each half of them) or `draws` (each one alone).
-        kept (n_trial,): Share of the chosen configurations that each trial chooses too.
-        efficiency (n_trial,): Efficiency of each trial's choice by information that it did not use: the other half, or
-            the mean over all draws.
-        chosen_often (n_conf,): Share of the trials that choose each candidate.
+        efficiency: Efficiency of each trial's choice by information that it did not use: the other half, or the mean
+            over all draws.
     """
 
     source: str
-    kept: FloatArray
-    efficiency: FloatArray
-    chosen_often: FloatArray
+    kept: Annotated[FloatArray, Quantity("1", "trial", "Share of the choice that other data or parameters choose too")]
+    efficiency: Annotated[FloatArray, Quantity("1", "trial", "Efficiency of that choice by what it did not use")]
+    chosen_often: Annotated[FloatArray, Quantity("1", "candidate", "Share of the trials that choose each candidate")]
 
 
 def information(jacobian: FloatArray | ComplexArray, variance: FloatArray) -> FloatArray:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.arrays import ComplexArray, FloatArray, IntArray, Quantity, part_of
 from robid.design.excitation.lines import choose_lines, samples_per_period
 from robid.design.excitation.loop import NominalLoop
 from robid.design.excitation.options import MultisineOptions
@@ -28,39 +29,41 @@ class ExcitationPlan:
     """What the excitation will do to the nominal robot, over all realizations and experiments.
 
     Attributes:
-        speed_rms (n_conf, n_motor): Motor speed [rad/s].
-        speed_peak (n_conf, n_motor): Largest absolute motor speed [rad/s].
-        torque_rms (n_conf, n_motor): Motor torque with its static part [N m].
-        torque_peak (n_conf, n_motor): Largest absolute motor torque with its static part [N m].
-        excursion_rms (n_conf, n_motor): Arm excursion, motor angle over gear ratio [rad].
-        excursion_peak (n_conf, n_motor): Largest absolute arm excursion [rad].
-        speed_limit (n_motor,): Limit of the motor speed [rad/s].
-        torque_limit (n_motor,): Limit of the motor torque [N m].
-        excursion_limit (n_motor,): Limit of the arm excursion [rad].
-        admissible_scale (n_conf, n_motor): Factor on all motors' RMS at which this motor meets its first limit;
-            0 where the static torque alone does.
-        speed_crest (n_conf, n_motor): Largest crest factor of the motor speed, or None in older files.
-        snr_db (n_conf, n_freq, n_out, n_in): Power of each element of the response over the variance that the
-            assumed noise will give its estimate; None with fewer experiments than motors and in older files [dB].
+        torque_rms: Motor torque with its static part.
+        torque_peak: Largest absolute motor torque with its static part.
+        excursion_rms: Arm excursion, motor angle over gear ratio.
+        admissible_scale: Factor on all motors' RMS at which this motor meets its first limit; 0 where the static torque
+            alone does.
+        snr_db: Power of each element of the response over the variance that the assumed noise will give its estimate;
+            None with fewer experiments than motors and in older files.
         duration_s: Time that the whole campaign takes, transients included; None in older files [s].
-        condition (n_real,): Of a trajectory, condition number of the regressor of its base parameters, each column over
-            its size in random motions; None for other signals and in older files.
+        condition: Of a trajectory, condition number of the regressor of its base parameters, each column over its size
+            in random motions; None for other signals and in older files.
     """
 
-    speed_rms: FloatArray
-    speed_peak: FloatArray
-    torque_rms: FloatArray
-    torque_peak: FloatArray
-    excursion_rms: FloatArray
-    excursion_peak: FloatArray
-    speed_limit: FloatArray
-    torque_limit: FloatArray
-    excursion_limit: FloatArray
-    admissible_scale: FloatArray
-    speed_crest: FloatArray | None = None
-    snr_db: FloatArray | None = None
+    speed_rms: Annotated[FloatArray, Quantity("rad/s", "configuration motor", "Predicted RMS of the speed")]
+    speed_peak: Annotated[FloatArray, Quantity("rad/s", "configuration motor", "Predicted peak of the speed")]
+    torque_rms: Annotated[FloatArray, Quantity("N m", "configuration motor", "Predicted RMS of the torque")]
+    torque_peak: Annotated[FloatArray, Quantity("N m", "configuration motor", "Predicted peak of the torque")]
+    excursion_rms: Annotated[FloatArray, Quantity("rad", "configuration motor", "Predicted RMS of the excursion")]
+    excursion_peak: Annotated[FloatArray, Quantity("rad", "configuration motor", "Predicted peak of the excursion")]
+    speed_limit: Annotated[FloatArray, Quantity("rad/s", "motor", "Limit of the speed")]
+    torque_limit: Annotated[FloatArray, Quantity("N m", "motor", "Limit of the torque")]
+    excursion_limit: Annotated[FloatArray, Quantity("rad", "motor", "Limit of the excursion")]
+    admissible_scale: Annotated[
+        FloatArray, Quantity("1", "configuration motor", "Factor on all RMS at which the first limit is met")
+    ]
+    speed_crest: Annotated[
+        FloatArray | None, Quantity("1", "configuration motor", "Largest crest factor of the motor speed")
+    ] = None
+    snr_db: Annotated[
+        FloatArray | None,
+        Quantity("dB", "configuration frequency output input", "Predicted signal-to-noise ratio of the response"),
+    ] = None
     duration_s: float | None = None
-    condition: FloatArray | None = None
+    condition: Annotated[
+        FloatArray | None, Quantity("1", "realization", "Condition number of a trajectory's regressor")
+    ] = None
 
     @property
     def speed_margin(self) -> FloatArray:
@@ -83,32 +86,45 @@ class Excitation:
     """What each motor is told to do, one period per realization and experiment.
 
     Attributes:
-        reference (n_real, n_exp, n_sample, n_motor): Injected signal [rad/s, rad or N m]; of a pose chirp the commands,
-            a channel of the pose in place of each motor [m, or rad].
+        reference: Injected signal; of a pose chirp the commands, a channel of the pose in place of each motor.
         kind: `speed_reference`, `position_reference`, `torque` or `pose_reference`.
-        excited_lines (n_freq,): Excited DFT lines.
-        detection_lines (n_detection,): Odd lines of the band that were left out on purpose.
         sampling_period_s: Sampling period of the controller [s].
-        spectrum (n_real, n_exp, n_freq, n_motor): Complex amplitudes at the excited lines [as reference].
-        rms (n_motor,): RMS of each motor's signal, a slow motion left out [as reference].
-        crest_factor (n_real, n_exp, n_motor): Peak over RMS, a slow motion left out.
+        rms: RMS of each motor's signal, a slow motion left out.
+        crest_factor: Peak over RMS, a slow motion left out.
         plan: Predicted motion against the limits, or None before `predict`.
-        channels: What each column of the reference is where it is no motor; empty for motors.
-        travel (n_sample, n_motor): Position reference of a large motion beneath it, from the configuration; None
-            without one [rad].
+        travel: Position reference of a large motion beneath it, from the configuration; None without one.
     """
 
-    reference: FloatArray
+    reference: Annotated[
+        FloatArray,
+        Quantity("{signal}", "realization experiment sample motor", "Injected signal, one period", compact=True),
+    ]
     kind: str
-    excited_lines: IntArray
-    detection_lines: IntArray
+    excited_lines: Annotated[IntArray, Quantity("1", "frequency", "Excited DFT lines")]
+    detection_lines: Annotated[IntArray, Quantity("1", "detection", "DFT lines left out to detect distortion")]
     sampling_period_s: float
-    spectrum: ComplexArray
-    rms: FloatArray
-    crest_factor: FloatArray
+    spectrum: Annotated[
+        ComplexArray,
+        Quantity("{signal}", "realization experiment frequency motor", "Complex amplitudes of the excited lines"),
+    ]
+    rms: Annotated[FloatArray, Quantity("{signal}", "motor", "RMS of each motor's signal")]
+    crest_factor: Annotated[FloatArray, Quantity("1", "realization experiment motor", "Peak over RMS")]
     plan: ExcitationPlan | None = None
-    channels: tuple[Channel, ...] = ()
-    travel: FloatArray | None = None
+    channels: Annotated[tuple[Channel, ...], Quantity("1", "motor", "What each column is where it is no motor")] = ()
+    travel: Annotated[
+        FloatArray | None,
+        Quantity(
+            "rad",
+            "sample motor",
+            "Position reference of the motors beneath the excitation, from the configuration",
+            compact=True,
+        ),
+    ] = None
+
+    @property
+    def own_units(self) -> dict[str, str]:
+        """Unit that its kind decides."""
+        return {"signal": UNITS[self.kind]}
 
     @property
     def period_s(self) -> float:
@@ -135,13 +151,7 @@ class Excitation:
 
     def first_experiments(self, count: int | None) -> Excitation:
         """Returns the first experiments of every block, all of them without a count."""
-        kept = slice(count)
-        return replace(
-            self,
-            reference=self.reference[:, kept],
-            spectrum=self.spectrum[:, kept],
-            crest_factor=self.crest_factor[:, kept],
-        )
+        return part_of(self, "experiment", slice(count))
 
 
 @dataclass(frozen=True)
@@ -149,11 +159,10 @@ class CampaignExcitation:
     """The excitation of one campaign.
 
     Attributes:
-        configurations (n_conf, n_joint): Arm-side joint angles [rad].
         excitation: The excitation; without realizations where a log was played by others.
     """
 
-    configurations: FloatArray
+    configurations: Annotated[FloatArray, Quantity("rad", "configuration joint", "Arm-side joint angles")]
     excitation: Excitation
 
 

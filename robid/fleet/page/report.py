@@ -6,8 +6,7 @@ import hashlib
 from pathlib import Path
 from typing import Literal
 
-from robid.artifacts.artifact import Provenance
-from robid.artifacts.provenance import canonical_hash, git_commit, package_versions, utc_now
+from robid.artifacts.artifact import Provenance, canonical_hash, git_commit, package_versions, utc_now
 from robid.errors import ArtifactError
 from robid.fleet.page.failures import failure_sections, grade_sections
 from robid.fleet.page.found import Found

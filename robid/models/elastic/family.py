@@ -9,12 +9,12 @@ from robid.later import later
 from robid.models.elastic.fit.options import name_problems
 from robid.models.elastic.settings import ElasticFit, elastic_fit, model_settings
 from robid.models.family import Export, Family
-from robid.settings.checks.limits import TORQUE, missing_limits
-from robid.settings.checks.sensed import without_motor_text
+from robid.settings.checks.beyond_motors import without_motor_text
+from robid.settings.checks.campaigns import TORQUE, missing_limits
 from robid.settings.experiment import Experiment
-from robid.settings.parameter_names import kinds_by_name
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
+from robid.settings.robot_derived import kinds_by_name
 from robid.settings.yaml import FieldPath
 
 with later(__name__):

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.grade import grade_from_artifact
-from robid.artifacts.validation import outcome_from_artifact
+from robid.artifacts.results import grade_from_artifact, outcome_from_artifact
 from robid.errors import DataError
 from robid.models.elastic.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.elastic.fit.fitting import fit_elastic

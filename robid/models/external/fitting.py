@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.grade import grade_from_artifact
+from robid.artifacts.results import grade_from_artifact
 from robid.errors import DataError
 from robid.models.external.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.external.fit.data import commands_of, shots_of

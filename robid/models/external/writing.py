@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.model import MODEL
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact
 from robid.errors import ArtifactError, SettingsError
 from robid.models.encode import Content, encode_csv, encode_json, encode_mat, origin_of

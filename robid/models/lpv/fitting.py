@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.grade import grade_from_artifact
+from robid.artifacts.results import grade_from_artifact
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.frf.quality import saturated_signals

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from robid.artifacts.layout import DAMAGE
-from robid.artifacts.model import MODEL
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import kind_of, read_artifact
 from robid.errors import ArtifactError, DataError
 from robid.models.encode import Content, encode_json, encode_mat, origin_of

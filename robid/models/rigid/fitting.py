@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.grade import grade_from_artifact
+from robid.artifacts.results import grade_from_artifact
 from robid.errors import DataError
 from robid.models.family import Data, Work
 from robid.models.rigid.files import model_of, solution_from_artifact, validation_from_artifact, validation_of

@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any, TypeAlias
+from typing import Any
 
 from robid.design.excitation.arbitrary import ArbitraryOptions
 from robid.design.excitation.options import PoseChirpOptions, SignalOptions, TrajectoryOptions
 from robid.design.excitation.signal_lines import check_signal
 from robid.errors import SettingsError
+from robid.settings.checks.beyond_motors import check_experiment_of_sensed, check_pose_campaign
+from robid.settings.checks.campaigns import check_designs, check_limits, check_truth, check_without_robot
 from robid.settings.checks.configurations import check_cycles, check_reachable, configuration_count, named_designs
-from robid.settings.checks.designs import check_designs
-from robid.settings.checks.handed_on import check_handed_on
-from robid.settings.checks.limits import check_limits
-from robid.settings.checks.logs import check_channels, check_logs
-from robid.settings.checks.pose import check_pose_campaign
-from robid.settings.checks.sensed import check_experiment_of_sensed
-from robid.settings.checks.truth import check_truth
-from robid.settings.checks.without_robot import check_without_robot
+from robid.settings.checks.logs import check_channels, check_handed_on, check_logs
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.fits import Families, FitSettings
-from robid.settings.pose import commanded_channels
-from robid.settings.problems import SettingsProblem, problem_at, suggest
+from robid.settings.problems import Found, SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile
+from robid.settings.robot_derived import commanded_channels
 from robid.settings.yaml import Document, FieldPath
-
-_Found: TypeAlias = Iterator[tuple[FieldPath, str]]
 
 
 @dataclass(frozen=True)
@@ -40,7 +33,7 @@ class Studies:
     """
 
     settings: Any
-    check: Callable[[Experiment, RobotFile | None], _Found]
+    check: Callable[[Experiment, RobotFile | None], Found]
 
 
 _ARBITRARY = "`arbitrary` says what logs hold: add `source: {acquire: ...}`, or choose a signal that can be played"
@@ -103,7 +96,7 @@ def input_names(campaign: Campaign, robot: RobotFile) -> tuple[str, ...]:
     return commanded_channels(campaign, robot) or tuple(joint.name for joint in robot.joints)
 
 
-def _folders(experiment: Experiment) -> _Found:
+def _folders(experiment: Experiment) -> Found:
     for name in experiment.campaigns:
         if name in _FOLDERS:
             yield ("campaigns", name), f"`{name}` is a folder of every run: give the campaign another name"
@@ -113,7 +106,7 @@ def _unknown(kind: str, name: str, known: Mapping[str, object]) -> str:
     return f"there is no {kind} `{name}`; {suggest(name, known)}"
 
 
-def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> _Found:
+def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> Found:
     field = ("campaigns", name)
     if campaign.configurations is not None:
         for place, design in named_designs((*field, "configurations"), campaign.configurations):
@@ -136,7 +129,7 @@ def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> _Found:
         yield from check_logs(field, campaign, campaign.source.acquire, count)
 
 
-def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Found:
+def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> Found:
     field = ("campaigns", name)
     n_joint = len(robot.joints)
     if campaign.configurations is not None:
@@ -163,7 +156,7 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> _Foun
         yield from check_truth((*field, "source", "simulate"), campaign, campaign.source.simulate, robot)
 
 
-def _campaign_of_logs(name: str, campaign: Campaign, robot: RobotFile) -> _Found:
+def _campaign_of_logs(name: str, campaign: Campaign, robot: RobotFile) -> Found:
     field, acquire = ("campaigns", name), None if campaign.source is None else campaign.source.acquire
     if acquire is not None and not campaign.is_one_shot and not campaign.is_trajectory:
         if not campaign.is_arbitrary:
@@ -171,7 +164,7 @@ def _campaign_of_logs(name: str, campaign: Campaign, robot: RobotFile) -> _Found
         yield from _lines(field, campaign, robot)
 
 
-def _travel(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
+def _travel(field: FieldPath, campaign: Campaign, robot: RobotFile) -> Found:
     travel = campaign.excitation.travel if isinstance(campaign.excitation, SignalOptions) else None
     if travel is None:
         return
@@ -186,7 +179,7 @@ def _travel(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
         yield (*field, other), f"has the wrong unit for `{travel.joint}`: write `{wanted}`"
 
 
-def _experiments(field: FieldPath, campaign: Campaign, n_motor: int) -> _Found:
+def _experiments(field: FieldPath, campaign: Campaign, n_motor: int) -> Found:
     count = n_motor if campaign.experiments is None else campaign.experiments
     if count > n_motor:
         yield (*field, "experiments"), f"a block has {n_motor} experiments, one per motor: {count} are too many"
@@ -198,7 +191,7 @@ def _experiments(field: FieldPath, campaign: Campaign, n_motor: int) -> _Found:
         yield (*field, "estimate", "compensation"), message
 
 
-def _outputs(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
+def _outputs(field: FieldPath, campaign: Campaign, robot: RobotFile) -> Found:
     if campaign.source is not None and campaign.source.acquire is not None:
         if campaign.outputs != ("motors",):
             yield (*field, "outputs"), "is for simulations: what a log has stands under `source.acquire.outputs`"
@@ -214,7 +207,7 @@ def _outputs(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
             yield (*field, "outputs", index), f"`{name}` is there twice"
 
 
-def _lines(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
+def _lines(field: FieldPath, campaign: Campaign, robot: RobotFile) -> Found:
     """Chooses the signal's lines as the design will."""
     period_s = sampling_period_s(campaign, robot)
     if period_s is None:
@@ -225,7 +218,7 @@ def _lines(field: FieldPath, campaign: Campaign, robot: RobotFile) -> _Found:
         yield (*field, *error.where.split(".")), f"{error.what} {error.remedy}"
 
 
-def _fit(experiment: Experiment, name: str, fit: FitSettings, families: Families) -> _Found:
+def _fit(experiment: Experiment, name: str, fit: FitSettings, families: Families) -> Found:
     field, reads = ("fits", name), families[fit.family].reads
     for key, campaign in (*(("from", name) for name in fit.campaigns), ("validate_on", fit.validate_on)):
         if campaign is None:
@@ -261,7 +254,7 @@ def _fit(experiment: Experiment, name: str, fit: FitSettings, families: Families
             yield (*field, "configurations", position), f"index {index} is there twice"
 
 
-def _fit_of_robot(experiment: Experiment, name: str, fit: FitSettings, robot: RobotFile, families: Families) -> _Found:
+def _fit_of_robot(experiment: Experiment, name: str, fit: FitSettings, robot: RobotFile, families: Families) -> Found:
     field = ("fits", name)
     for below, message in families[fit.family].problems(experiment, name, robot):
         yield (*field, *below), message

@@ -1,25 +1,131 @@
-"""What must hold of a campaign that is imported from logs."""
+"""Measured logs against the robot: names, numbers, units of joints that turn or slide, what fits hand on."""
 
 from __future__ import annotations
 
 import string
-from collections.abc import Iterator
-from typing import TypeAlias
+from collections.abc import Iterator, Mapping
 
-from robid.settings.acquire import PLACES, Acquire, is_numbered
 from robid.settings.base import DATA_VARIABLE
-from robid.settings.checks.kinds import wrong_kinds
-from robid.settings.experiment import Campaign
-from robid.settings.problems import suggest
+from robid.settings.experiment import Campaign, Experiment
+from robid.settings.fits import HandedOn
+from robid.settings.problems import Found, suggest
 from robid.settings.robot import RobotFile
+from robid.settings.robot_sections import JointSection
+from robid.settings.sources import PLACES, Acquire, is_numbered
 from robid.settings.yaml import FieldPath
 from robid.signals.log_channels import InputChannel, LogChannel, OutputChannel, input_problems
-from robid.signals.quantities import DRIVES, INJECTED, MOTOR_TORQUE, units_of
+from robid.signals.quantities import DRIVES, INJECTED, MOTOR_TORQUE, UNITS, units_of
 
-_Found: TypeAlias = Iterator[tuple[FieldPath, str]]
+_TURNS = {"N m": "torque", "rad": "angle", "rad/s": "speed", "rad/s^2": "acceleration"}
+_SLIDES = {"N": "force", "m": "position", "m/s": "speed", "m/s^2": "acceleration"}
+_TO_SLIDE = dict(zip(_TURNS, _SLIDES, strict=True))
+_TO_TURN = dict(zip(_SLIDES, _TURNS, strict=True))
 
 
-def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configuration: int | None) -> _Found:
+def wrong_kinds(acquire: Acquire, robot: RobotFile) -> Found:
+    """Yields channels of joints whose unit or side is not one of their joint, below the log's section.
+
+    What is measured at the tool may be anything, and so may a second sensor of a joint, which has a name of its own.
+
+    Args:
+        acquire: The logs, each side of a joint named as `with_sides` names it.
+        robot: The robot file.
+    """
+    joints = {joint.name: joint for joint in robot.joints}
+    groups: tuple[tuple[str, tuple[LogChannel, ...]], ...] = (
+        ("inputs", acquire.inputs),
+        ("outputs", acquire.outputs),
+        ("references", acquire.references),
+    )
+    for key, channels in groups:
+        for index, channel in enumerate(channels):
+            joint = joints.get(channel.name.removesuffix(".arm"))
+            side = None if joint is None else _wrong_side(channel, joint)
+            if side and not (key == "outputs" and channel.name.endswith(".arm")):
+                yield (key, index, "side"), side
+            if joint is None or channel.channel.side == "tool" or channel.problems():
+                continue
+            message = _wrong_kind(channel, joint)
+            if message:
+                yield (key, index, "unit"), message
+
+
+def _wrong_side(channel: LogChannel, joint: JointSection) -> str:
+    """Says why a channel cannot be of the side that is stated; those of outputs' names are checked with their names."""
+    if channel.name.endswith(".arm") and channel.side not in (None, "arm"):
+        return f"`{channel.name}` is the arm side of `{joint.name}`: leave `side` out"
+    if channel.side == "motor" and not joint.has_motor:
+        return f"`{joint.name}` has no motor (`torque_measured_at: joint`): leave `side` out, all of it is the arm's"
+    return ""
+
+
+def _wrong_kind(channel: LogChannel, joint: JointSection) -> str:
+    """Says why a channel's unit is none of its joint; nothing where it is one."""
+    unit, name = channel.si_unit, joint.name
+    is_arm = channel.channel.side == "arm"
+    if unit == "A":
+        told = f"`{channel.variable}` is a current, but `{name}` has no motor (`torque_measured_at: joint`)"
+        return "" if joint.has_motor else f"{told}: state what its sensor shows, in {_units(_own('N m', joint))}"
+    as_arm = joint.slides and is_arm
+    # A linear motor's own units are those of what it moves: its ratio is 1, whichever way it goes.
+    either = joint.slides and not is_arm and joint.motor is not None and abs(joint.motor.ratio or 0.0) == 1
+    if either or unit in (_SLIDES if as_arm else _TURNS):
+        return ""
+    wanted = _TO_SLIDE[unit] if as_arm else _TO_TURN[unit]
+    quantity = {**_TURNS, **_SLIDES}[wanted]
+    start = f"`{channel.variable}` is in {channel.unit}{_counted(channel)}, but "
+    if not joint.slides:
+        return f"{start}`{name}` is revolute: its {quantity} is in {_units(wanted)} (or `side: tool`, measured there)"
+    if is_arm:
+        return f"{start}`{name}` is prismatic: its arm's {quantity} is in {_units(wanted)}"
+    own = f"its motor's {quantity} is in {_units(wanted)}"
+    return f"{start}`{name}` is prismatic and its motor turns: {own}; what its slide does is named `{name}.arm`"
+
+
+def _own(unit: str, joint: JointSection) -> str:
+    return _TO_SLIDE[unit] if joint.slides else unit
+
+
+def _counted(channel: LogChannel) -> str:
+    """What one of its counts is of, where it has some."""
+    if not channel.unit.startswith("counts"):
+        return ""
+    return " of a turn" if channel.counts_per_turn is not None else " of a length"
+
+
+def _units(unit: str) -> str:
+    """The units that logs have for an SI unit."""
+    names = [name for name, known in UNITS.items() if known.si == unit]
+    return f"{', '.join(names[:-1])} or {names[-1]}" if len(names) > 1 else names[0]
+
+
+_WHAT: Mapping[HandedOn, str] = {
+    "friction": "Coulomb friction: name one of family `rigid` with `model: {friction: coulomb}` or `asymmetric`",
+    "standard": "masses and inertias: name one of family `rigid` with `physical: true`",
+}
+_KEYS: Mapping[HandedOn, str] = {"standard": "rigid"}
+
+
+def check_handed_on(experiment: Experiment) -> Found:
+    """Yields fits that are named but are not there, or do not hand on what is wanted of them."""
+    for name, campaign in experiment.campaigns.items():
+        wanted = campaign.estimate.friction_fit
+        if wanted is not None:
+            yield from _named(experiment, ("campaigns", name, "estimate", "compensation", "fit"), wanted, "friction")
+    for name, fit in experiment.fits.items():
+        for what, other in fit.takes.items():
+            yield from _named(experiment, ("fits", name, _KEYS.get(what, what)), other, what)
+
+
+def _named(experiment: Experiment, field: FieldPath, name: str, what: HandedOn) -> Found:
+    fit = experiment.fits.get(name)
+    if fit is None:
+        yield field, f"there is no fit `{name}`; {suggest(name, experiment.fits)}"
+    elif what not in fit.hands_on:
+        yield field, f"fit `{name}` of family `{fit.family}` hands on no {_WHAT[what]}"
+
+
+def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configuration: int | None) -> Found:
     """Finds what is wrong with the logs of a campaign whatever the robot is.
 
     Args:
@@ -82,7 +188,7 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
         yield (*field, "estimate", "compensation"), message
 
 
-def _signal(field: FieldPath, campaign: Campaign, acquire: Acquire) -> _Found:
+def _signal(field: FieldPath, campaign: Campaign, acquire: Acquire) -> Found:
     """Finds what logs of an arbitrary signal, or whose lines are to be found, cannot have."""
     inside, estimate = (*field, "source", "acquire"), campaign.estimate
     if campaign.finds_lines and acquire.references:
@@ -109,7 +215,7 @@ def _is_torque(channel: InputChannel) -> bool:
     return MOTOR_TORQUE.accepts([channel.channel])
 
 
-def check_channels(field: FieldPath, campaign: Campaign, acquire: Acquire, robot: RobotFile) -> _Found:
+def check_channels(field: FieldPath, campaign: Campaign, acquire: Acquire, robot: RobotFile) -> Found:
     """Finds channels that are not those of the robot, and what a match with its excitation lacks."""
     inside = (*field, "source", "acquire")
     joints = [joint.name for joint in robot.joints]
@@ -149,7 +255,7 @@ def _output(output: OutputChannel, joints: list[str]) -> Iterator[tuple[str, str
         yield "side", f"`{output.name}` is the {own} side of `{joint}`: leave `side` out, or give it another name"
 
 
-def _file(field: FieldPath, file: str, counts: dict[str, int], variables: list[str]) -> _Found:
+def _file(field: FieldPath, file: str, counts: dict[str, int], variables: list[str]) -> Found:
     """Finds numbers that a path cannot hold, and several logs under one name that share their variables."""
     rest = file.removeprefix(DATA_VARIABLE)
     if "$" in rest:

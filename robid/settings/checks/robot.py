@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from pydantic import BaseModel
@@ -12,14 +12,16 @@ from pydantic import BaseModel
 from robid.robot.description import Inertial
 from robid.robot.inertia import remove
 from robid.robot.parameters import PARAMETER_KINDS
-from robid.settings.checks.couplings import check_independence
-from robid.settings.checks.pose import check_pose_interface
-from robid.settings.checks.rigid import check_counterbalances, check_loop_links
-from robid.settings.checks.robot_missing import missing
-from robid.settings.checks.sensed import check_sensed
-from robid.settings.checks.stiffness import check_shaft, check_stiffness_over
-from robid.settings.plausible import HALVED, implausible
-from robid.settings.problems import SettingsProblem, problem_at, suggest
+from robid.settings.checks.beyond_motors import check_pose_interface, check_sensed
+from robid.settings.checks.mechanics import (
+    check_counterbalances,
+    check_independence,
+    check_loop_links,
+    check_shaft,
+    check_stiffness_over,
+)
+from robid.settings.checks.values import HALVED, implausible, missing
+from robid.settings.problems import Found, SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile, assumed_sections
 from robid.settings.robot_sections import Body, FrictionSection, JointSection, SpringSection
 from robid.settings.yaml import Document, FieldPath
@@ -63,7 +65,7 @@ def check_robot(
     return [problem_at(document, field, message) for field, message in found]
 
 
-def check_springs(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+def check_springs(robot: RobotFile) -> Found:
     """Yields what is wrong with the springs of a robot file: names, places, and what splits leave of a link."""
     yield from _springs(robot, {})
     yield from _splits(robot)
@@ -78,7 +80,7 @@ def spring_field(robot: RobotFile, index: int) -> FieldPath:
     return ("joints", geared[index], "gear") if index < len(geared) else ("springs", index - len(geared))
 
 
-def _names(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+def _names(robot: RobotFile) -> Found:
     named: list[tuple[FieldPath, str]] = [(("joints", i, "name"), joint.name) for i, joint in enumerate(robot.joints)]
     named += [((*spring_field(robot, i), "name"), spring.name) for i, spring in enumerate(robot.all_springs)]
     named += [(("sensors", i, "name"), sensor.name) for i, sensor in enumerate(robot.sensors)]
@@ -89,7 +91,7 @@ def _names(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
             yield field, f"`{name}` names more than one joint, spring, sensor or loop link"
 
 
-def _joints(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+def _joints(robot: RobotFile) -> Found:
     for index, joint in enumerate(robot.joints):
         field = ("joints", index)
         lower, upper = joint.stated_limits or (0.0, 1.0)
@@ -103,13 +105,13 @@ def _joints(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
         yield from _transmission(field, robot, joint) if joint.has_motor else check_sensed(field, robot, joint)
 
 
-def _friction(field: FieldPath, friction: FrictionSection) -> Iterator[tuple[FieldPath, str]]:
+def _friction(field: FieldPath, friction: FrictionSection) -> Found:
     if friction.static_nm is not None and friction.static_nm < friction.coulomb_nm:
         message = f"must not be below the Coulomb level, {friction.coulomb_nm:g} N m (found {friction.static_nm:g})"
         yield (*field, "static_nm"), message
 
 
-def _units(field: FieldPath, joint: JointSection) -> Iterator[tuple[FieldPath, str]]:
+def _units(field: FieldPath, joint: JointSection) -> Found:
     """Finds values that belong to joints of the other type."""
     turning, sliding = ("limits_deg", "arm_viscous_nms_rad"), ("limits_m", "arm_viscous_ns_m")
     for key in (key for key in (turning if joint.slides else sliding) if getattr(joint, key)):
@@ -124,7 +126,7 @@ def _units(field: FieldPath, joint: JointSection) -> Iterator[tuple[FieldPath, s
         yield (*field, "motor", wanted), "is missing"
 
 
-def _transmission(field: FieldPath, robot: RobotFile, joint: JointSection) -> Iterator[tuple[FieldPath, str]]:
+def _transmission(field: FieldPath, robot: RobotFile, joint: JointSection) -> Found:
     transmissions = [s.name for s in robot.all_springs if s.joint == joint.name and s.place == "transmission"]
     found = f"{len(transmissions)} ({', '.join(transmissions)})" if transmissions else "none"
     if joint.rigid and transmissions:
@@ -136,7 +138,7 @@ def _transmission(field: FieldPath, robot: RobotFile, joint: JointSection) -> It
         yield (*field, "rigid"), "needs `rotor: spong`: the rotor of a rigid joint is part of its arm"
 
 
-def _link(field: FieldPath, joint: JointSection, link: Body) -> Iterator[tuple[FieldPath, str]]:
+def _link(field: FieldPath, joint: JointSection, link: Body) -> Found:
     if link.inertial().inertia_kgm2.any() or joint.motor is None or joint.motor.ratio is None:
         yield from _body((*field, "link"), link)
         return
@@ -148,7 +150,7 @@ def _link(field: FieldPath, joint: JointSection, link: Body) -> Iterator[tuple[F
     yield (*field, "link", "inertia_kgm2"), f"must be positive definite, and is zero; {rotor}"
 
 
-def _body(field: FieldPath, body: Body) -> Iterator[tuple[FieldPath, str]]:
+def _body(field: FieldPath, body: Body) -> Found:
     wrong = _unphysical(body.inertial())
     if wrong:
         yield (*field, "inertia_kgm2"), wrong
@@ -171,7 +173,7 @@ def _unphysical(body: Inertial) -> str:
     return ""
 
 
-def _values(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+def _values(robot: RobotFile) -> Found:
     """Finds springs without stiffness or damping, or with those of the other type of joint."""
     for index, spring in enumerate(robot.all_springs):
         field, linear = spring_field(robot, index), spring.is_linear(robot.joints)
@@ -187,7 +189,7 @@ def _values(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
                 yield (*field, wanted), "is missing"
 
 
-def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Iterator[tuple[FieldPath, str]]:
+def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Found:
     joints = [joint.name for joint in robot.joints]
     turning = [joint.name for joint in robot.joints if not joint.slides]
     for index, spring in enumerate(robot.springs):
@@ -233,7 +235,7 @@ def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Iterator[tuple[Fi
             yield (*field, "place"), "a payload spring needs a `payload` with mass"
 
 
-def _laws(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+def _laws(robot: RobotFile) -> Found:
     for index, spring in enumerate(robot.all_springs):
         if spring.stiffness_over is not None:
             yield from check_stiffness_over(
@@ -241,7 +243,7 @@ def _laws(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
             )
 
 
-def _splits(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+def _splits(robot: RobotFile) -> Found:
     """Goes through the splits of each link from its joint outwards; each takes a part of what is left."""
     for joint in robot.joints:
         if joint.link is None:
@@ -254,7 +256,7 @@ def _splits(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
                 whole = part
 
 
-def _split(field: FieldPath, spring: SpringSection, outboard: Body, whole: Inertial) -> Iterator[tuple[FieldPath, str]]:
+def _split(field: FieldPath, spring: SpringSection, outboard: Body, whole: Inertial) -> Found:
     yield from _body(field, outboard)
     if outboard.mass_kg == 0:
         yield (*field, "mass_kg"), "must be above 0: a part without mass leaves no centre of mass for the rest"
@@ -267,7 +269,7 @@ def _split(field: FieldPath, spring: SpringSection, outboard: Body, whole: Inert
         yield (*field, "inertia_kgm2"), f"what is left of the link of `{spring.joint}` without it: {wrong}"
 
 
-def _couplings(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+def _couplings(robot: RobotFile) -> Found:
     joints = [joint.name for joint in robot.joints]
     for index, joint in enumerate(robot.joints):
         for name, turn in joint.couplings.items():
@@ -282,14 +284,14 @@ def _couplings(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
                 yield field, f"{turn:g} is implausible: arm turns per motor turn lie within 1, as behind any gear"
 
 
-def _base(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+def _base(robot: RobotFile) -> Found:
     if robot.base is not None:
         yield from _body(("base",), robot.base)
         if not any(spring.place == "base" for spring in robot.springs):
             yield ("base",), "moves only on springs with `place: base`, and there is none"
 
 
-def _sensors(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+def _sensors(robot: RobotFile) -> Found:
     joints = [joint.name for joint in robot.joints]
     for index, sensor in enumerate(robot.sensors):
         if sensor.joint is not None and sensor.joint not in joints:
@@ -298,17 +300,17 @@ def _sensors(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
             yield ("sensors", index, "axis"), "has no direction"
 
 
-def _loop_bodies(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+def _loop_bodies(robot: RobotFile) -> Found:
     for index, link in enumerate(robot.loop_links):
         yield from _body(("loop_links", index, "link"), link.link)
 
 
-def _payload(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+def _payload(robot: RobotFile) -> Found:
     if robot.payload is not None and robot.payload.mass_kg > 0:
         yield from _body(("payload",), robot.payload)
 
 
-def _assumed(robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+def _assumed(robot: RobotFile) -> Found:
     for _, field, section in assumed_sections(robot):
         for index, name in enumerate(section.assumed):
             node: object = section

@@ -16,14 +16,14 @@ from scipy.io import savemat
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact, Dataset
 from robid.artifacts.atomic import replacing
-from robid.artifacts.excitation import EXCITATION
+from robid.artifacts.kinds import EXCITATION
 from robid.artifacts.store import read_header
 from robid.errors import SettingsError
 from robid.pipeline.graph import Run
 from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
-from robid.settings.truth import true_robot_of
+from robid.settings.sources import true_robot_of
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions

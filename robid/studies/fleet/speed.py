@@ -18,9 +18,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from robid.artifacts.artifact import Dataset
+from robid.artifacts.artifact import Dataset, canonical_hash
 from robid.artifacts.atomic import read_json, write_json
-from robid.artifacts.provenance import canonical_hash
 from robid.backends.map import make_map
 from robid.errors import BackendError, DataError
 from robid.fleet.ledger import FORMATS, Ledger, read_ledger

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Dataset
-from robid.artifacts.excitation import EXCITATION
+from robid.artifacts.kinds import EXCITATION
 from robid.artifacts.store import read_header
 from robid.errors import DataError
 from robid.frf.laws import combine_laws
@@ -20,7 +20,7 @@ from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.robot.friction import TorqueLaw
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
 from robid.signals.quantities import units_text
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate

@@ -17,8 +17,7 @@ from robid.robot.description import Robot
 from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.model import RigidModel, build_rigid_model
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import require_controller, robot_settings
+from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
 from robid.simulate.options import Controller
 from robid.simulate.rigid_loop import simulate_rigid, simulate_rigid_loop
 from robid.studies.janot2009.seeded import FILTERS, Chunk, Machine, Recording, chunk_tasks, gather, judge_chunk

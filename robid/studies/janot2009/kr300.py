@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.artifacts.artifact import Artifact, Dataset
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
+from robid.artifacts.kinds import EXCITATION, excitation_from_artifact
 from robid.artifacts.store import read_artifact, read_header
 from robid.design.excitation.excitation import Excitation
 from robid.models.rigid.fit.fitting import fit_rigid
@@ -22,8 +22,7 @@ from robid.report.section import Section, Table
 from robid.robot.description import Robot
 from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.model import build_rigid_model
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import require_controller, robot_settings
+from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Controller, SimulateOptions, Truth
 from robid.simulate.truth import true_robot

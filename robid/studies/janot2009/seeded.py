@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import FloatArray, IntArray, Quantity
 from robid.artifacts.artifact import Artifact, Attribute, Dataset
 from robid.artifacts.mapping import from_datasets, to_datasets
 from robid.models.rigid.fit.conclusion import Conclusion, Verdict, conclude, solve_instruments
@@ -24,9 +24,9 @@ from robid.models.rigid.fit.regression import (
 )
 from robid.models.rigid.fit.residuals import Influence
 from robid.models.rigid.fit.rows import Reading, Regressor, Remembered, prepare
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
 from robid.studies.settings.parts import SeededCase
-from robid.studies.tasks import Content, Task, columns_of, in_chunks, kept
+from robid.studies.tasks import Content, Task, in_chunks
 
 FILTERS = ("good", "bad")
 """Filters that suit, and filters that do not."""
@@ -48,26 +48,26 @@ class Chunk:
 class Judged:
     """What seeds gave, and the first of them in detail."""
 
-    names: Annotated[tuple[str, ...], kept("1", "parameter", "Names of the parameters")]
-    units: Annotated[tuple[str, ...], kept("1", "parameter", "Their units")]
-    truth: Annotated[FloatArray, kept("as in units", "parameter", "Their true values")]
+    names: Annotated[tuple[str, ...], Quantity("1", "parameter", "Names of the parameters")]
+    units: Annotated[tuple[str, ...], Quantity("1", "parameter", "Their units")]
+    truth: Annotated[FloatArray, Quantity("as in units", "parameter", "Their true values")]
     size: Annotated[
-        FloatArray, kept("as in units", "parameter", "What errors are relative to: the truth, of a vector its norm")
+        FloatArray, Quantity("as in units", "parameter", "What errors are relative to: the truth, of a vector its norm")
     ]
-    trust: Annotated[IntArray, kept("1", "seed", "1 where least squares was trusted")]
-    alarms: Annotated[IntArray, kept("1", "seed test", "Which of `TESTS` spoke against it")]
-    plain: Annotated[FloatArray, kept("as in units", "seed parameter", "Least squares as the paper has it")]
-    instrumental: Annotated[FloatArray, kept("as in units", "seed parameter", "Instrumental variables")]
-    deviation: Annotated[FloatArray, kept("N m", "seed joint", "Deviations of the residuals of `plain`")]
+    trust: Annotated[IntArray, Quantity("1", "seed", "1 where least squares was trusted")]
+    alarms: Annotated[IntArray, Quantity("1", "seed test", "Which of `TESTS` spoke against it")]
+    plain: Annotated[FloatArray, Quantity("as in units", "seed parameter", "Least squares as the paper has it")]
+    instrumental: Annotated[FloatArray, Quantity("as in units", "seed parameter", "Instrumental variables")]
+    deviation: Annotated[FloatArray, Quantity("N m", "seed joint", "Deviations of the residuals of `plain`")]
     value: Annotated[
-        FloatArray, kept("as in units", "estimate parameter", "First seed: least squares, then Huber at `BENDS`")
+        FloatArray, Quantity("as in units", "estimate parameter", "First seed: least squares, then Huber at `BENDS`")
     ]
-    std: Annotated[FloatArray, kept("as in units", "estimate parameter", "Their deviations by eq. 8 and 19")]
-    sigma: Annotated[FloatArray, kept("N m", "estimate joint", "Deviations of residuals, weighted by eq. 19")]
-    iterations: Annotated[IntArray, kept("1", "estimate", "Passes that they took")]
-    time_s: Annotated[FloatArray, kept("s", "row", "Time of the first seed's rows")]
-    residual: Annotated[FloatArray, kept("N m", "row joint", "Of least squares, NaN where unused", compact=True)]
-    weight: Annotated[FloatArray, kept("1", "row joint", "Huber's at the usual bend", compact=True)]
+    std: Annotated[FloatArray, Quantity("as in units", "estimate parameter", "Their deviations by eq. 8 and 19")]
+    sigma: Annotated[FloatArray, Quantity("N m", "estimate joint", "Deviations of residuals, weighted by eq. 19")]
+    iterations: Annotated[IntArray, Quantity("1", "estimate", "Passes that they took")]
+    time_s: Annotated[FloatArray, Quantity("s", "row", "Time of the first seed's rows")]
+    residual: Annotated[FloatArray, Quantity("N m", "row joint", "Of least squares, NaN where unused", compact=True)]
+    weight: Annotated[FloatArray, Quantity("1", "row joint", "Huber's at the usual bend", compact=True)]
     sentence: str
     """The verdict on it."""
 
@@ -99,8 +99,7 @@ def judge_chunk(machine: Machine, recording: Recording, case: SeededCase) -> Con
     for name, cut in zip(FILTERS, (case.good_cut_hz, case.bad_cut_hz), strict=True):
         options = PreprocessingOptions(cut, drop_deviations=case.drop_deviations)
         judged = _judged(machine, identify(machine, recording, options), _detail(machine, recording, options))
-        table = {f"{name}/{key}": column for key, column in columns_of(Judged).items()}
-        arrays, scalars = to_datasets(judged, table, f"{name}/")
+        arrays, scalars = to_datasets(judged, f"{name}/")
         datasets, attributes = datasets | arrays, attributes | scalars
     return Content(datasets, attributes)
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from robid.artifacts.artifact import Artifact, Attribute, Dataset
+from robid.artifacts.kinds import TASK
 from robid.artifacts.store import read_artifact
-from robid.artifacts.task import TASK
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.fitting import fit_elastic
@@ -26,8 +26,7 @@ from robid.results.doubt import CAUSES
 from robid.results.plausible.doubts import data_doubts
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import delay_s
+from robid.settings.robot_parts import delay_s, plain_settings
 from robid.studies.mistakes.responses import Case, campaigns_of, cases, mistaken_robot, mistaken_truth
 from robid.studies.settings.mistakes import Mistake, MistakesStudy
 from robid.studies.simulated import kept_solution, kept_truth, response_from, solution_or_refusal

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.artifact import Attribute, Dataset
-from robid.artifacts.provenance import canonical_hash
+from robid.artifacts.artifact import Attribute, Dataset, canonical_hash
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.errors import DataError
 from robid.frf.frf import Frf
@@ -24,9 +23,8 @@ from robid.pipeline.simulate_or_acquire import simulated_experiment, simulated_t
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
 from robid.settings.robot import RobotFile
-from robid.settings.robot_parts import delay_s
+from robid.settings.robot_parts import delay_s, plain_settings
 from robid.settings.robot_sections import JointSection, given
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate

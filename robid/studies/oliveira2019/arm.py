@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import read_artifact
-from robid.artifacts.validation import VALIDATION
 from robid.models.external.files import solution_from_artifact, validation_from_artifact
 from robid.models.external.fit.solution import ExternalSolution
 from robid.models.external.judge.validating import ExternalValidation

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray, Quantity
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.mapping import Column, from_datasets, to_datasets
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import RECORD, record_from_artifact
+from robid.artifacts.mapping import from_datasets, to_datasets
 from robid.artifacts.store import read_artifact, read_header
 from robid.models.external.fit.checks import blocks_of
 from robid.models.external.fit.coupling import CouplingMap, Pairs, map_coupling
@@ -24,9 +25,8 @@ from robid.models.external.settings import external_fit
 from robid.pipeline.graph import Run
 from robid.robot.description import Robot
 from robid.robot.kinematics import ToolArm
-from robid.settings.plain import plain_settings
-from robid.settings.pose import require_pose_interface, tool_arm
-from robid.settings.robot_parts import require_controller, robot_settings
+from robid.settings.robot_derived import require_pose_interface, tool_arm
+from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
 from robid.signals.record import Record
 from robid.simulate.options import Controller, PoseInterface
 from robid.simulate.pose_response import pose_response
@@ -50,38 +50,25 @@ class Home:
     options: ExternalOptions
 
 
+_RESPONSE = "frequency output command"
+
+
 @dataclass(frozen=True)
 class Mapped:
-    """What was found in one home."""
+    """What was found in one home.
 
-    inputs: tuple[str, ...]  # Names of the commands
-    outputs: tuple[str, ...]
-    map: CouplingMap  # The decoupling map
-    response: ComplexArray  # (n_freq, n_out, n_in) the empirical response, from samples to samples
-    linear: ComplexArray  # (n_freq, n_out, n_in) that of the linearised loop
-    linear_gain: FloatArray  # (n_freq, n_out, n_in) its magnitude in resolutions
+    Attributes:
+        map: The decoupling map.
+    """
 
-
-_BAND, _PAIR, _FREQUENCY = ("band",), ("output", "command"), ("frequency", "output", "command")
-_TABLE = {
-    "inputs": Column("1", ("command",)),
-    "outputs": Column("1", ("output",)),
-    "map/bands": Column("1", _BAND),
-    "map/highest_hz": Column("Hz", _BAND),
-    "map/coherence": Column("1", ("band", *_PAIR), "Root of the largest coherence"),
-    "map/limit": Column("1", _BAND),
-    "map/ratio": Column("1", ("band", *_PAIR), "Size of what follows, in resolutions"),
-    "map/own": Column("1", _PAIR),
-    "map/coupled": Column("1", ("band", *_PAIR)),
-    "map/frequency_hz": Column("Hz", ("frequency",)),
-    "map/gain": Column("1", _FREQUENCY, "In resolutions"),
-    "map/gain_radius": Column("1", _FREQUENCY, "In resolutions"),
-    "map/crossing_hz": Column("Hz", _PAIR),
-    "map/decoupled_up_to_hz": Column("Hz", ("command",)),
-    "response": Column("as the channels", _FREQUENCY),
-    "linear": Column("as the channels", _FREQUENCY),
-    "linear_gain": Column("1", _FREQUENCY, "In resolutions"),
-}
+    inputs: Annotated[tuple[str, ...], Quantity("1", "command", "Names of the commands")]
+    outputs: Annotated[tuple[str, ...], Quantity("1", "output", "Names of the outputs")]
+    map: CouplingMap
+    response: Annotated[
+        ComplexArray, Quantity("as the channels", _RESPONSE, "The empirical response, from samples to samples")
+    ]
+    linear: Annotated[ComplexArray, Quantity("as the channels", _RESPONSE, "That of the linearised loop")]
+    linear_gain: Annotated[FloatArray, Quantity("1", _RESPONSE, "In resolutions")]
 
 
 def homes_tasks(run: Run, case: CartesianCase, _earlier: Mapping[str, Results]) -> list[Task]:
@@ -141,7 +128,7 @@ def map_home(home: Home) -> Content:
         linear=linear,
         linear_gain=np.abs(linear) * pairs.per_resolution,
     )
-    return Content(*to_datasets(mapped, _TABLE))
+    return Content(*to_datasets(mapped))
 
 
 def map_record(record: Record, index: int, options: ExternalOptions) -> tuple[Etfe, Pairs, CouplingMap]:

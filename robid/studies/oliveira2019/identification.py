@@ -17,7 +17,7 @@ from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.output_error import nrmse, predict
 from robid.models.external.fit.solution import ExternalSolution
 from robid.pipeline.graph import Run
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
 from robid.signals.quantities import Channel
 from robid.studies.experiments import paper_figures
 from robid.studies.oliveira2019.bench import PRINTED, Bench, Plant, bench_of, plants_of

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray, Quantity
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.mapping import from_datasets, to_datasets
-from robid.studies.tasks import Content, columns_of, kept
+from robid.studies.tasks import Content
 
 CONFIDENCE = 0.97
 """Level of the paper's bounds."""
@@ -42,11 +42,11 @@ class Quality:
 class Identified:
     """One channel, identified from one seed's noise."""
 
-    numerator: Annotated[FloatArray, kept("rad/s, powers", "power", "Estimate, highest power of s first")]
-    denominator: Annotated[FloatArray, kept("rad/s, powers", "power", "As the numerator")]
+    numerator: Annotated[FloatArray, Quantity("rad/s, powers", "power", "Estimate, highest power of s first")]
+    denominator: Annotated[FloatArray, Quantity("rad/s, powers", "power", "As the numerator")]
     covariance: Annotated[
         FloatArray,
-        kept("SI", "parameter parameter", "Of the coefficients, the first below left out"),
+        Quantity("SI", "parameter parameter", "Of the coefficients, the first below left out"),
     ]
     delay_samples: int
     """Estimated delay."""
@@ -54,34 +54,36 @@ class Identified:
     """Why this structure."""
     status: str
     """How the fit ended."""
-    roots: Annotated[tuple[RootValue, ...], kept("as named", "root", "Poles and zeros")]
+    roots: Annotated[tuple[RootValue, ...], Quantity("as named", "root", "Poles and zeros")]
     undetermined: Annotated[
         tuple[str, ...],
-        kept("1", "sentence", "What the data do not determine, a sentence each"),
+        Quantity("1", "sentence", "What the data do not determine, a sentence each"),
     ]
-    tried: Annotated[tuple[Tried, ...], kept("as named", "structure", "The structures that were tried")]
+    tried: Annotated[tuple[Tried, ...], Quantity("as named", "structure", "The structures that were tried")]
     quality: Quality
     """On the validation."""
-    frequency_hz: Annotated[FloatArray, kept("Hz", "frequency", "Frequencies of the responses")]
-    response: Annotated[ComplexArray, kept("1", "frequency", "From samples to samples: hold, average and delay")]
-    continuous: Annotated[ComplexArray, kept("1", "frequency", "Of its transfer function, with the delay")]
-    relative_std: Annotated[FloatArray, kept("1", "frequency", "Predicted relative deviation of the magnitude")]
-    phase_std: Annotated[FloatArray, kept("rad", "frequency", "Predicted deviation of the phase")]
-    etfe_hz: Annotated[FloatArray, kept("Hz", "etfe", "Frequencies of the empirical response")]
-    etfe: Annotated[ComplexArray, kept("1", "etfe", "Empirical response")]
-    etfe_radius: Annotated[FloatArray, kept("1", "etfe", "Its confidence radius")]
-    command: Annotated[FloatArray, kept("m or rad", "sample", "The validation's chirp", compact=True)]
-    measured: Annotated[FloatArray, kept("m or rad", "sample", "Mean of the repeats", compact=True)]
-    simulated: Annotated[FloatArray, kept("m or rad", "sample", "What the estimate says", compact=True)]
-    bound: Annotated[FloatArray, kept("m or rad", "sample", "Half width of its interval of `CONFIDENCE`", compact=True)]
-    step_s: Annotated[FloatArray, kept("s", "step", "Times since a unit step of the command: every sample")]
-    step: Annotated[FloatArray, kept("1", "step", "What the estimate answers, without the moving average")]
-    step_std: Annotated[FloatArray, kept("1", "step", "Its predicted deviation")]
+    frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency", "Frequencies of the responses")]
+    response: Annotated[ComplexArray, Quantity("1", "frequency", "From samples to samples: hold, average and delay")]
+    continuous: Annotated[ComplexArray, Quantity("1", "frequency", "Of its transfer function, with the delay")]
+    relative_std: Annotated[FloatArray, Quantity("1", "frequency", "Predicted relative deviation of the magnitude")]
+    phase_std: Annotated[FloatArray, Quantity("rad", "frequency", "Predicted deviation of the phase")]
+    etfe_hz: Annotated[FloatArray, Quantity("Hz", "etfe", "Frequencies of the empirical response")]
+    etfe: Annotated[ComplexArray, Quantity("1", "etfe", "Empirical response")]
+    etfe_radius: Annotated[FloatArray, Quantity("1", "etfe", "Its confidence radius")]
+    command: Annotated[FloatArray, Quantity("m or rad", "sample", "The validation's chirp", compact=True)]
+    measured: Annotated[FloatArray, Quantity("m or rad", "sample", "Mean of the repeats", compact=True)]
+    simulated: Annotated[FloatArray, Quantity("m or rad", "sample", "What the estimate says", compact=True)]
+    bound: Annotated[
+        FloatArray, Quantity("m or rad", "sample", "Half width of its interval of `CONFIDENCE`", compact=True)
+    ]
+    step_s: Annotated[FloatArray, Quantity("s", "step", "Times since a unit step of the command: every sample")]
+    step: Annotated[FloatArray, Quantity("1", "step", "What the estimate answers, without the moving average")]
+    step_std: Annotated[FloatArray, Quantity("1", "step", "Its predicted deviation")]
 
 
 def to_content(found: Identified) -> Content:
     """Returns what a task keeps of a channel."""
-    return Content(*to_datasets(found, columns_of(Identified)))
+    return Content(*to_datasets(found))
 
 
 def from_content(artifact: Artifact) -> Identified:

@@ -37,8 +37,7 @@ from robid.robot.linearize import LinearModel, axial_inertia, linearize, solve_s
 from robid.robot.model import build_model
 from robid.robot.response import ElasticParameters, nominal_parameters, response
 from robid.robot.sampling import hold_factor
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import delay_s, require_controller, robot_settings
+from robid.settings.robot_parts import delay_s, plain_settings, require_controller, robot_settings
 from robid.signals.quantities import motor_channels
 from robid.simulate.options import Imperfections, Truth
 from robid.simulate.truth import TrueRobot

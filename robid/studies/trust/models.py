@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from robid.artifacts.artifact import Attribute, Dataset
+from robid.artifacts.kinds import TASK
 from robid.artifacts.store import read_artifact
-from robid.artifacts.task import TASK
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.fitting import fit_elastic
@@ -25,8 +25,7 @@ from robid.pipeline.simulate_or_acquire import simulated_experiment, simulated_t
 from robid.results.doubt import Doubt
 from robid.robot.description import Robot
 from robid.robot.doubts import Doubts
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import delay_s
+from robid.settings.robot_parts import delay_s, plain_settings
 from robid.simulate.truth import TrueRobot
 from robid.studies.experiments import changed_simulation
 from robid.studies.mistakes.cases import GRADING, refused_causes

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from robid.artifacts.kinds import TASK
 from robid.artifacts.store import read_artifact
-from robid.artifacts.task import TASK
 from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import Verdict

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL
-from robid.artifacts.record import RECORD, record_from_artifact
+from robid.artifacts.kinds import FRF, RECORD, frf_from_artifact, record_from_artifact
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
 from robid.errors import DataError

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
-from robid.artifacts.frf import FRF, frf_from_artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.kinds import FRF, frf_from_artifact
+from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import read_artifact
-from robid.artifacts.validation import VALIDATION
 from robid.models.lpv.files import solution_from_artifact, validation_from_artifact
 from robid.models.lpv.fit.model import LpvModel
 from robid.models.lpv.fit.responses import expected_share, smooth_variance

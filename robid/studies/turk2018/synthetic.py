@@ -16,7 +16,7 @@ from robid.models.lpv.fit.responses import LocalResponses
 from robid.models.lpv.fit.state_space import StateSpace, block_names, response, transform
 from robid.pipeline.graph import Run
 from robid.report.section import Section, Table
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
 from robid.studies.settings.parts import KnownStructureCase
 from robid.studies.study import Asked, Part, PartFound
 from robid.studies.tasks import Content, Results, Task, in_chunks

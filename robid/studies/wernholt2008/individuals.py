@@ -11,16 +11,15 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.artifacts.artifact import Artifact, Dataset
-from robid.artifacts.frf import FRF
+from robid.artifacts.kinds import FRF
 from robid.artifacts.store import read_header
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.settings import model_settings
 from robid.pipeline.graph import Run
 from robid.robot.description import Robot
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import delay_s
-from robid.settings.truth import true_robot_of
+from robid.settings.robot_parts import delay_s, plain_settings
+from robid.settings.sources import true_robot_of
 from robid.studies.over_individuals import stated_std
 from robid.studies.settings.elastic import WernholtStudy
 from robid.studies.simulated import simulate_options

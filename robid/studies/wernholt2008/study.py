@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from robid.artifacts.artifact import Dataset
-from robid.artifacts.frf import FRF, frf_from_artifact
+from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact, read_header
 from robid.frf.frf import Frf
 from robid.frf.residual import EstimatorKind
@@ -23,8 +23,7 @@ from robid.models.elastic.settings import model_settings
 from robid.pipeline.graph import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import delay_s
+from robid.settings.robot_parts import delay_s, plain_settings
 from robid.studies.experiments import paper_figures
 from robid.studies.settings.elastic import WernholtStudy
 from robid.studies.study import Earlier, study_of

@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.design import DESIGN, design_from_artifact
+from robid.artifacts.kinds import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.information import ConfigurationDesign
 from robid.pipeline.graph import Run

@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.artifacts.artifact import Dataset
-from robid.artifacts.design import DESIGN, design_from_artifact
+from robid.artifacts.kinds import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.information import ConfigurationDesign
 from robid.design.configurations.measured import measured_information
@@ -32,9 +32,8 @@ from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
 from robid.robot.rest import settle_springs
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import delay_s
-from robid.settings.truth import true_robot_of
+from robid.settings.robot_parts import delay_s, plain_settings
+from robid.settings.sources import true_robot_of
 from robid.simulate.truth import with_imperfections
 from robid.studies.experiments import paper_figures
 from robid.studies.over_individuals import stated_std

@@ -10,25 +10,24 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from robid.arrays import FloatArray, check_shape
+from robid.arrays import FloatArray, Quantity, check_shape
 from robid.artifacts.artifact import Artifact
+from robid.artifacts.kinds import TASK
 from robid.artifacts.mapping import from_datasets, to_datasets
 from robid.artifacts.store import read_artifact
-from robid.artifacts.task import TASK
 from robid.models.elastic.fit.fitted_robot import with_estimates
 from robid.pipeline.configurations import draw_in_reach
 from robid.pipeline.graph import Run
 from robid.robot.description import Robot
 from robid.settings.experiment import RandomConfigurations
-from robid.settings.plain import plain_settings
-from robid.settings.robot_parts import require_controller, robot_settings
-from robid.settings.truth import true_robot_of
+from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
+from robid.settings.sources import true_robot_of
 from robid.simulate.options import Controller, SimulateOptions
 from robid.simulate.playback import with_tool_point
 from robid.studies.settings.elastic import StepOptions, ZimmermannStudy
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Content, Task, columns_of, kept
+from robid.studies.tasks import Content, Task
 from robid.studies.zimmermann2023.step_bench import StepBench, StepRun, StepTask, run_steps, step_profiles
 
 _MOVED, _STEPPED = "model configuration axis time xyz", "model configuration axis time"
@@ -41,18 +40,18 @@ Map = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
 class StepResponses:
     """What the tool point and the stepped axis' motor did; arrays begin with (n_model, n_conf, n_axis)."""
 
-    time_s: Annotated[FloatArray, kept("s", "time", "Time from the beginning of the step")]
-    models: Annotated[tuple[str, ...], kept("1", "model", "Name of each model")]
-    axes: Annotated[tuple[str, ...], kept("1", "axis", "Name of each stepped axis")]
-    configurations: Annotated[FloatArray, kept("rad", "configuration joint", "Arm-side angles at rest")]
-    move_s: Annotated[FloatArray, kept("s", "configuration axis", "How long the commanded move lasts")]
+    time_s: Annotated[FloatArray, Quantity("s", "time", "Time from the beginning of the step")]
+    models: Annotated[tuple[str, ...], Quantity("1", "model", "Name of each model")]
+    axes: Annotated[tuple[str, ...], Quantity("1", "axis", "Name of each stepped axis")]
+    configurations: Annotated[FloatArray, Quantity("rad", "configuration joint", "Arm-side angles at rest")]
+    move_s: Annotated[FloatArray, Quantity("s", "configuration axis", "How long the commanded move lasts")]
     path: Annotated[
-        FloatArray, kept("m", "configuration axis time xyz", "Displacement of the tool point of a rigid robot")
+        FloatArray, Quantity("m", "configuration axis time xyz", "Displacement of the tool point of a rigid robot")
     ]
-    tool_true: Annotated[FloatArray, kept("m", _MOVED, "Displacement of the true tool point", compact=True)]
-    tool_model: Annotated[FloatArray, kept("m", _MOVED, "What the model predicts", compact=True)]
-    torque_true: Annotated[FloatArray, kept("N m", _STEPPED, "Torque of the stepped axis", compact=True)]
-    torque_model: Annotated[FloatArray, kept("N m", _STEPPED, "What the model predicts", compact=True)]
+    tool_true: Annotated[FloatArray, Quantity("m", _MOVED, "Displacement of the true tool point", compact=True)]
+    tool_model: Annotated[FloatArray, Quantity("m", _MOVED, "What the model predicts", compact=True)]
+    torque_true: Annotated[FloatArray, Quantity("N m", _STEPPED, "Torque of the stepped axis", compact=True)]
+    torque_model: Annotated[FloatArray, Quantity("N m", _STEPPED, "What the model predicts", compact=True)]
 
     @property
     def size_m(self) -> FloatArray:
@@ -249,7 +248,7 @@ def step(one: Stepping) -> Content:
         one.configurations,
         one.options,
     )
-    return Content(*to_datasets(responses, columns_of(StepResponses)))
+    return Content(*to_datasets(responses))
 
 
 def read_steps(artifact: Artifact) -> StepResponses:

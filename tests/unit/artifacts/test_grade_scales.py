@@ -1,8 +1,7 @@
 """A grade keeps in its artifact which wrong scales each doubt saw; artifacts from before have none."""
 
 from robid.artifacts.artifact import Artifact, Provenance
-from robid.artifacts.grade import grade_content, grade_from_artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.results import MODEL, grade_content, grade_from_artifact
 from robid.results.doubt import Doubt
 from robid.results.grade import grade_alone
 from robid.results.scale import Scale

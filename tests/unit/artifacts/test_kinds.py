@@ -3,16 +3,24 @@
 import dataclasses
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robid.arrays import Quantity, part_of
 from robid.artifacts.artifact import Artifact, Kind, Provenance
-from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
-from robid.artifacts.mapping import Column, from_datasets, to_datasets
-from robid.artifacts.record import RECORD, record_from_artifact, record_to_artifact
+from robid.artifacts.kinds import (
+    FRF,
+    RECORD,
+    frf_from_artifact,
+    frf_to_artifact,
+    record_from_artifact,
+    record_to_artifact,
+)
+from robid.artifacts.mapping import from_datasets, to_datasets
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.errors import ArtifactError
 from robid.frf.frf import Frf
@@ -164,7 +172,7 @@ def test_a_record_is_no_frequency_response(tmp_path: Path) -> None:
 @dataclass(frozen=True)
 class Inner:
     level: float
-    margin: np.ndarray | None = None
+    margin: Annotated[np.ndarray | None, Quantity("rad", "motor")] = None
 
 
 @dataclass(frozen=True)
@@ -176,28 +184,28 @@ class Row:
 
 @dataclass(frozen=True)
 class Outer:
-    values: np.ndarray
-    names: tuple[str, ...]
-    counts: tuple[int, ...]
+    values: Annotated[np.ndarray, Quantity("{angle}", "parameter", "Angles")]
+    names: Annotated[tuple[str, ...], Quantity("1", "parameter")]
+    counts: Annotated[tuple[int, ...], Quantity("1", "start")]
     status: str
     converged: bool
     cost: float
     inner: Inner | None
     kind: str = "default"
-    notes: tuple[str, ...] = field(default=("none",))
-    optional: np.ndarray | None = None
-    rows: tuple[Row, ...] = ()
+    notes: Annotated[tuple[str, ...], Quantity("1", "note")] = field(default=("none",))
+    optional: Annotated[np.ndarray | None, Quantity("1", "parameter")] = None
+    rows: Annotated[tuple[Row, ...], Quantity("1", "row", "Rows")] = ()
+
+    @property
+    def own_units(self) -> dict[str, str]:
+        return {"angle": "rad" if self.converged else "deg"}
 
 
-TABLE = {
-    "values": Column("rad", ("parameter",)),
-    "names": Column("1", ("parameter",)),
-    "counts": Column("1", ("start",)),
-    "inner/margin": Column("rad", ("motor",)),
-    "notes": Column("1", ("note",)),
-    "optional": Column("1", ("parameter",)),
-    "rows": Column("1", ("row",)),
-}
+@dataclass(frozen=True)
+class Undeclared:
+    values: np.ndarray
+
+
 OUTER = Outer(np.ones(2), ("a", "b"), (1, 2), "converged", True, 3, Inner(2.0, np.zeros(3)), "x", ())
 ROWS = replace(OUTER, rows=(Row("a", 1.5), Row("b", 2.5)))
 
@@ -207,7 +215,7 @@ ROWS = replace(OUTER, rows=(Row("a", 1.5), Row("b", 2.5)))
     [OUTER, replace(OUTER, inner=None), replace(OUTER, inner=Inner(1.0)), replace(OUTER, optional=np.eye(2)[0]), ROWS],
 )
 def test_any_dataclass_of_plain_values_comes_back(tmp_path: Path, value: Outer) -> None:
-    datasets, attributes = to_datasets(value, TABLE)
+    datasets, attributes = to_datasets(value)
     write_artifact(tmp_path / "thing.h5", Artifact(KIND, datasets, attributes, PROVENANCE))
     found = from_datasets(Outer, read_artifact(tmp_path / "thing.h5", KIND))
     _same_fields(replace(value, inner=None, cost=3.0), replace(found, inner=None))
@@ -218,11 +226,11 @@ def test_any_dataclass_of_plain_values_comes_back(tmp_path: Path, value: Outer) 
 
 
 def test_a_field_of_a_newer_minor_version_gets_its_default() -> None:
-    datasets, attributes = to_datasets(OUTER, TABLE)
+    datasets, attributes = to_datasets(OUTER)
     del datasets["notes"], attributes["kind"]
     found = from_datasets(Outer, Artifact(KIND, datasets, attributes, PROVENANCE))
     assert (found.notes, found.kind) == (("none",), "default")
-    datasets, attributes = to_datasets(replace(ROWS, rows=(Row("a", 1.5, "there"),)), TABLE)
+    datasets, attributes = to_datasets(replace(ROWS, rows=(Row("a", 1.5, "there"),)))
     del datasets["rows/place"]
     assert from_datasets(Outer, Artifact(KIND, datasets, attributes, PROVENANCE)).rows == (Row("a", 1.5),)
     del datasets["rows/size"]
@@ -230,19 +238,32 @@ def test_a_field_of_a_newer_minor_version_gets_its_default() -> None:
 
 
 def test_missing_fields_are_named_together() -> None:
-    datasets, attributes = to_datasets(OUTER, TABLE)
+    datasets, attributes = to_datasets(OUTER)
     del datasets["values"], attributes["status"], attributes["inner/level"]
     with pytest.raises(ArtifactError, match="lacks inner/level, values, status") as caught:
         from_datasets(Outer, Artifact(KIND, datasets, attributes, PROVENANCE))
     assert "robid make-thing" in caught.value.remedy
 
 
-def test_the_table_and_the_fields_must_agree() -> None:
-    with pytest.raises(ValueError, match=r"lacks units and axes of `Outer\.values`"):
-        to_datasets(OUTER, {name: column for name, column in TABLE.items() if name != "values"})
-    with pytest.raises(ValueError, match="'value'"):
-        to_datasets(OUTER, {**TABLE, "value": Column("rad", ("parameter",))})
+def test_what_a_field_declares_is_what_its_dataset_says() -> None:
+    datasets, _ = to_datasets(ROWS)
+    said = {name: (dataset.units, dataset.axes, dataset.description) for name, dataset in datasets.items()}
+    assert said["values"] == ("rad", ("parameter",), "Angles")
+    assert said["inner/margin"] == ("rad", ("motor",), "")
+    assert said["rows/name"] == said["rows/size"] == ("1", ("row",), "Rows")
+    assert to_datasets(replace(OUTER, converged=False))[0]["values"].units == "deg"
+
+
+def test_an_array_must_say_what_it_is() -> None:
+    with pytest.raises(ValueError, match=r"`Undeclared\.values` declares no unit and axes"):
+        to_datasets(Undeclared(np.zeros(1)))
     with pytest.raises(TypeError, match=r"`Outer\.names` is a list"):
-        to_datasets(replace(OUTER, names=["a"]), TABLE)
+        to_datasets(replace(OUTER, names=["a"]))
     with pytest.raises(TypeError, match="`names` must be a flat tuple"):
-        to_datasets(replace(OUTER, names=(("a", "b"),)), TABLE)
+        to_datasets(replace(OUTER, names=(("a", "b"),)))
+
+
+def test_a_part_of_an_axis_is_taken_of_all_that_have_it() -> None:
+    part = part_of(replace(OUTER, optional=np.arange(2.0)), "parameter", np.array([1]))
+    assert (part.values.shape, part.optional.tolist()) == ((1,), [1.0])
+    assert (part.names, part.counts) == (("b",), OUTER.counts)

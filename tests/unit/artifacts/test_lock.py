@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from robid.artifacts.leftovers import remove_leftovers
+from robid.artifacts.atomic import remove_leftovers
 from robid.artifacts.lock import locked
 from robid.errors import ArtifactError
 

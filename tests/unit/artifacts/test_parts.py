@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.artifacts.artifact import Artifact, Dataset, Kind, Provenance
+from robid.artifacts.artifact import Artifact, Dataset, Kind, Provenance, canonical_hash
 from robid.artifacts.parts import Parts
-from robid.artifacts.provenance import canonical_hash
 from robid.errors import ArtifactError
 
 KIND = Kind("thing", "1.0", "robid make-thing")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robid.artifacts.atomic import json_text
-from robid.artifacts.plain import from_plain, to_plain
+from robid.artifacts.truth import from_plain, to_plain
 from robid.robot.description import Robot
 from robid.settings.load import load_robot
 

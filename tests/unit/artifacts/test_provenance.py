@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import robid
-from robid.artifacts import provenance
+from robid.artifacts import artifact as provenance
 
 _values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=5),
@@ -43,7 +43,7 @@ def test_the_commit_is_that_of_the_source_tree(tmp_path: Path, monkeypatch: pyte
     package = tmp_path / "robid" / "__init__.py"
     package.parent.mkdir()
     package.write_text("")
-    monkeypatch.setattr(robid, "__file__", str(package))
+    monkeypatch.setattr(provenance, "__file__", str(package.parent / "artifacts" / "artifact.py"))
     assert provenance.git_commit() == ""
 
     def git(*arguments: str) -> str:

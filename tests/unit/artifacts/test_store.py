@@ -16,11 +16,9 @@ from hypothesis.extra import numpy as hnp
 
 from robid.artifacts.artifact import Artifact, Dataset, Kind, Provenance
 from robid.artifacts.atomic import replacing
-from robid.artifacts.frf import FRF
-from robid.artifacts.model import MODEL
-from robid.artifacts.record import RECORD
+from robid.artifacts.kinds import FRF, RECORD
+from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import inspect_artifact, read_artifact, read_header, write_artifact
-from robid.artifacts.validation import VALIDATION
 from robid.errors import ArtifactError
 from tolerances import COMPACT
 
@@ -364,7 +362,7 @@ from pathlib import Path
 import numpy as np
 from robid.artifacts.artifact import Artifact, Dataset, Kind, Provenance
 from robid.artifacts.store import write_artifact
-from robid.artifacts.validation import VALIDATION
+from robid.artifacts.results import VALIDATION
 from robid.errors import ArtifactError
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, resource.RLIM_INFINITY))

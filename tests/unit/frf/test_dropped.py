@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robid.artifacts.artifact import Provenance
-from robid.artifacts.frf import FRF, frf_from_artifact, frf_to_artifact
+from robid.artifacts.kinds import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.errors import DataError
 from robid.frf.dropped import completed, weak_inputs

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robid.artifacts.artifact import Provenance
-from robid.artifacts.record import record_to_artifact
+from robid.artifacts.kinds import record_to_artifact
 from robid.artifacts.store import write_artifact
 from robid.errors import DataError
 from robid.pipeline import validate as copies

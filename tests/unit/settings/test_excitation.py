@@ -7,9 +7,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from robid.design.excitation.options import ChirpOptions, ExcitationOptions, FourierOptions, MultisineOptions
 from robid.models.known import experiment_schema
-from robid.settings.excitation import ExcitationSettings
 from robid.settings.experiment import Experiment
 from robid.settings.problems import validate_document
+from robid.settings.sources import ExcitationSettings
 from robid.settings.yaml import load_yaml
 
 FILE = """schema_version: 1

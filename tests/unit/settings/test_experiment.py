@@ -2,14 +2,14 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from robid.artifacts.provenance import canonical_hash
+from robid.artifacts.artifact import canonical_hash
 from robid.design.configurations.options import DesignOptions
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.settings import ElasticFit
 from robid.models.known import load_experiment
-from robid.settings.acquire import Acquire
 from robid.settings.experiment import Configurations, Design, Execution
-from robid.settings.plain import plain_settings
+from robid.settings.robot_parts import plain_settings
+from robid.settings.sources import Acquire
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 

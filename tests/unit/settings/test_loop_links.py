@@ -3,7 +3,7 @@
 import numpy as np
 
 from robid.robot.rotation import turn_about
-from robid.settings.loop_links import LoopLinkSection
+from robid.settings.robot import LoopLinkSection
 from robid.settings.robot_sections import JointSection
 
 BODY = {"mass_kg": 1, "com_m": [0.1, 0, 0], "inertia_kgm2": {"xx": 0.1, "yy": 0.1, "zz": 0.1}}

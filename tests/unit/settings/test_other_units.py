@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from robid.errors import SettingsError
-from robid.settings.checks.other_units import other_units
+from robid.settings.checks.configurations import other_units
 from robid.settings.load import load_robot
 from robid.studies.known import load_with_study
 

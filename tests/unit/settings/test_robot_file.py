@@ -11,9 +11,9 @@ from robid.errors import SettingsError
 from robid.robot.friction import Friction
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
+from robid.settings.joint_sections import Dh
 from robid.settings.load import load_robot
 from robid.settings.robot import RobotFile
-from robid.settings.robot_frames import Dh
 from robid.settings.robot_sections import Body, FrictionSection, InertiaTensor
 from robid.settings.robot_sections import moved as _moved
 from tolerances import IDENTITY, RECOVERY

@@ -4,7 +4,7 @@ from typing import Any
 import pytest
 
 from robid.models.known import experiment_schema
-from robid.settings.schema import robot_schema
+from robid.settings.load import robot_schema
 from robid.studies.settings.study import Study
 
 SCHEMAS = {"experiment": partial(experiment_schema, study=Study), "robot": robot_schema}

@@ -5,7 +5,7 @@ import pytest
 
 from robid.errors import SettingsError
 from robid.models.known import load_experiment
-from robid.settings.truth import true_robot_of
+from robid.settings.sources import true_robot_of
 
 JOINT = """
   - name: {name}

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy.stats import f, norm
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, Quantity
 from robid.frf.overlap import mean_correlation
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.uncertainty import Influence, influence, structured_covariance
@@ -16,24 +17,25 @@ _LEVEL = 0.95
 _BISECTIONS = 60
 
 
+_ELEMENT = "configuration output input"
+
+
 @dataclass(frozen=True)
 class ModelError:
     """The residual of every element against its expectation.
 
     Attributes:
-        ratio (n_conf, n_out, n_in): Cost with weights of the covariance alone, over its expectation; NaN where an
-            element has no line with a weight.
-        limit (n_conf, n_out, n_in): End of the band that an exact model's ratio leaves in 5 % of all cases.
-        level (n_conf, n_out, n_in): Relative model error that brings the cost to its expectation; 0 within the band.
-        correlation (n_conf, n_out, n_in): Correlation of the residuals of neighbouring lines.
-        correlation_limit (n_conf, n_out, n_in): What white residuals exceed in 5 % of all cases.
+        ratio: Cost with weights of the covariance alone, over its expectation; NaN where an element has no line with a
+            weight.
     """
 
-    ratio: FloatArray
-    limit: FloatArray
-    level: FloatArray
-    correlation: FloatArray
-    correlation_limit: FloatArray
+    ratio: Annotated[FloatArray, Quantity("1", _ELEMENT, "Cost by the covariance alone over its expectation")]
+    limit: Annotated[FloatArray, Quantity("1", _ELEMENT, "What an exact model exceeds in 5 % of all cases")]
+    level: Annotated[
+        FloatArray, Quantity("1", _ELEMENT, "Relative model error beyond the covariance, 0 within the limit")
+    ]
+    correlation: Annotated[FloatArray, Quantity("1", _ELEMENT, "Correlation of residuals at neighbouring lines")]
+    correlation_limit: Annotated[FloatArray, Quantity("1", _ELEMENT, "What white residuals exceed in 5 % of all cases")]
 
     @property
     def share_above(self) -> float:

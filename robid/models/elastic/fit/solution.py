@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
 from robid.clusters.pooling import ALONE
 from robid.models.elastic.fit.model_error import ModelError
 from robid.results.estimate import Estimate
+
+_RESPONSE = "configuration frequency output input"
 
 
 @dataclass(frozen=True)
@@ -17,16 +20,15 @@ class Internal:
     """Where the optimizer ended, in its own coordinates.
 
     Attributes:
-        values (n_param,): Optimizer's values.
-        covariance (n_param, n_param): Covariance of those that predict other places, without any quantile.
-        degrees_of_freedom (n_param,): Of the Student distribution that goes with it; infinite for the normal one.
-        singular_values (n_param,): Of the scaled information matrix, largest first.
+        covariance: Covariance of those that predict other places, without any quantile.
     """
 
-    values: FloatArray
-    covariance: FloatArray
-    singular_values: FloatArray
-    degrees_of_freedom: FloatArray | None = None
+    values: Annotated[FloatArray, Quantity("1", "parameter", "Optimizer's values")]
+    covariance: Annotated[FloatArray, Quantity("1", "parameter parameter", "Covariance of those that predict")]
+    singular_values: Annotated[FloatArray, Quantity("1", "parameter", "Of the scaled information matrix")]
+    degrees_of_freedom: Annotated[
+        FloatArray | None, Quantity("1", "parameter", "Of the Student distribution that goes with it")
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -35,36 +37,26 @@ class Costs:
 
     Attributes:
         total: Cost at the minimum.
-        configuration (n_conf,): Cost of each configuration.
-        expected (n_conf,): What the response's covariance alone would give.
         dropped: Response elements below 10 dB that the logarithm dropped.
         told: Response elements that their lines tell of, those included.
     """
 
     total: float
-    configuration: FloatArray
-    expected: FloatArray
+    configuration: Annotated[FloatArray, Quantity("1", "configuration", "Cost of each configuration")]
+    expected: Annotated[FloatArray, Quantity("1", "configuration", "Cost that the response's covariance alone gives")]
     dropped: int
     told: int
 
 
 @dataclass(frozen=True)
 class Starts:
-    """Where the starts of a fit ended.
+    """Where the starts of a fit ended."""
 
-    Attributes:
-        cost (n_start,): Cost each start ended at.
-        iterations (n_start,): Its iterations.
-        evaluations (n_start,): Points at which it computed the cost.
-        status: How each start ended.
-        minimum (n_start,): Which distinct minimum it ended in, 0 is the best.
-    """
-
-    cost: FloatArray
-    iterations: IntArray
-    evaluations: IntArray
-    status: tuple[str, ...]
-    minimum: IntArray
+    cost: Annotated[FloatArray, Quantity("1", "start", "Cost that each start ended at")]
+    iterations: Annotated[IntArray, Quantity("1", "start", "Iterations of each start")]
+    evaluations: Annotated[IntArray, Quantity("1", "start", "Points at which each start computed the cost")]
+    status: Annotated[tuple[str, ...], Quantity("1", "start", "How each start ended")]
+    minimum: Annotated[IntArray, Quantity("1", "start", "Which distinct minimum it ended in, 0 is the best")]
 
     @property
     def cap_share(self) -> float:
@@ -74,49 +66,32 @@ class Starts:
 
 @dataclass(frozen=True)
 class Responses:
-    """What was fitted.
+    """What was fitted."""
 
-    Attributes:
-        configurations (n_conf, n_joint): Configurations of the fit [rad, or m].
-        frequency_hz (n_freq,): Frequencies of the fit [Hz].
-        measured (n_conf, n_freq, n_out, n_in): Response after the fitted friction compensation.
-        modelled (n_conf, n_freq, n_out, n_in): Parametric response.
-    """
-
-    configurations: FloatArray
-    frequency_hz: FloatArray
-    measured: ComplexArray
-    modelled: ComplexArray
+    configurations: Annotated[FloatArray, Quantity("rad", "configuration joint", "Arm-side joint angles of the fit")]
+    frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency", "Frequencies of the fit")]
+    measured: Annotated[
+        ComplexArray, Quantity("rad/s^2 per torque", _RESPONSE, "Response after the fitted friction compensation")
+    ]
+    modelled: Annotated[ComplexArray, Quantity("rad/s^2 per torque", _RESPONSE, "Parametric response")]
 
 
 @dataclass(frozen=True)
 class Resampled:
-    """What repeated fits say of the parameters' uncertainty.
+    """What repeated fits say of the parameters' uncertainty."""
 
-    Attributes:
-        relative_std (n_param,): As in `Estimate`.
-        lower (n_param,): Lower end of the interval.
-        upper (n_param,): Upper end of the interval.
-    """
-
-    relative_std: FloatArray
-    lower: FloatArray
-    upper: FloatArray
+    relative_std: Annotated[FloatArray, Quantity("1", "parameter", "Relative deviation from repeated fits")]
+    lower: Annotated[FloatArray, Quantity("as in units", "parameter", "Lower end of the bootstrap's interval")]
+    upper: Annotated[FloatArray, Quantity("as in units", "parameter", "Upper end of the bootstrap's interval")]
 
 
 @dataclass(frozen=True)
 class Between:
-    """How much the internal parameters differ between places, and what each place says of them.
+    """How much the internal parameters differ between places, and what each place says of them."""
 
-    Attributes:
-        between_std (n_param,): Their standard deviation between places.
-        degrees_of_freedom (n_param,): Of what places really differ by.
-        dependence (n_param,): Share of the information about each that a single place gives.
-    """
-
-    between_std: FloatArray
-    degrees_of_freedom: FloatArray
-    dependence: FloatArray
+    between_std: Annotated[FloatArray, Quantity("1", "parameter", "Deviation of the optimizer's values between places")]
+    degrees_of_freedom: Annotated[FloatArray, Quantity("1", "parameter", "Of what places really differ by")]
+    dependence: Annotated[FloatArray, Quantity("1", "parameter", "Share of the information that a single place gives")]
 
     @property
     def untested(self) -> BoolArray:
@@ -126,25 +101,17 @@ class Between:
 
 @dataclass(frozen=True)
 class NamedDoubts:
-    """What a fit says of what its robot file may have wrong, to first order.
+    """What a fit says of what its robot file may have wrong, to first order."""
 
-    Attributes:
-        names: Name of each doubt.
-        causes: Likely cause that each stands for.
-        units: Unit of each amount.
-        prior_std (n_doubt,): Deviation known beforehand, of the amounts that all places share.
-        place_std (n_doubt,): Deviation of what each place adds.
-        value (n_doubt,): Estimated amounts; zero where the file is right.
-        half_width (n_doubt,): Half widths of their intervals.
-    """
-
-    names: tuple[str, ...]
-    causes: tuple[str, ...]
-    units: tuple[str, ...]
-    prior_std: FloatArray
-    place_std: FloatArray
-    value: FloatArray
-    half_width: FloatArray
+    names: Annotated[tuple[str, ...], Quantity("1", "doubt", "What the robot file may have wrong")]
+    causes: Annotated[tuple[str, ...], Quantity("1", "doubt", "Likely cause that it stands for")]
+    units: Annotated[tuple[str, ...], Quantity("1", "doubt", "Unit of its amounts")]
+    prior_std: Annotated[
+        FloatArray, Quantity("as in units", "doubt", "Deviation known beforehand, alike in all places")
+    ]
+    place_std: Annotated[FloatArray, Quantity("as in units", "doubt", "Deviation of what each place adds")]
+    value: Annotated[FloatArray, Quantity("as in units", "doubt", "Estimated amount, zero where the file is right")]
+    half_width: Annotated[FloatArray, Quantity("as in units", "doubt", "Half width of its interval")]
 
 
 @dataclass(frozen=True)
@@ -159,8 +126,8 @@ class ElasticSolution:
         starts: Where each start ended.
         responses: What was fitted.
         model_error: The residual of each element against its expectation; None without a covariance.
-        realization_relative_std (n_param,): As `relative_std` of the estimate, from what each realization does to the
-            parameters instead of the structured covariance; None without realizations.
+        realization_relative_std: As `relative_std` of the estimate, from what each realization does to the parameters
+            instead of the structured covariance; None without realizations.
         bootstrap: The uncertainty from repeated fits; None without a bootstrap.
         effective: How places differ; None with fewer than four places, or without a covariance.
         doubts: What the data say of the robot file's doubts; None where it has none, and in files of old.
@@ -173,7 +140,9 @@ class ElasticSolution:
     starts: Starts
     responses: Responses
     model_error: ModelError | None = None
-    realization_relative_std: FloatArray | None = None
+    realization_relative_std: Annotated[
+        FloatArray | None, Quantity("1", "parameter", "Relative deviation from each realization's influence")
+    ] = None
     bootstrap: Resampled | None = None
     effective: Between | None = None
     doubts: NamedDoubts | None = None

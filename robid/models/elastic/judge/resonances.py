@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.stats import norm, t
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import FloatArray, IntArray, Quantity
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import ElasticSolution
@@ -28,37 +29,24 @@ class ResonanceTable:
     """Resonances and antiresonances, one per row: a peak beside a peak, a pole beside a pole.
 
     Attributes:
-        configuration (n_row,): Index of the configuration.
-        channel: Name of the motor.
-        kind: `resonance` or `antiresonance`.
-        measured_hz (n_row,): Where the measured magnitude has its peak, or dip [Hz].
-        lower_hz (n_row,): Lower end of its interval [Hz].
-        upper_hz (n_row,): Upper end of its interval [Hz].
-        model_hz (n_row,): The model's peak, read as the measured one; NaN where it has none near [Hz].
-        mode_hz (n_row,): The model's own pole or zero there; NaN where there is none near [Hz].
-        mode_lower_hz (n_row,): Lower end of its interval, from the parameters' covariance [Hz].
-        mode_upper_hz (n_row,): Upper end of its interval [Hz].
-        damping (n_row,): Its damping ratio.
-        pole_hz (n_row,): Pole or zero of the local model of the measurement, as an undamped frequency; NaN where the
-            magnitude is all that the lines show; None in tables of old [Hz].
-        pole_lower_hz (n_row,): Lower end of its interval [Hz].
-        pole_upper_hz (n_row,): Upper end of its interval [Hz].
+        pole_hz: Pole or zero of the local model of the measurement, as an undamped frequency; NaN where the magnitude
+            is all that the lines show; None in tables of old.
     """
 
-    configuration: IntArray
-    channel: tuple[str, ...]
-    kind: tuple[str, ...]
-    measured_hz: FloatArray
-    lower_hz: FloatArray
-    upper_hz: FloatArray
-    model_hz: FloatArray
-    mode_hz: FloatArray
-    mode_lower_hz: FloatArray
-    mode_upper_hz: FloatArray
-    damping: FloatArray
-    pole_hz: FloatArray | None = None
-    pole_lower_hz: FloatArray | None = None
-    pole_upper_hz: FloatArray | None = None
+    configuration: Annotated[IntArray, Quantity("1", "resonance", "Index of the configuration")]
+    channel: Annotated[tuple[str, ...], Quantity("1", "resonance", "Motor whose own response has it")]
+    kind: Annotated[tuple[str, ...], Quantity("1", "resonance", "Resonance or antiresonance")]
+    measured_hz: Annotated[FloatArray, Quantity("Hz", "resonance", "Measured peak or dip")]
+    lower_hz: Annotated[FloatArray, Quantity("Hz", "resonance", "Lower end of its interval")]
+    upper_hz: Annotated[FloatArray, Quantity("Hz", "resonance", "Upper end of its interval")]
+    model_hz: Annotated[FloatArray, Quantity("Hz", "resonance", "The model's peak or dip, read as the measured one")]
+    mode_hz: Annotated[FloatArray, Quantity("Hz", "resonance", "The model's own pole or zero there")]
+    mode_lower_hz: Annotated[FloatArray, Quantity("Hz", "resonance", "Lower end of its interval")]
+    mode_upper_hz: Annotated[FloatArray, Quantity("Hz", "resonance", "Upper end of its interval")]
+    damping: Annotated[FloatArray, Quantity("1", "resonance", "Damping ratio of the model's pole or zero")]
+    pole_hz: Annotated[FloatArray | None, Quantity("Hz", "resonance", "Measured pole or zero, of a local model")] = None
+    pole_lower_hz: Annotated[FloatArray | None, Quantity("Hz", "resonance", "Lower end of its interval")] = None
+    pole_upper_hz: Annotated[FloatArray | None, Quantity("Hz", "resonance", "Upper end of its interval")] = None
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.arrays import ComplexArray, FloatArray, IntArray, Quantity
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.options import ElasticOptions
@@ -24,6 +25,9 @@ from robid.robot.description import Robot
 _SAME_CONFIGURATION_RAD = 1e-3
 
 
+_RESPONSE = "configuration frequency output input"
+
+
 @dataclass(frozen=True)
 class Validation:
     """How well a fitted elastic model predicts other configurations.
@@ -33,19 +37,10 @@ class Validation:
 
     Attributes:
         outcome: Whether it holds, its grade, and its parameters against the truth.
-        configurations (n_conf, n_joint): Validation configurations [rad].
-        frequency_hz (n_freq,): Their frequencies [Hz].
-        measured (n_conf, n_freq, n_out, n_in): Response after the fitted friction compensation.
-        modelled (n_conf, n_freq, n_out, n_in): Parametric response.
-        cost (n_conf,): Weighted cost.
-        expected_cost (n_conf,): What the response's covariance alone would give.
-        excess (n_conf,): Cost above it.
-        elements (n_conf,): Response elements with weight.
         dropped: Response elements below 10 dB that the logarithm dropped.
         average_cost: Mean cost per element over the configurations.
         worst_cost: Largest cost per element.
         worst_configuration: Index of that configuration.
-        error_ratio (n_conf,): Mean squared relative error over what noise and an assumed model error allow.
         cost_ratio: The largest of them.
         median_error_db: Median magnitude error of the motors' own responses, all lines and configurations [dB].
         motor_error_db: The same of the worst motor [dB].
@@ -54,24 +49,30 @@ class Validation:
             ones; None where no pair was found.
         resonances: Pairs behind it.
         worst_error_db: Largest one [dB].
-        error_db (n_conf, n_in): Median per configuration and motor [dB].
         median_spring_half_width: Median half width of the springs' intervals over their estimates.
     """
 
     outcome: Outcome
-    configurations: FloatArray
-    frequency_hz: FloatArray
-    measured: ComplexArray
-    modelled: ComplexArray
-    cost: FloatArray
-    expected_cost: FloatArray
-    excess: FloatArray
-    elements: IntArray
+    configurations: Annotated[FloatArray, Quantity("rad", "configuration joint", "Arm-side joint angles")]
+    frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency", "Frequencies")]
+    measured: Annotated[
+        ComplexArray, Quantity("rad/s^2 per torque", _RESPONSE, "Response after the fitted friction compensation")
+    ]
+    modelled: Annotated[ComplexArray, Quantity("rad/s^2 per torque", _RESPONSE, "Parametric response")]
+    cost: Annotated[FloatArray, Quantity("1", "configuration", "Weighted cost")]
+    expected_cost: Annotated[
+        FloatArray, Quantity("1", "configuration", "Cost that the response's covariance alone gives")
+    ]
+    excess: Annotated[FloatArray, Quantity("1", "configuration", "Cost above it")]
+    elements: Annotated[IntArray, Quantity("1", "configuration", "Response elements with weight")]
     dropped: int
     average_cost: float
     worst_cost: float
     worst_configuration: int
-    error_ratio: FloatArray
+    error_ratio: Annotated[
+        FloatArray,
+        Quantity("1", "configuration", "Mean squared error over what noise and an assumed model error allow"),
+    ]
     cost_ratio: float
     median_error_db: float
     motor_error_db: float
@@ -79,7 +80,9 @@ class Validation:
     resonance_shift: float | None
     resonances: int
     worst_error_db: float
-    error_db: FloatArray
+    error_db: Annotated[
+        FloatArray, Quantity("dB", "configuration input", "Median magnitude error of the motors' own responses")
+    ]
     median_spring_half_width: float | None
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import norm
 
 from robid.arrays import FloatArray
-from robid.artifacts.grade import grade_from_artifact
+from robid.artifacts.results import grade_from_artifact
 from robid.models.elastic.files import (
     new_resonances_from_artifact,
     resonances_from_artifact,

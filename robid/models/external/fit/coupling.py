@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.signal import csd
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
 from robid.errors import DataError
 from robid.models.external.fit.data import Shot
 from robid.models.external.fit.etfe import Etfe, moved_inputs, together
@@ -17,6 +18,9 @@ from robid.models.external.fit.options import CouplingOptions
 _SHORTEST = 8  # samples of a segment
 _INDEPENDENT = 0.85  # of Hann segments that overlap by half, for the tail of the coherence, by trial on white noise
 _EXCITED = 1e-4  # of a command's largest power density
+
+
+_RESPONSE = "frequency output input"
 
 
 @dataclass(frozen=True)
@@ -49,38 +53,31 @@ class CouplingMap:
 
     Attributes:
         bands: Name of each shot, or of the first of those that were read together.
-        highest_hz (n_band,): Highest frequency of each [Hz].
-        coherence (n_band, n_out, n_in): Root of the largest magnitude-squared coherence; NaN where a command rests.
-        limit (n_band,): Root coherence that unrelated signals reach by chance alone.
-        ratio (n_band, n_out, n_in): Size of what of the output follows the command over that of the command, each in
-            its resolutions.
-        own (n_out, n_in): Which pairs are one channel and no coupling.
-        coupled (n_band, n_out, n_in): Whether both are above their thresholds, and the first above chance.
-        frequency_hz (n_freq,): Frequencies of `gain` [Hz].
-        gain (n_freq, n_out, n_in): Magnitude of the empirical response, in resolutions; NaN where not excited.
-        gain_radius (n_freq, n_out, n_in): Its confidence radius.
-        crossing_hz (n_out, n_in): Lowest frequency at which the gain is above its threshold beyond doubt; infinite
-            where it never is, NaN where it was not examined [Hz].
+        coherence: Root of the largest magnitude-squared coherence; NaN where a command rests.
+        limit: Root coherence that unrelated signals reach by chance alone.
+        ratio: Size of what of the output follows the command over that of the command, each in its resolutions.
+        crossing_hz: Lowest frequency at which the gain is above its threshold beyond doubt; infinite where it never is,
+            NaN where it was not examined.
         examined_hz: Highest frequency that was examined [Hz].
-        decoupled_up_to_hz (n_in,): Frequency up to which a command moves no other output, and its own outputs follow
-            no other command [Hz].
+        decoupled_up_to_hz: Frequency up to which a command moves no other output, and its own outputs follow no other
+            command.
         overall_hz: Frequency up to which this holds of all [Hz].
         sentence: What couples, and what to do.
     """
 
-    bands: tuple[str, ...]
-    highest_hz: FloatArray
-    coherence: FloatArray
-    limit: FloatArray
-    ratio: FloatArray
-    own: BoolArray
-    coupled: BoolArray
-    frequency_hz: FloatArray
-    gain: FloatArray
-    gain_radius: FloatArray
-    crossing_hz: FloatArray
+    bands: Annotated[tuple[str, ...], Quantity("1", "band", "Shots")]
+    highest_hz: Annotated[FloatArray, Quantity("Hz", "band", "Highest excited frequency")]
+    coherence: Annotated[FloatArray, Quantity("1", "band output input", "Root of the largest coherence")]
+    limit: Annotated[FloatArray, Quantity("1", "band", "What chance alone reaches")]
+    ratio: Annotated[FloatArray, Quantity("1", "band output input", "Magnitude ratio in resolutions")]
+    own: Annotated[BoolArray, Quantity("1", "output input", "Whether it is one channel and no coupling")]
+    coupled: Annotated[BoolArray, Quantity("1", "band output input", "Whether both are above their thresholds")]
+    frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency")]
+    gain: Annotated[FloatArray, Quantity("1", _RESPONSE, "Magnitude of the empirical response in resolutions")]
+    gain_radius: Annotated[FloatArray, Quantity("1", _RESPONSE, "Its confidence radius")]
+    crossing_hz: Annotated[FloatArray, Quantity("Hz", "output input", "Where the gain exceeds its threshold")]
     examined_hz: float
-    decoupled_up_to_hz: FloatArray
+    decoupled_up_to_hz: Annotated[FloatArray, Quantity("Hz", "input", "Up to where a channel is decoupled")]
     overall_hz: float
     sentence: str
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
 from robid.models.external.fit.data import Shot
 
 _PER_DECADE = 60
@@ -20,19 +21,21 @@ _ROUNDING = 1e-9
 _LARGEST = 0.1  # of a command's largest component
 
 
+_RESPONSE = "frequency output input"
+
+
 @dataclass(frozen=True)
 class Etfe:
     """Empirical response of every output to every command.
 
     Attributes:
-        frequency_hz (n_freq,): Frequencies [Hz].
-        response (n_freq, n_out, n_in): Output over command; NaN where a command was not excited.
-        radius (n_freq, n_out, n_in): Radius around it that holds the true response at the level of confidence.
+        response: Output over command; NaN where a command was not excited.
+        radius: Radius around it that holds the true response at the level of confidence.
     """
 
-    frequency_hz: FloatArray
-    response: ComplexArray
-    radius: FloatArray
+    frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency")]
+    response: Annotated[ComplexArray, Quantity("output over input", _RESPONSE, "Empirical response")]
+    radius: Annotated[FloatArray, Quantity("output over input", _RESPONSE, "Its confidence radius")]
 
 
 @dataclass(frozen=True)
@@ -197,36 +200,24 @@ class Excitation:
     """Commands and their own outputs in the shots that move them.
 
     Attributes:
-        names: Name of each channel: of the first of those that a command has, of its own name where there is one.
-        shots: Names of the shots.
-        time_channel (n_row,): Index into `names` of each sample.
-        time_shot (n_row,): Index into `shots`.
-        time_s (n_row,): Time since the shot began [s].
-        command (n_row,): Command.
-        answer (n_row,): Output, less its mean in a period, less its first value in a shot, where it has an offset.
-        line_channel (n_line,): Index into `names` of each line of a spectrum.
-        line_shot (n_line,): Index into `shots`.
-        frequency_hz (n_line,): Frequency [Hz].
-        command_amplitude (n_line,): Largest amplitude of the command's components around it.
-        answer_amplitude (n_line,): The same of the output.
-        command_resolution (n_name,): Resolution of each command.
-        answer_resolution (n_name,): The same of each output.
+        time_s: Time since the shot began.
+        answer: Output, less its mean in a period, less its first value in a shot, where it has an offset.
     """
 
-    names: tuple[str, ...]
-    shots: tuple[str, ...]
-    time_channel: IntArray
-    time_shot: IntArray
-    time_s: FloatArray
-    command: FloatArray
-    answer: FloatArray
-    line_channel: IntArray
-    line_shot: IntArray
-    frequency_hz: FloatArray
-    command_amplitude: FloatArray
-    answer_amplitude: FloatArray
-    command_resolution: FloatArray
-    answer_resolution: FloatArray
+    names: Annotated[tuple[str, ...], Quantity("1", "own_channel", "Channels, one a command")]
+    shots: Annotated[tuple[str, ...], Quantity("1", "shot", "Names of the shots")]
+    time_channel: Annotated[IntArray, Quantity("1", "sample", "Index into names")]
+    time_shot: Annotated[IntArray, Quantity("1", "sample", "Index into shots")]
+    time_s: Annotated[FloatArray, Quantity("s", "sample")]
+    command: Annotated[FloatArray, Quantity("as of the command", "sample", "What was commanded", compact=True)]
+    answer: Annotated[FloatArray, Quantity("as of the output", "sample", "What came of it", compact=True)]
+    line_channel: Annotated[IntArray, Quantity("1", "component", "Index into names")]
+    line_shot: Annotated[IntArray, Quantity("1", "component", "Index into shots")]
+    frequency_hz: Annotated[FloatArray, Quantity("Hz", "component")]
+    command_amplitude: Annotated[FloatArray, Quantity("as of the command", "component", "Largest around it")]
+    answer_amplitude: Annotated[FloatArray, Quantity("as of the output", "component", "Largest around it")]
+    command_resolution: Annotated[FloatArray, Quantity("as of the command", "own_channel")]
+    answer_resolution: Annotated[FloatArray, Quantity("as of the output", "own_channel")]
 
 
 @dataclass(frozen=True)

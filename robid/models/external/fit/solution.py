@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
 from robid.models.external.fit.agreement import Agreement
 from robid.models.external.fit.checks import Finding
 from robid.models.external.fit.coupling import CouplingMap
@@ -21,24 +21,21 @@ class Ports:
     """Commands and outputs of a fit's records.
 
     Attributes:
-        inputs: Name of each command.
-        input_units: Their units.
-        outputs: Name of each output.
-        output_units: Their units.
-        input_resolution (n_in,): Resolution of each command, in its unit.
-        output_resolution (n_out,): The same of each output.
-        floor (n_in,): Amplitude of a component from which on a command counts as excited.
         sampling_period_s: Sampling period [s].
         hold: What commands do between samples.
     """
 
-    inputs: tuple[str, ...]
-    input_units: tuple[str, ...]
-    outputs: tuple[str, ...]
-    output_units: tuple[str, ...]
-    input_resolution: FloatArray
-    output_resolution: FloatArray
-    floor: FloatArray
+    inputs: Annotated[tuple[str, ...], Quantity("1", "input", "Names of the commands")]
+    input_units: Annotated[tuple[str, ...], Quantity("1", "input")]
+    outputs: Annotated[tuple[str, ...], Quantity("1", "output", "Names of the outputs")]
+    output_units: Annotated[tuple[str, ...], Quantity("1", "output")]
+    input_resolution: Annotated[
+        FloatArray, Quantity("as in input_units", "input", "Resolution that gains are normalised by")
+    ]
+    output_resolution: Annotated[FloatArray, Quantity("as in output_units", "output", "The same")]
+    floor: Annotated[
+        FloatArray, Quantity("as in input_units", "input", "Amplitude from which on a command counts as excited")
+    ]
     sampling_period_s: float
     hold: str
 
@@ -48,35 +45,27 @@ class Transfers:
     """Transfer functions; those of one block have common poles. Polynomials in s, highest power first, zeros in front.
 
     Attributes:
-        blocks: Name of each block; of a single channel that of the channel.
-        poles (n_block,): Number of poles.
-        zeros (n_block,): Number of zeros.
-        delay_samples (n_block,): Transport delay in samples.
-        delay_estimated (n_block,): Whether that was searched.
         moving_average: Samples of the commands' moving average.
-        denominator (n_block, n_power): Denominators, which begin with 1 (behind zeros).
-        covariance_root (n_block, n_coefficient, n_root): A root of the covariance of the numerators' coefficients,
-            channel by channel, then of the denominator's without its first; zeros behind.
-        names: Name of each channel.
-        block_of (n_channel,): Index of its block.
-        inputs (n_channel,): Index of its command.
-        outputs (n_channel,): Index of its output.
-        numerator (n_channel, n_power): Numerators.
+        denominator: Denominators, which begin with 1 (behind zeros).
+        covariance_root: A root of the covariance of the numerators' coefficients, channel by channel, then of the
+            denominator's without its first; zeros behind.
     """
 
-    blocks: tuple[str, ...]
-    poles: IntArray
-    zeros: IntArray
-    delay_samples: IntArray
-    delay_estimated: BoolArray
+    blocks: Annotated[tuple[str, ...], Quantity("1", "block", "Names of the blocks, which have common poles")]
+    poles: Annotated[IntArray, Quantity("1", "block", "Number of poles")]
+    zeros: Annotated[IntArray, Quantity("1", "block", "Number of zeros")]
+    delay_samples: Annotated[IntArray, Quantity("1", "block", "Transport delay in samples")]
+    delay_estimated: Annotated[BoolArray, Quantity("1", "block", "Whether it was searched")]
     moving_average: int
-    denominator: FloatArray
-    covariance_root: FloatArray
-    names: tuple[str, ...]
-    block_of: IntArray
-    inputs: IntArray
-    outputs: IntArray
-    numerator: FloatArray
+    denominator: Annotated[FloatArray, Quantity("powers of rad/s", "block power", "Highest power first")]
+    covariance_root: Annotated[
+        FloatArray, Quantity("powers of rad/s", "block coefficient root", "Root of the coefficients' covariance")
+    ]
+    names: Annotated[tuple[str, ...], Quantity("1", "channel", "Names of the channels")]
+    block_of: Annotated[IntArray, Quantity("1", "channel", "Index of its block")]
+    inputs: Annotated[IntArray, Quantity("1", "channel", "Index of its command")]
+    outputs: Annotated[IntArray, Quantity("1", "channel", "Index of its output")]
+    numerator: Annotated[FloatArray, Quantity("powers of rad/s", "channel power", "Highest power first")]
 
     def channels_of(self, block: int) -> IntArray:
         """Indices of the channels of a block, output by output."""
@@ -93,30 +82,21 @@ class FitQuality:
     """How each block was fitted.
 
     Attributes:
-        status: How each fit ended.
-        reason: Why each structure was chosen.
-        fpe (n_block,): Akaike's final prediction error over the outputs' variance.
-        whiteness_p (n_block,): Chance of white residuals to look as correlated, of the worst shot.
-        n_sample (n_block,): Samples of each output.
-        n_parameter (n_block,): Parameters.
-        lowest_hz (n_block,): Lowest frequency at which the shots excite a command [Hz].
-        highest_hz (n_block,): Highest one [Hz].
+        fpe: Akaike's final prediction error over the outputs' variance.
         output_names: The outputs of all blocks: names of single channels, and of the outputs of matrices.
-        first_output (n_block,): First of them of each block.
-        nrmse (n_output,): Normalised root mean square of each, in the place where it is worst.
     """
 
-    status: tuple[str, ...]
-    reason: tuple[str, ...]
-    fpe: FloatArray
-    whiteness_p: FloatArray
-    n_sample: IntArray
-    n_parameter: IntArray
-    lowest_hz: FloatArray
-    highest_hz: FloatArray
-    output_names: tuple[str, ...]
-    first_output: IntArray
-    nrmse: FloatArray
+    status: Annotated[tuple[str, ...], Quantity("1", "block", "How each fit ended")]
+    reason: Annotated[tuple[str, ...], Quantity("1", "block", "Why its structure was chosen")]
+    fpe: Annotated[FloatArray, Quantity("1", "block", "Akaike's final prediction error, relative")]
+    whiteness_p: Annotated[FloatArray, Quantity("1", "block", "Chance of white residuals to look as correlated")]
+    n_sample: Annotated[IntArray, Quantity("1", "block", "Samples of each output")]
+    n_parameter: Annotated[IntArray, Quantity("1", "block", "Parameters")]
+    lowest_hz: Annotated[FloatArray, Quantity("Hz", "block", "Lowest excited frequency")]
+    highest_hz: Annotated[FloatArray, Quantity("Hz", "block", "Highest one")]
+    output_names: Annotated[tuple[str, ...], Quantity("1", "block_output", "Outputs of all blocks")]
+    first_output: Annotated[IntArray, Quantity("1", "block", "First of them of each block")]
+    nrmse: Annotated[FloatArray, Quantity("1", "block_output", "NRMSE where it is worst")]
 
 
 @dataclass(frozen=True)
@@ -149,18 +129,21 @@ class Responses:
     """Frequency responses of the models, with their deviations.
 
     Attributes:
-        frequency_hz (n_freq,): Frequencies [Hz].
-        response (n_freq, n_channel): Responses with delay, without hold and moving average.
-        sampled (n_freq, n_channel): Responses from samples to samples, with all of them, as the empirical one is.
-        relative_std (n_freq, n_channel): Standard deviation of the magnitude, relative.
-        phase_std (n_freq, n_channel): Of the phase [rad].
+        response: Responses with delay, without hold and moving average.
     """
 
-    frequency_hz: FloatArray
-    response: ComplexArray
-    sampled: ComplexArray
-    relative_std: FloatArray
-    phase_std: FloatArray
+    frequency_hz: Annotated[FloatArray, Quantity("Hz", "model_frequency")]
+    response: Annotated[
+        ComplexArray, Quantity("output over input", "model_frequency channel", "Responses of the models with delay")
+    ]
+    sampled: Annotated[
+        ComplexArray,
+        Quantity("output over input", "model_frequency channel", "From samples to samples, hold and average included"),
+    ]
+    relative_std: Annotated[
+        FloatArray, Quantity("1", "model_frequency channel", "Deviation of the magnitude, relative")
+    ]
+    phase_std: Annotated[FloatArray, Quantity("rad", "model_frequency channel", "Deviation of the phase")]
 
 
 @dataclass(frozen=True)
@@ -168,20 +151,17 @@ class StepResponses:
     """Responses to a unit step of each command.
 
     Attributes:
-        time_s (n_time, n_channel): Times [s].
-        value (n_time, n_channel): Outputs.
-        std (n_time, n_channel): Their standard deviations.
-        undershoot (n_channel,): How far it goes the wrong way before it reaches a tenth of the final value, over that.
-        overshoot (n_channel,): How far it goes beyond the final value, over it; 0 where it never gets there.
-        rise_s (n_channel,): Time from 10 to 90 % of the final value [s]; NaN where it never gets there.
+        undershoot: How far it goes the wrong way before it reaches a tenth of the final value, over that.
+        overshoot: How far it goes beyond the final value, over it; 0 where it never gets there.
+        rise_s: Time from 10 to 90 % of the final value; NaN where it never gets there.
     """
 
-    time_s: FloatArray
-    value: FloatArray
-    std: FloatArray
-    undershoot: FloatArray
-    overshoot: FloatArray
-    rise_s: FloatArray
+    time_s: Annotated[FloatArray, Quantity("s", "time channel")]
+    value: Annotated[FloatArray, Quantity("output over input", "time channel", "Responses to unit steps")]
+    std: Annotated[FloatArray, Quantity("output over input", "time channel", "Their deviations")]
+    undershoot: Annotated[FloatArray, Quantity("1", "channel", "Over the final value")]
+    overshoot: Annotated[FloatArray, Quantity("1", "channel", "Over the final value")]
+    rise_s: Annotated[FloatArray, Quantity("s", "channel", "From 10 to 90 %")]
 
 
 @dataclass(frozen=True)
@@ -189,21 +169,16 @@ class RootLoci:
     """Poles of each channel, without its delay, in a proportional loop around it.
 
     Attributes:
-        gain (n_gain,): Loop gains, over that at which the static loop gain is 1.
-        roots (n_gain, n_channel, n_pole): Closed-loop poles [rad/s]; NaN where there are fewer.
-        zeros (n_channel, n_zero): Zeros [rad/s]; NaN where there are fewer.
-        poles (n_channel, n_pole): Poles [rad/s].
-        zero_std (n_channel, n_zero): Standard deviations of the zeros' real parts, and of their imaginary parts as an
-            imaginary part [rad/s].
-        pole_std (n_channel, n_pole): The same of the poles.
+        roots: Closed-loop poles; NaN where there are fewer.
+        zeros: Zeros; NaN where there are fewer.
     """
 
-    gain: FloatArray
-    roots: ComplexArray
-    zeros: ComplexArray
-    poles: ComplexArray
-    zero_std: ComplexArray
-    pole_std: ComplexArray
+    gain: Annotated[FloatArray, Quantity("1", "gain", "Loop gain, over that of static loop gain 1")]
+    roots: Annotated[ComplexArray, Quantity("rad/s", "gain channel pole", "Closed-loop poles")]
+    zeros: Annotated[ComplexArray, Quantity("rad/s", "channel zero")]
+    poles: Annotated[ComplexArray, Quantity("rad/s", "channel pole")]
+    zero_std: Annotated[ComplexArray, Quantity("rad/s", "channel zero", "Deviations of real and imaginary parts")]
+    pole_std: Annotated[ComplexArray, Quantity("rad/s", "channel pole", "Deviations of real and imaginary parts")]
 
 
 @dataclass(frozen=True)
@@ -211,20 +186,17 @@ class Traces:
     """Measured and simulated outputs, one below the other.
 
     Attributes:
-        output (n_row,): Row of `FitQuality.output_names`.
-        shot (n_row,): Index into `shots`.
-        shots: Names of the shots.
-        time_s (n_row,): Time since the shot began [s].
-        measured (n_row,): Measured output less its offset.
-        simulated (n_row,): The model's.
+        time_s: Time since the shot began.
     """
 
-    output: IntArray
-    shot: IntArray
-    shots: tuple[str, ...]
-    time_s: FloatArray
-    measured: FloatArray
-    simulated: FloatArray
+    output: Annotated[IntArray, Quantity("1", "row", "Index into quality/output_names")]
+    shot: Annotated[IntArray, Quantity("1", "row", "Index into shots")]
+    shots: Annotated[tuple[str, ...], Quantity("1", "shot", "Names of the shots")]
+    time_s: Annotated[FloatArray, Quantity("s", "row")]
+    measured: Annotated[
+        FloatArray, Quantity("as of the output", "row", "Measured output less its offset", compact=True)
+    ]
+    simulated: Annotated[FloatArray, Quantity("as of the output", "row", "The model's", compact=True)]
 
 
 @dataclass(frozen=True)
@@ -236,8 +208,6 @@ class ExternalSolution:
         ports: Commands and outputs of the records.
         transfers: The transfer functions.
         quality: How they were fitted.
-        agreements: How well they describe the fit's own shots.
-        tried: Structures that were tried.
         etfe: The empirical response.
         coupling: The decoupling map.
         responses: Frequency responses of the models.
@@ -248,25 +218,29 @@ class ExternalSolution:
         remarks: What else is to be known of the models, a sentence each: zeros in the right half plane, poles kept
             stable, how sure the choice of a structure is.
         excitation: Commands and their own outputs in the fit's shots.
-        homes (n_home, n_joint): Configurations that these were recorded in; none where they are unknown [rad, or m].
+        homes: Configurations that these were recorded in; none where they are unknown.
     """
 
     estimate: Estimate
     ports: Ports
     transfers: Transfers
     quality: FitQuality
-    agreements: tuple[Agreement, ...]
-    tried: tuple[Tried, ...]
+    agreements: Annotated[
+        tuple[Agreement, ...], Quantity("1, or as of the output", "agreement", "Agreement, place by place")
+    ]
+    tried: Annotated[tuple[Tried, ...], Quantity("1", "trial", "Structures that were tried")]
     etfe: Etfe
     coupling: CouplingMap
     responses: Responses
     steps: StepResponses
     loci: RootLoci
     traces: Traces
-    findings: tuple[Finding, ...]
-    remarks: tuple[str, ...]
+    findings: Annotated[tuple[Finding, ...], Quantity("1", "finding", "What is doubtful about the data")]
+    remarks: Annotated[tuple[str, ...], Quantity("1", "remark", "What else is to be known of the models")]
     excitation: Excitation
-    homes: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    homes: Annotated[FloatArray, Quantity("rad; m", "home joint", "Configurations of the fit's records")] = field(
+        default_factory=lambda: np.zeros((0, 0))
+    )
 
     def transfer(self, block: int) -> TransferMatrix:
         """Returns the transfer functions of one block."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.arrays import ComplexArray, FloatArray, IntArray, Quantity
 from robid.models.external.fit.data import Shot
 from robid.models.external.fit.etfe import moved_inputs
 from robid.models.external.fit.graphs import output_deviation, response_deviation
@@ -65,24 +65,22 @@ class PredictedTraces:
     """Measured and predicted outputs, one below the other.
 
     Attributes:
-        names: The outputs.
-        output (n_row,): Index into `names`.
-        shots: Names of the shots.
-        shot (n_row,): Index into `shots`.
-        time_s (n_row,): Time since the shot began [s].
-        measured (n_row,): Measured output less its mean.
-        predicted (n_row,): The model's.
-        std (n_row,): Standard deviation of what is expected of measured less predicted, by parameters and noise.
+        time_s: Time since the shot began.
+        std: Standard deviation of what is expected of measured less predicted, by parameters and noise.
     """
 
-    names: tuple[str, ...]
-    output: IntArray
-    shots: tuple[str, ...]
-    shot: IntArray
-    time_s: FloatArray
-    measured: FloatArray
-    predicted: FloatArray
-    std: FloatArray
+    names: Annotated[tuple[str, ...], Quantity("1", "output", "The outputs")]
+    output: Annotated[IntArray, Quantity("1", "row", "Index into names")]
+    shots: Annotated[tuple[str, ...], Quantity("1", "shot", "Names of the shots")]
+    shot: Annotated[IntArray, Quantity("1", "row", "Index into shots")]
+    time_s: Annotated[FloatArray, Quantity("s", "row")]
+    measured: Annotated[
+        FloatArray, Quantity("as of the output", "row", "Measured output less its offset", compact=True)
+    ]
+    predicted: Annotated[FloatArray, Quantity("as of the output", "row", "The model's", compact=True)]
+    std: Annotated[
+        FloatArray, Quantity("as of the output", "row", "Deviation of their difference, as expected", compact=True)
+    ]
 
 
 def new_shots(solution: ExternalSolution, shots: Sequence[Shot]) -> tuple[NewShots, ...]:

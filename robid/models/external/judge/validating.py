@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy.stats import norm
 
+from robid.arrays import Quantity
 from robid.errors import DataError
 from robid.models.external.fit.agreement import Agreement, agreements
 from robid.models.external.fit.data import Shot
@@ -63,19 +65,20 @@ class ExternalValidation:
 
     Attributes:
         outcome: Whether they hold, their grade.
-        agreements: How well each output is predicted.
-        bounds: The same against its bounds.
         traces: Measured and predicted outputs.
         confidence: Level of the bounds.
-        untested: Channels that do not move in the new shots.
     """
 
     outcome: Outcome
-    agreements: tuple[Agreement, ...]
-    bounds: tuple[Bounds, ...]
+    agreements: Annotated[
+        tuple[Agreement, ...], Quantity("1, or as of the output", "agreement", "Agreement, place by place")
+    ]
+    bounds: Annotated[
+        tuple[Bounds, ...], Quantity("1, or as of the output", "agreement", "The same against the bounds")
+    ]
     traces: PredictedTraces
     confidence: float
-    untested: tuple[str, ...]
+    untested: Annotated[tuple[str, ...], Quantity("1", "block", "Channels that do not move in the validation")]
 
 
 def validate_external(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from robid.artifacts.grade import grade_from_artifact
+from robid.artifacts.results import grade_from_artifact
 from robid.models.external.files import solution_from_artifact, validation_from_artifact
 from robid.models.external.fit.agreement import Agreement
 from robid.models.external.fit.solution import ExternalSolution

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray, check_shape
+from robid.arrays import BoolArray, ComplexArray, FloatArray, Quantity, check_shape
 from robid.models.lpv.fit.basis import Basis
 from robid.models.lpv.fit.model import unit_circle
 from robid.models.lpv.fit.problem import Problem
@@ -122,25 +123,25 @@ _DEVIATIONS = 2.0
 _CHANCE = 3.0  # deviations of a mean square by which noise may exceed what is expected of it
 
 
+_ELEMENT = "position output input"
+
+
 @dataclass(frozen=True)
 class Agreement:
     """Measures of each position and element (n_pos, n_out, n_in); elements without weight are left out.
 
     Attributes:
         share_within: Share of the lines where the error is within two deviations; NaN where these are unknown.
-        error_ratio: Root mean square of the error over its deviation; NaN where that is unknown.
-        error_db: Median distance of the magnitudes [dB].
-        relative_error: Root mean square of the error over that of the response.
         excess: The same of what noise, and its chance, do not explain, however uncertain the model is, over the
             response at all positions, or what is natural to the element by the others of its row and column where that
             is larger: coupling that is hardly there need not be known.
     """
 
-    share_within: FloatArray
-    error_ratio: FloatArray
-    error_db: FloatArray
-    relative_error: FloatArray
-    excess: FloatArray
+    share_within: Annotated[FloatArray, Quantity("1", _ELEMENT, "Share of the lines within two deviations")]
+    error_ratio: Annotated[FloatArray, Quantity("1", _ELEMENT, "Error over deviation, root mean square")]
+    error_db: Annotated[FloatArray, Quantity("dB", _ELEMENT, "Median distance of the magnitudes")]
+    relative_error: Annotated[FloatArray, Quantity("1", _ELEMENT, "Error over response, root mean square")]
+    excess: Annotated[FloatArray, Quantity("1", _ELEMENT, "What deviations do not explain, over what is natural")]
 
 
 def agree(response: ComplexArray, modelled: ComplexArray, std: FloatArray, noise: FloatArray) -> Agreement:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
 from robid.models.lpv.fit.basis import Basis, Polynomials, Splines
 from robid.models.lpv.fit.model import LpvModel, add_integrators
 from robid.models.lpv.fit.responses import Agreement
@@ -14,17 +15,21 @@ from robid.models.lpv.fit.state_space import Sizes
 from robid.models.lpv.fit.uncertainty import ResponseUncertainty, model_response
 from robid.results.estimate import Estimate
 
+_ELEMENTS = "function_or_constant element"
+_BLOCKS = "price matrix function"
+_RESPONSE = "position frequency output input"
+
 
 @dataclass(frozen=True)
 class Ports:
     """What goes in, what comes out, and what schedules, by name and unit."""
 
-    inputs: tuple[str, ...]
-    input_units: tuple[str, ...]
-    outputs: tuple[str, ...]
-    output_units: tuple[str, ...]
-    scheduling: tuple[str, ...]
-    scheduling_units: tuple[str, ...]
+    inputs: Annotated[tuple[str, ...], Quantity("1", "input")]
+    input_units: Annotated[tuple[str, ...], Quantity("1", "input")]
+    outputs: Annotated[tuple[str, ...], Quantity("1", "output")]
+    output_units: Annotated[tuple[str, ...], Quantity("1", "output")]
+    scheduling: Annotated[tuple[str, ...], Quantity("1", "scheduling", "Names of the scheduling parameters")]
+    scheduling_units: Annotated[tuple[str, ...], Quantity("1", "scheduling")]
     sampling_period_s: float
 
     def place(self, point: FloatArray) -> str:
@@ -41,26 +46,19 @@ class BasisTable:
     """The basis functions in numbers.
 
     Attributes:
-        names: Name of each function, the constant one not counted.
         kind: `polynomials` or `splines`.
-        exponents (n_function, n_scheduling): Of the powers; none of splines.
-        center (n_scheduling,): What powers are counted from.
-        scale (n_scheduling,): What they are counted in.
-        knots (n_scheduling, n_knot): Of the splines; none of powers.
         degree: Of the splines' pieces.
-        lower (n_scheduling,): Lower end of the range.
-        upper (n_scheduling,): Upper end.
     """
 
-    names: tuple[str, ...]
+    names: Annotated[tuple[str, ...], Quantity("1", "function", "Basis functions, the constant one not counted")]
     kind: str
-    exponents: IntArray
-    center: FloatArray
-    scale: FloatArray
-    knots: FloatArray
+    exponents: Annotated[IntArray, Quantity("1", "power scheduling", "Exponents of the powers")]
+    center: Annotated[FloatArray, Quantity("as of scheduling", "scheduling", "What powers are counted from")]
+    scale: Annotated[FloatArray, Quantity("as of scheduling", "scheduling", "What they are counted in")]
+    knots: Annotated[FloatArray, Quantity("as of scheduling", "scheduling knot", "Knots of the splines")]
     degree: int
-    lower: FloatArray
-    upper: FloatArray
+    lower: Annotated[FloatArray, Quantity("as of scheduling", "scheduling", "Lower end of the range")]
+    upper: Annotated[FloatArray, Quantity("as of scheduling", "scheduling", "Upper end of the range")]
 
     def basis(self) -> Basis:
         """Returns the basis."""
@@ -95,10 +93,13 @@ def tabulate_basis(basis: Basis) -> BasisTable:
 class Matrices:
     """Matrices of each function, the constant one first, integrators included."""
 
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
-    D: FloatArray
+    A: Annotated[
+        FloatArray,
+        Quantity("1", "function_or_constant state state", "Matrices of each function, the constant one first"),
+    ]
+    B: Annotated[FloatArray, Quantity("1", "function_or_constant state input", "The same of B")]
+    C: Annotated[FloatArray, Quantity("1", "function_or_constant output state", "The same of C")]
+    D: Annotated[FloatArray, Quantity("1", "function_or_constant output input", "The same of D")]
 
 
 @dataclass(frozen=True)
@@ -106,59 +107,48 @@ class Core:
     """What the fit estimated: the model without integrators.
 
     Attributes:
-        parameters (n_function + 1, n_local): Packed matrices of each function.
-        covariance (n_param, n_param): Of all of them, outputs in units of the scales.
-        scales (n_out,): Those units.
-        integrators: How often each output integrates.
         n_state: States without integrators.
     """
 
-    parameters: FloatArray
-    covariance: FloatArray
-    scales: FloatArray
-    integrators: tuple[int, ...]
+    parameters: Annotated[FloatArray, Quantity("1", _ELEMENTS, "Matrices without integrators, row by row")]
+    covariance: Annotated[
+        FloatArray, Quantity("1", "parameter parameter", "Of all of them, outputs in units of scales")
+    ]
+    scales: Annotated[FloatArray, Quantity("as of the output", "output", "Units of the outputs")]
+    integrators: Annotated[tuple[int, ...], Quantity("1", "output", "How often each output integrates")]
     n_state: int
 
 
 @dataclass(frozen=True)
 class Dense:
-    """Models with all blocks, before any has a price, as the core's parameters.
+    """Models with all blocks, before any has a price, as the core's parameters."""
 
-    Attributes:
-        smile (n_function + 1, n_local): The local models, interpolated.
-        full (n_function + 1, n_local): The same, fitted to all responses together.
-    """
-
-    smile: FloatArray
-    full: FloatArray
+    smile: Annotated[FloatArray, Quantity("1", _ELEMENTS, "The local models interpolated, as the core's parameters")]
+    full: Annotated[FloatArray, Quantity("1", _ELEMENTS, "The fit of all blocks, likewise")]
 
 
 @dataclass(frozen=True)
 class BlockTable:
-    """Blocks of A, B, C and D.
+    """Blocks of A, B, C and D."""
 
-    Attributes:
-        kept (4, n_function): Which the model has.
-        absolute (4, n_function + 1): Euclidean norm of each, the constant ones first.
-        relative (4, n_function): What each contributes at most, relative to the constant block.
-    """
-
-    kept: BoolArray
-    absolute: FloatArray
-    relative: FloatArray
+    kept: Annotated[BoolArray, Quantity("1", "matrix function", "Whether the model has each block of A, B, C, D")]
+    absolute: Annotated[FloatArray, Quantity("1", "matrix function_or_constant", "Norm of each block")]
+    relative: Annotated[
+        FloatArray, Quantity("1", "matrix function", "What it contributes, relative to the constant one")
+    ]
 
 
 @dataclass(frozen=True)
 class PathTable:
     """The regularisation path, the model without prices first; rows as of `robid.models.lpv.fit.path.PathPoint`."""
 
-    gamma: FloatArray
-    kept: BoolArray
-    relative: FloatArray
-    refit_cost: FloatArray
-    validation_cost: FloatArray
-    steps: IntArray
-    status: tuple[str, ...]
+    gamma: Annotated[FloatArray, Quantity("1", "price", "Price of a block")]
+    kept: Annotated[BoolArray, Quantity("1", _BLOCKS, "Blocks that are left")]
+    relative: Annotated[FloatArray, Quantity("1", _BLOCKS, "Their norms before the refit")]
+    refit_cost: Annotated[FloatArray, Quantity("1", "price", "Cost of the exact refit")]
+    validation_cost: Annotated[FloatArray, Quantity("1", "price", "Its cost on what chooses the structure")]
+    steps: Annotated[IntArray, Quantity("1", "price", "Cone programs")]
+    status: Annotated[tuple[str, ...], Quantity("1", "price", "How the refit ended")]
     chosen: int
 
 
@@ -167,22 +157,18 @@ class Held:
     """Responses that a model was held against.
 
     Attributes:
-        points (n_pos, n_scheduling): Positions.
-        frequency_hz (n_freq,): Lines.
-        response (n_pos, n_freq, n_out, n_in): Measured.
-        std (n_pos, n_freq, n_out, n_in): Its deviation; NaN where that is unknown, infinite where it is left out.
-        modelled (n_pos, n_freq, n_out, n_in): The model's.
-        modelled_std (n_pos, n_freq, n_out, n_in): Root of `E|error|^2` of the model's by its parameters.
+        std: Its deviation; NaN where that is unknown, infinite where it is left out.
+        modelled_std: Root of `E|error|^2` of the model's by its parameters.
         degrees_of_freedom: Behind the measured deviations.
         agreement: How well they agree.
     """
 
-    points: FloatArray
-    frequency_hz: FloatArray
-    response: ComplexArray
-    std: FloatArray
-    modelled: ComplexArray
-    modelled_std: FloatArray
+    points: Annotated[FloatArray, Quantity("as of scheduling", "position scheduling", "Scheduling parameters")]
+    frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency", "Lines")]
+    response: Annotated[ComplexArray, Quantity("output over input", _RESPONSE, "Measured response")]
+    std: Annotated[FloatArray, Quantity("output over input", _RESPONSE, "Its deviation, NaN where it is unknown")]
+    modelled: Annotated[ComplexArray, Quantity("output over input", _RESPONSE, "The model's response")]
+    modelled_std: Annotated[FloatArray, Quantity("output over input", _RESPONSE, "Its deviation by the parameters")]
     degrees_of_freedom: float
     agreement: Agreement
 
@@ -204,7 +190,6 @@ class LpvSolution:
         choosing: Those that chose the structure.
         misfit: Mean weighted square error of an element; near 1 where the model is right.
         largest_pole: Largest absolute value of a pole over the range, integrators not counted.
-        largest_pole_at (n_scheduling,): Where it is reached.
     """
 
     estimate: Estimate
@@ -219,7 +204,9 @@ class LpvSolution:
     choosing: Held
     misfit: float
     largest_pole: float
-    largest_pole_at: FloatArray
+    largest_pole_at: Annotated[
+        FloatArray, Quantity("as of scheduling", "scheduling", "Where the largest pole of the range is")
+    ]
 
     @property
     def core_model(self) -> LpvModel:

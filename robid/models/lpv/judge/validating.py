@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import BoolArray
+from robid.arrays import BoolArray, Quantity
 from robid.errors import DataError
 from robid.models.lpv.fit.fitting import hold
 from robid.models.lpv.fit.responses import LocalResponses, expected_share, hidden_error
@@ -98,12 +99,11 @@ class LpvValidation:
     Attributes:
         outcome: Whether it holds, its grade.
         held: The responses, and how well they agree; the deviations of both count.
-        new (n_pos,): Whether the fit has not seen a position.
     """
 
     outcome: Outcome
     held: Held
-    new: BoolArray
+    new: Annotated[BoolArray, Quantity("1", "position", "Whether the fit has not seen it")]
 
 
 def validate_lpv(

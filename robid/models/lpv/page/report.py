@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from robid.artifacts.grade import grade_from_artifact
+from robid.artifacts.results import grade_from_artifact
 from robid.models.family import Shown
 from robid.models.lpv.files import solution_from_artifact, validation_from_artifact
 from robid.models.lpv.fit.responses import expected_share

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.arrays import BoolArray, FloatArray, IntArray, Quantity
 from robid.results.estimate import Estimate
 
 
@@ -16,20 +17,18 @@ class Base:
 
     Attributes:
         labels: Each as its combination, such as `joint_1.ZZ + joint_2.YY`.
-        standard: Names (n_std) of the standard parameters.
-        combination (n_base, n_std): The base parameters are `combination @ standard`.
-        silent: Standard parameters without any effect.
-        mixed: Those that are known only together with others.
         gap: Smallest singular value that counts over the largest one that does not, of the model alone.
         condition: Condition number of the weighted rows' columns, each of norm 1.
         unscaled_condition: The same of the columns as they are.
     """
 
-    labels: tuple[str, ...]
-    standard: tuple[str, ...]
-    combination: FloatArray
-    silent: tuple[str, ...]
-    mixed: tuple[str, ...]
+    labels: Annotated[tuple[str, ...], Quantity("1", "parameter", "Each base parameter as its combination")]
+    standard: Annotated[tuple[str, ...], Quantity("1", "standard", "Names of the standard parameters")]
+    combination: Annotated[
+        FloatArray, Quantity("units over units", "parameter standard", "Base parameters of standard ones")
+    ]
+    silent: Annotated[tuple[str, ...], Quantity("1", "silent", "Standard parameters without any effect")]
+    mixed: Annotated[tuple[str, ...], Quantity("1", "mixed", "Standard parameters known only together with others")]
     gap: float
     condition: float
     unscaled_condition: float
@@ -41,23 +40,18 @@ class Estimators:
 
     Attributes:
         names: `ordinary`, `weighted`, `huber` and, where the loop is known, `instruments`.
-        values (n_estimator, n_base): Their estimates.
-        std (n_estimator, n_base): Deviations by their own formulas, as if residuals were independent.
-        deviation (n_estimator, n_joint): Standard deviation of each joint's residual [N m].
-        iterations (n_estimator,): Passes that they took.
-        status: How they ended.
-        bends (n_bend,): Bends `H` of Huber's estimator that were swept.
-        bent (n_bend, n_base): Estimates at these.
     """
 
-    names: tuple[str, ...]
-    values: FloatArray
-    std: FloatArray
-    deviation: FloatArray
-    iterations: IntArray
-    status: tuple[str, ...]
-    bends: FloatArray
-    bent: FloatArray
+    names: Annotated[tuple[str, ...], Quantity("1", "estimator")]
+    values: Annotated[FloatArray, Quantity("as in units", "estimator parameter", "Estimates")]
+    std: Annotated[FloatArray, Quantity("as in units", "estimator parameter", "As if residuals were independent")]
+    deviation: Annotated[
+        FloatArray, Quantity("N m, or the drives' unit", "estimator joint", "Deviation of the residuals")
+    ]
+    iterations: Annotated[IntArray, Quantity("1", "estimator", "Passes")]
+    status: Annotated[tuple[str, ...], Quantity("1", "estimator", "How they ended")]
+    bends: Annotated[FloatArray, Quantity("1", "bend", "Bends of Huber's estimator")]
+    bent: Annotated[FloatArray, Quantity("as in units", "bend parameter", "Huber's estimates at these")]
 
 
 @dataclass(frozen=True)
@@ -67,16 +61,6 @@ class Checks:
     Attributes:
         trust: Whether least squares is to be trusted.
         sentence: The verdict in words, with what to do.
-        huber_variation (n_base,): Relative difference from Huber's estimate (eq. 22).
-        huber_p (n_base,): Chance of it.
-        instrument_variation (n_base,): The same from the instrumental variables; None without.
-        instrument_p (n_base,): Chance of it.
-        skewness (n_joint,): Of the residuals.
-        excess_kurtosis (n_joint,): Of the residuals.
-        outlier_share (n_joint,): Share of the residuals beyond three deviations.
-        normality_p (n_joint,): Chance of a Gaussian to look as odd.
-        correlation (n_joint, n_lag): Autocorrelation at lags 1 and on, less the filter's own.
-        whiteness_p (n_joint,): Chance of white torque noise to look as correlated.
         odd: Whether residuals are far from a Gaussian.
         coloured: Whether residuals are far from white.
         huber_differs: Whether Huber's estimate differs by more than chance and by more than matters.
@@ -86,16 +70,18 @@ class Checks:
 
     trust: bool
     sentence: str
-    huber_variation: FloatArray
-    huber_p: FloatArray
-    instrument_variation: FloatArray | None
-    instrument_p: FloatArray | None
-    skewness: FloatArray
-    excess_kurtosis: FloatArray
-    outlier_share: FloatArray
-    normality_p: FloatArray
-    correlation: FloatArray
-    whiteness_p: FloatArray
+    huber_variation: Annotated[FloatArray, Quantity("1", "parameter", "Relative difference from Huber's estimate")]
+    huber_p: Annotated[FloatArray, Quantity("1", "parameter", "Chance of it")]
+    instrument_variation: Annotated[
+        FloatArray | None, Quantity("1", "parameter", "Relative difference from instrumental variables")
+    ]
+    instrument_p: Annotated[FloatArray | None, Quantity("1", "parameter", "Chance of it")]
+    skewness: Annotated[FloatArray, Quantity("1", "joint", "Of the residuals")]
+    excess_kurtosis: Annotated[FloatArray, Quantity("1", "joint", "Of the residuals")]
+    outlier_share: Annotated[FloatArray, Quantity("1", "joint", "Share beyond three deviations")]
+    normality_p: Annotated[FloatArray, Quantity("1", "joint", "Chance of a Gaussian to look as odd")]
+    correlation: Annotated[FloatArray, Quantity("1", "joint lag", "Autocorrelation, less the filter's own")]
+    whiteness_p: Annotated[FloatArray, Quantity("1", "joint", "Chance of white noise to look as correlated")]
     odd: bool
     coloured: bool
     huber_differs: bool
@@ -111,36 +97,30 @@ class Filtered:
         cut_hz: Cut-off of the positions' low pass [Hz].
         decimation: Samples per row.
         sampling_period_s: Period of the samples [s].
-        excited_hz (n_joint,): Frequency below which 99 % of each joint's acceleration lies [Hz].
-        trial_hz (n_trial,): Cut-offs that were tried; none where one was stated.
-        trial_correlation (n_trial, n_joint): Correlation of the residuals that each left.
         white: Whether the chosen one leaves white residuals.
     """
 
     cut_hz: float
     decimation: int
     sampling_period_s: float
-    excited_hz: FloatArray
-    trial_hz: FloatArray
-    trial_correlation: FloatArray
+    excited_hz: Annotated[FloatArray, Quantity("Hz", "joint", "Below it lies 99 % of the acceleration")]
+    trial_hz: Annotated[FloatArray, Quantity("Hz", "trial", "Cut-offs that were tried")]
+    trial_correlation: Annotated[
+        FloatArray, Quantity("1", "trial joint", "Correlation of the residuals that each left")
+    ]
     white: bool
 
 
 @dataclass(frozen=True)
 class RowResiduals:
-    """Torques row by row, NaN where a row does not count.
+    """Torques row by row, NaN where a row does not count."""
 
-    Attributes:
-        time_s (n_row,): Time of each row from the beginning, shots after each other [s].
-        torque (n_row, n_joint): Filtered torque [N m].
-        residual (n_row, n_joint): What least squares leaves of it [N m].
-        weight (n_row, n_joint): Huber's weight.
-    """
-
-    time_s: FloatArray
-    torque: FloatArray
-    residual: FloatArray
-    weight: FloatArray
+    time_s: Annotated[FloatArray, Quantity("s", "row", "Time, shots after each other")]
+    torque: Annotated[FloatArray, Quantity("N m, or the drives' unit", "row joint", "Filtered torque", compact=True)]
+    residual: Annotated[
+        FloatArray, Quantity("N m, or the drives' unit", "row joint", "What least squares leaves", compact=True)
+    ]
+    weight: Annotated[FloatArray, Quantity("1", "row joint", "Huber's weight", compact=True)]
 
     @property
     def relative_error(self) -> FloatArray:
@@ -158,39 +138,26 @@ class NominalTorques:
     """Torques of the estimated links beside those of the robot file's, without motors, friction and offsets.
 
     Attributes:
-        share (n_joint,): Norm of the estimated ones over that of the measured torque.
-        ratio (n_joint,): Norm of the estimated ones over that of the robot file's; NaN where either has none.
-        likeness (n_joint,): Their correlation: 1 where they differ by a factor alone.
-        whole_ratio (n_joint,): The same as `ratio`, of links and motors together.
+        ratio: Norm of the estimated ones over that of the robot file's; NaN where either has none.
     """
 
-    share: FloatArray
-    ratio: FloatArray
-    likeness: FloatArray
-    whole_ratio: FloatArray
+    share: Annotated[FloatArray, Quantity("1", "joint", "Torque of the links over the measured one")]
+    ratio: Annotated[FloatArray, Quantity("1", "joint", "The same over that by the robot file")]
+    likeness: Annotated[FloatArray, Quantity("1", "joint", "Correlation of these two")]
+    whole_ratio: Annotated[FloatArray, Quantity("1", "joint", "The ratio of links and motors together")]
 
 
 @dataclass(frozen=True)
 class Travel:
-    """Where the arm was during the fit's record, and where it may be.
+    """Where the arm was during the fit's record, and where it may be."""
 
-    Attributes:
-        shot (n_moment,): Shot of each of the moments that were kept.
-        time_s (n_moment,): Their time since the shot began [s].
-        position (n_moment, n_joint): Arm positions then [rad, or m].
-        lowest (n_joint,): Lowest position of the whole record [rad, or m].
-        highest (n_joint,): Highest one.
-        lower_limit (n_joint,): The robot file's limits [rad, or m].
-        upper_limit (n_joint,): The same above.
-    """
-
-    shot: IntArray
-    time_s: FloatArray
-    position: FloatArray
-    lowest: FloatArray
-    highest: FloatArray
-    lower_limit: FloatArray
-    upper_limit: FloatArray
+    shot: Annotated[IntArray, Quantity("1", "moment", "Shot of each moment")]
+    time_s: Annotated[FloatArray, Quantity("s", "moment", "Time since the shot began")]
+    position: Annotated[FloatArray, Quantity("rad, or m", "moment joint", "Arm positions at some moments")]
+    lowest: Annotated[FloatArray, Quantity("rad, or m", "joint", "Lowest arm position of the record")]
+    highest: Annotated[FloatArray, Quantity("rad, or m", "joint", "Highest one")]
+    lower_limit: Annotated[FloatArray, Quantity("rad, or m", "joint", "The robot file's limit below")]
+    upper_limit: Annotated[FloatArray, Quantity("rad, or m", "joint", "The same above")]
 
 
 @dataclass(frozen=True)
@@ -198,23 +165,17 @@ class StandardSet:
     """Standard parameters of real bodies, nearest to the robot file's, with the estimated base parameters.
 
     Attributes:
-        names: Their names.
-        units: Their units.
-        nominal (n_std,): Values of the robot file.
-        value (n_std,): The values.
-        covariance (n_std, n_std): Their covariance by what was estimated; what was not stays as the file has it.
-        moved (n_base,): How far the base parameters had to move, in standard deviations.
-        real (n_body,): Which of the file's bodies are real ones.
+        covariance: Their covariance by what was estimated; what was not stays as the file has it.
         status: `estimated`, `moved` or `failed`.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    nominal: FloatArray
-    value: FloatArray
-    covariance: FloatArray
-    moved: FloatArray
-    real: BoolArray
+    names: Annotated[tuple[str, ...], Quantity("1", "standard")]
+    units: Annotated[tuple[str, ...], Quantity("1", "standard")]
+    nominal: Annotated[FloatArray, Quantity("as in units", "standard", "Values of the robot file")]
+    value: Annotated[FloatArray, Quantity("as in units", "standard", "Nearest real bodies with the base parameters")]
+    covariance: Annotated[FloatArray, Quantity("products of units", "standard standard", "By what was estimated")]
+    moved: Annotated[FloatArray, Quantity("1", "parameter", "How far base parameters moved, in deviations")]
+    real: Annotated[BoolArray, Quantity("1", "body", "Which of the robot file's bodies are real ones")]
     status: str
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import FloatArray, IntArray, Quantity
 from robid.errors import DataError
 from robid.models.rigid.fit.fitting import Simulate
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
@@ -24,17 +25,11 @@ from robid.robot.regressor.model import RigidModel, build_rigid_model
 
 @dataclass(frozen=True)
 class Prediction:
-    """Measured and predicted torques, filtered alike; NaN where a row does not count.
+    """Measured and predicted torques, filtered alike; NaN where a row does not count."""
 
-    Attributes:
-        time_s (n_row,): Time of each row from the beginning, shots after each other [s].
-        measured (n_row, n_joint): Measured torque [N m].
-        predicted (n_row, n_joint): The model's [N m].
-    """
-
-    time_s: FloatArray
-    measured: FloatArray
-    predicted: FloatArray
+    time_s: Annotated[FloatArray, Quantity("s", "row", "Time, shots after each other")]
+    measured: Annotated[FloatArray, Quantity("N m, or the drives' unit", "row joint", "Measured torque", compact=True)]
+    predicted: Annotated[FloatArray, Quantity("N m, or the drives' unit", "row joint", "The model's", compact=True)]
 
     @property
     def n_row(self) -> IntArray:
@@ -113,22 +108,22 @@ class RigidValidation:
     Attributes:
         outcome: Whether it holds, its grade, and its parameters against the truth.
         prediction: Measured and predicted torques.
-        relative_error (n_joint,): Norm of the error over that of the torque.
         total_error: The same of all joints together.
-        error_ratio (n_joint,): Root mean square of the error over what the fit's own residual was.
         same_motion: Whether the fit has seen this motion already.
-        forward_error (n_joint,): Root mean square of simulated less measured positions over that of the measured ones
-            about their mean, the model in the robot's loop under the recorded commands; None where the loop or the
-            commands are unknown, NaN where the simulation is lost.
+        forward_error: Root mean square of simulated less measured positions over that of the measured ones about their
+            mean, the model in the robot's loop under the recorded commands; None where the loop or the commands are
+            unknown, NaN where the simulation is lost.
     """
 
     outcome: Outcome
     prediction: Prediction
-    relative_error: FloatArray
+    relative_error: Annotated[FloatArray, Quantity("1", "joint", "Norm of the error over that of the torque")]
     total_error: float
-    error_ratio: FloatArray
+    error_ratio: Annotated[FloatArray, Quantity("1", "joint", "Error over what the fit left")]
     same_motion: bool
-    forward_error: FloatArray | None = None
+    forward_error: Annotated[
+        FloatArray | None, Quantity("1", "joint", "Error of simulated positions over the motion")
+    ] = None
 
 
 def validate_rigid(

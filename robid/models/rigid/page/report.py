@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robid.artifacts.grade import grade_from_artifact
+from robid.artifacts.results import grade_from_artifact
 from robid.models.family import Shown
 from robid.models.parameters import parameter_rows, parameter_summary
 from robid.models.rigid.files import solution_from_artifact, validation_from_artifact

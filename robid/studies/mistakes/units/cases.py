@@ -12,23 +12,20 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Dataset
-from robid.artifacts.excitation import EXCITATION, excitation_from_artifact
-from robid.artifacts.grade import grade_from_artifact
-from robid.artifacts.model import MODEL
+from robid.artifacts.kinds import EXCITATION, excitation_from_artifact
+from robid.artifacts.results import MODEL, VALIDATION, grade_from_artifact
 from robid.artifacts.store import read_artifact, read_header
-from robid.artifacts.validation import VALIDATION
 from robid.errors import DataError, SettingsError
 from robid.fleet.row import Told
 from robid.models.known import load_experiment
 from robid.pipeline.graph import Run, run_all
 from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.results.scale import read_scale
-from robid.settings.acquire import Acquire
 from robid.settings.experiment import Campaign, Source
 from robid.settings.load import LoadedExperiment
-from robid.settings.plain import plain_settings
 from robid.settings.robot import RobotFile
-from robid.settings.robot_parts import require_controller
+from robid.settings.robot_parts import plain_settings, require_controller
+from robid.settings.sources import Acquire
 from robid.settings.yaml import FieldPath
 from robid.simulate.experiment import simulate
 from robid.studies.experiments import Further, Problems, changed_simulation, fit_problem, physics_problems, run_of

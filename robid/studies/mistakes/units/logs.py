@@ -12,10 +12,10 @@ from scipy.io import savemat
 
 from robid.arrays import FloatArray
 from robid.results.scale import OWN_SCALES, SCALES, Scale
-from robid.settings.acquire import Acquire
 from robid.settings.base import Section
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import Body, JointSection
+from robid.settings.sources import Acquire
 from robid.signals.log_channels import InputChannel, OutputChannel, UnitName
 from robid.signals.log_options import TimeChannel
 from robid.signals.record import Record

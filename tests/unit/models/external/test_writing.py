@@ -13,9 +13,8 @@ from scipy.io import loadmat
 
 from external_loops import BANDS, NEW_BAND, PERIOD_S, channels, linear, shot_of
 from robid.artifacts.artifact import Provenance
-from robid.artifacts.model import MODEL
+from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import read_artifact, write_artifact
-from robid.artifacts.validation import VALIDATION
 from robid.errors import ArtifactError, SettingsError
 from robid.models.external.family import EXTERNAL
 from robid.models.external.files import (

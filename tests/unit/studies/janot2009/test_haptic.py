@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robid.artifacts.artifact import Artifact, Provenance
-from robid.artifacts.task import TASK
+from robid.artifacts.kinds import TASK
 from robid.signals.filters import central_differences
 from robid.studies.janot2009.haptic import (
     NOMINAL,

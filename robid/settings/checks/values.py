@@ -1,18 +1,19 @@
-"""Values of a robot file that are possible, but not for a robot: slips of unit and decimal point."""
+"""Values of a robot file: those that it lacks, and those that no robot has."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from robid.arrays import LARGEST
 from robid.robot.inertia import stretched_inertia
+from robid.robot.parameters import PARAMETER_KINDS
+from robid.settings.problems import Found, SettingsProblem, problem_at
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import JointSection, MotorSection
-from robid.settings.yaml import FieldPath
+from robid.settings.yaml import Document, FieldPath
 
-_Found = Iterator[tuple[FieldPath, str]]
 _LARGEST_RATIO = 2000.0
 _SMALLEST_RATIO_RAD_M, _LARGEST_RATIO_RAD_M = 5.0, 2e4
 _LONGEST_RUN_UP_S = 10.0
@@ -24,7 +25,7 @@ _MASS_TOLERANCE = 0.01
 HALVED = "where it holds all that turns, halve it and write the other half, times the gear ratio squared, as the link's"
 
 
-def implausible(robot: RobotFile) -> _Found:
+def implausible(robot: RobotFile) -> Found:
     """Yields gear ratios, motor inertias and a total mass that cannot be meant, with the reason."""
     yield from _ratios(robot)
     is_known = all((joint.dh or joint.frame) and joint.link for joint in robot.joints)
@@ -47,7 +48,7 @@ def implausible(robot: RobotFile) -> _Found:
         yield from _mass(robot)
 
 
-def absurd(data: object, field: FieldPath = ()) -> _Found:
+def absurd(data: object, field: FieldPath = ()) -> Found:
     """Yields numbers that nothing has, in a file as it is written: what is made of them would overflow."""
     if isinstance(data, dict):
         for key, value in data.items():
@@ -59,7 +60,7 @@ def absurd(data: object, field: FieldPath = ()) -> _Found:
         yield field, f"{data:g} is beyond anything that a robot has"
 
 
-def _ratios(robot: RobotFile) -> _Found:
+def _ratios(robot: RobotFile) -> Found:
     for index, joint in enumerate(robot.joints):
         if joint.motor is None:
             continue
@@ -81,7 +82,7 @@ def _ratios(robot: RobotFile) -> _Found:
         yield ("joints", index, "motor", "gear_ratio"), reason
 
 
-def _leads(index: int, motor: MotorSection) -> _Found:
+def _leads(index: int, motor: MotorSection) -> Found:
     stated = motor.gear_ratio_rad_m
     # 1 stands for drives whose angles are metres: linear motors, or signals that are those of the carriage.
     if stated is None or abs(stated) == 1 or _SMALLEST_RATIO_RAD_M <= abs(stated) <= _LARGEST_RATIO_RAD_M:
@@ -129,7 +130,7 @@ def _rounded(value: float) -> str:
     return f"{float(f'{value:.2g}'):g}"
 
 
-def _mass(robot: RobotFile) -> _Found:
+def _mass(robot: RobotFile) -> Found:
     if robot.total_mass_kg is None:
         return
     masses = {joint.name: link.mass_kg for joint, link in zip(robot.joints, robot.links(), strict=True)}
@@ -138,3 +139,79 @@ def _mass(robot: RobotFile) -> _Found:
         parts = ", ".join(f"{name} {mass:.4g}" for name, mass in masses.items())
         message = f"{robot.total_mass_kg:g} kg is stated, but the links that move have {found:.6g} kg ({parts})"
         yield ("total_mass_kg",), message
+
+
+_PARALLEL = 1e-6
+NO_MOTOR = "is missing (or `torque_measured_at: joint`, where a sensor behind the gear measures the joint's torque)"
+_NO_GEOMETRY = "is missing (or `frame`, or a `model` for the whole robot)"
+
+
+def missing_keys(document: Document) -> list[SettingsProblem]:
+    """Returns what a robot file lacks by the types of its joints, whatever else keeps it from being read."""
+    joints = document.data.get("joints")
+    if not isinstance(joints, list):
+        return []
+    sliding = {joint.get("name") for joint in joints if isinstance(joint, dict) and joint.get("type") == "prismatic"}
+    found: list[tuple[FieldPath, str]] = []
+    for index, joint in enumerate(joints):
+        if isinstance(joint, dict):
+            keys = _lacking(joint, slides=joint.get("name") in sliding, alone="model" not in document.data)
+            found += [((("joints", index, *field), message)) for field, message in keys]
+    springs = document.data.get("springs")
+    for index, spring in enumerate(springs if isinstance(springs, list) else []):
+        if isinstance(spring, dict):
+            linear = spring.get("place") == "transmission" and spring.get("joint") in sliding
+            found += [(("springs", index, key), "is missing") for key in _lacking_values(spring, linear=linear)]
+    return [problem_at(document, field, message) for field, message in found]
+
+
+def _lacking(joint: Mapping[str, object], *, slides: bool, alone: bool) -> Found:
+    """What a joint as it is written lacks; frames, links and limits only where no model brings them."""
+    if alone and "dh" not in joint and "frame" not in joint:
+        yield ("dh",), _NO_GEOMETRY
+    wanted = ("link", "limits_m" if slides else "limits_deg") if alone else ()
+    yield from (((key,), "is missing") for key in wanted if key not in joint)
+    if "motor" not in joint and joint.get("torque_measured_at") != "joint":
+        yield ("motor",), NO_MOTOR
+    ratio, motor = "gear_ratio_rad_m" if slides else "gear_ratio", joint.get("motor")
+    if isinstance(motor, dict) and {"gear_ratio", "gear_ratio_rad_m"}.isdisjoint(motor):
+        yield ("motor", ratio), "is missing"
+    gear = joint.get("gear")
+    if isinstance(gear, dict):
+        yield from ((("gear", key), "is missing") for key in _lacking_values(gear, linear=slides))
+
+
+def _lacking_values(spring: Mapping[str, object], *, linear: bool) -> Iterator[str]:
+    for kind in ("stiffness", "damping"):
+        about = PARAMETER_KINDS[kind]
+        if {about.field, about.linear_field}.isdisjoint(spring):
+            yield about.linear_field if linear else about.field
+
+
+def missing(robot: RobotFile) -> Found:
+    """What a file must say itself; frames, links and limits that a model lacks are told where it is read."""
+    for index, joint in enumerate(robot.joints):
+        field = ("joints", index)
+        if robot.model is None:
+            yield from _missing_geometry(field, joint)
+        if joint.motor is None and joint.has_motor:
+            yield (*field, "motor"), NO_MOTOR
+        if robot.model is None and joint.stated_limits is None:
+            yield (*field, joint.limits_key), "is missing"
+    if robot.model is None:
+        for key in ("locked_deg", "locked_m", "locked", "flange"):
+            if getattr(robot, key):
+                yield (key,), "belongs to a `model`, and there is none"
+
+
+def _missing_geometry(field: FieldPath, joint: JointSection) -> Found:
+    if joint.dh is not None and joint.frame is not None:
+        yield (*field, "frame"), "stands in place of `dh`: leave one of them out"
+    if joint.dh is None and joint.frame is None:
+        yield (*field, "dh"), _NO_GEOMETRY
+    if joint.link is None:
+        yield (*field, "link"), "is missing"
+    if joint.frame is not None:
+        rotation = np.array(joint.frame.rotation)
+        if np.abs(rotation @ rotation.T - np.eye(3)).max() > _PARALLEL or np.linalg.det(rotation) < 0:
+            yield (*field, "frame", "rotation"), "is not a rotation: rows must be right-handed unit axes"

@@ -1,6 +1,8 @@
-"""What settings say about commands of the tool's pose: channels, tool frame, the arm above the external axes."""
+"""What follows from a robot file: parameters of an elastic fit; commands of the tool's pose, with its frame."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -8,6 +10,7 @@ from robid.design.excitation.options import PoseChirpOptions
 from robid.errors import SettingsError
 from robid.robot.description import Robot
 from robid.robot.kinematics import ToolArm
+from robid.robot.parameters import names_of
 from robid.settings.experiment import Campaign
 from robid.settings.robot import RobotFile
 from robid.signals.pose import POSE, RAIL, rotation_from_zyx
@@ -57,3 +60,15 @@ def tool_arm(file: RobotFile, robot: Robot) -> ToolArm:
         tool_m=position + rotation @ np.array(interface.tool_m),
         tool_rotation=rotation @ rotation_from_zyx(np.deg2rad(interface.tool_abc_deg)),
     )
+
+
+def parameter_names(robot: RobotFile, kinds: Iterable[str]) -> list[str]:
+    """Returns the name of every parameter of these kinds that an elastic fit of this robot has."""
+    return list(kinds_by_name(robot, kinds))
+
+
+def kinds_by_name(robot: RobotFile, kinds: Iterable[str]) -> dict[str, str]:
+    """Returns every parameter of these kinds with its kind; shifts along an axis too, which have no effect."""
+    joints = [joint.name for joint in robot.joints]
+    pairs = ((name, kind) for kind in kinds for name in names_of(kind, robot.all_springs, joints))
+    return {name: kind for name, kind in pairs if name is not None}

@@ -1,19 +1,109 @@
-"""Models of measured logs in the experiment file."""
+"""What a campaign's signals come from: its excitation, a simulation with its truth, measured logs."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 import pydantic.dataclasses
-from pydantic import Field
+from pydantic import Discriminator, Field, GetJsonSchemaHandler, Tag
+from pydantic_core import CoreSchema
 
+from robid.design.excitation.arbitrary import ArbitraryOptions
+from robid.design.excitation.options import (
+    ChirpOptions,
+    FourierOptions,
+    MultisineOptions,
+    PoseChirpOptions,
+    SteppedSineOptions,
+    TrajectoryOptions,
+)
+from robid.robot.description import Robot
 from robid.settings.base import DATA_VARIABLE, STRICT, data_path
+from robid.settings.robot import RobotFile
+from robid.settings.robot_sections import SpringSection
 from robid.signals.log_channels import LogChannel
 from robid.signals.log_options import LogOptions
+from robid.simulate.options import SimulateOptions, Truth
+from robid.simulate.truth import true_robot
+
+_DEFAULT = "multisine"
+
+
+def signal(value: Any) -> str:  # noqa: ANN401
+    """Returns which signal a section is about; without the key it is a multisine."""
+    if isinstance(value, Mapping):
+        return str(value.get("signal", _DEFAULT))
+    return str(getattr(value, "signal", _DEFAULT))
+
+
+class _KeyUnlessDefault:
+    """Requires the key in the JSON schema of every signal but the default, so that a section fits one of them."""
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        schema = handler(core)
+        for member in schema["oneOf"]:
+            section = handler.resolve_ref_schema(member)
+            if section["properties"]["signal"]["const"] != _DEFAULT:
+                section["required"] = ["signal", *section.get("required", [])]
+        return schema
+
+
+ExcitationSettings: TypeAlias = Annotated[
+    Annotated[MultisineOptions, Tag("multisine")]
+    | Annotated[ChirpOptions, Tag("chirp")]
+    | Annotated[SteppedSineOptions, Tag("stepped_sine")]
+    | Annotated[FourierOptions, Tag("fourier")]
+    | Annotated[TrajectoryOptions, Tag("trajectory")]
+    | Annotated[PoseChirpOptions, Tag("pose_chirp")]
+    | Annotated[ArbitraryOptions, Tag("arbitrary")],
+    Discriminator(signal),
+    _KeyUnlessDefault(),
+]
+
+
+@dataclass(frozen=True)
+class TruthSettings(Truth):
+    """How the simulated robot differs from the robot file, in springs that the file lacks too."""
+
+    springs: tuple[SpringSection, ...] = field(
+        default=(),
+        metadata={
+            "description": "Springs that the simulated robot has and the robot file lacks, written as in a robot file;"
+            " no transmissions. They have no random deviation."
+        },
+    )
+
+
+@dataclass(frozen=True)
+class SimulateSettings(SimulateOptions):
+    """One simulated campaign, as the experiment file describes it."""
+
+    truth: TruthSettings = field(
+        default_factory=TruthSettings, metadata={"description": "How the true robot differs from the robot file."}
+    )
+
+
+def with_truth_springs(robot: RobotFile, truth: TruthSettings) -> RobotFile:
+    """Returns the robot file with the springs that it lacks after its own."""
+    return robot.model_copy(update={"springs": (*robot.springs, *truth.springs)})
+
+
+def true_robot_of(robot: RobotFile, payload_kg: float | None, truth: Truth) -> Robot:
+    """Returns the true robot of a campaign.
+
+    Args:
+        robot: The robot file.
+        payload_kg: Payload mass that replaces the file's [kg].
+        truth: How it differs.
+    """
+    springs = truth.springs if isinstance(truth, TruthSettings) else ()
+    further = tuple(spring.spring(robot.joints) for spring in springs)
+    return true_robot(robot.to_robot(payload_kg), truth, further)
+
 
 PLACES = ("configuration", "realization", "experiment")
 """What stands for numbers in names of logs and variables."""

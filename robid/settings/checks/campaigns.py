@@ -1,0 +1,280 @@
+"""Campaigns and designs: what a design reads, a simulation's truth, limits that are needed, what needs no robot."""
+
+from __future__ import annotations
+
+from robid.design.configurations.options import DesignWeights
+from robid.settings.checks.configurations import configuration_count
+from robid.settings.checks.robot import check_springs
+from robid.settings.experiment import Campaign, Design, Experiment
+from robid.settings.fits import Families, FitSettings
+from robid.settings.problems import Found, suggest
+from robid.settings.robot import RobotFile
+from robid.settings.robot_derived import parameter_names
+from robid.settings.sources import SimulateSettings, TruthSettings, with_truth_springs
+from robid.settings.yaml import FieldPath
+from robid.simulate.options import Imperfections
+
+_BODIES = ("payload", "base")
+
+
+def check_truth(field: FieldPath, campaign: Campaign, simulate: SimulateSettings, robot: RobotFile) -> Found:
+    """Yields names that the robot does not have, factors that none has, and springs that cannot be.
+
+    Args:
+        field: Where the settings of the simulation stand.
+        campaign: The campaign.
+        simulate: Its simulation.
+        robot: The robot file.
+    """
+    truth = simulate.truth
+    springs = [spring.name for spring in robot.all_springs]
+    for index, name in enumerate(truth.keep):
+        if name not in springs:
+            yield (*field, "truth", "keep", index), f"there is no spring `{name}`; {suggest(name, springs)}"
+    yield from _factors((*field, "truth"), truth, robot)
+    yield from _drives((*field, "truth"), truth, robot)
+    yield from _springs((*field, "truth", "springs"), truth, robot)
+    yield from _friction((*field, "imperfections"), simulate.imperfections)
+    extra = simulate.imperfections.unmodelled_payload_kg
+    yield from _payload((*field, "imperfections", "unmodelled_payload_kg"), extra, campaign, robot)
+
+
+def _factors(field: FieldPath, truth: TruthSettings, robot: RobotFile) -> Found:
+    joints = [joint.name for joint in robot.joints]
+    own = {"payload": robot.payload, "base": robot.base}
+    bodies = [*joints, *(name for name in _BODIES if own[name] is not None)]
+    known = {
+        "rotor_inertia_factor": joints,
+        "mass_factor": bodies,
+        "inertia_factor": bodies,
+        "torque_constant_factor": joints,
+    }
+    for key, names in known.items():
+        for name, factor in getattr(truth, key).items():
+            if name not in names:
+                kind = "body" if names is bodies else "joint"
+                yield (*field, key, name), f"there is no {kind} `{name}`; {suggest(name, names)}"
+            if factor <= 0:
+                yield (*field, key, name), f"must be above 0 (found {factor:g})"
+    for index, name in enumerate(truth.reversed_torque):
+        if name not in joints:
+            yield (*field, "reversed_torque", index), f"there is no joint `{name}`; {suggest(name, joints)}"
+
+
+def _drives(field: FieldPath, truth: TruthSettings, robot: RobotFile) -> Found:
+    joints = [joint.name for joint in robot.joints]
+    least, most = truth.mass_relative
+    if not 0 <= least <= most < 1:
+        yield (*field, "mass_relative"), f"must be two shares below 1, the smaller first (found {least:g}, {most:g})"
+    for joint, others in truth.couplings.items():
+        for name in (joint, *others):
+            if name not in joints:
+                yield (*field, "couplings", joint), f"there is no joint `{name}`; {suggest(name, joints)}"
+        if joint in others:
+            yield (*field, "couplings", joint), "a joint's own motor moves it by its gear ratio"
+    turning = [joint.name for joint in robot.joints if joint.type == "revolute" and joint.counterbalance is None]
+    for name in truth.counterbalance_nm:
+        if name not in turning:
+            message = f"there is no revolute joint `{name}` without a counterbalance; {suggest(name, turning)}"
+            yield (*field, "counterbalance_nm", name), message
+
+
+def _friction(field: FieldPath, flaws: Imperfections) -> Found:
+    for key in ("load_friction", "friction_asymmetry"):
+        if getattr(flaws, key) and flaws.friction == "none":
+            yield (*field, key), "changes the levels of a friction law: give `friction` too"
+
+
+def _springs(field: FieldPath, truth: TruthSettings, robot: RobotFile) -> Found:
+    for index, spring in enumerate(truth.springs):
+        if spring.place == "transmission":
+            message = "every joint has its transmission in the robot file; `spring_factor` changes it"
+            yield (*field, index, "place"), message
+    own = len(robot.springs)
+    for (section, *rest), message in check_springs(with_truth_springs(robot, truth)):
+        if section == "springs" and isinstance(rest[0], int) and rest[0] >= own:
+            yield (*field, rest[0] - own, *rest[1:]), message
+
+
+def _payload(field: FieldPath, extra_kg: float, campaign: Campaign, robot: RobotFile) -> Found:
+    if extra_kg == 0:
+        return
+    stated = 0.0 if robot.payload is None else robot.payload.mass_kg
+    mass = stated if campaign.payload_kg is None else campaign.payload_kg
+    if mass == 0:
+        message = "the robot carries no payload whose mass could differ: give the robot file a `payload` with mass"
+        yield field, message
+    elif mass + extra_kg < 0:
+        yield field, f"the payload has {mass:g} kg: no more than that can be missing (found {extra_kg:g})"
+    elif mass + extra_kg == 0 and any(spring.place == "payload" for spring in robot.springs):
+        yield field, "a payload on springs needs some mass"
+
+
+SPEED, TORQUE = "max_speed_rad_s", "max_torque_nm"
+
+
+def check_limits(experiment: Experiment, robot: RobotFile) -> Found:
+    """Yields who needs a limit that is missing; logs alone need none."""
+    if not robot.is_complete:
+        return
+    for name, campaign in experiment.campaigns.items():
+        if _is_designed(campaign):
+            what = "a simulation needs" if campaign.source and campaign.source.simulate else "an excitation is held to"
+            yield from missing_limits(("campaigns", name, "source"), what, robot, (SPEED, TORQUE))
+    for name, design in experiment.designs.items():
+        if design.cost == "travel":
+            yield from missing_limits(("designs", name, "cost"), "the time of travel needs", robot, (SPEED,))
+
+
+def _is_designed(campaign: Campaign) -> bool:
+    """Tells whether a campaign's excitation is designed here; one that others played is not."""
+    if campaign.source is None or campaign.is_arbitrary:
+        return False
+    return campaign.source.acquire is None or bool(campaign.source.acquire.references)
+
+
+def missing_limits(field: FieldPath, what: str, robot: RobotFile, keys: tuple[str, ...]) -> Found:
+    """Yields which of these keys of the motors are missing, after who needs them."""
+    places = [
+        f"joints[{index}].motor.{key}"
+        for index, joint in enumerate(robot.joints)
+        for key in keys
+        if joint.motor is not None and getattr(joint.motor, key) is None
+    ]
+    if places:
+        yield field, f"{what} the robot file's {', '.join(f'`{place}`' for place in places)}: missing"
+
+
+def check_without_robot(experiment: Experiment, families: Families) -> Found:
+    """Yields what needs the robot file that an experiment does not name; nothing where it names one."""
+    if experiment.robot is not None:
+        return
+    for name, campaign in experiment.campaigns.items():
+        for below, message in _campaign(campaign):
+            yield ("campaigns", name, *below), message
+    for name in experiment.designs:
+        yield ("designs", name), "a choice of configurations needs `robot`"
+    for name, fit in experiment.fits.items():
+        if families[fit.family].needs_robot:
+            yield ("fits", name, "family"), f"a fit of family `{fit.family}` needs `robot`"
+
+
+def _campaign(campaign: Campaign) -> Found:
+    acquire = None if campaign.source is None else campaign.source.acquire
+    if acquire is None:
+        what = "an excitation" if campaign.source is None else "a simulation"
+        yield ("source",), f"{what} needs `robot`: without one, a campaign is imported from logs (`acquire`)"
+    elif acquire.references and not (acquire.one_shot or campaign.is_arbitrary):
+        message = "a match with an excitation that is designed here needs `robot`: name what drives it under `inputs`"
+        yield ("source", "acquire", "references"), message
+    if campaign.configurations is not None:
+        yield ("configurations",), "are joint angles, which need `robot`: leave them out"
+    if campaign.payload_kg is not None:
+        yield ("payload_kg",), "is carried by a `robot`: leave it out"
+    if campaign.is_trajectory:
+        yield ("excitation",), "a trajectory is designed for a `robot`: import its log as `one_shot`"
+    if campaign.estimate.compensation in ("nominal", "silent_lines") or campaign.estimate.friction_fit is not None:
+        yield ("estimate", "compensation"), "friction is that of a `robot`: use `compensation: none`"
+
+
+_EARLIER = ("prior", "between")
+"""Settings of a design that name an earlier fit."""
+
+
+def check_designs(experiment: Experiment, robot: RobotFile | None) -> Found:
+    """Yields what is wrong with the designs; what needs the robot is left out without one."""
+    for name, design in experiment.designs.items():
+        field: FieldPath = ("designs", name)
+        yield from _candidates(field, experiment, design)
+        for index, kind in enumerate(design.nuisance or ()):
+            if kind in design.free:
+                yield (*field, "nuisance", index), f"`{kind}` is under `free` already: name each kind once"
+        for key in _EARLIER:
+            earlier = getattr(design, key)
+            if earlier is not None and earlier not in experiment.fits:
+                yield (*field, key), f"there is no fit `{earlier}`; {suggest(earlier, experiment.fits)}"
+        yield from _fit(field, experiment, design)
+        if robot is not None:
+            yield from _parameters(field, experiment, design, robot)
+
+
+def _candidates(field: FieldPath, experiment: Experiment, design: Design) -> Found:
+    campaign = experiment.campaigns.get(design.campaign)
+    if campaign is None:
+        known = experiment.campaigns
+        yield (*field, "campaign"), f"there is no campaign `{design.campaign}`; {suggest(design.campaign, known)}"
+        return
+    if campaign.is_trajectory:
+        message = f"campaign `{design.campaign}` plays a trajectory, which tells nothing of springs: name another one"
+        yield (*field, "campaign"), message
+    if campaign.moves_poses:
+        message = f"campaign `{design.campaign}` commands poses, which tells nothing of springs: name another one"
+        yield (*field, "campaign"), message
+    if campaign.travels:
+        message = f"campaign `{design.campaign}` travels, so it has no responses to choose by: name another one"
+        yield (*field, "campaign"), message
+    if campaign.configurations is None and campaign.is_one_shot:
+        yield (*field, "campaign"), f"campaign `{design.campaign}` is one shot without configurations to choose from"
+        return
+    count = configuration_count(experiment, campaign)
+    if count is not None and design.count > count:
+        yield (*field, "count"), f"cannot choose {design.count} of the {count} configurations of `{design.campaign}`"
+    if design.information == "measured" and (campaign.source is None or campaign.is_one_shot):
+        lacks = "is one shot" if campaign.is_one_shot else "has no `source`"
+        message = (
+            f"campaign `{design.campaign}` {lacks}, so there are no responses to read: give it one that repeats, or use"
+            " `information: assumed`"
+        )
+        yield (*field, "information"), message
+    if design.information == "assumed" and design.weights.mean == "fit":
+        yield (*field, "weights", "mean"), "a fit's own weights need the responses' covariance: `information: measured`"
+
+
+def _fit(field: FieldPath, experiment: Experiment, design: Design) -> Found:
+    if design.fit is None:
+        return
+    fit = experiment.fits.get(design.fit)
+    if fit is None:
+        yield (*field, "fit"), f"there is no fit `{design.fit}`; {suggest(design.fit, experiment.fits)}"
+    elif fit.designed_for is None:
+        yield (*field, "fit"), _other_family(design.fit, fit)
+    if design.weights != DesignWeights(mean="fit"):
+        message = (
+            f"a choice for fit `{design.fit}` needs `weights: {{mean: fit}}` and nothing beside it: the rest comes from"
+            " the fit"
+        )
+        yield (*field, "weights"), message
+
+
+def _parameters(field: FieldPath, experiment: Experiment, design: Design, robot: RobotFile) -> Found:
+    chosen_for = experiment.fits.get(design.fit or "")
+    freed = None if chosen_for is None else chosen_for.designed_for
+    known = parameter_names(robot, (*design.free, *design.along(freed)))
+    for index, name in enumerate(design.fixed):
+        if name not in known:
+            yield (*field, "fixed", index), f"nothing estimates `{name}`; {suggest(name, known)}"
+    wanted = [name for name in parameter_names(robot, design.free) if name not in design.fixed]
+    for key in _EARLIER:
+        yield from _earlier((*field, key), experiment, getattr(design, key) or "", wanted, robot)
+
+
+def _earlier(field: FieldPath, experiment: Experiment, name: str, wanted: list[str], robot: RobotFile) -> Found:
+    """What an earlier fit does not know of the wanted parameters."""
+    fit = experiment.fits.get(name)
+    if fit is None:
+        return
+    if fit.designed_for is None:
+        yield field, _other_family(name, fit)
+        return
+    estimated = [each for each in parameter_names(robot, fit.designed_for) if each not in fit.not_estimated]
+    missing = [f"`{each}`" for each in wanted if each not in estimated]
+    if missing:
+        message = (
+            f"fit `{name}` does not estimate {', '.join(missing)}: fix them here, or estimate them there, each for"
+            " itself"
+        )
+        yield field, message
+
+
+def _other_family(name: str, fit: FitSettings) -> str:
+    return f"fit `{name}` is of family `{fit.family}`, but a design knows elastic models only"

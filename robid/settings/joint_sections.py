@@ -1,0 +1,235 @@
+"""What a joint of a robot file has: its frame, counterbalance, transmission, stiffness over a position, doubts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, TypeAlias
+
+import numpy as np
+from pydantic import Field
+
+from robid.arrays import FloatArray
+from robid.robot.description import HarmonicBalance, SpringBalance, StiffnessLaw
+from robid.robot.doubts import Doubts
+from robid.robot.parameters import PARAMETER_KINDS
+from robid.robot.rotation import turn_about
+from robid.settings.base import Assumed, Name, Section, Vector
+
+if TYPE_CHECKING:
+    from robid.settings.robot_sections import JointSection
+
+
+SPRING_KEYS = ("carrier_point_m", "link_point_m", "free_length_m", "stiffness_n_m")
+HARMONIC_KEYS = ("sine_nm", "cosine_nm")
+
+
+class CounterbalanceSection(Assumed):
+    """What takes gravity off a motor: harmonics of the joint's angle, or a spring or cylinder between two points."""
+
+    sine_nm: tuple[float, ...] = Field(
+        default=(), description="Torque on the arm per sine of the joint's angle, of twice the angle and so on [N m]."
+    )
+    cosine_nm: tuple[float, ...] = Field(default=(), description="The same per cosine [N m].")
+    carrier_point_m: Vector | None = Field(
+        default=None,
+        description="End of the spring on what carries the joint, in the link's frame as it is at zero position [m].",
+    )
+    link_point_m: Vector | None = Field(
+        default=None, description="End of the spring on the link, in the link's frame [m]."
+    )
+    free_length_m: float | None = Field(
+        default=None, description="Length at which the spring pulls with `preload_n` [m].", ge=0
+    )
+    stiffness_n_m: float | None = Field(default=None, description="Stiffness of the spring [N/m].", ge=0)
+    preload_n: float = Field(
+        default=0.0, description="Pull of the spring at its free length; negative where it pushes [N]."
+    )
+
+    def counterbalance(self, position: FloatArray, rotation: FloatArray) -> HarmonicBalance | SpringBalance:
+        """Returns the plain description.
+
+        Args:
+            position (3,): Origin of the link's frame in the joint frame [m].
+            rotation (3, 3): Its orientation there.
+        """
+        ends, length, stiffness = (self.carrier_point_m, self.link_point_m), self.free_length_m, self.stiffness_n_m
+        if ends[0] is None or ends[1] is None or length is None or stiffness is None:
+            n_harmonic = max(len(self.sine_nm), len(self.cosine_nm))
+            levels = [np.pad(level, (0, n_harmonic - len(level))) for level in (self.sine_nm, self.cosine_nm)]
+            return HarmonicBalance(np.asarray(levels[0], float), np.asarray(levels[1], float))
+        carrier, link = (position + rotation @ np.array(end) for end in ends)
+        return SpringBalance(carrier, link, length, stiffness, self.preload_n)
+
+
+_FOR_ALL = "in place of the robot's; 0 takes it for granted"
+
+
+class JointDoubts(Section):
+    """Standard deviations of what a robot file may have wrong of one joint."""
+
+    mass_relative_std: float | None = Field(default=None, description=f"Of the link's mass, {_FOR_ALL}.", ge=0)
+    com_m: float | None = Field(default=None, description=f"Of the link's centre of mass, {_FOR_ALL} [m].", ge=0)
+    inertia_relative_std: float | None = Field(
+        default=None, description=f"Of the link's inertia about its centre of mass, {_FOR_ALL}.", ge=0
+    )
+    torque_relative_std: float | None = Field(
+        default=None, description=f"Of the motor's torque constant, {_FOR_ALL}.", ge=0
+    )
+    coupling_std: float | None = Field(default=None, description=f"Of the joint's gear couplings, {_FOR_ALL}.", ge=0)
+    arm_friction: float | None = Field(
+        default=None, description=f"Of viscous friction behind the transmission, {_FOR_ALL}.", ge=0
+    )
+    friction: float | None = Field(
+        default=None, description=f"Of what friction leaves in the motor's torque, {_FOR_ALL}.", ge=0
+    )
+    loss_factor: float | None = Field(
+        default=None, description=f"Of the largest loss factor of the gear's hysteresis, {_FOR_ALL}.", ge=0
+    )
+    stiffness_relative_std: float | None = Field(
+        default=None, description=f"Of the joint's springs where no fit estimates them, {_FOR_ALL}.", ge=0
+    )
+    damping_relative_std: float | None = Field(
+        default=None, description=f"Of the joint's dampers where no fit estimates them, {_FOR_ALL}.", ge=0
+    )
+    load_stiffness: float | None = Field(
+        default=None, description=f"Of the gear's stiffness over the range of its loads, {_FOR_ALL}.", ge=0
+    )
+    compliance: float | None = Field(
+        default=None, description=f"Of the compliance of bearings that the file lacks, {_FOR_ALL}.", ge=0
+    )
+
+    def over(self, doubts: Doubts) -> Doubts:
+        """Returns the robot's doubts with what is said of this joint."""
+        return replace(doubts, **self.model_dump(exclude_none=True))
+
+
+Coefficients = Annotated[tuple[float, ...], Field(min_length=1)]
+
+
+class StiffnessOver(Section):
+    """A factor on a spring's stiffness by the position of a joint: a table, or a polynomial of either kind."""
+
+    joint: Name = Field(description="Name of the joint.")
+    positions_m: Coefficients | None = Field(
+        default=None, description="Table: positions of a prismatic joint, ascending, over all of its range [m]."
+    )
+    positions_deg: Coefficients | None = Field(
+        default=None, description="Table: angles of a revolute joint, ascending, over all of its range [deg]."
+    )
+    factors: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=2)] | None = Field(
+        default=None,
+        description="Table: what the stiffness is multiplied by at each of these; monotone cubics lie between.",
+    )
+    stiffness: Coefficients | None = Field(
+        default=None,
+        description="In place of a table: the factor as a polynomial of the position [m, or rad], constant first.",
+    )
+    compliance: Coefficients | None = Field(
+        default=None,
+        description="In place of a table: one over the factor as such a polynomial. Springs in series of which one"
+        " grows with the position, as a screw from its fixed bearing to the nut, are `[1, slope]`.",
+    )
+
+    @property
+    def forms(self) -> tuple[str, ...]:
+        """Names of the forms that are written: one, if the section is right."""
+        given = {
+            "factors": any(part is not None for part in (self.factors, self.positions_m, self.positions_deg)),
+            "stiffness": self.stiffness is not None,
+            "compliance": self.compliance is not None,
+        }
+        return tuple(name for name, is_there in given.items() if is_there)
+
+    @property
+    def positions(self) -> tuple[float, ...]:
+        """Positions of the table [rad, or m]."""
+        if self.positions_m is not None:
+            return self.positions_m
+        return tuple(np.deg2rad(self.positions_deg or ()).tolist())
+
+    def law(self, joints: tuple[JointSection, ...]) -> StiffnessLaw:
+        """Returns the plain description."""
+        joint = [each.name for each in joints].index(self.joint)
+        if self.factors is not None:
+            return StiffnessLaw(joint, "table", np.array(self.factors), np.array(self.positions))
+        if self.stiffness is not None:
+            return StiffnessLaw(joint, "stiffness", np.array(self.stiffness))
+        return StiffnessLaw(joint, "compliance", np.array(self.compliance))
+
+
+class SpringDamper(Assumed):
+    """Stiffness and damping of a spring-damper pair, arm side: turning, or of a prismatic joint's transmission."""
+
+    stiffness_nm_rad: float | None = Field(default=None, description="Stiffness [N m/rad].", gt=0)
+    damping_nms_rad: float | None = Field(default=None, description="Damping [N m s/rad].", ge=0)
+    cubic_nm_rad3: float | None = Field(
+        default=None, description="Coefficient of the cubic, stiffening part; 0 when not given [N m/rad^3].", ge=0
+    )
+    stiffness_n_m: float | None = Field(
+        default=None, description="Transmission of a prismatic joint: stiffness [N/m].", gt=0
+    )
+    damping_ns_m: float | None = Field(
+        default=None, description="Transmission of a prismatic joint: damping [N s/m].", ge=0
+    )
+    cubic_n_m3: float | None = Field(
+        default=None,
+        description="Transmission of a prismatic joint: coefficient of the cubic part; 0 when not given [N/m^3].",
+        ge=0,
+    )
+    stiffness_over: StiffnessOver | None = Field(
+        default=None,
+        description="How the stiffness, its cubic part with it, depends on a joint's position: what the numbers above"
+        " are multiplied by. The damping does not.",
+    )
+
+    def value(self, kind: str, *, linear: bool) -> float | None:
+        """Returns a stated value of a kind of parameters.
+
+        Args:
+            kind: Of `robid.robot.parameters`.
+            linear: Whether the spring works along a line.
+        """
+        about = PARAMETER_KINDS[kind]
+        value: float | None = getattr(self, about.linear_field if linear else about.field)
+        return value
+
+
+class GearSection(SpringDamper):
+    """The transmission of a joint, arm side: short for a spring `gear_<joint>` at the place `transmission`."""
+
+
+Matrix: TypeAlias = tuple[Vector, Vector, Vector]
+
+
+class Dh(Assumed):
+    """Standard Denavit-Hartenberg parameters: Rz(q + offset) Tz(d) Tx(a) Rx(alpha); prismatic, q is added to d."""
+
+    d_m: float = Field(default=0.0, description="Translation along the joint axis [m].")
+    a_m: float = Field(default=0.0, description="Translation along the turned x axis [m].")
+    alpha_deg: float = Field(default=0.0, description="Turn about the turned x axis [deg].")
+    offset_deg: float = Field(default=0.0, description="Joint angle of the DH frame at zero robot angle [deg].")
+
+    def link_frame(self) -> tuple[FloatArray, FloatArray]:
+        """Returns position (3,) [m] and orientation (3, 3) of the DH frame at the link's end in the joint frame."""
+        return np.array([self.a_m, 0.0, self.d_m]), turn_about("x", self.alpha_deg)
+
+    def joint_frame(self) -> tuple[FloatArray, FloatArray]:
+        """Returns position (3,) [m] and orientation (3, 3) of the joint frame in the previous link's frame."""
+        return np.zeros(3), turn_about("z", self.offset_deg)
+
+
+class Frame(Assumed):
+    """A joint's frame, its axis along z, in the previous joint's frame at zero angle; links are given in it."""
+
+    position_m: Vector = Field(default=(0.0, 0.0, 0.0), description="Origin [m].")
+    rotation: Matrix = Field(
+        default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), description="Orientation, row by row."
+    )
+
+    def joint_frame(self) -> tuple[FloatArray, FloatArray]:
+        """Returns position (3,) [m] and orientation (3, 3) of the joint frame in the previous link's frame."""
+        return np.array(self.position_m), np.array(self.rotation)
+
+    def link_frame(self) -> tuple[FloatArray, FloatArray]:
+        """Returns position (3,) [m] and orientation (3, 3) of the link's frame in the joint frame: the same frame."""
+        return np.zeros(3), np.eye(3)
