@@ -10,7 +10,7 @@ import typer
 
 import robid
 from robid.commands.output import print_json
-from robid.errors import RobidError, SettingsError
+from robid.errors import RobidError, SettingsError, codes_in
 from robid.interrupts import hearing, was_interrupted
 from robid.pipeline.chain import STAGES
 from robid.pipeline.graph import Run
@@ -83,7 +83,7 @@ def _told(error: Exception) -> tuple[str, int]:
         return str(error), error.exit_code
     if isinstance(error, _UsageError):
         message = getattr(error, "format_message", error.__str__)()
-        return f"{message}\n  remedy: `robid --help` lists commands and options", 2
+        return f"S377 {message}\n  remedy: `robid --help` lists commands and options", 2
     first = (str(error) or "no message").splitlines()[0]
     remedy = "report it with what --debug prints"
     return f"a defect of ours: {type(error).__name__}: {first}\n  remedy: {remedy}", 1
@@ -94,7 +94,7 @@ def _fail(arguments: list[str], message: str, code: int) -> int:
         typer.echo(traceback.format_exc(), err=True)
     typer.echo(f"robid: {message}", err=True)
     if "--json" in arguments:
-        print_json({"error": message, "exit_code": code}, one_line="--stream" in arguments)
+        print_json({"error": message, "codes": codes_in(message), "exit_code": code}, one_line="--stream" in arguments)
     return code
 
 
@@ -298,7 +298,7 @@ def export_model(
         response = FrfExport(campaign or "", format_, configuration, output)
         return export_response(run, campaign, response, others, force=force, as_json=as_json)
     if campaign is None and what is not None:
-        raise SettingsError("`--what` is about a campaign", where="export", remedy="name it with --campaign")
+        raise SettingsError("S002 `--what` is about a campaign", where="export", remedy="name it with --campaign")
     if campaign is None:
         options = ExportOptions(format_, configuration, friction, output)
         return export_fit(run, fit, options, force=force, as_json=as_json)

@@ -1,8 +1,15 @@
-"""Errors that a user can cause; each says what is wrong, where, and what to do next."""
+"""Errors that a user can cause; each says what is wrong, where, and what to do next.
+
+Every message begins with its code where it is written, as in `D017 The log has no signals`: a letter for settings (S),
+data (D), artifacts (A), what computes (B) or findings about results (F), and a number that stays when the words change.
+"""
 
 from __future__ import annotations
 
+import re
 from importlib.util import find_spec
+
+_CODE = re.compile(r"(?<![\w`'\"./-])[SDABF]\d{3}(?= |$|\))")
 
 
 class RobidError(Exception):
@@ -28,8 +35,18 @@ class RobidError(Exception):
             parts.append(f"  remedy: {self.remedy}")
         return "\n".join(parts)
 
+    @property
+    def codes(self) -> tuple[str, ...]:
+        """Codes of the messages that it holds, in their order."""
+        return codes_in(str(self))
+
     def __reduce__(self) -> tuple[object, ...]:
         return (_rebuild, (type(self), self.what, self.where, self.remedy))
+
+
+def codes_in(text: str) -> tuple[str, ...]:
+    """Returns the codes of the messages in a text, each once, in their order."""
+    return tuple(dict.fromkeys(_CODE.findall(text)))
 
 
 class SettingsError(RobidError):
@@ -73,7 +90,7 @@ def require_module(module: str, extra: str, purpose: str) -> None:
     """
     if find_spec(module) is None:
         remedy = f"install it with `pip install 'robid[{extra}]'`"
-        raise SettingsError(f"{purpose} needs the package {module}, which is not installed", remedy=remedy)
+        raise SettingsError(f"S035 {purpose} needs the package {module}, which is not installed", remedy=remedy)
 
 
 def _rebuild(kind: type[RobidError], what: str, where: str, remedy: str) -> RobidError:

@@ -78,7 +78,7 @@ def replacing(path: Path, *, alone: bool = True) -> Iterator[Path]:
         _sync(path.parent)
     except OSError as error:
         raise ArtifactError(
-            f"The file cannot be written: {error.strerror or error}.",
+            f"A001 The file cannot be written: {error.strerror or error}.",
             where=str(path),
             remedy="check that the folder may be written to and that the disk has room",
         ) from error
@@ -108,9 +108,11 @@ def read_json(path: Path, *, made_by: str = "robid run") -> Any:  # noqa: ANN401
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise ArtifactError("The file is missing.", where=str(path), remedy=remedy) from error
+        raise ArtifactError("A002 The file is missing.", where=str(path), remedy=remedy) from error
     except (OSError, ValueError) as error:
-        raise ArtifactError(f"The file is damaged: {error}.", where=str(path), remedy=f"delete it; {remedy}") from error
+        raise ArtifactError(
+            f"A003 The file is damaged: {error}.", where=str(path), remedy=f"delete it; {remedy}"
+        ) from error
 
 
 def plain(value: object) -> object:

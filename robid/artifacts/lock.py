@@ -36,7 +36,7 @@ def locked(path: Path, does: str) -> Iterator[None]:
         file = _hold(path)
     except OSError as error:
         raise ArtifactError(
-            f"The lock cannot be written: {error.strerror or error}.",
+            f"A004 The lock cannot be written: {error.strerror or error}.",
             where=str(path),
             remedy="name another folder with --run-dir, or change its permissions",
         ) from error
@@ -74,7 +74,7 @@ def _taken(path: Path) -> ArtifactError:
     holder = _holder(path)
     who = f"process {holder['pid']}, since {holder['since_utc']}: {holder['does']}" if holder else "it says not which"
     return ArtifactError(
-        f"Another robid is at work here ({who}).",
+        f"A005 Another robid is at work here ({who}).",
         where=str(path),
         remedy="wait until it is done, or name another folder with --run-dir",
     )

@@ -82,7 +82,7 @@ def from_datasets(
     instance = _build(cls, artifact, prefix, missing, given)
     if instance is None or missing:
         raise ArtifactError(
-            f"The {artifact.kind.name} lacks {', '.join(missing)}.",
+            f"A006 The {artifact.kind.name} lacks {', '.join(missing)}.",
             remedy=f"make it again with `{artifact.kind.made_by} EXPERIMENT.yaml --force`",
         )
     return instance

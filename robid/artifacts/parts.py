@@ -119,7 +119,7 @@ class Parts:
             check_artifact(unfinished, self._kind)
         except ArtifactError as error:
             raise ArtifactError(
-                "The parts did not merge into a sound artifact.",
+                "A007 The parts did not merge into a sound artifact.",
                 where=str(self.folder),
                 remedy="the same command makes damaged parts again",
             ) from error

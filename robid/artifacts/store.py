@@ -199,10 +199,12 @@ def _read(path: Path, kind: Kind | None, read: Callable[[h5py.File, Header], Res
     """Opens a file, checks its header, and applies `read` to it."""
     if not path.exists():
         command = kind.made_by if kind else "robid run"
-        raise ArtifactError("The artifact is missing.", where=str(path), remedy=f"`{command} EXPERIMENT.yaml` makes it")
+        raise ArtifactError(
+            "A008 The artifact is missing.", where=str(path), remedy=f"`{command} EXPERIMENT.yaml` makes it"
+        )
     if kind is None and not h5py.is_hdf5(path):
         raise ArtifactError(
-            "The file is not an artifact of robid.", where=str(path), remedy="name an .h5 file of a run folder"
+            "A009 The file is not an artifact of robid.", where=str(path), remedy="name an .h5 file of a run folder"
         )
     try:
         with h5py.File(path, "r") as file:
@@ -225,7 +227,7 @@ def _check_format(path: Path, kind: Kind | None, found: str) -> None:
     if found != _FORMAT:
         command = kind.made_by if kind else "robid run"
         raise ArtifactError(
-            f"The artifact has file format {found}; this robid reads format {_FORMAT}.",
+            f"A010 The artifact has file format {found}; this robid reads format {_FORMAT}.",
             where=str(path),
             remedy=f"use the robid that wrote it, or delete it and make it again with `{command} EXPERIMENT.yaml`",
         )
@@ -234,14 +236,15 @@ def _check_format(path: Path, kind: Kind | None, found: str) -> None:
 def _check_kind(path: Path, kind: Kind, header: Header) -> None:
     if header.kind != kind.name:
         raise ArtifactError(
-            f"The file holds an artifact of kind `{header.kind}`, but `{kind.name}` is needed.",
+            f"A011 The file holds an artifact of kind `{header.kind}`, but `{kind.name}` is needed.",
             where=str(path),
             remedy=f"name another file; where it lies in the way of one that `{kind.made_by}` makes, move it away",
         )
     major = header.version.partition(".")[0]
     if major != kind.major:
         raise ArtifactError(
-            f"The artifact has schema version {header.version}; this robid reads {kind.major}.x of kind `{kind.name}`.",
+            f"A012 The artifact has schema version {header.version}; this robid reads {kind.major}.x of kind "
+            f"`{kind.name}`.",
             where=str(path),
             remedy=f"use the robid that wrote it, or make it again with `{kind.made_by} EXPERIMENT.yaml --force`",
         )
@@ -300,7 +303,7 @@ def _description(file: h5py.File, _: Header) -> tuple[dict[str, Attribute], dict
 def _damaged(path: Path, kind: Kind | None, why: str) -> ArtifactError:
     command = kind.made_by if kind else "robid run"
     return ArtifactError(
-        f"The artifact is damaged: {why}.",
+        f"A013 The artifact is damaged: {why}.",
         where=str(path),
         remedy=f"delete it and make it again with `{command} EXPERIMENT.yaml`",
     )

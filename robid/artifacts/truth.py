@@ -93,7 +93,7 @@ def read_truth(path: Path, record: Path) -> TrueRobot:
     """
     if not check_vouched(path, record):
         raise ArtifactError(
-            "The record does not say which truth it was simulated with.",
+            "A014 The record does not say which truth it was simulated with.",
             where=str(record),
             remedy=f"`{_MAKER} --force` makes it again",
         )
@@ -101,7 +101,7 @@ def read_truth(path: Path, record: Path) -> TrueRobot:
         return from_plain(TrueRobot, read_json(path, made_by=_MAKER))
     except (KeyError, TypeError, ValueError) as error:
         raise ArtifactError(
-            f"The truth is not one of this version ({error}).",
+            f"A015 The truth is not one of this version ({error}).",
             where=str(path),
             remedy=f"`{_MAKER} --force` makes it again",
         ) from error
@@ -121,14 +121,15 @@ def check_vouched(path: Path, record: Path) -> bool:
         found = hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
         raise ArtifactError(
-            f"The truth cannot be read: {error.strerror or error}.", where=str(path), remedy=f"`{_MAKER}` makes it"
+            f"A016 The truth cannot be read: {error.strerror or error}.", where=str(path), remedy=f"`{_MAKER}` makes it"
         ) from error
     stated = read_outline(record, RECORD).attributes.get("truth_sha256", "")
     if not stated:
         return False
     if found != stated:
         raise ArtifactError(
-            f"The truth is not the one that {record} was simulated with: it was edited, or belongs to another record.",
+            f"A017 The truth is not the one that {record} was simulated with: it was edited, or belongs to another "
+            "record.",
             where=str(path),
             remedy=f"delete it, then `robid run EXPERIMENT.yaml` (or `{_MAKER} --force`) makes it again",
         )

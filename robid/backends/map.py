@@ -140,7 +140,7 @@ def _map_in_processes(
                 on_done(index, results[index])
     except BrokenProcessPool as error:
         raise WorkerError(
-            "A worker process ended before its task was done.",
+            "B010 A worker process ended before its task was done.",
             where=f"{len(results)} of {len(tasks)} tasks were done",
             remedy="most often memory ran out: use fewer --workers or --backend serial; finished parts are kept",
         ) from error

@@ -76,9 +76,9 @@ def compare_responses(named: Sequence[str], output: Path | None, *, force: bool,
 def _check(named: Sequence[str], output: Path | None) -> None:
     problems = []
     if not _FEWEST <= len(named) <= _MOST:
-        problems.append(f"{_FEWEST} to {_MOST} responses are compared, not {len(named)}")
+        problems.append(f"S003 {_FEWEST} to {_MOST} responses are compared, not {len(named)}")
     if output is not None and output.suffix != _PAGE:
-        problems.append(f"`--output {output}` must end with {_PAGE}")
+        problems.append(f"S004 `--output {output}` must end with {_PAGE}")
     if problems:
         remedy = "name EXPERIMENT.yaml:CAMPAIGN or a frf.h5 for each, as `robid compare --help` says"
         raise SettingsError("; ".join(problems), where="compare", remedy=remedy)
@@ -100,7 +100,7 @@ def _load(name: str) -> _Named:
         return _Named("/".join(path.parts[-3:-1]) or path.stem, path, frf)
     if path.suffix not in {".yaml", ".yml"}:
         remedy = "name EXPERIMENT.yaml, EXPERIMENT.yaml:CAMPAIGN, or a frf.h5"
-        raise SettingsError(f"`{name}` is neither an experiment file nor a frf.h5", where="compare", remedy=remedy)
+        raise SettingsError(f"S005 `{name}` is neither an experiment file nor a frf.h5", where="compare", remedy=remedy)
     run = open_run(path, None, None, None)
     node = choose_node(run, "estimate-frf", campaign, option=f"as in `{path}:CAMPAIGN`")
     inputs = require_inputs(run, dataclasses.replace(node, plan=frf_export_plan(node.owner)), [])

@@ -42,7 +42,9 @@ def try_freeing(run: Run, fit: str | None, names: list[str], output: Path | None
     if output is not None:
         check_outputs(run.loaded, node.stage, plan, inputs, output)
         if output.exists() and not force:
-            raise SettingsError("the file is there already", where=f"--output {output}", remedy="`--force` replaces it")
+            raise SettingsError(
+                "S006 the file is there already", where=f"--output {output}", remedy="`--force` replaces it"
+            )
     shell, begun = make_shell(run, as_json=as_json), time.monotonic()
     label = f"{node.owner} with {', '.join(names)}"
     with run.make_map() as parallel_map, shell.progress(label) as progress:

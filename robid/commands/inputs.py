@@ -37,7 +37,7 @@ def choose_node(run: Run, stage_name: str, owner: str | None, option: str = "") 
             return node
     what = f"`{stage_name}` has no {stage.owned_by} `{owner}`" if owner else f"`{stage_name}` needs --{stage.owned_by}"
     raise SettingsError(
-        f"{what}; there are: {known}", where=str(run.loaded.path), remedy=f"name one of them {option or given}"
+        f"S007 {what}; there are: {known}", where=str(run.loaded.path), remedy=f"name one of them {option or given}"
     )
 
 
@@ -76,7 +76,7 @@ def require_inputs(run: Run, node: Node, named: list[Path]) -> dict[str, Path]:
             remedy = f"`{run.command(maker)}{' --force' * there}` makes it"
             if not maker.stage.on_request(run.loaded, maker.owner):
                 remedy += f"; `robid run {run.loaded.path}{run.in_folder}` makes all that is needed"
-            raise ArtifactError(f"The input is {state.status}{why}.", where=str(run.path(path)), remedy=remedy)
+            raise ArtifactError(f"A019 The input is {state.status}{why}.", where=str(run.path(path)), remedy=remedy)
         inputs[name] = run.path(path)
     return inputs
 
@@ -86,7 +86,7 @@ def _slot(node: Node, path: Path) -> str:
     name = "truth" if path.suffix == ".json" else read_header(path).kind
     if name not in node.plan.inputs:
         raise SettingsError(
-            f"`{node.stage.name}` reads no {name}",
+            f"S008 `{node.stage.name}` reads no {name}",
             where=f"--input {path}",
             remedy=f"it reads: {', '.join(node.plan.inputs) or 'no artifact'}",
         )

@@ -59,7 +59,7 @@ def read_dialect(given: Sequence[str]) -> dict[str, Any]:
         key, _, value = one.partition("=")
         if key not in _DIALECT or not value or (key == "header_line" and not value.isdigit()):
             remedy = f"say {', '.join(f'`{name}={example}`' for name, example in _DIALECT.items())}"
-            raise SettingsError(f"`--dialect {one}` says nothing about a table.", remedy=remedy)
+            raise SettingsError(f"S009 `--dialect {one}` says nothing about a table.", remedy=remedy)
         found[key] = int(value) if key == "header_line" else value
     return found
 
@@ -77,7 +77,9 @@ def describe_artifact(paths: Sequence[Path], options: LogInspection, *, as_json:
     """
     if len(paths) > 1 or options.given:
         what = (
-            f"{', '.join(options.given)} belongs to logs." if options.given else "Artifacts are described one by one."
+            f"S010 {', '.join(options.given)} belongs to logs."
+            if options.given
+            else "S011 Artifacts are described one by one."
         )
         raise SettingsError(what, where=str(paths[0]), remedy="`robid inspect ARTIFACT` takes nothing but `--json`")
     found = inspect_artifact(paths[0])

@@ -72,16 +72,18 @@ def _pather(experiment: Path | None) -> Callable[[Path], str]:
 def _check_targets(paths: Sequence[Path], options: LogInspection) -> None:
     """Refuses outputs in the place of something else, and a sampling period that is none, before anything is read."""
     if options.sampling_period_s is not None and not options.sampling_period_s > 0:
-        what = f"--sampling-period {options.sampling_period_s:g} is no time between samples."
+        what = f"A020 --sampling-period {options.sampling_period_s:g} is no time between samples."
         raise SettingsError(what, remedy="state it in seconds, as in `--sampling-period 1e-3`")
     if options.page is not None and options.page.exists() and not _is_own(options.page):
-        what = "The output would take the place of a file that is no page of `robid inspect`."
+        what = "A021 The output would take the place of a file that is no page of `robid inspect`."
         raise ArtifactError(what, where=str(options.page), remedy="name another file by `--output`")
     for target in filter(None, (options.page, options.experiment)):
         if not target.absolute().parent.is_dir():
-            raise SettingsError("There is no such folder.", where=str(target.parent), remedy="make it, or name another")
+            raise SettingsError(
+                "S012 There is no such folder.", where=str(target.parent), remedy="make it, or name another"
+            )
     if any(path.is_dir() for path in paths) and len(paths) > 1:
-        raise SettingsError("A bag is a log of its own.", where=str(paths[0]), remedy="inspect it alone")
+        raise SettingsError("S013 A bag is a log of its own.", where=str(paths[0]), remedy="inspect it alone")
 
 
 def _is_own(page: Path) -> bool:
@@ -93,7 +95,7 @@ def _write_new(path: Path, text: str) -> None:
     if path.exists():
         if path.is_file() and path.read_text("utf-8", errors="replace") == text:
             return
-        what = "The experiment file is there, but differs from what would be written."
+        what = "A022 The experiment file is there, but differs from what would be written."
         raise ArtifactError(what, where=str(path), remedy="name another file by `--propose`, or move this one away")
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8")

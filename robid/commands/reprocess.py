@@ -51,7 +51,7 @@ def reprocess(
     A dry run prints what there is to do and writes nothing.
     """
     if stream and not as_json:
-        raise SettingsError("`--stream` says how `--json` is printed", where="--stream", remedy="add --json")
+        raise SettingsError("S014 `--stream` says how `--json` is printed", where="--stream", remedy="add --json")
     require_table()
     fleet = load_fleet(manifest, experiment)
     execution = fleet.experiment.execution

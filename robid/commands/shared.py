@@ -70,7 +70,9 @@ def choose_backend(
         require_module("distributed", "dask", "The backend dask")
     elif scheduler is not None:
         remedy = "add `--backend dask`"
-        raise SettingsError(f"the backend {chosen} has no scheduler", where=f"--scheduler {scheduler}", remedy=remedy)
+        raise SettingsError(
+            f"S015 the backend {chosen} has no scheduler", where=f"--scheduler {scheduler}", remedy=remedy
+        )
     return chosen
 
 

@@ -25,7 +25,7 @@ def check_strict(stage: Stage) -> None:
     """
     if stage.owned_by != "fit":
         remedy = "leave it out; it belongs to `fit`, `validate` and `run`"
-        raise SettingsError(f"`{stage.name}` gives no grade", where="--strict", remedy=remedy)
+        raise SettingsError(f"S016 `{stage.name}` gives no grade", where="--strict", remedy=remedy)
 
 
 def check_try(stage: Stage, others: Mapping[str, object]) -> None:
@@ -35,10 +35,12 @@ def check_try(stage: Stage, others: Mapping[str, object]) -> None:
         SettingsError: If it is so.
     """
     if stage.name != "fit":
-        raise SettingsError(f"`{stage.name}` fits nothing", where="--try", remedy="leave it out; it belongs to `fit`")
+        raise SettingsError(
+            f"S017 `{stage.name}` fits nothing", where="--try", remedy="leave it out; it belongs to `fit`"
+        )
     given = [name for name, value in others.items() if value]
     if given:
-        message = f"`{given[0]}` says nothing of a fit that is only tried"
+        message = f"S018 `{given[0]}` says nothing of a fit that is only tried"
         raise SettingsError(message, where="--try", remedy=f"leave out {given[0]}")
 
 
@@ -66,7 +68,7 @@ def run_stage(
             state = fresh_at(node, inputs, target)
             if state.status == "stale" and not force:
                 raise state.unreadable or ArtifactError(
-                    f"The output is there, but differs ({state.why}).",
+                    f"A023 The output is there, but differs ({state.why}).",
                     where=str(target),
                     remedy="`--force` replaces it; what was made from it is stale then",
                 )

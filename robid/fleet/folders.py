@@ -29,7 +29,7 @@ def writing(folder: Path) -> Iterator[None]:
         yield
     except OSError as error:
         remedy = "check that the folder may be written to and that the disk has room"
-        message = f"The folder cannot be written: {error.strerror or error}."
+        message = f"A024 The folder cannot be written: {error.strerror or error}."
         raise ArtifactError(message, where=str(folder), remedy=remedy) from error
 
 
@@ -73,7 +73,7 @@ def check_own(work: Path, files: Iterable[str] = ()) -> None:
     if not all((work / name).exists() for name in (*files, _MARK)):
         remove(work)
         remedy = "nothing is lost: the command that took it over makes it"
-        raise ArtifactError("The row was taken over by another command.", where=str(work), remedy=remedy)
+        raise ArtifactError("A025 The row was taken over by another command.", where=str(work), remedy=remedy)
 
 
 def keep_files(folder: Path, *, all_files: bool) -> list[Path]:

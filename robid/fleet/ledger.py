@@ -155,7 +155,9 @@ def read_ledger(folder: Path) -> Ledger | None:
         return None
     if not (folder / LEDGER).exists():
         remedy = "move it away, or name another run folder with --run-dir"
-        raise ArtifactError("The folder is not one of a row: it has no row.json.", where=str(folder), remedy=remedy)
+        raise ArtifactError(
+            "A026 The folder is not one of a row: it has no row.json.", where=str(folder), remedy=remedy
+        )
     try:
         found = read_json(folder / LEDGER)
         if found["formats"].get("row") != str(SCHEMA_VERSION):

@@ -49,7 +49,7 @@ def read_manifest(path: Path) -> Manifest:
     columns, lines = (_read_parquet if typed else _read_csv)(path)
     problems = list(_wrong_columns(columns))
     if not lines and not problems:
-        problems.append("it has no rows")
+        problems.append("S036 it has no rows")
     if problems:
         raise SettingsError("; ".join(problems), where=str(path), remedy=_REMEDY)
     folder, named = path.parent.resolve(), ID in columns
@@ -91,9 +91,9 @@ def wrong_rows(manifest: Manifest, used: Collection[str]) -> Iterator[str]:
 def _wrong_columns(columns: Sequence[str]) -> Iterator[str]:
     for index, name in enumerate(columns):
         if not name:
-            yield f"column {index + 1} has no name"
+            yield f"S037 column {index + 1} has no name"
         elif name in columns[:index]:
-            yield f"column `{name}` is there twice"
+            yield f"S038 column `{name}` is there twice"
 
 
 def _read_csv(path: Path) -> tuple[tuple[str, ...], list[tuple[str, list[Value]]]]:
@@ -101,10 +101,12 @@ def _read_csv(path: Path) -> tuple[tuple[str, ...], list[tuple[str, list[Value]]
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise SettingsError(f"cannot be read: {error.strerror or error}", where=str(path), remedy=_REMEDY) from error
+        raise SettingsError(
+            f"S039 cannot be read: {error.strerror or error}", where=str(path), remedy=_REMEDY
+        ) from error
     except UnicodeDecodeError as error:
         remedy = "save it as CSV in UTF-8, or as Parquet with the ending .parquet"
-        raise SettingsError("is not a UTF-8 text file", where=str(path), remedy=remedy) from error
+        raise SettingsError("S040 is not a UTF-8 text file", where=str(path), remedy=remedy) from error
     head = next((line for line in text.splitlines() if line.strip()), "")
     stated = _SEPARATOR_LINE.fullmatch(head)
     separator = stated[1] if stated else max(_SEPARATORS, key=head.count)
@@ -113,15 +115,15 @@ def _read_csv(path: Path) -> tuple[tuple[str, ...], list[tuple[str, list[Value]]
         lines = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
     except csv.Error as error:
         remedy = "close the quotes in this line or above it"
-        raise SettingsError(f"is no CSV: {error}", where=f"{path}:{reader.line_num}", remedy=remedy) from error
+        raise SettingsError(f"S041 is no CSV: {error}", where=f"{path}:{reader.line_num}", remedy=remedy) from error
     lines = [(line, cells) for line, cells in lines if any(cells)][1 if stated else 0 :]
     if not lines:
-        raise SettingsError("is empty", where=str(path), remedy="begin with a line of column names")
+        raise SettingsError("S042 is empty", where=str(path), remedy="begin with a line of column names")
     columns, rows = lines[0][1], lines[1:]
     while columns and not columns[-1] and all(len(cells) < len(columns) or not cells[-1] for _, cells in rows):
         rows = [(line, cells[: len(columns) - 1]) for line, cells in rows]
         columns = columns[:-1]
-    wrong = [f"{path}:{line}: has {len(cells)} values" for line, cells in rows if len(cells) != len(columns)]
+    wrong = [f"S043 {path}:{line}: has {len(cells)} values" for line, cells in rows if len(cells) != len(columns)]
     if wrong:
         more = f"\nand {len(wrong) - 10} more lines" if len(wrong) > 10 else ""
         remedy = f"there are {len(columns)} columns; put texts with a separator in quotes"
@@ -139,7 +141,7 @@ def _read_parquet(path: Path) -> tuple[tuple[str, ...], list[tuple[str, list[Val
         table = pq.read_table(path)
     except (OSError, pa.ArrowException) as error:
         first = str(error).splitlines()[0]
-        raise SettingsError(f"cannot be read as Parquet: {first}", where=str(path), remedy=_REMEDY) from error
+        raise SettingsError(f"S044 cannot be read as Parquet: {first}", where=str(path), remedy=_REMEDY) from error
     names = tuple(table.column_names)
     columns = [_plain_column(path, name, column) for name, column in zip(names, table.columns, strict=True)]
     return names, [(f"row {number}", list(cells)) for number, cells in enumerate(zip(*columns, strict=True), start=1)]
@@ -155,7 +157,7 @@ def _plain_column(path: Path, name: str, column: Any) -> list[Value]:  # noqa: A
         cells = [_plain(path, number, cell) for number, cell in enumerate(column.to_pylist(), start=1)]
     except (OSError, ValueError, KeyError, OverflowError, pa.ArrowException) as error:
         remedy = "write it as a text, or dates between the years 1 and 9999"
-        raise SettingsError(f"column `{name}` cannot be read: {error}", where=str(path), remedy=remedy) from error
+        raise SettingsError(f"S045 column `{name}` cannot be read: {error}", where=str(path), remedy=remedy) from error
     is_name = name in NAMES
     return [int(cell) if is_name and isinstance(cell, float) and cell.is_integer() else cell for cell in cells]
 
@@ -168,7 +170,7 @@ def _plain(path: Path, number: int, cell: object) -> Value:
     if cell is None or isinstance(cell, str | int | float):
         return None if isinstance(cell, float) and math.isnan(cell) else cell
     raise SettingsError(
-        f"a value of type {type(cell).__name__} cannot be filled in",
+        f"S046 a value of type {type(cell).__name__} cannot be filled in",
         where=f"{path}: row {number}",
         remedy="keep numbers, texts, truth values and dates in the manifest",
     )

@@ -162,7 +162,7 @@ def _row_problems(
         return SettingsProblem(template.path, template.line(field), format_field(field), message)
 
     if not loaded.experiment.fits:
-        yield problem(("fits",), "is missing: the rows of a table of results are the parameters of fits")
+        yield problem(("fits",), "S378 is missing: the rows of a table of results are the parameters of fits")
     if ("robot",) in loaded.written and loaded.robot_path is not None:
         outside = leads_outside(loaded.robot_path, row.folder)
         if outside:
@@ -214,6 +214,6 @@ def _told(problem: SettingsProblem, rows: Sequence[Row], n_row: int, asked: Mapp
 def _refuse(problems: Sequence[str]) -> None:
     if not problems:
         return
-    more = [f"and {len(problems) - _SHOWN_PROBLEMS} more"] if len(problems) > _SHOWN_PROBLEMS else []
+    more = [f"S047 and {len(problems) - _SHOWN_PROBLEMS} more"] if len(problems) > _SHOWN_PROBLEMS else []
     remedy = "correct the manifest or the experiment file; nothing was started"
     raise SettingsError("\n".join([*problems[:_SHOWN_PROBLEMS], *more]), remedy=remedy)

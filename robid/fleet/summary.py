@@ -48,7 +48,7 @@ def check_summary(path: Path) -> None:
         found = None
     if not isinstance(found, dict) or found.get("kind") != _KIND:
         remedy = "move it away, or name another run folder with --run-dir"
-        message = "There is a file that is no fleet.json of robid, or a damaged one."
+        message = "A027 There is a file that is no fleet.json of robid, or a damaged one."
         raise ArtifactError(message, where=str(path), remedy=remedy)
 
 

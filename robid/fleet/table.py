@@ -99,7 +99,7 @@ def check_table(path: Path) -> None:
     if path.exists() and not _about(path):
         remedy = "move it away, or name another run folder with --run-dir"
         raise ArtifactError(
-            "There is a file that is no table of robid, or a damaged one.", where=str(path), remedy=remedy
+            "A028 There is a file that is no table of robid, or a damaged one.", where=str(path), remedy=remedy
         )
 
 

@@ -42,7 +42,7 @@ def require(frf: Frf, inputs: UsableChannels, outputs: UsableChannels, reader: s
     if inputs.accepts(frf.input_channels) and outputs.accepts(frf.output_channels):
         return
     what = (
-        f"{reader} needs responses from {inputs} to {outputs}; this one is from {describe(frf.input_channels)} to"
+        f"D014 {reader} needs responses from {inputs} to {outputs}; this one is from {describe(frf.input_channels)} to"
         f" {describe(frf.output_channels)}"
     )
     remedy = (

@@ -78,7 +78,8 @@ def fed_back(record: Record, frf: Frf) -> list[Finding]:
     if not low.any():
         return []
     what = (
-        f"at {int(low.sum())} of {len(low)} lines the coherence is below {INCOHERENT:g}, and no reference was logged:"
+        f"D224 at {int(low.sum())} of {len(low)} lines the coherence is below {INCOHERENT:g}, and no reference was "
+        "logged:"
         " where a controller drives the motors, noise that it feeds back biases the response there"
     )
     return [Finding("loop", what, "log the references and name them, or trust these lines less", fatal=False)]
@@ -126,14 +127,16 @@ def _timing(record: Record) -> list[Finding]:
     jitter, sigmas = measure_jitter(found)
     if jitter < JITTER_LIMIT or sigmas < JITTER_SIGMAS:
         return []
-    what = f"the sampling instants jitter by {jitter:.2g} samples RMS ({sigmas:.0f} standard deviations above none)"
+    what = (
+        f"D225 the sampling instants jitter by {jitter:.2g} samples RMS ({sigmas:.0f} standard deviations above none)"
+    )
     return [Finding("jitter", what, "record with a clock shared by generator and logger, or resample by time", True)]
 
 
 def _wrong_period(record: Record, longer: int) -> Finding:
     stated = record.inputs.shape[4]
     real = stated + longer
-    what = f"the signals repeat every {real} samples, not every {stated}: the period is off by {abs(longer)}"
+    what = f"D226 the signals repeat every {real} samples, not every {stated}: the period is off by {abs(longer)}"
     period_s = real * record.sampling_period_s
     return Finding("period", what, f"set the period to {period_s:.9g} s, or correct the sampling period", True)
 
@@ -143,7 +146,7 @@ def _dropped(record: Record, shifts: list[Shift]) -> Finding:
     told = "; ".join(_place(record, one) for one in list(first.values())[::-1][:_SHOWN])
     more = f" and in {len(first) - _SHOWN} more experiments" if len(first) > _SHOWN else ""
     remedy = "record these experiments again, or leave their realization out"
-    return Finding("dropped", f"the time base is broken: {told}{more}", remedy, True)
+    return Finding("dropped", f"D227 the time base is broken: {told}{more}", remedy, True)
 
 
 def _place(record: Record, shift: Shift) -> str:
@@ -166,7 +169,7 @@ def _saturation(record: Record) -> list[Finding]:
     findings = []
     for channel, share in saturated_channels(record):
         place = f"({_worst_place(share)})"
-        what = f"{channel.name}: {channel.title} saturates for {100 * share.max():.2g} % of the time {place}"
+        what = f"D228 {channel.name}: {channel.title} saturates for {100 * share.max():.2g} % of the time {place}"
         off = f"{100 * saturation_error(float(share.max())):.2g} %"
         remedy = f"lower the excitation; where the sensor clips, the response may be off by {off} and more"
         findings.append(Finding("saturation", what, remedy, False))
@@ -194,9 +197,9 @@ def _still(record: Record) -> list[Finding]:
         name = record.output_names[column]
         what, part = "", share[..., index]
         if usual[index] < _MOVED * noise[index] or usual[index] == 0:
-            what = f"{name}: the motor did not move beyond the noise of its angle"
+            what = f"D229 {name}: the motor did not move beyond the noise of its angle"
         elif part.max() > STILL_SHARE:
-            what = f"{name}: the motor stood still for {100 * part.max():.2g} % of the time ({_worst_place(part)})"
+            what = f"D230 {name}: the motor stood still for {100 * part.max():.2g} % of the time ({_worst_place(part)})"
         if what:
             remedy = "raise the excitation of this motor, or keep it moving slowly against friction"
             findings.append(Finding("still", what, remedy, False))

@@ -108,7 +108,7 @@ def _check_motors(record: Record) -> None:
     if shows_friction(record.input_channels, record.output_channels):
         return
     what = (
-        "friction is subtracted from motor torques along the angles of the same motors, which come first among the"
+        "D015 friction is subtracted from motor torques along the angles of the same motors, which come first among the"
         f" outputs; here the inputs are {describe(record.input_channels)},"
         f" the outputs {describe(record.output_channels)}"
     )

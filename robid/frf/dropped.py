@@ -70,7 +70,8 @@ def require_lines(told: BoolArray, frequency_hz: FloatArray, limit: float, where
         return
     low, high = frequency_hz[[0, -1]]
     what = (
-        f"{left} of {len(told)} lines from {low:.3g} to {high:.3g} Hz tell enough of an input (a standard deviation"
+        f"D016 {left} of {len(told)} lines from {low:.3g} to {high:.3g} Hz tell enough of an input (a standard "
+        "deviation"
         f" below {100 * limit:.0f} % of its response); {needed} are needed"
     )
     remedy = "excite more, record longer or more periods, or correct the lines or the band"
@@ -156,7 +157,8 @@ def hidden_inputs(
         needed_s: Time to the log's ends from which they can be told apart; None of a signal with periods [s].
     """
     what = (
-        f"what {_places(hidden, frequency_hz, names)} does lies so near to the beginning or the end of the log that its"
+        f"D231 what {_places(hidden, frequency_hz, names)} does lies so near to the beginning or the end of the log "
+        "that its"
         " response cannot be told from the transient there"
     )
     if needed_s is None:

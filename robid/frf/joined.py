@@ -46,7 +46,7 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
     for other, name in zip(frfs[1:], names[1:], strict=True):
         differing = [key for key in _SAME if getattr(other, key) != getattr(first, key)]
         if differing:
-            message = f"`{name}` cannot be joined to `{names[0]}`: {', '.join(differing).replace('_', ' ')} differ"
+            message = f"D017 `{name}` cannot be joined to `{names[0]}`: {', '.join(differing).replace('_', ' ')} differ"
             raise DataError(
                 message, where=name, remedy="give both campaigns the same channels, or fit them on their own"
             )
@@ -143,7 +143,7 @@ def _common_period(frfs: Sequence[Frf], names: Sequence[str]) -> float:
     off = [abs(float(one) * periods_s[0] / period_s - 1) for one, period_s in zip(ratios, periods_s, strict=True)]
     if max(off) > _SAME_FREQUENCY or max(float(common / one) for one in ratios) > _COMMON_PERIODS:
         shown = ", ".join(f"`{name}` {period_s:.9g} s" for name, period_s in zip(names, periods_s, strict=True))
-        message = f"the lines have no common grid: {shown} are the periods"
+        message = f"D018 the lines have no common grid: {shown} are the periods"
         remedy = (
             "give the campaigns periods (`period_s`, or one over `resolution_hz`) that are small whole multiples of one"
             " time, or fit them apart"

@@ -66,7 +66,7 @@ def combine_laws(
         shares = zip(names, explained, poor, strict=True)
         worst = ", ".join(f"{name} ({100 * share:.0f} %)" for name, share, is_poor in shares if is_poor)
         raise DataError(
-            f"friction and ripple explain too little of the torque at the silent lines: {worst}",
+            f"D019 friction and ripple explain too little of the torque at the silent lines: {worst}",
             where="compensation: silent_lines",
             remedy="use `compensation: nominal` or `none`; look for saturation, backlash or a wrong delay",
         )
@@ -90,7 +90,7 @@ def _refuse_absurd(laws: Sequence[TorqueLaw], peak: FloatArray, names: Sequence[
     ]
     if absurd:
         raise DataError(
-            f"friction at the silent lines would need more than the motor's whole torque: {', '.join(absurd)}",
+            f"D020 friction at the silent lines would need more than the motor's whole torque: {', '.join(absurd)}",
             where="compensation: silent_lines",
             remedy="raise the excitation until the motors slide, or use `compensation: nominal` or `none`",
         )

@@ -150,7 +150,7 @@ class _Fit:
         needed, left = min(FEWEST, len(columns)), int(self.determined.sum())
         if left < needed:
             message = (
-                "the spectrum around a line is too empty to determine a local model of every motor's response:"
+                "D021 the spectrum around a line is too empty to determine a local model of every motor's response:"
                 f" {left} of {len(columns)} lines have one, {needed} are needed"
             )
             remedy = "use `robust_local` for sparse lines of periodic data; else excite all motors, or widen the window"

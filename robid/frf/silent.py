@@ -128,7 +128,7 @@ def _silent(record: Record, laws: Sequence[TorqueLaw], delay_s: float, oversampl
     telling = int(np.sum(_telling(lines, excited)))
     if telling < _MIN_LINES or np.sum(excited) < _MIN_EXCITED:
         raise DataError(
-            f"only {telling} lines of the excited band are silent and can show friction, fewer than {_MIN_LINES}",
+            f"D024 only {telling} lines of the excited band are silent and can show friction, fewer than {_MIN_LINES}",
             where="compensation: silent_lines",
             remedy="use `grid: odd` and fewer excited lines, a longer period, or `compensation: nominal`",
         )
@@ -149,7 +149,7 @@ def _check_blocks(blocks: Blocks, excited: IntArray) -> None:
             problem = f"the experiments do not tell the motors' {kind} apart"
     if problem:
         raise DataError(
-            f"{problem}: friction cannot be identified",
+            f"D025 {problem}: friction cannot be identified",
             where="compensation: silent_lines",
             remedy="record full blocks of experiments that move every motor, or use `compensation: nominal` or `none`",
         )

@@ -140,7 +140,8 @@ def steadiness_findings(found: Steadiness, record: Record) -> list[Finding]:
         worst = sorted(zip(sizes, names, strict=True), reverse=True)[:3]
         each = ", ".join(f"{name} {_percent(size)}" for size, name in worst)
         what = (
-            f"the response changes from period to period by {_percent(max(found.change, found.pattern))}, which is no"
+            f"D232 the response changes from period to period by {_percent(max(found.change, found.pattern))}, which "
+            "is no"
             f" noise; the sizes of the channels change by: {each}"
         )
         remedy = "check that these channels were logged throughout, or leave out the periods that differ"
@@ -149,13 +150,17 @@ def steadiness_findings(found: Steadiness, record: Record) -> list[Finding]:
         worst_input = int(np.argmin(found.input_share))
         share = _percent(float(found.input_share[worst_input]))
         what = (
-            f"input {record.input_names[worst_input]} repeats to {share} only, and the outputs do not follow: the mean"
+            f"D233 input {record.input_names[worst_input]} repeats to {share} only, and the outputs do not follow: "
+            "the mean"
             f" of {n_period} periods biases the response by about {_percent(found.input_bias)}"
         )
         findings.append(Finding("noisy_input", what, "record more periods, or log the reference too", False))
     if found.leading:
         noun = "first period is" if found.leading == 1 else f"first {found.leading} periods are"
-        what = f"the {noun} a transient: without, the variance of the mean is {_percent(found.gain)} of what it is now"
+        what = (
+            f"D234 the {noun} a transient: without, the variance of the mean is {_percent(found.gain)} of what it is "
+            "now"
+        )
         remedy = (
             f"drop {found.leading} more at the beginning (`drop_periods` of a log, `transient_periods` of a simulation)"
         )

@@ -130,7 +130,8 @@ def _interleaved(mapping: LogMapping, streams: Sequence[Stream]) -> dict[str, Da
         places = int(np.count_nonzero(np.diff(missing.astype(np.int8)) > 0))
         if places >= _PLACES and missing.mean() > 1 / _PLACES:
             what = (
-                f"{np.count_nonzero(missing)} of {len(missing)} rows hold no value of `{one.name}`, in {places} places:"
+                f"D031 {np.count_nonzero(missing)} of {len(missing)} rows hold no value of `{one.name}`, in {places} "
+                "places:"
                 " they are those of other channels, which have a clock of their own."
             )
             remedy = "State `time`, the variable of the time stamps: each channel is then read at its own rows."
@@ -149,7 +150,7 @@ def _summed(mapping: LogMapping, streams: Sequence[Stream]) -> tuple[dict[str, N
         elif len(columns[one.column]) == len(values):
             columns[one.column] = columns[one.column].astype(float) + values
         else:
-            what = f"`{one.name}` has {len(values)} samples, what it is added to has {len(columns[one.column])}."
+            what = f"D032 `{one.name}` has {len(values)} samples, what it is added to has {len(columns[one.column])}."
             remedy = (
                 "Add variables that were sampled together, or state `time`, by which they are brought to one clock."
             )
@@ -169,7 +170,7 @@ def _timed(mapping: LogMapping, stream: Stream, stamps: NDArray[Any]) -> tuple[_
     where = f"{mapping.place(stream.column)}: clock `{stream.clock}`" if stream.clock else mapping.place(stream.column)
     own = stamps if stream.stamps is None else stream.stamps
     if mapping.time is None or len(own) != len(stream.values):
-        what = f"`{stream.name}` has {len(stream.values)} samples, and its time stamps are {len(own)}."
+        what = f"D033 `{stream.name}` has {len(stream.values)} samples, and its time stamps are {len(own)}."
         return None, [DataError(what, where=where, remedy="Name the variable of its own time stamps as its `time`.")]
     known = np.isfinite(stream.values) & np.isfinite(own)
     since = _apart(own, stamps[np.isfinite(stamps)][0]) * mapping.time.to_seconds
@@ -179,10 +180,10 @@ def _timed(mapping: LogMapping, stream: Stream, stamps: NDArray[Any]) -> tuple[_
         remedy = "Sort the log by time, drop repeated samples, and cut it to a part in which nothing is missing."
         if stream.clock.partition("[")[0].endswith(".header.stamp"):
             remedy = f"Set time.variable to {mapping.time.variable.partition('.')[0]}.log_time, when each was logged."
-        return None, [DataError(f"Its time stamps {told}.", where=where, remedy=remedy)]
+        return None, [DataError(f"D034 Its time stamps {told}.", where=where, remedy=remedy)]
     if pace.unsure > UNSURE or pace.loose > _LOOSE * pace.step:
         what = (
-            f"Its time stamps are rounded to {pace.rounding:.4g} s: they do not tell to better than"
+            f"D035 Its time stamps are rounded to {pace.rounding:.4g} s: they do not tell to better than"
             f" {max(pace.loose, pace.unsure * pace.step):.2g} s where its samples lie between those of other clocks."
         )
         remedy = "Log finer stamps, or take all channels from what was sampled together."
@@ -204,7 +205,7 @@ def _brought(
         grid = grid[_covered(one, grid, step, period_s)]
     if len(grid) <= _DEGREE:
         spans = "; ".join(f"`{one.stream.name}` from {one.times[0]:.6g} s to {one.times[-1]:.6g} s" for one in timed)
-        what = f"Its channels were hardly sampled at the same time: {spans}, by their own time stamps."
+        what = f"D036 Its channels were hardly sampled at the same time: {spans}, by their own time stamps."
         remedy = "Check the variables and the unit of the time stamps, and that all count from one moment."
         return Joined({}), [DataError(what, where=str(mapping.file), remedy=remedy)]
     columns: dict[str, NDArray[Any]] = {}

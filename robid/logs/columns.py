@@ -105,7 +105,7 @@ def _read_channel(mapping: LogMapping, channel: LogChannel, variables: Variables
         if isinstance(e, UnknownNameError):
             remedy = _which_name(e.name, variables.sizes)
         found.problems.append(
-            DataError(f"{str(e)[0].upper()}{str(e)[1:]}.", where=mapping.place(column), remedy=remedy)
+            DataError(f"D037 {str(e)[0].upper()}{str(e)[1:]}.", where=mapping.place(column), remedy=remedy)
         )
         return
     held = getattr(channel, "hold", "zoh") == "zoh" and not isinstance(channel, OutputChannel)
@@ -179,7 +179,8 @@ def _own_stamps(
         return (stamps, behind, problems) if rises else (None, "", [])
     if is_of_other_topic(mapping, path, name):
         what = (
-            f"Its messages have no `{topic_time(mapping)}`, by which they could be brought to the clock of the others."
+            f"D038 Its messages have no `{topic_time(mapping)}`, by which they could be brought to the clock of the "
+            "others."
         )
         remedy = f'Set time to {{variable: "{topic_of(name)}.log_time"}}.'
         return None, "", [DataError(what, where=f"{path}: variable `{name}`", remedy=remedy)]
@@ -226,7 +227,7 @@ def _untold_clocks(mapping: LogMapping, variables: Variables, times: Sequence[st
     other = next((one for one in others if not np.array_equal(stamps[one], stamps[first])), "")
     if not other:
         return []
-    what = f"Its channels have clocks of their own, as `{first}` and `{other}` show."
+    what = f"D039 Its channels have clocks of their own, as `{first}` and `{other}` show."
     remedy = f'Set time to {{variable: "{first}"}}: all channels are then brought to one clock.'
     return [DataError(what, where=str(mapping.file), remedy=remedy)]
 
@@ -240,14 +241,14 @@ def read_column(
         raw = np.asarray(find_variable(variables, variable))
     except KeyError:
         remedy = _which_name(variable, _every_size(mapping, column, variables))
-        return None, [DataError("The log has no such variable.", where=where, remedy=remedy)]
+        return None, [DataError("D040 The log has no such variable.", where=where, remedy=remedy)]
     except DataError as error:
         return None, [DataError(error.what, where=where, remedy=error.remedy)]
     if raw.dtype.kind not in "fiu":
         remedy = "Save it as a real numeric column."
-        return None, [DataError(f"It holds {raw.dtype} values, not real numbers.", where=where, remedy=remedy)]
+        return None, [DataError(f"D041 It holds {raw.dtype} values, not real numbers.", where=where, remedy=remedy)]
     if raw.size != max(raw.shape, default=0) or raw.size < 2:
-        what = f"It has shape {raw.shape}, not one column."
+        what = f"D042 It has shape {raw.shape}, not one column."
         return None, [DataError(what, where=where, remedy=_which_series(variable, raw))]
     return raw.ravel(), []
 
@@ -289,14 +290,16 @@ def check_values(
         bad = np.flatnonzero(~np.isfinite(column))
         if len(bad):
             at = first + bad[0]
-            what = f"{len(bad)} of {len(column)} values are NaN or infinite, the first at sample {at}."
+            what = f"D043 {len(bad)} of {len(column)} values are NaN or infinite, the first at sample {at}."
             cut = remedy or "Record again, or cut the log to whole periods without them."
             problems.append(DataError(what, where=f"{where}, sample {at}", remedy=cut))
         elif name != time and np.ptp(column) == 0 and not (mapping.one_shot or mapping.takes_turns):
             check = "Check that the channel was connected and that the variable is the right one."
-            problems.append(DataError(f"It is constant ({column[0]:g}).", where=where, remedy=check))
+            problems.append(DataError(f"D044 It is constant ({column[0]:g}).", where=where, remedy=check))
         elif name != time and (lone := _absurd_sample(column)) is not None:
-            what = f"It is {column[lone]:g} for one sample, more than {_ABSURD:g} times the range of all others away."
+            what = (
+                f"D045 It is {column[lone]:g} for one sample, more than {_ABSURD:g} times the range of all others away."
+            )
             read = f"{remedy or 'Record again'}, or copy the log again: it may be damaged."
             problems.append(DataError(what, where=f"{where}, sample {first + lone}", remedy=read))
     return problems
@@ -330,7 +333,7 @@ def check_motion(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> li
     groups: tuple[tuple[str, Sequence[LogChannel]], ...] = (("input", mapping.inputs), ("output", mapping.outputs))
     remedy = "Check that the channels were connected and that their variables are the right ones."
     return [
-        DataError(f"No {kind} changes.", where=str(mapping.file), remedy=remedy)
+        DataError(f"D046 No {kind} changes.", where=str(mapping.file), remedy=remedy)
         for kind, channels in groups
         if all(one.column in columns and np.ptp(columns[one.column]) == 0 for one in channels)
     ]
@@ -351,7 +354,7 @@ def check_turns(record: Record, where: str) -> None:
     ]
     if still:
         remedy = "Add an experiment that moves them, or leave these channels out."
-        raise DataError(f"No experiment moves {', '.join(still)}.", where=where, remedy=remedy)
+        raise DataError(f"D047 No experiment moves {', '.join(still)}.", where=where, remedy=remedy)
 
 
 def check_lengths(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> list[DataError]:
@@ -360,7 +363,7 @@ def check_lengths(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> l
     usual = max(lengths, key=lengths.count, default=0)
     return [
         DataError(
-            f"It has {len(column)} samples, the other channels have {usual}.",
+            f"D048 It has {len(column)} samples, the other channels have {usual}.",
             where=mapping.place(name),
             remedy="Export all channels over the same time span and at the same rate, or state the `time` of each"
             " channel that has one of its own.",

@@ -262,7 +262,7 @@ def lost_samples(
     if not inside:
         return []
     told = ", ".join(f"{_counted(one.samples)} after about sample {one.after}" for one in inside)
-    what = f"Its periods are whole, but move apart on the way, as no other clock makes them: {told}."
+    what = f"D093 Its periods are whole, but move apart on the way, as no other clock makes them: {told}."
     return [
         DataError(what, where=f"{where}, about sample {inside[0].after}", remedy=_remedy(losses, length, stated, part))
     ]

@@ -133,12 +133,14 @@ def check_mapping(mapping: LogMapping, samples_per_period: int, lines: IntArray,
     known = units_of(INJECTED[kind], rotation=True) if kind else ()
     for channel in mapping.references:
         if kind and channel.unit not in known:
-            problems.append(f"{channel.name}: {channel.unit} is no unit of a {kind} (known: {', '.join(known)})")
+            problems.append(f"S346 {channel.name}: {channel.unit} is no unit of a {kind} (known: {', '.join(known)})")
     names = [channel.name for channel in mapping.inputs]
     if mapping.references and [channel.name for channel in mapping.references] != names:
-        problems.append(f"the references must be those of the inputs, in their order: {', '.join(names)}")
+        problems.append(f"S347 the references must be those of the inputs, in their order: {', '.join(names)}")
     if not len(lines) or lines.min() < 1 or 2 * lines.max() >= samples_per_period:
-        problems.append(f"the excited lines are not all within 1 to {(samples_per_period - 1) // 2}, below Nyquist")
+        problems.append(
+            f"S348 the excited lines are not all within 1 to {(samples_per_period - 1) // 2}, below Nyquist"
+        )
     _refuse(mapping, problems)
 
 
@@ -162,16 +164,16 @@ def _channels(mapping: LogMapping) -> list[str]:
     """What contradicts itself among the channels, whatever was played."""
     problems = []
     if not mapping.outputs:
-        problems.append("there is no output channel")
+        problems.append("S349 there is no output channel")
     if not mapping.inputs:
-        problems.append("there is no input channel")
+        problems.append("S350 there is no input channel")
     channels: list[LogChannel] = [*mapping.inputs, *mapping.outputs, *mapping.references]
     problems += [f"{channel.name}: {problem}" for channel in channels for problem in channel.problems()]
     problems += input_problems(mapping.inputs)
     problems += [f"{key}: {problem}" for key, problem in mapping.pose_problems()]
     for group in (mapping.inputs, mapping.outputs, mapping.references):
         names = [channel.name for channel in group]
-        problems += [f"{name}: the name occurs twice" for name in dict.fromkeys(names) if names.count(name) > 1]
+        problems += [f"S351 {name}: the name occurs twice" for name in dict.fromkeys(names) if names.count(name) > 1]
     return problems
 
 
@@ -200,7 +202,7 @@ def check_wraps(mapping: LogMapping, streams: Sequence[Stream], part: slice) -> 
         size, count = found
         stated = "true" if size in turns else f"{size:.0f}"
         told = "a turn" if size in turns else f"{size:.0f}, a counter's range,"
-        what = f"It jumps by {told} {count} times, and stays within: its numbers begin again."
+        what = f"D094 It jumps by {told} {count} times, and stays within: its numbers begin again."
         where = f"{mapping.variables[one.column][0]}: variable `{one.name}`"
         problems.append(DataError(what, where=where, remedy=f"State `unwrap: {stated}` for it."))
     return problems
@@ -241,7 +243,7 @@ def still_note(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> tupl
     still = [one for one in (*mapping.inputs, *outputs, *mapping.references) if np.ptp(columns[one.column]) == 0]
     if all(channel in still for channel in outputs):
         raise DataError(
-            "No output changes: nothing moved.",
+            "D095 No output changes: nothing moved.",
             where=str(mapping.file),
             remedy="Check that the channels were connected and that their variables are the right ones.",
         )

@@ -259,7 +259,8 @@ def check_lines(where: str, blocks: FloatArray, lines: IntArray) -> list[DataErr
         return []
     carrying = np.flatnonzero(mean > _WEAK * np.median(np.sort(mean)[-max(len(lines) // 2, 1) :]))
     what = (
-        f"Of the excited lines {format_lines(lines)} {int(carries.sum())} of {len(lines)} carry some of its energy,"
+        f"D096 Of the excited lines {format_lines(lines)} {int(carries.sum())} of {len(lines)} carry some of its "
+        "energy,"
         f" {100 * share:.1f} % in all; {needed} are needed at least, and half of them unless they have half of it."
     )
     remedy = (
@@ -323,7 +324,7 @@ def check_found(where: str, found: IntArray, candidates: IntArray) -> list[DataE
     needed = min(FEWEST, len(candidates))
     if len(found) >= needed:
         return []
-    what = f"{len(found)} of the {len(candidates)} lines of the band stand out of the noise; {needed} are needed."
+    what = f"D097 {len(found)} of the {len(candidates)} lines of the band stand out of the noise; {needed} are needed."
     remedy = "Correct the band or the period, use more periods, or state the signal as `arbitrary`."
     return [DataError(what, where=where, remedy=remedy)]
 

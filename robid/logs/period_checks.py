@@ -75,7 +75,7 @@ def _check_whole(
     found = measure_repetition(steady, stated.samples, stated.lines)
     notes = [] if found.reachable else ["The log holds one period: its length could not be checked by repetition."]
     if found.samples is None and found.reachable:
-        what = f"It does not repeat with a period of {stated.samples} samples, nor with any other."
+        what = f"D098 It does not repeat with a period of {stated.samples} samples, nor with any other."
         remedy = "Check that the excitation is periodic and that this is the excited channel."
         return [*(() if clock is None else clock_problems(clock)), DataError(what, where=where, remedy=remedy)], notes
     if clock is not None and clock.is_off:
@@ -103,7 +103,7 @@ def _shares_no_clock(found: Repetition, stated: Stated) -> bool:
 
 def _two_clocks(where: str, stated: Stated, found: Repetition) -> DataError:
     length = (found.samples or 0.0) * found.multiple(stated.samples)
-    what = f"Its period is {length:.4f} samples, not a whole number: generator and log have different clocks."
+    what = f"D099 Its period is {length:.4f} samples, not a whole number: generator and log have different clocks."
     remedy = (
         f"Set resample to period, which makes {stated.samples} samples of a period that lasts {stated.period_s:.9g} s."
     )
@@ -116,11 +116,12 @@ def _other_clock(where: str, steady: FloatArray, stated: Stated, clock: Clock, f
     real = found.proposed(stated.samples, stated.lines)
     lasts = real * step
     if clock.differs and not clock.is_bridged:
-        return DataError(f"{clock.told}.", where=clock.where, remedy=ALONE)
+        return DataError(f"D100 {clock.told}.", where=clock.where, remedy=ALONE)
     if abs(lasts / stated.period_s - 1) < max(_WHOLE, 0.5 * step / stated.period_s):
-        return DataError(f"{clock.told}.", where=clock.where, remedy=_same_period(stated, clock))
+        return DataError(f"D101 {clock.told}.", where=clock.where, remedy=_same_period(stated, clock))
     what = (
-        f"{clock.told}; and {where.partition('variable ')[2] or 'it'} repeats every {real} samples ({lasts:.9g} s), not"
+        f"D102 {clock.told}; and {where.partition('variable ')[2] or 'it'} repeats every {real} samples ({lasts:.9g} "
+        "s), not"
         f" every {stated.samples} ({stated.period_s:.9g} s)."
     )
     changed = {"sampling_period_s": _number(step), **_period_settings(steady, stated, real, step)}
@@ -152,12 +153,13 @@ def _other_period(where: str, steady: FloatArray, stated: Stated, found: Repetit
     real = found.proposed(stated.samples, stated.lines)
     step = stated.sampling_period_s
     what = (
-        f"It repeats every {real} samples ({real * step:.9g} s), not every {stated.samples} ({stated.period_s:.9g} s)."
+        f"D103 It repeats every {real} samples ({real * step:.9g} s), not every {stated.samples} "
+        f"({stated.period_s:.9g} s)."
     )
     if real == stated.samples:
         real = round(found.samples or real)
         what = (
-            f"It repeats every {real} samples ({real * step:.9g} s), and not all of the excited lines of"
+            f"D104 It repeats every {real} samples ({real * step:.9g} s), and not all of the excited lines of"
             f" {stated.samples} samples ({stated.period_s:.9g} s) are lines of that."
         )
     if stated.differs and abs(real / stated.samples - 1) < RESAMPLED_RATE:

@@ -161,18 +161,18 @@ def explain_mismatch(logged: FloatArray, played: PlayedExcitation, names: tuple[
     }
     found = max(scores, key=lambda key: scores[key])
     if scores[found] >= ALIKE:
-        what = f"It holds realization {found[0] + 1}, experiment {found[1] + 1} of the excitation, not"
+        what = f"D235 It holds realization {found[0] + 1}, experiment {found[1] + 1} of the excitation, not"
         sign = f"; or correct the sign of {', '.join(reversed_)}" if not foreign and reversed_ else ""
         wanted = f"realization {played.realization + 1}, experiment {played.experiment + 1}"
-        return f"{what} {wanted}.", f"Name the log files as they were played{sign}."
+        return f"D236 {what} {wanted}.", f"Name the log files as they were played{sign}."
     if not foreign:
-        what = f"The references of {', '.join(reversed_)} count the other way than those of the other motors."
+        what = f"D237 The references of {', '.join(reversed_)} count the other way than those of the other motors."
         return what, "Set `sign: -1` for these references, or for the others."
     if 0 < len(foreign) < len(names):
-        what = f"The references of {', '.join(foreign)} are not those of the excitation; the other motors' are."
+        what = f"D238 The references of {', '.join(foreign)} are not those of the excitation; the other motors' are."
         return what, "Check the variables of these references."
-    what = f"It holds no period of the excitation: the correlation is {scores[found]:.2f} at most,"
-    return f"{what} over all {n_real} realizations of {n_exp} experiments.", remedy
+    what = f"D239 It holds no period of the excitation: the correlation is {scores[found]:.2f} at most,"
+    return f"D240 {what} over all {n_real} realizations of {n_exp} experiments.", remedy
 
 
 def check_size(gain: FloatArray, names: tuple[str, ...], rms: FloatArray) -> tuple[list[str], list[str]]:
@@ -236,7 +236,8 @@ def check_band(mapping: LogMapping, log: Log, frequencies_hz: FloatArray) -> lis
         return []
     below = frequencies_hz[frequencies_hz < 0.5 / log.slow_s]
     what = (
-        f"`{log.slow}` was sampled every {log.slow_s:.6g} s: it shows nothing above {0.5 / log.slow_s:.6g} Hz, and the"
+        f"D105 `{log.slow}` was sampled every {log.slow_s:.6g} s: it shows nothing above {0.5 / log.slow_s:.6g} Hz, "
+        "and the"
         f" lines go up to {frequencies_hz.max():.6g} Hz."
     )
     remedy = (
@@ -317,7 +318,7 @@ def _sizes(mapping: LogMapping, match: Match, played: PlayedExcitation) -> tuple
     sizes, notes = check_size(match.gain, names, np.sqrt(np.mean(played.expected**2, axis=0)))
     if not sizes:
         return [], notes
-    what = f"The references differ in size from the excitation: {'; '.join(sizes)}."
+    what = f"D106 The references differ in size from the excitation: {'; '.join(sizes)}."
     remedy = "Correct their unit or scale, or set excitation.rms to what was played and design again."
     return [DataError(what, where=f"{mapping.file}: references", remedy=remedy)], notes
 
@@ -340,7 +341,7 @@ def _unmatched(
             return problems
     stop = match.start + match.count * n_sample
     what = (
-        f"The excitation is there from sample {match.start} to {stop}, {match.count} whole"
+        f"D107 The excitation is there from sample {match.start} to {stop}, {match.count} whole"
         f" period{'' if match.count == 1 else 's'}, fewer than the"
         f" {stated.dropped + stated.periods} that were said ({stated.dropped} dropped and {stated.periods} used)."
         f"{log.ends and f' {log.ends}'}"

@@ -52,13 +52,13 @@ def resample_to_time(
     if not clock.is_bridged:
         raise _too_far(clock, period_s)
     if len(clock.time_s) <= _DEGREE:
-        what = f"It has {len(clock.time_s)} samples, and resampling needs {_DEGREE + 1} at least."
+        what = f"D108 It has {len(clock.time_s)} samples, and resampling needs {_DEGREE + 1} at least."
         raise DataError(what, where=clock.where, remedy="Check that it was copied completely, or record longer.")
     clock, bridged = _bridged(mapping, columns, clock)
     if len(clock.gaps):
         at, count = clock.first + clock.gaps[0], len(clock.gaps)
         told = "1 gap" if count == 1 else f"{count} gaps, the first"
-        what = f"{told} after sample {at}: resampling cannot fill {'it' if count == 1 else 'them'}."
+        what = f"D109 {told} after sample {at}: resampling cannot fill {'it' if count == 1 else 'them'}."
         remedy = clock.whole or "Cut the log to a part without a gap."
         raise DataError(what, where=f"{clock.where}, sample {at}", remedy=remedy)
     time = _unrounded(clock.time_s)
@@ -202,7 +202,7 @@ def _unrounded(time_s: FloatArray) -> FloatArray:
 def _too_far(clock: Clock, period_s: float | None) -> DataError:
     """Says that the steps of a log's own time are too far from the stated ones, and which are near."""
     what = (
-        f"Its time steps are {clock.told_step_s:.9g} s, {clock.step_s / clock.stated_s:.4g} times the stated"
+        f"D110 Its time steps are {clock.told_step_s:.9g} s, {clock.step_s / clock.stated_s:.4g} times the stated"
         f" {clock.stated_s:g} s: resampling bridges {RESAMPLED_RATE:.0%} at most."
     )
     if clock.differs:
@@ -241,7 +241,7 @@ def chosen_part(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> sli
     if stop - start >= 2:
         return slice(start, stop)
     end = "its end" if mapping.to_s is None else f"{mapping.to_s:g} s"
-    what = f"It lasts {time[-1]:.6g} s: from {mapping.from_s:g} s to {end} it has {max(stop - start, 0)} samples."
+    what = f"D111 It lasts {time[-1]:.6g} s: from {mapping.from_s:g} s to {end} it has {max(stop - start, 0)} samples."
     raise DataError(what, where=str(mapping.file), remedy=f"State from_s and to_s within 0 and {time[-1]:.6g}.")
 
 

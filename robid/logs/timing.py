@@ -101,17 +101,21 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
     time = since_first(stamps) * mapping.time.to_seconds
     if np.ptp(time) == 0:
         remedy = f"{_logged(mapping.time.variable)}, or leave out `time`."
-        return None, [DataError(f"Time does not advance: it is constant ({stamps[0]:g}).", where=where, remedy=remedy)]
+        return None, [
+            DataError(f"D121 Time does not advance: it is constant ({stamps[0]:g}).", where=where, remedy=remedy)
+        ]
     pace = measure_pace(time, stated)
     if pace is None:
         backward = np.flatnonzero(np.diff(time) <= 0)
-        what = f"Time does not advance after sample {backward[0]} ({len(backward)} such steps)."
+        what = f"D122 Time does not advance after sample {backward[0]} ({len(backward)} such steps)."
         remedy = "Where stamps are only rounded, leave out `time`; else sort the log by time and drop repeated samples."
         return None, [DataError(what, where=f"{where}, sample {backward[0]}", remedy=remedy)]
     usual = pace.step
     exponent = round(np.log10(usual / stated))
     if exponent and exponent % 3 == 0 and abs(usual / stated / 10.0**exponent - 1) < _FACTOR_OF_1000:
-        what = f"The time unit is off by a factor of {10.0**exponent:g}: the steps are {usual:g} s, not {stated:g} s."
+        what = (
+            f"D123 The time unit is off by a factor of {10.0**exponent:g}: the steps are {usual:g} s, not {stated:g} s."
+        )
         return None, [DataError(what, where=where, remedy=_unit_remedy(mapping, exponent))]
     return Clock(
         where, time, stated, pace.step, pace.gaps, unsure=min(pace.unsure, UNSURE), differs=mapping.differs
@@ -180,7 +184,7 @@ def clock_problems(clock: Clock) -> list[DataError]:
     remedy = f"Set sampling_period_s to {clock.told_step_s:.9g}."
     if clock.differs:
         remedy = f"Set resample to time: {EVERY_LOG} of {clock.stated_s:g} s." if clock.is_bridged else ALONE
-    return [DataError(f"{clock.told}.", where=clock.where, remedy=remedy)]
+    return [DataError(f"D124 {clock.told}.", where=clock.where, remedy=remedy)]
 
 
 def check_steps(
@@ -208,7 +212,7 @@ def check_steps(
     by_periods = stated if counted and deviation <= _JITTER and not clock.is_off else None
     problems = [_gaps(clock, gaps, steps, by_periods)] if named and len(gaps) else []
     if deviation > _JITTER:
-        what = f"The time steps deviate from {clock.usual_s:g} s by up to {100 * deviation:.0f} %."
+        what = f"D125 The time steps deviate from {clock.usual_s:g} s by up to {100 * deviation:.0f} %."
         remedy = "Set resample to time, or leave out `time` if only the stamps are coarse."
         problems.append(DataError(what, where=clock.where, remedy=remedy))
     return problems
@@ -217,7 +221,7 @@ def check_steps(
 def _gaps(clock: Clock, gaps: IntArray, steps: FloatArray, stated: Stated | None) -> DataError:
     missing = round(float(np.sum(steps[gaps] / clock.step_s - 1)))
     what = (
-        f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''}, about {missing} missing samples; the first after sample"
+        f"D126 {len(gaps)} gap{'s' if len(gaps) > 1 else ''}, about {missing} missing samples; the first after sample"
         f" {clock.first + gaps[0]}: {steps[gaps[0]]:.6g} s instead of {clock.usual_s:g} s."
     )
     edges = np.concatenate([[0], clock.gaps + 1, [len(clock.time_s)]])
@@ -243,7 +247,7 @@ def check_count(
     remedy = f"Set periods to {fewer} at most" if fewer > 0 else "Record longer"
     return [
         DataError(
-            f"It holds {held:.4g} periods of {samples_per_period} samples, fewer than the {wanted} that were said"
+            f"D127 It holds {held:.4g} periods of {samples_per_period} samples, fewer than the {wanted} that were said"
             f" ({mapping.drop_periods} dropped and {periods} used).{ends and f' {ends}'}",
             where=f"{mapping.file}: {n_sample} samples",
             remedy=f"{remedy}, or correct the period.",
@@ -258,7 +262,7 @@ def check_segment(mapping: LogMapping, n_sample: int, segment_samples: int) -> l
     least = 1 / (n_sample * step_s)
     scale = 10 ** (3 - int(np.floor(np.log10(least))))
     what = (
-        f"It lasts {n_sample * step_s:.4g} s, less than the {segment_samples * step_s:.4g} s that a resolution of"
+        f"D128 It lasts {n_sample * step_s:.4g} s, less than the {segment_samples * step_s:.4g} s that a resolution of"
         f" {1 / (segment_samples * step_s):.4g} Hz needs."
     )
     remedy = f"Set excitation.resolution_hz to {np.ceil(least * scale) / scale:.4g} or more, or record longer."

@@ -69,11 +69,11 @@ def standard_from_artifact(model: Artifact, fit: str) -> Standard:
     """
     unit = str(model.attributes.get("rigid/torque_unit", _NEWTON_METRES))
     if unit != _NEWTON_METRES:
-        message = f"fit `{fit}` knows torques in {unit} alone: its masses are ratios to the torque constant"
+        message = f"D161 fit `{fit}` knows torques in {unit} alone: its masses are ratios to the torque constant"
         raise DataError(message, where=f"fits.{fit}", remedy="import torques in N m; json, csv and mat hold the ratios")
     status = str(model.attributes.get(f"{_GROUP}/status", "missing"))
     if status not in ("estimated", "moved"):
-        message = f"fit `{fit}` has no standard parameters of real bodies ({status})"
+        message = f"D162 fit `{fit}` has no standard parameters of real bodies ({status})"
         remedy = "leave `physical` at true, and give the robot file's links masses and inertias that a body can have"
         raise DataError(message, where=f"fits.{fit}", remedy=remedy)
     found = {key: model.datasets[f"{_GROUP}/{key}"].values for key in ("names", "units", "value", "covariance")}
@@ -184,7 +184,7 @@ class RigidSource:
         hangs = any(spring.place == "payload" for spring in found.robot.springs)
         if hangs or payload != self.payload_kg:
             message = (
-                f"fit `{self.fit}` found a last link and payload that leave no real body without the robot file's"
+                f"D163 fit `{self.fit}` found a last link and payload that leave no real body without the robot file's"
                 f" payload of {self.payload_kg:g} kg, but it is needed apart from the link"
             )
             remedy = "identify the payload (`model: {payload: body}`), or correct the robot file's"
@@ -260,13 +260,13 @@ def friction_from_artifact(model: Artifact, fit: str, joints: Sequence[str], tor
     """
     unit = str(model.attributes.get(_UNIT, "N m"))
     if unit != torque_unit:
-        message = f"fit `{fit}` knows friction in {unit}, but it is subtracted from torques in {torque_unit}"
+        message = f"D164 fit `{fit}` knows friction in {unit}, but it is subtracted from torques in {torque_unit}"
         raise DataError(message, where=f"fits.{fit}", remedy="import both logs in the same unit")
     estimate = estimate_from_artifact(model)
     rows = [_weights(estimate, joint, "coulomb") for joint in joints]
     missing = [joint for joint, row in zip(joints, rows, strict=True) if not row.any()]
     if missing:
-        message = f"fit `{fit}` found no Coulomb friction of {', '.join(missing)}"
+        message = f"D165 fit `{fit}` found no Coulomb friction of {', '.join(missing)}"
         raise DataError(message, where=f"fits.{fit}", remedy="record a motion that reverses these motors often")
     mean = np.array(rows)
     uneven = np.array([_weights(estimate, joint, "viscous", opposite=-1.0) for joint in joints])

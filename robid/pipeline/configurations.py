@@ -109,7 +109,10 @@ def _drawn(wanted: RandomConfigurations, reach: Reach) -> FloatArray:
         found = np.concatenate([found, rows[good]])[: wanted.count]
         if len(found) == wanted.count:
             return found
-    what = f"only {len(found)} of {_TRIES * wanted.count} drawn configurations are in reach, {wanted.count} are wanted"
+    what = (
+        f"S093 only {len(found)} of {_TRIES * wanted.count} drawn configurations are in reach, {wanted.count} are "
+        "wanted"
+    )
     raise SettingsError(
         what,
         where="configurations.random",
@@ -124,7 +127,7 @@ def _checked(angles: FloatArray, reach: Reach, key: str) -> FloatArray:
     listed = "\n".join(f"  [{index}]: {text}" for index, text in found[:_SHOWN])
     more = f"\n  and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
     raise SettingsError(
-        f"{len(found)} of {counted(len(angles), 'configuration')} are out of reach\n{listed}{more}",
+        f"S094 {len(found)} of {counted(len(angles), 'configuration')} are out of reach\n{listed}{more}",
         where=f"configurations.{key}",
         remedy="leave them out, or correct the robot file's `floor_m` and limits",
     )

@@ -158,7 +158,8 @@ def _between(job: Job, design: Design, names: tuple[str, ...]) -> FloatArray:
     solution = solution_from_artifact(read_artifact(job.inputs["between"], MODEL))
     if solution.effective is None:
         raise DataError(
-            f"Fit `{design.between}` does not tell how far parameters differ between configurations: it has fewer than"
+            f"D194 Fit `{design.between}` does not tell how far parameters differ between configurations: it has "
+            "fewer than"
             " four.",
             where="between",
             remedy="Name a fit of four configurations or more, or state `between_relative_std`.",

@@ -107,7 +107,7 @@ def _chosen(
         return _identified(job, path, n_conf, stated, delay)
     except np.linalg.LinAlgError:
         remedy = "use `compensation: nominal` or `none`"
-        refusal = DataError("the silent lines determine no law", where="compensation: silent_lines", remedy=remedy)
+        refusal = DataError("D195 the silent lines determine no law", where="compensation: silent_lines", remedy=remedy)
     except DataError as error:
         refusal = error
     if job.campaign.estimate.compensation != "auto":

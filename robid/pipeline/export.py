@@ -52,7 +52,7 @@ def _format(options: ExportOptions, loaded: LoadedExperiment, fit: str) -> Expor
     family = family_of(loaded, fit)
     if options.format not in family.exports:
         known = ", ".join(f"`{name}`" for name in family.exports)
-        message = f"a fit of family `{family.name}` is not written as `{options.format}`"
+        message = f"S095 a fit of family `{family.name}` is not written as `{options.format}`"
         raise SettingsError(message, where="export --format", remedy=f"choose one of {known}")
     return family.exports[options.format]
 
@@ -67,18 +67,19 @@ def check_options(options: ExportOptions, loaded: LoadedExperiment, fit: str) ->
     chosen = _format(options, loaded, fit)
     if options.output is not None and options.output.suffix not in chosen.suffixes:
         ends = " or ".join(chosen.suffixes)
-        problems.append(f"`--output {options.output}` must end with {ends} for `{options.format}`")
+        problems.append(f"S096 `--output {options.output}` must end with {ends} for `{options.format}`")
     if options.friction is not None and not chosen.takes_friction:
         others = [f"`{name}`" for name, each in family_of(loaded, fit).exports.items() if each.takes_friction]
         problems.append(
-            f"`--friction` and `--no-friction` are for {', '.join(others) or 'no format'}, not for `{options.format}`"
+            f"S097 `--friction` and `--no-friction` are for {', '.join(others) or 'no format'}, not for "
+            f"`{options.format}`"
         )
     if options.configuration is not None and not chosen.takes_configuration:
-        problems.append(f"`{options.format}` holds parameters, which have no `--configuration`")
+        problems.append(f"S098 `{options.format}` holds parameters, which have no `--configuration`")
     listed = loaded.experiment.fits[fit].configurations
     if options.configuration is not None and listed is not None and options.configuration not in listed:
         shown = ", ".join(map(str, listed))
-        problems.append(f"fit `{fit}` has no configuration {options.configuration} (it has {shown})")
+        problems.append(f"S099 fit `{fit}` has no configuration {options.configuration} (it has {shown})")
     if problems:
         raise SettingsError("; ".join(problems), where="export", remedy="`robid export --help` says what goes together")
 
@@ -122,7 +123,7 @@ def write_export(
         if path.read_bytes() == content:
             return "fresh"
         raise ArtifactError(
-            "The file is there, but differs from what would be written.",
+            "A030 The file is there, but differs from what would be written.",
             where=str(path),
             remedy="`--force` replaces it, `--output` writes elsewhere",
         )

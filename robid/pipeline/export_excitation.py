@@ -57,12 +57,12 @@ def check_excitation_export(options: ExcitationExport, others: Sequence[str]) ->
     Raises:
         SettingsError: With every problem.
     """
-    problems = [f"`{option}` is for a fit, not for the excitation of a campaign" for option in others]
+    problems = [f"S100 `{option}` is for a fit, not for the excitation of a campaign" for option in others]
     if options.format not in ("csv", "mat"):
-        problems.append(f"an excitation is exported as `csv` or `mat`, not as `{options.format}`")
+        problems.append(f"S101 an excitation is exported as `csv` or `mat`, not as `{options.format}`")
     elif options.output is not None and (options.output.suffix == ".mat") != (options.format == "mat"):
         wanted = "must end with .mat" if options.format == "mat" else "must be a folder for one table per experiment"
-        problems.append(f"`--output {options.output}` {wanted}")
+        problems.append(f"S102 `--output {options.output}` {wanted}")
     if problems:
         raise SettingsError("; ".join(problems), where="export", remedy="`robid export --help` says what goes together")
 
@@ -89,7 +89,7 @@ def export_excitation(
     content = excitation_from_artifact(read_artifact(source, EXCITATION))
     if not content.excitation.reference.size:
         raise ArtifactError(
-            "It holds only the lines of what somebody else played: there is nothing to export.",
+            "A031 It holds only the lines of what somebody else played: there is nothing to export.",
             where=str(source),
             remedy="`references` under `source.acquire` let it be designed here",
         )

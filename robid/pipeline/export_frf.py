@@ -64,12 +64,14 @@ def check_frf_export(options: FrfExport, others: Sequence[str]) -> None:
     Raises:
         SettingsError: With every problem.
     """
-    problems = [f"`{option}` is for a fit, not for the responses of a campaign" for option in others]
+    problems = [f"S103 `{option}` is for a fit, not for the responses of a campaign" for option in others]
     if options.format in {"h5", "hdf5"}:
-        problems.append(f"`{options.campaign}/frf.h5` in the run folder is HDF5 already (`robid inspect` describes it)")
+        problems.append(
+            f"S104 `{options.campaign}/frf.h5` in the run folder is HDF5 already (`robid inspect` describes it)"
+        )
     elif options.format not in _FORMATS:
         known = ", ".join(f"`{name}`" for name in _FORMATS)
-        problems.append(f"responses are exported as one of {known}, not as `{options.format}`")
+        problems.append(f"S105 responses are exported as one of {known}, not as `{options.format}`")
     elif options.output is not None:
         problems += _output_problems(options.output, _FORMATS[options.format].suffixes)
     if problems:
@@ -80,9 +82,9 @@ def check_frf_export(options: FrfExport, others: Sequence[str]) -> None:
 
 def _output_problems(output: Path, suffixes: tuple[str, ...]) -> list[str]:
     if suffixes and output.suffix not in suffixes:
-        return [f"`--output {output}` must end with {' or '.join(suffixes)}"]
+        return [f"S106 `--output {output}` must end with {' or '.join(suffixes)}"]
     if not suffixes and output.suffix:
-        return [f"`--output {output}` must be a folder for one table per configuration"]
+        return [f"S107 `--output {output}` must be a folder for one table per configuration"]
     return []
 
 
@@ -124,6 +126,8 @@ def _numbers(options: FrfExport, count: int) -> list[int]:
     if options.configuration is None:
         return list(range(count))
     if options.configuration >= count:
-        what = f"campaign `{options.campaign}` has no configuration {options.configuration} (it has 0 to {count - 1})"
+        what = (
+            f"S108 campaign `{options.campaign}` has no configuration {options.configuration} (it has 0 to {count - 1})"
+        )
         raise SettingsError(what, where="--configuration", remedy="name one of them, or none for all")
     return [options.configuration]

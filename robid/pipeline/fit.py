@@ -89,7 +89,7 @@ def tried_experiment(loaded: LoadedExperiment, fit: str, names: Sequence[str]) -
     family = family_of(loaded, fit)
     if family.free_too is None:
         known = ", ".join(sorted(name for name, each in loaded.families.items() if getattr(each, "free_too", None)))
-        message = f"a fit of family `{family.name}` has nothing to try"
+        message = f"S109 a fit of family `{family.name}` has nothing to try"
         raise SettingsError(message, where="--try", remedy=f"it belongs to fits of family {known}")
     return family.free_too(loaded, fit, names)
 

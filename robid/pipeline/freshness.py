@@ -37,8 +37,8 @@ def read_stamp(path: Path) -> Provenance:
         if found:
             return Provenance(**json.loads(found[-1]))
     except (OSError, ValueError, TypeError) as error:
-        raise ArtifactError(f"The page is damaged: {error}.", where=str(path), remedy=remedy) from error
-    raise ArtifactError("The page does not say what it was made from.", where=str(path), remedy=remedy)
+        raise ArtifactError(f"A032 The page is damaged: {error}.", where=str(path), remedy=remedy) from error
+    raise ArtifactError("A033 The page does not say what it was made from.", where=str(path), remedy=remedy)
 
 
 @dataclass(frozen=True)

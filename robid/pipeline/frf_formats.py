@@ -239,7 +239,7 @@ def _datasets(response: Response) -> Iterator[dict[str, Any]]:
         here = (place, slice(None), row, column)
         kept = ~dropped[place, :, column]
         if kept.sum() < _FEWEST:
-            what = f"a dataset 58 needs {_FEWEST} lines; {response.position(place)} has {kept.sum()}"
+            what = f"D196 a dataset 58 needs {_FEWEST} lines; {response.position(place)} has {kept.sum()}"
             raise DataError(what, where=response.campaign, remedy="export `csv`, `mat` or `json`")
         shared = _shared(response, place, row, column) | {"x": frf.frequency_hz[kept]}
         yield shared | {"func_type": _FREQUENCY_RESPONSE, "data": frf.response[here][kept]}

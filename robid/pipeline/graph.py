@@ -237,7 +237,7 @@ def _check_files(node: Node) -> None:
     if missing:
         more = f", nor do {len(missing) - 1} more of its {len(node.plan.files)}" if len(missing) > 1 else ""
         raise DataError(
-            f"the {missing[0][0]} of campaign {node.owner} does not exist{more}",
+            f"D197 the {missing[0][0]} of campaign {node.owner} does not exist{more}",
             where=str(missing[0][1]),
             remedy="correct `file`, or set ROBID_DATA to the folder that holds the data",
         )

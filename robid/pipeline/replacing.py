@@ -90,7 +90,7 @@ def settings_files(loaded: LoadedExperiment) -> dict[str, Path]:
 
 def _refusal(path: Path, what: str) -> ArtifactError:
     return ArtifactError(
-        f"{what}: nothing was written.",
+        f"A034 {what}: nothing was written.",
         where=str(path),
         remedy="name another file with --output, or move this one away; --force replaces outputs of the same kind only",
     )

@@ -102,10 +102,10 @@ def read_model(path: Path) -> ForeignModel:
         warned = (f"{path.name}: MuJoCo warns: {' '.join(text.split())}" for text in dict.fromkeys(told))
         return replace(model, notes=(*model.notes, *warned))
     except OSError as error:
-        what = f"cannot be read: {error.strerror or error}"
+        what = f"D200 cannot be read: {error.strerror or error}"
         raise DataError(what, where=str(path), remedy="check the path") from error
     except (ET.ParseError, ValueError, LookupError, mujoco.FatalError) as error:
-        what = f"is not a robot that MuJoCo can read: {' '.join(str(error).split())}"
+        what = f"D201 is not a robot that MuJoCo can read: {' '.join(str(error).split())}"
         raise DataError(what, where=str(path), remedy="correct the file") from error
 
 
@@ -130,7 +130,7 @@ def _read(path: Path, root: ET.Element) -> ForeignModel:
     elif root.tag == "mujoco":
         spec = mujoco.MjSpec.from_file(str(path))
     else:
-        told = f"is neither MJCF nor URDF: its outermost element is `{root.tag}`, not `mujoco` or `robot`"
+        told = f"D202 is neither MJCF nor URDF: its outermost element is `{root.tag}`, not `mujoco` or `robot`"
         raise DataError(told, where=str(path), remedy="convert the file")
     name_everything(spec)
     limit_faults = urdf.limits | _limit_faults(spec)

@@ -62,7 +62,10 @@ def inverse_motion(
         docs/methods, sec. 10; Zimmermann et al. (2023), eq. 1 and sec. V-E.
     """
     if any(spring.place == "shaft" for spring in model.robot.springs):
-        message, remedy = "the inverse dynamics know no shafts", "step robots whose transmissions follow their motors"
+        message, remedy = (
+            "D203 the inverse dynamics know no shafts",
+            "step robots whose transmissions follow their motors",
+        )
         raise DataError(message, where=model.robot.name, remedy=remedy)
     n_time, n_joint = motion.shape[1:]
     to_motor = model.robot.motor_per_arm
@@ -143,7 +146,7 @@ class _Dynamics:
                     break
             else:
                 remedy = "check stiffness values and payload of the robot"
-                raise DataError("its springs give way in the inverse dynamics", where=self._name, remedy=remedy)
+                raise DataError("D204 its springs give way in the inverse dynamics", where=self._name, remedy=remedy)
             found[sample] = deflection
         return found
 

@@ -264,7 +264,7 @@ def _settle(
             gravity = np.zeros((0, 0))
         before = size
     shown = model.robot.shown(configuration)
-    message = f"no equilibrium under gravity in configuration {shown}; the springs give way"
+    message = f"D205 no equilibrium under gravity in configuration {shown}; the springs give way"
     raise DataError(message, where=model.robot.name, remedy="check stiffness values and payload of the robot file")
 
 
@@ -355,7 +355,7 @@ def _outputs(model: ElasticModel, data: mujoco.MjData, names: tuple[str, ...]) -
     rows = np.zeros((2, len(names), model.mujoco.nv))
     for row, name in enumerate(names):
         if name not in known:
-            message = f"output `{name}` is nothing that the robot measures (known: {', '.join(known)})"
+            message = f"D206 output `{name}` is nothing that the robot measures (known: {', '.join(known)})"
             remedy = "name the log's outputs after the robot's joints and sensors"
             raise DataError(message, where=model.robot.name, remedy=remedy)
         joint, _, side = name.partition(".")

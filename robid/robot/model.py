@@ -177,7 +177,7 @@ def _check_known(robot: Robot, *, balanced: bool) -> None:
     unknown += [f"the loop link `{link.name}`" for link in robot.loop_links]
     if unknown:
         raise DataError(
-            f"the elastic model does not know {unknown[0]}",
+            f"D207 the elastic model does not know {unknown[0]}",
             where=robot.name,
             remedy="use the rigid family, or a robot file without it",
         )
@@ -310,7 +310,7 @@ def _compile(spec: mujoco.MjSpec, robot: Robot) -> ElasticModel:
     try:
         model = spec.compile()
     except ValueError as error:
-        message = f"there is no such robot: {' '.join(str(error).split())}"
+        message = f"D208 there is no such robot: {' '.join(str(error).split())}"
         raise DataError(message, remedy="correct the masses and inertias of the robot file") from error
     names = [joint.name for joint in robot.joints]
     drives = motor_drives(robot)

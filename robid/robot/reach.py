@@ -206,7 +206,7 @@ def mirror(robot: Robot, configurations: FloatArray) -> FloatArray:
     bad = [joint.name for joint, wrong in zip(robot.joints, aslant | aside, strict=True) if wrong]
     if bad:
         raise DataError(
-            f"the axes of {', '.join(f'`{name}`' for name in bad)} have no mirror image in the robot",
+            f"D209 the axes of {', '.join(f'`{name}`' for name in bad)} have no mirror image in the robot",
             where=robot.name,
             remedy="list the configurations with `list_deg`",
         )

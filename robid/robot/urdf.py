@@ -16,7 +16,7 @@ _TYPES = {*_MOVES, "fixed", "floating", "planar"}
 _KEPT = {"link": ("inertial",), "joint": ("origin", "parent", "child", "axis", "limit", "mimic", "dynamics")}
 _INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _SPEED_OF_LIGHT = 3e8
-NOT_EXPANDED = "is a xacro file that was not expanded: `xacro robot.urdf.xacro > robot.urdf` writes the URDF"
+NOT_EXPANDED = "D257 is a xacro file that was not expanded: `xacro robot.urdf.xacro > robot.urdf` writes the URDF"
 _ALTERS_MASSES = ("balanceinertia", "boundmass", "boundinertia", "settotalmass", "inertiafromgeom")
 
 
@@ -51,9 +51,9 @@ def unusable(root: ET.Element) -> list[str]:
         return [NOT_EXPANDED]
     links = [link.get("name", "") for link in root.findall("link")]
     joints = root.findall("joint")
-    found = [f"has more than one link `{name}`" for name, count in Counter(links).items() if count > 1]
+    found = [f"D258 has more than one link `{name}`" for name, count in Counter(links).items() if count > 1]
     names = Counter(joint.get("name", "") for joint in joints)
-    found += [f"has more than one joint `{name}`" for name, count in names.items() if count > 1]
+    found += [f"D246 has more than one joint `{name}`" for name, count in names.items() if count > 1]
     parents: dict[str, list[str]] = {}
     for joint in joints:
         found += _joint_faults(joint, set(links), set(names))
@@ -61,12 +61,12 @@ def unusable(root: ET.Element) -> list[str]:
     for child, above in parents.items():
         if len(above) > 1:
             told = f"link `{child}` hangs on {len(above)} joints: a URDF is a tree; what closes a loop is left out"
-            found.append(f"{told} (`loop_links` of the robot file can hold cranks and rods)")
+            found.append(f"D247 {told} (`loop_links` of the robot file can hold cranks and rods)")
     roots = [name for name in dict.fromkeys(links) if name not in parents]
     if len(roots) > 1 and not found:
-        found.append(f"has {len(roots)} links that no joint carries: {', '.join(f'`{name}`' for name in roots)}")
+        found.append(f"D248 has {len(roots)} links that no joint carries: {', '.join(f'`{name}`' for name in roots)}")
     if not roots and not found:
-        found.append("has no link that no joint carries, to stand on" if links else "has no links")
+        found.append("D249 has no link that no joint carries, to stand on" if links else "D250 has no links")
     return found
 
 
@@ -81,14 +81,14 @@ def _is_xacro(root: ET.Element) -> bool:
 def _joint_faults(joint: ET.Element, links: set[str], joints: set[str]) -> Iterator[str]:
     name, kind = joint.get("name", ""), joint.get("type", "")
     if kind not in _TYPES:
-        yield f"joint `{name}` is of type `{kind}`, which URDF does not know"
+        yield f"D212 joint `{name}` is of type `{kind}`, which URDF does not know"
     for end in ("parent", "child"):
         link = _link_of(joint, end)
         if link not in links:
-            yield f"joint `{name}`: there is no link `{link}`, its {end}"
+            yield f"D213 joint `{name}`: there is no link `{link}`, its {end}"
     mimic = joint.find("mimic")
     if mimic is not None and mimic.get("joint", "") not in joints - {name}:
-        yield f"joint `{name}` mimics `{mimic.get('joint', '')}`, and there is no such joint"
+        yield f"D214 joint `{name}` mimics `{mimic.get('joint', '')}`, and there is no such joint"
 
 
 def _link_of(joint: ET.Element, end: str) -> str:

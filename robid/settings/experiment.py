@@ -37,7 +37,7 @@ class OneKey(Section):
     def _has_one_key(self) -> OneKey:
         if len(self.model_fields_set) != 1 or getattr(self, next(iter(self.model_fields_set))) is None:
             keys = [info.alias or name for name, info in type(self).model_fields.items()]
-            message = f"needs exactly one of {', '.join(f'`{key}`' for key in keys)}"
+            message = f"S306 needs exactly one of {', '.join(f'`{key}`' for key in keys)}"
             raise ValueError(message)
         return self
 

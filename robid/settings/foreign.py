@@ -96,17 +96,17 @@ def _joints(robot: RobotFile, model: ForeignModel, immobile: dict[str, str]) -> 
     for index, joint in enumerate(robot.joints):
         name, field = joint.name, ("joints", index, "name")
         if name in immobile:
-            yield field, f"joint `{name}` {immobile[name]}, so no motor moves it: leave it out"
+            yield field, f"S307 joint `{name}` {immobile[name]}, so no motor moves it: leave it out"
         elif name in model.others:
-            yield field, f"joint `{name}` of `{model.name}` is neither hinge nor slide: only these can be driven"
+            yield field, f"S308 joint `{name}` of `{model.name}` is neither hinge nor slide: only these can be driven"
         elif name not in model.driven:
-            yield field, f"`{model.name}` has no joint `{name}`; {suggest(name, model.driven)}"
+            yield field, f"S309 `{model.name}` has no joint `{name}`; {suggest(name, model.driven)}"
         elif joint.slides != (name in model.slides):
             told = "slides: it needs `type: prismatic`" if name in model.slides else "turns: leave `type` out"
-            yield ("joints", index, "type"), f"joint `{name}` of `{model.name}` {told}"
+            yield ("joints", index, "type"), f"S310 joint `{name}` of `{model.name}` {told}"
         for key in ("dh", "frame", "link"):
             if getattr(joint, key) is not None:
-                yield ("joints", index, key), "is what `model` brings: leave one of them out"
+                yield ("joints", index, key), "S311 is what `model` brings: leave one of them out"
 
 
 def _limits(robot: RobotFile, model: ForeignModel) -> Found:
@@ -116,10 +116,10 @@ def _limits(robot: RobotFile, model: ForeignModel) -> Found:
         key = "limits_m" if joint.name in model.slides else "limits_deg"
         stated, fault = getattr(joint, key), model.limit_faults.get(joint.name)
         if stated is None and fault:
-            told = f"joint `{joint.name}` of `{model.name}`: {fault}; correct the model, or write `{key}` here"
+            told = f"S312 joint `{joint.name}` of `{model.name}`: {fault}; correct the model, or write `{key}` here"
             yield ("joints", index, key), told
         elif stated is None and not model.compiled.jnt_limited[model.compiled.joint(joint.name).id]:
-            yield ("joints", index, key), "is missing: the model does not say it either"
+            yield ("joints", index, key), "S313 is missing: the model does not say it either"
 
 
 def _units(robot: RobotFile, model: ForeignModel) -> Found:
@@ -132,12 +132,15 @@ def _units(robot: RobotFile, model: ForeignModel) -> Found:
         told = (
             f"no limit of a hinge in `{model.name}` is beyond {np.rad2deg(widest):.4g} deg, as where radians are read"
         )
-        yield ("model",), f'{told} as degrees: write `<compiler angle="radian"/>` in it, or limits in `limits_deg` here'
+        yield (
+            ("model",),
+            f'S314 {told} as degrees: write `<compiler angle="radian"/>` in it, or limits in `limits_deg` here',
+        )
     for name, limits in ranges.items():
         if np.abs(limits).max() > _MOST_TURNS * 2 * np.pi:
             shown = " to ".join(f"{limit:.4g}" for limit in limits)
             told = f"the limits of `{name}` in `{model.name}` are {shown} rad, as where degrees are read as radians"
-            yield ("model",), f"{told}: correct the model, or write limits in `limits_deg` here"
+            yield ("model",), f"S315 {told}: correct the model, or write limits in `limits_deg` here"
 
 
 def _links(robot: RobotFile, model: ForeignModel, motion: Motion) -> Found:
@@ -156,10 +159,13 @@ def _links(robot: RobotFile, model: ForeignModel, motion: Motion) -> Found:
         if mass == 0:
             massless.append(names[0])
         elif len(np.flatnonzero(model.weights.mass_kg[indices])) == 1 and not inertia.any():
-            yield ("model",), f"link `{names[0]}` of `{model.name}`: it has a mass but no inertia"
+            yield ("model",), f"S316 link `{names[0]}` of `{model.name}`: it has a mass but no inertia"
     if massless:
         named = ", ".join(f"`{link}`" for link in massless)
-        yield ("model",), f"links without an `inertial` in `{model.name}`: {named}; a dynamic model needs their masses"
+        yield (
+            ("model",),
+            f"S317 links without an `inertial` in `{model.name}`: {named}; a dynamic model needs their masses",
+        )
 
 
 def _gravity(robot: RobotFile, model: ForeignModel) -> Found:
@@ -171,12 +177,14 @@ def _gravity(robot: RobotFile, model: ForeignModel) -> Found:
     if not _LEAST_GRAVITY <= size <= _MOST_GRAVITY:
         what = "has no gravity" if size == 0 else f"states a gravity of {size:.4g} m/s^2 ({shown})"
         told = (
-            f"`{model.name}` {what}: write what the robot feels as `gravity_m_s2`, [0, 0, -9.81] if it stands upright"
+            f"S318 `{model.name}` {what}: write what the robot feels as `gravity_m_s2`, [0, 0, -9.81] if it stands "
+            "upright"
         )
         yield ("model",), told
     elif any(robot.base_rpy_deg) and stated[:2] != (0.0, 0.0):
         told = (
-            f"turns the base, and the gravity of `{model.name}` ({shown}) is turned, too: write `gravity_m_s2` as well"
+            f"S319 turns the base, and the gravity of `{model.name}` ({shown}) is turned, too: write `gravity_m_s2` "
+            "as well"
         )
         yield ("base_rpy_deg",), told
 

@@ -122,7 +122,7 @@ def _unnamed(model: ForeignModel, names: tuple[str, ...]) -> str:
     many = len(names) > 1
     told = f"joint{'s' if many else ''} {listed} of `{model.name}` {'are' if many else 'is'} neither here"
     told += f" nor in {keys}" if keys else " nor held"
-    return f"{told}: `locked: rest` holds {'all of them' if many else 'it'} at rest"
+    return f"S320 {told}: `locked: rest` holds {'all of them' if many else 'it'} at rest"
 
 
 def _held_faults(robot: RobotFile, model: ForeignModel, motion: Motion) -> Found:
@@ -132,9 +132,12 @@ def _held_faults(robot: RobotFile, model: ForeignModel, motion: Motion) -> Found
         for name in getattr(robot, key):
             if name in model.driven and name not in names:
                 kind = "hinge" if name in model.hinges else "slide"
-                yield (key, name), f"joint `{name}` of `{model.name}` is a {kind}: write it under `{_LOCKED[kind]}`"
+                yield (
+                    (key, name),
+                    f"S321 joint `{name}` of `{model.name}` is a {kind}: write it under `{_LOCKED[kind]}`",
+                )
             elif name not in names:
-                yield (key, name), f"`{model.name}` has no joint `{name}`; {suggest(name, names)}"
+                yield (key, name), f"S322 `{model.name}` has no joint `{name}`; {suggest(name, names)}"
             else:
                 yield from (((key, name), told) for told in _cannot_be(model, name, laws.get(name), motion))
 
@@ -160,7 +163,7 @@ def _listed_followers(robot: RobotFile, model: ForeignModel) -> Found:
         if law is not None:
             told = f"follows `{law.leader}`" if law.leader else "is held by a constraint"
             told = f"joint `{joint.name}` {told} in `{model.name}`, so no motor of its own moves it: leave it out,"
-            yield ("joints", index, "name"), f"{told} or take the tie out of the model where the robot has none"
+            yield ("joints", index, "name"), f"S323 {told} or take the tie out of the model where the robot has none"
 
 
 def _led_faults(model: ForeignModel, motion: Motion) -> Found:
@@ -174,11 +177,14 @@ def _led_faults(model: ForeignModel, motion: Motion) -> Found:
             names = ", ".join(f"`{name}`" for name in beyond)
             yield (
                 ("model",),
-                f"{told}, and carries {names}: a chain has no such joint in it; leave {names} out of `joints`",
+                f"S324 {told}, and carries {names}: a chain has no such joint in it; leave {names} out of `joints`",
             )
         elif tie.follower in model.slides or not tie.is_linear:
             what = "slides" if tie.follower in model.slides else "does so by a law that is not linear"
-            yield ("model",), f"{told}; it {what}, which no entry of `loop_links` does: such robots are not known here"
+            yield (
+                ("model",),
+                f"S325 {told}; it {what}, which no entry of `loop_links` does: such robots are not known here",
+            )
         else:
             apart = [*led, *motion.apart]
             carrier = carrier_of(model, tie.follower, [*motion.listed, *apart])
@@ -190,7 +196,7 @@ def _led_faults(model: ForeignModel, motion: Motion) -> Found:
         yield (
             ("model",),
             (
-                f"{told}: a chain has no such joint, but a loop link of a rigid fit turns like that: add"
+                f"S326 {told}: a chain has no such joint, but a loop link of a rigid fit turns like that: add"
                 f" `loop_links: [{shown}]`; a loop link of a joint's name stands in the place of what that joint moves"
                 " in the model"
             ),
@@ -233,7 +239,7 @@ def _apart_faults(robot: RobotFile, model: ForeignModel, motion: Motion) -> Foun
         if found is not None and found.is_linear and found.leader is not None:
             others = {joint: turn for joint, turn in turns.items() if joint != found.leader and turn}
             if others or abs(abs(turns.get(found.leader, 0.0)) - abs(found.factor)) > _SAME:
-                told = f"the joint of `{model.name}` in its place follows `{found.leader}` with {found.factor:g}"
+                told = f"S327 the joint of `{model.name}` in its place follows `{found.leader}` with {found.factor:g}"
                 yield ("loop_links", index, "turns"), told
 
 
@@ -245,7 +251,8 @@ def _bond_faults(model: ForeignModel, motion: Motion) -> Found:
         yield (
             ("model",),
             (
-                f"{bond.what} of `{model.name}` ties {between}, which move against each other: a chain has no such tie;"
+                f"S328 {bond.what} of `{model.name}` ties {between}, which move against each other: a chain has no "
+                "such tie;"
                 " take it out of the model if the robot has none, and write a closed loop's cranks and rods as"
                 " `loop_links`, each by the name of its joint in the model"
             ),

@@ -25,7 +25,7 @@ _PLACEHOLDER = re.compile(r"\$\{row\.(" + COLUMN_PATTERN + r")\}")
 _ANY = re.compile(r"\$\{[^}]*\}?")
 _OF_ALL = {"name": "the name of the run folder of all rows", "execution": "how all rows are computed"}
 _TYPED = ("null", "bool", "int", "float")
-_OUTSIDE = "`{}` lies outside the {}, where a file that a row names must be"
+_OUTSIDE = "S379 `{}` lies outside the {}, where a file that a row names must be"
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,8 @@ def refuse_placeholders(document: Document) -> None:
         field, columns = next(iter(found.items()))
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
         raise SettingsError(
-            f"{format_field(field)}: `${{row.{columns[0]}}}`{more} is filled by `robid reprocess`, from a manifest",
+            f"S329 {format_field(field)}: `${{row.{columns[0]}}}`{more} is filled by `robid reprocess`, from a "
+            "manifest",
             where=f"{document.path}:{document.line(field)}",
             remedy=f"`robid reprocess MANIFEST {document.path}`, or write a value in its place",
         )
@@ -169,7 +170,7 @@ def leads_outside(path: Path, folder: Path) -> str:
     try:
         inside = path.resolve().is_relative_to(folder.resolve())
     except (OSError, RuntimeError):
-        return f"`{path.relative_to(folder)}` cannot be followed: a link leads back to itself"
+        return f"S360 `{path.relative_to(folder)}` cannot be followed: a link leads back to itself"
     if inside:
         return ""
     return _OUTSIDE.format(path.relative_to(folder), "folder it is named in, through a link")

@@ -138,22 +138,23 @@ def _message(detail: Any, field: FieldPath, schema: dict[str, Any]) -> str:  # n
     if detail["type"] in _UNKNOWN:
         nodes = _nodes_at(schema, field[:-1])
         keys = [key for node in nodes for key in node.get("properties", {})]
-        return _other_member(nodes, *detail["loc"][-2:]) or f"unknown key; {suggest(str(field[-1]), keys)}"
+        return _other_member(nodes, *detail["loc"][-2:]) or f"S380 unknown key; {suggest(str(field[-1]), keys)}"
     if detail["type"] == "missing":
-        return "is missing" + (_wanted_entries(schema, field) or _meaning(schema, field))
+        return "S381 is missing" + (_wanted_entries(schema, field) or _meaning(schema, field))
     if detail["type"] in ("too_short", "tuple_type", "list_type") and not detail["input"]:
         wanted = _wanted_entries(schema, field)
         if wanted:
-            return "is empty" + wanted
+            return "S382 is empty" + wanted
     if detail["type"] == "value_error":
         return str(detail["ctx"]["error"])
-    message = detail["msg"][0].lower() + detail["msg"][1:]
+    wrong = detail["msg"][0].lower() + detail["msg"][1:]
+    message = f"S383 {wrong}"
     if detail["type"] == "literal_error" and field[-1] == "unit" and detail["input"]:
         message = (
-            f"state what one `{detail['input']}` stands for as `unit` and `scale` (data sheets tell it); {message}"
+            f"S384 state what one `{detail['input']}` stands for as `unit` and `scale` (data sheets tell it); {wrong}"
         )
     if detail["type"] == "string_pattern_mismatch" and detail["ctx"]["pattern"] == NAME_PATTERN:
-        message = "a name has up to 64 letters, digits, `_` or `-`, and starts with a letter or digit"
+        message = "S385 a name has up to 64 letters, digits, `_` or `-`, and starts with a letter or digit"
     value = detail["input"]
     shown = "nothing" if value is None else repr(value)
     return message if len(shown) > _LONGEST_VALUE else f"{message} (found {shown})"
@@ -185,7 +186,7 @@ def _other_member(nodes: Sequence[dict[str, Any]], member: str | int, key: str |
     for tag in sections[0] if len(sections) > 1 else ():
         if all("const" in section.get(tag, {}) for section in sections):
             names = [f"`{tag}: {section[tag]['const']}`" for section in sections if key in section]
-            return f"belongs to {' or '.join(names)}, not to `{tag}: {member}`" if names else None
+            return f"S386 belongs to {' or '.join(names)}, not to `{tag}: {member}`" if names else None
     return None
 
 

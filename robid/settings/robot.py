@@ -78,7 +78,7 @@ class LoopLinkSection(Assumed):
         )
 
 
-MODEL_NOT_THERE = "the robot's model is not there"
+MODEL_NOT_THERE = "D215 the robot's model is not there"
 SET_DATA_FOLDER = f"set ROBID_DATA to the folder that `{DATA_VARIABLE}` stands for"
 
 
@@ -274,7 +274,7 @@ class RobotFile(Assumed):
         if self.payload is None or self.payload.mass_kg == 0:
             if payload_kg:
                 raise SettingsError(
-                    f"a payload of {payload_kg} kg is asked for, but the robot file has none to scale",
+                    f"S330 a payload of {payload_kg} kg is asked for, but the robot file has none to scale",
                     where=self.name,
                     remedy="give the robot file a `payload` with mass, centre of mass and inertia",
                 )

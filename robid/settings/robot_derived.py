@@ -43,7 +43,7 @@ def require_pose_interface(robot: RobotFile) -> PoseInterface:
     """
     if robot.pose_interface is None:
         raise SettingsError(
-            "the robot file has no `pose_interface`, which takes pose commands",
+            "S331 the robot file has no `pose_interface`, which takes pose commands",
             where=robot.name,
             remedy="add a `pose_interface` section",
         )

@@ -117,7 +117,7 @@ def require_controller(loaded: LoadedExperiment) -> Controller:
     """
     if loaded.robot.controller is None:
         raise SettingsError(
-            "the robot file has no `controller`, which gives the sampling period",
+            "S332 the robot file has no `controller`, which gives the sampling period",
             where=loaded.experiment.robot or str(loaded.path),
             remedy="add a `controller` section",
         )

@@ -64,10 +64,10 @@ def read_text(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     except OSError as error:
         raise SettingsError(
-            f"cannot be read: {error.strerror or error}", where=str(path), remedy="check the path"
+            f"S333 cannot be read: {error.strerror or error}", where=str(path), remedy="check the path"
         ) from error
     except UnicodeDecodeError as error:
-        raise SettingsError("is not a UTF-8 text file", where=str(path), remedy="save it as UTF-8") from error
+        raise SettingsError("S334 is not a UTF-8 text file", where=str(path), remedy="save it as UTF-8") from error
 
 
 def parse_yaml(path: Path, text: str) -> Document:
@@ -80,7 +80,7 @@ def parse_yaml(path: Path, text: str) -> Document:
     except YAMLError as error:
         raise _syntax_error(path, error) from error
     if not isinstance(tree, CommentedMap):
-        found = "is empty" if tree is None else "must hold `key: value` lines, not a list or a single value"
+        found = "S335 is empty" if tree is None else "S336 must hold `key: value` lines, not a list or a single value"
         raise SettingsError(found, where=f"{path}:1", remedy="start from one of the examples in `configs/`")
     return Document(path, _mapping(path, tree), tree)
 
@@ -103,7 +103,7 @@ def _check_aliases(path: Path, node: Node | None, parents: tuple[Node, ...]) -> 
     """Refuses a section that contains itself, which ruamel.yaml would read as nothing or fail on."""
     if any(node is parent for parent in parents):
         where = f"{path}:{parents[-1].start_mark.line + 1}"
-        raise SettingsError("an alias refers to a section that contains it", where=where, remedy="leave it out")
+        raise SettingsError("S337 an alias refers to a section that contains it", where=where, remedy="leave it out")
     if isinstance(node, MappingNode | SequenceNode):
         for item in chain.from_iterable(node.value) if isinstance(node, MappingNode) else node.value:
             _check_aliases(path, item, (*parents, node))
@@ -119,7 +119,9 @@ def _syntax_error(path: Path, error: YAMLError) -> SettingsError:
             text for text in (f"{error.context}{start}" if error.context else "", error.problem) if text
         )
     where = f"{path}:{mark.line + 1}" if mark is not None else str(path)
-    return SettingsError(f"is not valid YAML: {problem}", where=where, remedy="correct the line, or the one above it")
+    return SettingsError(
+        f"S338 is not valid YAML: {problem}", where=where, remedy="correct the line, or the one above it"
+    )
 
 
 def _mapping(path: Path, node: CommentedMap) -> dict[str, Any]:
@@ -129,7 +131,7 @@ def _mapping(path: Path, node: CommentedMap) -> dict[str, Any]:
         line = found[1] if found else node.lc.line
         if not isinstance(key, str):
             raise SettingsError(
-                f"the key `{key}` must be a text", where=f"{path}:{line + 1}", remedy="put it in quotes"
+                f"S339 the key `{key}` must be a text", where=f"{path}:{line + 1}", remedy="put it in quotes"
             )
         plain[str(key)] = _value(path, item, line)
     return plain
@@ -151,7 +153,7 @@ def _value(path: Path, node: Any, line: int) -> Any:  # noqa: ANN401
         if isinstance(node, kind):
             return kind(node)
     raise SettingsError(
-        "tags, sets and binary values of YAML are not used here",
+        "S340 tags, sets and binary values of YAML are not used here",
         where=f"{path}:{line + 1}",
         remedy="use plain numbers, texts, lists and sections",
     )

@@ -170,26 +170,26 @@ class LogChannel:
     def problems(self) -> list[str]:
         """Finds what contradicts itself: unit, sign, size of a count, quantity."""
         if self.unit not in UNITS and self.unit not in _COUNTS:
-            return [f"unknown unit `{self.unit}` (known: {', '.join([*UNITS, *_COUNTS])})"]
-        found = [] if self.sign in (-1, 1) else [f"sign {self.sign} is neither 1 nor -1"]
+            return [f"S361 unknown unit `{self.unit}` (known: {', '.join([*UNITS, *_COUNTS])})"]
+        found = [] if self.sign in (-1, 1) else [f"S387 sign {self.sign} is neither 1 nor -1"]
         sizes = [name for name in ("counts_per_turn", "resolution_m") if getattr(self, name) is not None]
         if self.unit in _COUNTS and len(sizes) != 1:
             found.append(
-                "counts need either `counts_per_turn` or `resolution_m`: the encoder's data sheet or the drive's"
+                "S362 counts need either `counts_per_turn` or `resolution_m`: the encoder's data sheet or the drive's"
                 " parameters tell it"
             )
         elif self.unit not in _COUNTS and sizes:
-            found.append(f"`{sizes[0]}` belongs to `unit: counts`, not to {self.unit}")
+            found.append(f"S363 `{sizes[0]}` belongs to `unit: counts`, not to {self.unit}")
         if self.quantity is not None and self.si_unit not in QUANTITIES[self.quantity].units:
             known = " or ".join(units_of(self.quantity))
-            found.append(f"{self.unit} is no unit of a {self.quantity.replace('_', ' ')}: use {known}")
+            found.append(f"S364 {self.unit} is no unit of a {self.quantity.replace('_', ' ')}: use {known}")
         if self.unwrap is True and self.si_unit != "rad":
             told = f"only angles jump by a turn: `unwrap: true` does not belong to {self.unit}"
-            found.append(f"{told}; where its numbers begin again after a range, state that, as `unwrap: 65536`")
+            found.append(f"S365 {told}; where its numbers begin again after a range, state that, as `unwrap: 65536`")
         elif not isinstance(self.unwrap, bool) and self.unwrap is not None and not 0 < self.unwrap < np.inf:
-            found.append(f"the range {self.unwrap:g} of `unwrap` is not above 0")
+            found.append(f"S366 the range {self.unwrap:g} of `unwrap` is not above 0")
         elif self.unwrap and self.si_unit not in ("rad", "m"):
-            found.append(f"only angles and positions begin again: `unwrap` does not belong to {self.unit}")
+            found.append(f"S367 only angles and positions begin again: `unwrap` does not belong to {self.unit}")
         return found
 
 
@@ -240,13 +240,14 @@ class InputChannel(LogChannel):
             return found
         if not self.is_current and (self.torque_constant_nm_a is not None or self.normalised):
             found.append(
-                f"{self.unit} takes neither `torque_constant_nm_a` nor `normalised`: a torque constant needs a current"
+                f"S368 {self.unit} takes neither `torque_constant_nm_a` nor `normalised`: a torque constant needs a "
+                "current"
             )
         elif self.is_current and self.normalised and self.torque_constant_nm_a not in (None, 1):
-            found.append("`normalised` needs a torque constant of 1")
+            found.append("S369 `normalised` needs a torque constant of 1")
         elif self.is_current and not self.normalised and self.torque_constant_nm_a is None:
             found.append(
-                "a current needs `torque_constant_nm_a` (1 together with `normalised: true` where it is unknown)"
+                "S370 a current needs `torque_constant_nm_a` (1 together with `normalised: true` where it is unknown)"
             )
         return found
 
@@ -257,15 +258,16 @@ def input_problems(inputs: tuple[InputChannel, ...]) -> list[str]:
     if any(channel.problems() for channel in inputs):
         return found
     if len({channel.normalised for channel in inputs if channel.is_current or channel.si_unit == "N m"}) > 1:
-        found.append("either all torques are normalised currents, or none")
+        found.append("S371 either all torques are normalised currents, or none")
     if len({channel.hold for channel in inputs}) > 1:
-        found.append("all must have the same `hold`")
+        found.append("S372 all must have the same `hold`")
     kinds = {channel.name: channel.channel for channel in inputs}
     mixed = {one.quantity for one in kinds.values()}
     if len(mixed) > 1 and not mixed <= DRIVES and any(channel.quantity is None for channel in inputs):
         told = ", ".join(f"{name} is in {one.unit} ({one.title})" for name, one in kinds.items())
         found.append(
-            f"they mix quantities: {told}; correct the unit, or state the `quantity` of every input if it is meant so"
+            f"S373 they mix quantities: {told}; correct the unit, or state the `quantity` of every input if it is "
+            "meant so"
         )
     return found
 
@@ -301,7 +303,8 @@ class OutputChannel(LogChannel):
         found = super().problems()
         if not found and "difference" in self.sampled and self.channel.quantity != "speed":
             found.append(
-                f"`sampled: {self.sampled}` belongs to a speed; this is {_article(self.channel.title)}: leave it out"
+                f"S374 `sampled: {self.sampled}` belongs to a speed; this is {_article(self.channel.title)}: leave "
+                "it out"
             )
         return found
 

@@ -180,8 +180,8 @@ class LogOptions:
             lacking = [name for name in POSE if units.get(name) != ("rad" if name in ANGLES else "m")]
             if lacking:
                 found.append(
-                    (key, f"a pose has X Y Z in m or mm and A B C in rad or deg: {', '.join(lacking)} lacking")
+                    (key, f"S375 a pose has X Y Z in m or mm and A B C in rad or deg: {', '.join(lacking)} lacking")
                 )
             if any(one.name in POSE and getattr(one, "zero", 0.0) for one in channels):
-                found.append((key, "a pose is seen from its home: leave `zero` out"))
+                found.append((key, "S376 a pose is seen from its home: leave `zero` out"))
         return found

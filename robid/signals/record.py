@@ -128,7 +128,7 @@ class Record:
         if not len(self.excited_lines) or self.configurations is None:
             lacks = "no configuration that it rests in"
             lacks = lacks if len(self.excited_lines) else "no period and no excited lines"
-            what = f"{reader} needs a periodic excitation around a configuration at rest; the record has {lacks}"
+            what = f"D216 {reader} needs a periodic excitation around a configuration at rest; the record has {lacks}"
             raise DataError(what, remedy="read it with a family that reads records, or name another campaign")
         return self.configurations
 

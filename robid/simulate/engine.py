@@ -45,7 +45,7 @@ def refuse_explosion(batch: Batch, robot: Robot, configuration: FloatArray, inde
     if not batch.warning.any() and np.isfinite(batch.qpos).all():
         return
     raise DataError(
-        f"the simulation blew up in {when}",
+        f"D217 the simulation blew up in {when}",
         where=f"configuration {index + 1} at {robot.shown(configuration)}",
         remedy="lower the speed loop's bandwidth or the excitation, raise steps_per_sample, check springs and inertias",
     )

@@ -190,7 +190,7 @@ class _Loop:
         path = joint_path(experiment.arm, experiment.channels, self._home, commands)
         if path.share.min() < 1:
             raise DataError(
-                "commanded poses are out of reach",
+                "D218 commanded poses are out of reach",
                 where=f"configuration {index + 1} at {experiment.robot.shown(self._home)}",
                 remedy="design the excitation of the campaign again",
             )

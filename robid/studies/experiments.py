@@ -54,7 +54,7 @@ def run_of(
         SettingsError: If there is such a thing.
     """
     loaded = load_experiment(run.loaded.path.parent / experiment)
-    told = [f"{format_field(field)}: {what}" for field, what in problems(loaded)]
+    told = [f"S341 {format_field(field)}: {what}" for field, what in problems(loaded)]
     if told:
         raise SettingsError("; ".join(told), where=str(loaded.path), remedy="correct the file, or the study")
     return replace(run, loaded=loaded, folder=run.folder / folder)

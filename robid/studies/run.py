@@ -146,7 +146,7 @@ def run_study(
     settings = run.loaded.experiment.study
     if settings is None:
         raise SettingsError(
-            "the file has no `study`", where=str(run.loaded.path), remedy="`robid run` runs what it has"
+            "S343 the file has no `study`", where=str(run.loaded.path), remedy="`robid run` runs what it has"
         )
     study, started = PROCEDURES[settings.kind], utc_now()
     for name, kind in ((REPORT, "report"), (SUMMARY, "summary")):

@@ -159,7 +159,7 @@ class DaskMap:
                 self._seen = now
             elif now - self._seen > GONE_S:
                 what = f"The scheduler has had no workers for {GONE_S:.0f} s"
-                raise BackendError(f"{what}; {where}.", where=self._address, remedy=f"start workers; {_GO_ON}")
+                raise BackendError(f"B001 {what}; {where}.", where=self._address, remedy=f"start workers; {_GO_ON}")
         return _IN_FLIGHT_PER_WORKER * max(1, self._workers)
 
     def _answers(
@@ -193,14 +193,14 @@ class DaskMap:
             named = f"Task {index + 1} of {len(tasks)}{_label(tasks[index])}"
         times = error.allowed_failures + 1
         return WorkerError(
-            f"{named} ended its worker {times} times; {where}.",
+            f"B002 {named} ended its worker {times} times; {where}.",
             where=f"worker {error.last_worker.address}",
             remedy=f"most often memory ran out{self._memory}; {_GO_ON}",
         )
 
     def _lost(self, where: str) -> BackendError:
         return BackendError(
-            f"The scheduler was lost; {where}.",
+            f"B003 The scheduler was lost; {where}.",
             where=self._address,
             remedy="what is finished is kept; the same command goes on once the scheduler is back",
         )
@@ -287,10 +287,10 @@ def _remote(address: str) -> Iterator[Client]:
     found = _connected(address)
     if isinstance(found, ValueError):
         remedy = "write it as in tcp://10.0.0.1:8786"
-        raise SettingsError(f"`{address}` is no address of a scheduler: {found}", where="scheduler", remedy=remedy)
+        raise SettingsError(f"S001 `{address}` is no address of a scheduler: {found}", where="scheduler", remedy=remedy)
     if isinstance(found, Exception):
         raise BackendError(
-            f"The scheduler does not answer within {_CONNECT_S} s.",
+            f"B004 The scheduler does not answer within {_CONNECT_S} s.",
             where=address,
             remedy=f"check the address, and that `dask scheduler` runs there in the same versions; {GUIDE}",
         ) from found
@@ -353,7 +353,7 @@ def _local(workers: int, exchange: Exchange) -> Iterator[tuple[Client, str]]:
             stack.callback(cluster.close, timeout=10)
             client = stack.enter_context(Client(cluster, set_as_default=False))
         except (OSError, RuntimeError) as error:
-            message = f"The local Dask cluster did not start: {str(error).rstrip('.')}."
+            message = f"B005 The local Dask cluster did not start: {str(error).rstrip('.')}."
             raise BackendError(message, remedy="use --backend processes") from error
         try:
             yield client, memory

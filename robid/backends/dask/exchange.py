@@ -195,7 +195,7 @@ def _remove_left(folder: Path) -> None:
 
 def _not_written(path: Path, error: OSError) -> ArtifactError:
     return ArtifactError(
-        f"What workers need cannot be written: {error.strerror or error}.",
+        f"A018 What workers need cannot be written: {error.strerror or error}.",
         where=os.fspath(path),
         remedy="check that the folder may be written to and that the disk has room",
     )

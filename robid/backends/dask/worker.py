@@ -215,7 +215,7 @@ def check_cluster(client: Client, address: str, terms: Terms) -> None:
     versions = client.get_versions()
     other = _language(versions["client"], versions["scheduler"])
     if other:
-        raise BackendError(f"The scheduler has {other}.", where=address, remedy=_REMEDIES[VERSIONS])
+        raise BackendError(f"B006 The scheduler has {other}.", where=address, remedy=_REMEDIES[VERSIONS])
     found = {worker: _language(versions["client"], seen) for worker, seen in versions["workers"].items()}
     _refuse({worker: Complaint(VERSIONS, f"has {text}") for worker, text in found.items() if text}, len(found), address)
     _check_scheduler(client, address)
@@ -237,7 +237,7 @@ def _wait_for_workers(client: Client, address: str) -> None:
     while not client.nthreads():
         if time.monotonic() > deadline:
             raise BackendError(
-                f"The scheduler has had no workers for {WAIT_FOR_WORKERS_S:.0f} s.",
+                f"B007 The scheduler has had no workers for {WAIT_FOR_WORKERS_S:.0f} s.",
                 where=address,
                 remedy=f"start some, as in `dask worker {address} --nthreads 1`; {GUIDE}",
             )
@@ -266,7 +266,7 @@ def _check_scheduler(client: Client, address: str) -> None:
         client.run_on_scheduler(versions_here)
     except Exception as error:
         what = "The scheduler cannot import robid" if _lacks_robid(error) else "The scheduler refuses to run robid"
-        raise BackendError(f"{what}: {error}.", where=address, remedy=_REMEDIES[VERSIONS]) from error
+        raise BackendError(f"B008 {what}: {error}.", where=address, remedy=_REMEDIES[VERSIONS]) from error
 
 
 def _complaint_of(answer: Complaint | Exception) -> Complaint:
@@ -291,5 +291,5 @@ def _error(complaints: Mapping[str, Complaint], what: str, *, where: str = "", r
     kinds = dict.fromkeys(complaint.kind for complaint in complaints.values())
     remedy = "; ".join(_REMEDIES[kind].removesuffix(f"; {GUIDE}") for kind in kinds)
     return BackendError(
-        f"{what}: {'; '.join(named[:_SHOWN])}{more}.", where=where, remedy=f"{remedy}; {GUIDE}{remedy_after}"
+        f"B009 {what}: {'; '.join(named[:_SHOWN])}{more}.", where=where, remedy=f"{remedy}; {GUIDE}{remedy_after}"
     )

@@ -287,12 +287,14 @@ def _check_inputs(robot: Robot, frf: Frf) -> None:
     require(frf, MOTOR_TORQUE, ACCELERATION, "The elastic model's information")
     motors = tuple(joint.name for joint in robot.joints)
     if frf.input_names != motors:
-        message = f"the response's inputs are {', '.join(frf.input_names)}, the robot's motors {', '.join(motors)}"
+        message = f"D001 the response's inputs are {', '.join(frf.input_names)}, the robot's motors {', '.join(motors)}"
         raise DataError(message, where=robot.name, remedy="name the inputs after the robot's joints, in order")
 
 
 def _check_freedom(frf: Frf) -> None:
     freedom, n_out = frf.degrees_of_freedom, frf.response.shape[2]
     if freedom <= n_out:
-        message = f"the design needs more than {n_out} degrees of freedom of the response's covariance, not {freedom:g}"
+        message = (
+            f"D002 the design needs more than {n_out} degrees of freedom of the response's covariance, not {freedom:g}"
+        )
         raise DataError(message, where="design", remedy="simulate more realizations or periods, or assume noise")

@@ -120,7 +120,7 @@ def checked_plan(options: DesignOptions, cost: FloatArray) -> tuple[int, float]:
     """
     if options.count > cost.size:
         raise SettingsError(
-            f"{options.count} configurations cannot be chosen from {cost.size} candidates.",
+            f"S023 {options.count} configurations cannot be chosen from {cost.size} candidates.",
             where="design.count",
             remedy="Lower count, or give the campaign more candidates.",
         )
@@ -129,7 +129,7 @@ def checked_plan(options: DesignOptions, cost: FloatArray) -> tuple[int, float]:
     cheapest = np.sort(cost)[: options.count].sum() if options.experiments is None else experiments * cost.min()
     if cheapest > budget * (1 + 1e-12):
         raise SettingsError(
-            f"The budget of {budget:g} does not pay {experiments} experiments: the cheapest cost {cheapest:g}.",
+            f"S024 The budget of {budget:g} does not pay {experiments} experiments: the cheapest cost {cheapest:g}.",
             where="design.budget",
             remedy="Raise budget, or ask for fewer experiments.",
         )

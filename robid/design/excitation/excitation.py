@@ -275,7 +275,7 @@ def rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
     ]
     if problems:
         raise SettingsError(
-            f"The RMS does not fit: {'; '.join(problems)}.",
+            f"S025 The RMS does not fit: {'; '.join(problems)}.",
             where="excitation.rms",
             remedy=f"Give one positive number, or a list of {n_motor}.",
         )

@@ -33,7 +33,7 @@ def samples_per_period(period_s: float, sampling_period_s: float) -> int:
     count = round(ratio)
     if count < 1 or abs(ratio - count) > _WHOLE * ratio:
         raise SettingsError(
-            f"A period of {period_s:g} s is {ratio:.6g} samples of {sampling_period_s:g} s, not a whole number.",
+            f"S026 A period of {period_s:g} s is {ratio:.6g} samples of {sampling_period_s:g} s, not a whole number.",
             where="excitation.period_s",
             remedy=f"{_rounder(period_s, sampling_period_s)} a period of {max(count, 1) * sampling_period_s:.9g} s.",
         )
@@ -118,7 +118,7 @@ def _long_enough(options: ChosenLineOptions, n_sample: int, total: int) -> float
 def _refuse(problems: list[str]) -> None:
     if problems:
         raise SettingsError(
-            "The lines cannot be chosen: " + "; ".join(problems) + ".",
+            "S027 The lines cannot be chosen: " + "; ".join(problems) + ".",
             where="excitation",
             remedy="Change the fields named in parentheses.",
         )

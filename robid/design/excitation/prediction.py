@@ -133,7 +133,8 @@ def _common_factor(share: FloatArray, robot: Robot, limit_share: float) -> float
         return factor
     _, configuration, motor = np.unravel_index(int(np.argmin(share)), share.shape)
     raise SettingsError(
-        f"Motor {robot.joints[motor].name} needs more than {100 * limit_share:.3g} % of its torque limit to hold the"
+        f"S029 Motor {robot.joints[motor].name} needs more than {100 * limit_share:.3g} % of its torque limit to "
+        "hold the"
         f" arm in configuration {configuration + 1}.",
         where="excitation.limit_share",
         remedy="Raise `limit_share`, or leave out the configurations that the motors hardly hold.",
@@ -207,7 +208,7 @@ def _check_limits(
     if problems:
         factor = _floor(float(scale.min()))
         raise SettingsError(
-            "The excitation would exceed limits:\n  " + "\n  ".join(problems),
+            "S030 The excitation would exceed limits:\n  " + "\n  ".join(problems),
             where="excitation.rms",
             remedy=f"Multiply the {every} by at most {factor:.3g} (the motors are coupled)."
             if factor > 0

@@ -15,7 +15,7 @@ _UNITS = ("units", "unit", "Unit", "Units", "unit_string")
 _PARQUET_UNITS = (b"unit", b"units")
 _COPIED = "Check that the log was copied completely."
 _AGAIN = "Write the log again from its source."
-_CUT = Reason("The log is cut short.", "Check that it was copied completely, or save it again.")
+_CUT = Reason("D049 The log is cut short.", "Check that it was copied completely, or save it again.")
 
 
 def read_hdf5(file: Path, wanted: Wanted) -> Found:
@@ -42,7 +42,7 @@ def _take_dataset(name: str, dataset: Any, wanted: Wanted, found: Found) -> None
         path = f"{name}.{field}" if field else name
         kind = dataset.dtype[field] if field else dataset.dtype
         if kind.kind not in "fiubc":
-            found.unreadable[path] = Reason("It holds no numbers.")
+            found.unreadable[path] = Reason("D050 It holds no numbers.")
         elif field and path in wanted:
             found.add(path, dataset[field], unit)
         elif field:
@@ -89,7 +89,7 @@ def _take_column(name: str, top: str, leaf: Any, table: Any, wanted: Wanted, fou
     kind = leaf.type.value_type if _is_list(leaf.type) else leaf.type
     is_time = types.is_timestamp(kind)
     if not (types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind) or is_time):
-        found.unreadable[name] = Reason(f"It holds {kind}, not numbers.")
+        found.unreadable[name] = Reason(f"D051 It holds {kind}, not numbers.")
         return
     unit = "s" if is_time else unit
     if name not in wanted:
@@ -136,7 +136,7 @@ def read_tdms(file: Path, wanted: Wanted) -> Found:
             name = f"{channel.group_name}/{channel.name}"
             cut = statuses.get(channel.path)
             if cut is not None and cut.read_length != cut.expected_length:
-                what = f"The log ends inside it: {cut.read_length} of {cut.expected_length} values are there."
+                what = f"D052 The log ends inside it: {cut.read_length} of {cut.expected_length} values are there."
                 found.unreadable[name] = Reason(what, _CUT.remedy)
                 continue
             unit = str(channel.properties.get("unit_string", ""))

@@ -69,13 +69,13 @@ def load_variables(
     """
     if not file.exists():
         remedy = "Correct `file`, or set ROBID_DATA to the folder that holds the data."
-        raise DataError("The log does not exist.", where=str(file), remedy=remedy)
+        raise DataError("D053 The log does not exist.", where=str(file), remedy=remedy)
     if file.is_file() and not file.stat().st_size:
-        raise DataError("The log is empty.", where=str(file), remedy="Record or copy it again.")
+        raise DataError("D054 The log is empty.", where=str(file), remedy="Record or copy it again.")
     try:
         name = format_ or tell_format(file)
         if file.is_dir() and name != "rosbag":
-            raise DataError("The log is a folder.", where=str(file), remedy="Name the file, not its folder.")
+            raise DataError("D055 The log is a folder.", where=str(file), remedy="Name the file, not its folder.")
         _check_known(file)
         _check_installed(file, name)
         if name == "csv":
@@ -84,7 +84,7 @@ def load_variables(
             return Variables(file, read_table(file, Wanted(names), dialect))
     except UNPACKING_ERRORS as e:
         remedy = "Check that it may be read and was copied completely."
-        raise DataError(f"The log cannot be opened ({e}).", where=str(file), remedy=remedy) from e
+        raise DataError(f"D056 The log cannot be opened ({e}).", where=str(file), remedy=remedy) from e
     return Variables(file, READER.read(file, name, names))
 
 
@@ -93,14 +93,14 @@ def _check_known(file: Path) -> None:
     start = first_bytes(file)
     for magic, title, remedy in FOREIGN:
         if start.startswith(magic):
-            raise DataError(f"The log is {title}.", where=str(file), remedy=remedy)
+            raise DataError(f"D057 The log is {title}.", where=str(file), remedy=remedy)
 
 
 def _check_installed(file: Path, name: LogFormat) -> None:
     """Names the command that installs what a format needs."""
     lacking = [module for module in FORMATS[name].needs if find_spec(module) is None]
     if lacking:
-        what = f"To read {FORMATS[name].title}, {' and '.join(lacking)} must be installed."
+        what = f"D058 To read {FORMATS[name].title}, {' and '.join(lacking)} must be installed."
         remedy = f"Install with `pip install 'robid[{FORMATS[name].extra}]'`."
         raise DataError(what, where=str(file), remedy=remedy)
 
@@ -181,7 +181,9 @@ class Reader:
             process.kill()
             what = f"took longer than {seconds:.0f} s" if late.is_set() else _death(process.wait())
             self.close()
-            raise DataError(f"Reading it as {FORMATS[name].title} {what}.", where=str(file), remedy=_COPIED) from None
+            raise DataError(
+                f"D059 Reading it as {FORMATS[name].title} {what}.", where=str(file), remedy=_COPIED
+            ) from None
         except BaseException:
             self.close()  # an interrupted talk leaves half an answer in the pipe
             raise
@@ -236,10 +238,10 @@ def _refusal(file: Path, name: LogFormat, answer: dict[str, Any]) -> DataError:
     told = tell_format(file)
     title = FORMATS[name].title
     if told != name and told != "csv":
-        what = f"The log cannot be read as {title}: it looks like {FORMATS[told].title}."
+        what = f"D060 The log cannot be read as {title}: it looks like {FORMATS[told].title}."
         return DataError(what, where=str(file), remedy=f"Set `format: {told}`, or leave it out.")
     remedy = answer.get("remedy") or f"Check that it is {title} and that it was copied completely."
-    error = DataError(f"The log cannot be read as {title} ({answer['error']}).", where=str(file), remedy=remedy)
+    error = DataError(f"D061 The log cannot be read as {title} ({answer['error']}).", where=str(file), remedy=remedy)
     error.add_note(answer.get("trace", ""))
     return error
 

@@ -113,7 +113,7 @@ _REMEDIES = {
         " `q = out.logsout{1}.Values.Data`; or have To Workspace save a structure with time.",
     ),
 }
-_DAMAGED = Reason("The log is damaged before its end.", "Check that it was copied completely, or save it again.")
+_DAMAGED = Reason("D062 The log is damaged before its end.", "Check that it was copied completely, or save it again.")
 
 
 def read_mat(file: Path, wanted: Wanted) -> Found:
@@ -143,7 +143,7 @@ def read_mat(file: Path, wanted: Wanted) -> Found:
 def _object_reason(kind: str) -> Reason:
     """Says that an object of a MATLAB class cannot be read, and what to save instead."""
     remedy = _REMEDIES.get(kind, "Save what it holds as numeric variables of their own.")
-    return Reason(f"It is an object of the MATLAB class `{kind}`, which only MATLAB can decode.", remedy)
+    return Reason(f"D063 It is an object of the MATLAB class `{kind}`, which only MATLAB can decode.", remedy)
 
 
 def _read_old(file: Path, wanted: Wanted) -> Found:
@@ -151,7 +151,7 @@ def _read_old(file: Path, wanted: Wanted) -> Found:
     found = Found()
     with file.open("rb") as stream:
         if b"HDF\r\n" in stream.read(600):
-            raise UnreadableLogError("it is an HDF5 file", "Set `format: hdf5`, or leave it out.")
+            raise UnreadableLogError("D064 it is an HDF5 file", "Set `format: hdf5`, or leave it out.")
     for name, value in loadmat(file, appendmat=False).items():
         if not name.startswith("__"):
             _take(name, value, wanted, found)
@@ -198,7 +198,7 @@ def _read_element(name: str, element: bytes, wanted: Wanted, found: Found) -> No
     except MemoryError:
         raise
     except Exception as e:  # noqa: BLE001 see above
-        found.unreadable[name] = Reason(f"It is damaged ({e}).", _DAMAGED.remedy)
+        found.unreadable[name] = Reason(f"D065 It is damaged ({e}).", _DAMAGED.remedy)
         return
     if loaded is None or name not in loaded:
         _note_object(element, found)
@@ -244,9 +244,9 @@ def _take(name: str, value: Any, wanted: Wanted, found: Found) -> None:  # noqa:
         elif isinstance(leaf, MatlabObject):
             found.unreadable[path] = _object_reason(str(leaf.classname))
         elif isinstance(leaf, MatlabFunction):
-            found.unreadable[path] = Reason("It is a function.")
+            found.unreadable[path] = Reason("D066 It is a function.")
         elif issparse(leaf):
-            found.unreadable[path] = Reason("It is a sparse matrix.", "Save `full(name)`.")
+            found.unreadable[path] = Reason("D067 It is a sparse matrix.", "Save `full(name)`.")
         elif leaf.dtype.kind == "U" and leaf.size == 1:
             found.note_text(path, str(leaf.ravel()[0]))
         elif leaf.dtype.kind not in "fiubc":
@@ -296,7 +296,7 @@ def _take_item(name: str, item: Any, wanted: Wanted, found: Found, depth: int) -
     kind = item.attrs.get("MATLAB_class", b"")
     kind = kind.decode() if isinstance(kind, bytes) else str(kind)
     if depth > _DEEPEST:
-        found.unreadable[name] = Reason("Its structures do not end.", "Save the log again.")
+        found.unreadable[name] = Reason("D068 Its structures do not end.", "Save the log again.")
     elif "MATLAB_object_decode" in item.attrs and kind not in ("cell", "struct"):
         found.unreadable[name] = _object_reason(kind)
     elif isinstance(item, h5py.Group):
@@ -309,7 +309,7 @@ def _take_item(name: str, item: Any, wanted: Wanted, found: Found, depth: int) -
     elif kind == "char" and item.dtype.kind == "u":
         found.note_text(name, "".join(map(chr, item[()].ravel())))
     elif kind == "char" or item.dtype.kind not in "fiubcV":
-        found.unreadable[name] = Reason("It holds text, not numbers.")
+        found.unreadable[name] = Reason("D069 It holds text, not numbers.")
     elif kind and kind not in _NUMBERS:
         found.unreadable[name] = _object_reason(kind)
     elif name in wanted:
@@ -321,7 +321,7 @@ def _take_item(name: str, item: Any, wanted: Wanted, found: Found, depth: int) -
 def _take_group(name: str, group: Any, wanted: Wanted, found: Found, depth: int) -> None:  # noqa: ANN401
     """Adds the fields of a structure, or of each structure of an array, whose fields are lists of references."""
     if "MATLAB_sparse" in group.attrs:
-        found.unreadable[name] = Reason("It is a sparse matrix.", "Save `full(name)`.")
+        found.unreadable[name] = Reason("D070 It is a sparse matrix.", "Save `full(name)`.")
         return
     for field in group:
         child = group[field]

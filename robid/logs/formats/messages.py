@@ -150,7 +150,7 @@ class Streams:
                 self._decoders[topic.name] = decoder(topic)
             except Exception as e:  # noqa: BLE001 definitions in logs may be anything
                 remedy = "Convert the log with `ros2 bag convert`, or its topics to Parquet or CSV."
-                self.found.unreadable[topic.name] = Reason(f"It cannot be unpacked: {e}.", remedy)
+                self.found.unreadable[topic.name] = Reason(f"D071 It cannot be unpacked: {e}.", remedy)
         return list(self._decoders)
 
     def is_wanted(self, name: str) -> bool:
@@ -226,7 +226,7 @@ def read_all(files: Sequence[Path], wanted: Wanted) -> Found:
             except Exception as e:
                 raise UnreadableLogError(_said(e), _REMEDY) from e
             if summary is None or summary.statistics is None:
-                raise UnreadableLogError("it was not closed, so its end is missing", _REMEDY)
+                raise UnreadableLogError("D072 it was not closed, so its end is missing", _REMEDY)
             streams = streams or Streams(wanted, summary.statistics.message_start_time)
             _read_messages(reader, summary, streams)
     return Found() if streams is None else streams.finish()
@@ -259,7 +259,7 @@ def _read_messages(reader: Any, summary: Any, streams: Streams) -> None:  # noqa
 
 
 def _said(error: Exception) -> str:
-    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    return f"D251 {type(error).__name__}: {error}".removesuffix(": ")
 
 
 _COPIED = "Check that the bag was closed and copied completely; `ros2 bag reindex FOLDER` may repair it."
@@ -279,14 +279,14 @@ def read_bag(file: Path, wanted: Wanted) -> Found:
     if not databases:
         packed = any(one.suffix == ".zstd" for one in files)
         remedy = "Unpack it with `ros2 bag convert`." if packed else "Name the folder that holds `metadata.yaml`."
-        raise UnreadableLogError("the folder holds no .db3 or .mcap file", remedy)
+        raise UnreadableLogError("D073 the folder holds no .db3 or .mcap file", remedy)
     streams: Streams | None = None
     for database in databases:
         try:
             with closing(sqlite3.connect(f"{database.resolve().as_uri()}?mode=ro", uri=True)) as connection:
                 streams = _read_database(connection, wanted, streams)
         except sqlite3.Error as e:
-            raise UnreadableLogError(str(e), _COPIED) from e
+            raise UnreadableLogError(f"D252 {e}", _COPIED) from e
     return Found() if streams is None else streams.finish()
 
 
@@ -313,7 +313,7 @@ def _read_database(connection: sqlite3.Connection, wanted: Wanted, streams: Stre
         limit = "" if streams.is_wanted(topic.name) else " limit 1"
         for _, time, raw in connection.execute(asked + limit, (number,)):
             if not isinstance(raw, bytes):
-                raise UnreadableLogError(f"a message of {topic.name} is damaged", _COPIED)
+                raise UnreadableLogError(f"D074 a message of {topic.name} is damaged", _COPIED)
             streams.add(topic.name, time, raw, topic.count)
     return streams
 

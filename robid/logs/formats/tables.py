@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import io
+import re
 from collections.abc import Iterable, Sequence
 from itertools import islice
 from pathlib import Path
@@ -93,13 +94,14 @@ def _numbers_of(cells: Sequence[str], comma: bool) -> FloatArray | Reason:
     try:
         return np.array([number(cell, decimal_comma=comma) for cell in cells])
     except ValueError as e:
-        return Reason(f"It holds what is no number ({e}).")
+        return Reason(f"D075 It holds what is no number ({e}).")
 
 
 _SAMPLE = 1 << 18
 _DATED = ("date", "numbers")  # kinds of moments that have a date
 CHUNK = 1 << 20
 """Characters that are read at a time; memory beyond the columns themselves is less than ten times that."""
+_PLACED = re.compile(r"(?P<code>\w+) (?P<line>line \d+): (?P<what>.*)", re.DOTALL)
 _BEGINS_NUMBERS = "0123456789+-.,"
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 
@@ -121,12 +123,13 @@ def read_table(file: Path, wanted: Wanted, dialect: Dialect) -> Found:
         with _open_text(file, dialect) as text:
             return _Table(layout, wanted, dialect).read(text)
     except UnreadableLogError as e:
-        line, told, what = str(e).partition(": ") if str(e).startswith("line ") else ("", "", str(e))
-        where = f"{file}, {line}" if told else str(file)
+        placed = _PLACED.fullmatch(str(e))
+        what = str(e) if placed is None else f"{placed['code']} {placed['what']}"
+        where = str(file) if placed is None else f"{file}, {placed['line']}"
         raise DataError(what, where=where, remedy=e.remedy or REMEDY) from e
     except (UnicodeError, LookupError, *UNPACKING_ERRORS) as e:
         remedy = "Correct or leave out `dialect: {encoding: ...}`, and check that it was copied completely."
-        raise DataError(f"The log cannot be read as text ({e}).", where=str(file), remedy=remedy) from e
+        raise DataError(f"D076 The log cannot be read as text ({e}).", where=str(file), remedy=remedy) from e
 
 
 def _open_text(file: Path, dialect: Dialect) -> io.TextIOWrapper:
@@ -173,7 +176,7 @@ class _Table:
             needed |= {column for column, kind in enumerate(layout.kinds) if kind == "moment"}
         for column, kind in enumerate(layout.kinds):
             if kind not in ("number", "moment"):
-                what = f"It holds text (`{kind}`), not numbers." if kind else "It is empty."
+                what = f"D077 It holds text (`{kind}`), not numbers." if kind else "D078 It is empty."
                 self._found.unreadable[names[column]] = Reason(what)
             elif column in needed and kind == "moment":
                 self._moments[column] = Moments()
@@ -219,7 +222,7 @@ class _Table:
             elif is_row or self._has_number(line):
                 at, width = self._foot or (at, width)
                 how = "no number" if width in allowed else f"{width} values for {len(layout.names)} columns"
-                what = f"line {at}: The table is broken: {how}."
+                what = f"D079 line {at}: The table is broken: {how}."
                 raise UnreadableLogError(what, "Correct or delete this line.")
         return kept
 
@@ -254,7 +257,7 @@ class _Table:
     def _refuse(self, column: int, number: int, cell: str) -> None:
         """Gives a column up for a cell of a line."""
         self._found.unreadable[self._names[column]] = Reason(
-            f"In line {number} `{cell}` is no {'date or time' if column in self._moments else 'number'}.",
+            f"D080 In line {number} `{cell}` is no {'date or time' if column in self._moments else 'number'}.",
             "Correct or delete this line.",
         )
         self._parts.pop(column, None)
@@ -311,7 +314,7 @@ class _Table:
 
     def _refuse_mark(self, column: int, number: int, cell: str) -> None:
         """Gives a column up whose numbers have marks of which nothing tells what they are."""
-        what = f"In line {number} `{cell}` may be {without_groups(cell)} or {cell.replace(',', '.')}."
+        what = f"D081 In line {number} `{cell}` may be {without_groups(cell)} or {cell.replace(',', '.')}."
         remedy = 'Say so by `dialect: {decimal: "."}` or `{decimal: ","}`.'
         self._found.unreadable[self._names[column]] = Reason(what, remedy)
         self._parts.pop(column)
@@ -329,7 +332,7 @@ class _Table:
         for column, moments in list(self._moments.items()):
             wrong = moments.first_wrong()
             if wrong is not None:
-                what = f"In its row {wrong + 1} is a date that there is not."
+                what = f"D082 In its row {wrong + 1} is a date that there is not."
                 self._found.unreadable[self._names[column]] = Reason(what, "Correct or delete this row.")
             else:
                 values[column] = moments.seconds(self._start(moments))
@@ -350,4 +353,4 @@ class _Table:
             if name not in self._found.arrays:
                 self._found.mention(name, count, unit)
         if lost := body.damage(count):
-            self._found.damage = Reason(lost, "Check that it was copied completely.")
+            self._found.damage = Reason(f"D253 {lost}", "Check that it was copied completely.")

@@ -189,7 +189,7 @@ class Found:
         """Adds an array; what holds no numbers is noted as unreadable."""
         array = np.asarray(values)
         if array.dtype.kind not in "fiubc":
-            self.unreadable[name] = Reason(f"It holds {_KINDS.get(array.dtype.kind, 'objects')}, not numbers.")
+            self.unreadable[name] = Reason(f"D086 It holds {_KINDS.get(array.dtype.kind, 'objects')}, not numbers.")
             return
         self.arrays[name] = array
         self.mention(name, array.size, unit)
@@ -205,7 +205,7 @@ class Found:
         except MemoryError:
             raise
         except Exception as e:  # noqa: BLE001
-            self.unreadable[name] = Reason(f"{what} ({e}).", remedy)
+            self.unreadable[name] = Reason(f"D087 {what} ({e}).", remedy)
 
     def take(self, name: str, matrix: Any, wanted: Wanted, unit: str = "") -> None:  # noqa: ANN401
         """Adds an array; of one of which only columns or rows were asked for, these; of what was not, the size."""
@@ -221,7 +221,7 @@ class Found:
     def note_text(self, name: str, text: str) -> None:
         """Notes a text; as the unit, where its name says so, of the field `Data` beside it."""
         self.texts[name] = text
-        self.unreadable[name] = Reason("It holds text, not numbers.")
+        self.unreadable[name] = Reason("D088 It holds text, not numbers.")
         parent, _, field_name = name.rpartition(".")
         if field_name in ("Unit", "Units", "unit", "units"):
             self.units[f"{parent}.Data"] = text
@@ -355,7 +355,7 @@ def number_repeated(names: Sequence[str]) -> tuple[list[str], dict[str, Reason]]
         seen[name] = seen.get(name, 0) + 1
         numbered.append(f"{name}({seen[name]})" if again.get(name, 1) > 1 else name)
     reasons = {
-        name: Reason(f"Its name occurs {count} times.", f"Say which: `{name}(1)` to `{name}({count})`.")
+        name: Reason(f"D089 Its name occurs {count} times.", f"Say which: `{name}(1)` to `{name}({count})`.")
         for name, count in again.items()
         if count > 1
     }

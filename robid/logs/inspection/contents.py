@@ -126,12 +126,12 @@ def _without_signals(
     found += [(name, "It is a single number.", "") for name in scalars]
     if not found:
         remedy = "Check that it is the right file; state `--format` where it is told wrongly."
-        return DataError("The log holds no signals: it has no variables.", where=str(file), remedy=remedy)
+        return DataError("D091 The log holds no signals: it has no variables.", where=str(file), remedy=remedy)
     told = [f"\n  `{name}`: {what}" for name, what, _ in found[:_TOLD]]
     told += [f"\n  and {len(found) - _TOLD} more"] if len(found) > _TOLD else []
     remedies = dict.fromkeys(remedy for _, _, remedy in found if remedy)
     general = "Check that it is the right file; state `--format` or `--dialect` where it is told wrongly."
-    what = f"The log holds no signals, as none of its variables is one:{''.join(told)}"
+    what = f"D092 The log holds no signals, as none of its variables is one:{''.join(told)}"
     return DataError(what, where=str(file), remedy=" ".join([*list(remedies)[:_REMEDIES], general]))
 
 

@@ -39,7 +39,7 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     fit = elastic_fit(experiment, name)
     if robot.without_motor:
         told = without_motor_text(robot.without_motor)
-        yield ("family",), f"an elastic model has a motor and a transmission at every joint: {told}"
+        yield ("family",), f"S048 an elastic model has a motor and a transmission at every joint: {told}"
         return
     yield from _arm_torques(experiment, fit)
     known = kinds_by_name(robot, fit.kinds)
@@ -48,7 +48,7 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
         known |= freed_names(experiment, fit, robot)
     for index, parameter in enumerate(fit.fixed):
         if parameter not in known:
-            message = f"there is no free parameter `{parameter}`; {suggest(parameter, known)}"
+            message = f"S049 there is no free parameter `{parameter}`; {suggest(parameter, known)}"
             yield ("fixed", index), message
     free = {name: kind for name, kind in known.items() if name not in fit.fixed}
     for section, problem in name_problems(fit.options(), free):
@@ -57,7 +57,9 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
         parameter = f"{spring.name}.damping"
         damping = spring.value("damping", linear=spring.is_linear(robot.joints))
         if damping == 0 and parameter in known and parameter not in fit.fixed:
-            message = f"`{parameter}` is 0 in the robot file, but must start above 0 to be estimated: put it in `fixed`"
+            message = (
+                f"S050 `{parameter}` is 0 in the robot file, but must start above 0 to be estimated: put it in `fixed`"
+            )
             yield ("free",), message
     if "cubic" in fit.kinds and robot.is_complete:
         yield from missing_limits(("free",), "the scale of `cubic` needs", robot, (TORQUE,))
@@ -71,7 +73,10 @@ def _arm_torques(experiment: Experiment, fit: ElasticFit) -> _Found:
         felt = [one.name for one in inputs if one.side == "arm"]
         if felt:
             told = f"the inputs of `{name}` are of the arm side ({', '.join(f'`{one}.arm`' for one in felt)})"
-            yield ("from",), f"{told}: an elastic model reads torques or currents of motors, which go without `.arm`"
+            yield (
+                ("from",),
+                f"S051 {told}: an elastic model reads torques or currents of motors, which go without `.arm`",
+            )
 
 
 ELASTIC = Family(

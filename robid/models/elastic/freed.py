@@ -27,7 +27,7 @@ def freed_problems(experiment: Experiment, fit: ElasticFit, robot: RobotFile) ->
         yield ("free", fit.free.index(name)), free_problem(name, meant)
     for name in fit.freed:
         if _is_free_anyway(start, fit, name):
-            message = f"stiffness and damping of `{spring_of(name)}` are free anyway; {_more(start, name)}"
+            message = f"S058 stiffness and damping of `{spring_of(name)}` are free anyway; {_more(start, name)}"
             yield ("free", fit.free.index(name)), message
 
 
@@ -49,7 +49,7 @@ def free_too(loaded: LoadedExperiment, name: str, more: Sequence[str]) -> Loaded
     start = _robot(loaded.experiment, fit, loaded.robot)
     twice = [each for each in more if _is_estimated(start, fit, each)]
     if twice:
-        message = f"fit `{name}` estimates `{twice[0]}` already"
+        message = f"S059 fit `{name}` estimates `{twice[0]}` already"
         raise SettingsError(message, where="--try", remedy="name something else, or leave it out")
     values: dict[str, Any] = {each.name: getattr(fit, each.name) for each in fields(fit)}
     tried = ElasticFit(**{"from": values.pop("reads"), **values, "free": free_with(fit.free, more)})

@@ -239,7 +239,7 @@ def _build(found: FittedExport, *, friction: bool) -> ElasticModel:
         )
     except ValueError as error:
         raise DataError(
-            f"the fitted values make no mechanical model ({error})",
+            f"D138 the fitted values make no mechanical model ({error})",
             where=f"fits.{found.name}",
             remedy="fix the link inertias in the fit, or export parameters only (json, csv, mat)",
         ) from error

@@ -44,7 +44,7 @@ def fit(data: Data, work: Work) -> Artifact:
     own = [shot for name, group in shots.items() if name != settings.choose_on for shot in group]
     held_back = shots.get(settings.choose_on or "", ())
     if not own or (settings.choose_on is not None and not held_back):
-        message = f"`configurations` leave no shot {'to choose on' if own else 'to fit'}"
+        message = f"D156 `configurations` leave no shot {'to choose on' if own else 'to fit'}"
         remedy = "name configurations of the campaign that chooses and of the others"
         raise DataError(message, where=f"fits.{data.name}", remedy=remedy)
     told = commands_of(data.records[0], options)
@@ -158,7 +158,8 @@ def refuse_other_ports(ports: Ports, record: Record, options: ExternalOptions) -
     own = (ports.inputs, ports.input_units), (ports.outputs, ports.output_units), ports.hold
     if found != own:
         message = (
-            f"the validation has {describe(told.channels)} ({told.hold}) and {describe(record.output_channels)}, the "
+            f"D157 the validation has {describe(told.channels)} ({told.hold}) and "
+            f"{describe(record.output_channels)}, the "
             f"fit {', '.join(ports.inputs)} ({ports.hold}) and {', '.join(ports.outputs)}, or in other units"
         )
         raise DataError(message, where="validation", remedy=_ALIKE)
@@ -179,5 +180,5 @@ def refuse_other_channels(records: Sequence[Record], campaigns: Sequence[str], o
         told = commands_of(record, options)
         same = told.channels == first.channels and record.output_channels == records[0].output_channels
         if not same or told.hold != first.hold:
-            message = f"campaign `{name}` has other channels, or another hold, than `{campaigns[0]}`"
+            message = f"D158 campaign `{name}` has other channels, or another hold, than `{campaigns[0]}`"
             raise DataError(message, where="record", remedy="fit the two on their own")

@@ -52,13 +52,13 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     if fit.zeros is not None and fit.zeros >= (fit.poles or fit.max_poles):
         yield (
             ("zeros",),
-            f"is not below `{limit}` ({fit.poles or fit.max_poles}): transfer functions are strictly proper",
+            f"S061 is not below `{limit}` ({fit.poles or fit.max_poles}): transfer functions are strictly proper",
         )
     yield from _held_back(fit)
     read = [*fit.campaigns, *(() if fit.validate_on is None else (fit.validate_on,))]
     for campaign in (experiment.campaigns[each] for each in read if each in experiment.campaigns):
         if fit.start == "periodic" and campaign.is_one_shot:
-            yield ("start",), "is `periodic`, but a campaign is one shot: let it be `free`, or `rest`"
+            yield ("start",), "S062 is `periodic`, but a campaign is one shot: let it be `free`, or `rest`"
             break
     yield from _pairs(experiment, fit, read, robot)
 
@@ -68,11 +68,11 @@ def _held_back(fit: ExternalFit) -> _Found:
     if fit.choose_on is None:
         return
     if fit.choose_on not in fit.campaigns:
-        yield ("choose_on",), f"names `{fit.choose_on}`, which is none of the campaigns in `from`"
+        yield ("choose_on",), f"S063 names `{fit.choose_on}`, which is none of the campaigns in `from`"
     elif len(fit.campaigns) == 1:
-        yield ("choose_on",), "names the only campaign in `from`: nothing is left to fit"
+        yield ("choose_on",), "S064 names the only campaign in `from`: nothing is left to fit"
     elif fit.rule == "evidence":
-        yield ("choose_on",), "decides nothing with `rule: evidence`: set `rule: sufficient`, or leave it out"
+        yield ("choose_on",), "S065 decides nothing with `rule: evidence`: set `rule: sufficient`, or leave it out"
 
 
 def _pairs(experiment: Experiment, fit: ExternalFit, read: Sequence[str], robot: RobotFile) -> _Found:
@@ -84,11 +84,11 @@ def _pairs(experiment: Experiment, fit: ExternalFit, read: Sequence[str], robot:
         for index, pair in enumerate(fit.pairs):
             for side, one, names in zip(("input", "output"), pair, known, strict=True):
                 if one not in names:
-                    message = f"campaign `{name}` has no {side} `{one}`; {suggest(one, names)}"
+                    message = f"S066 campaign `{name}` has no {side} `{one}`; {suggest(one, names)}"
                     yield ("pairs", index), message
     for index, pair in enumerate(fit.pairs):
         if pair in fit.pairs[:index]:
-            yield ("pairs", index), "is there twice"
+            yield ("pairs", index), "S067 is there twice"
 
 
 def _channel_names(campaign: Campaign, robot: RobotFile) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -37,7 +37,7 @@ def fit(data: Data, work: Work) -> Artifact:
     work.progress.expect(1, "fits")
     frf, held_back = data.response, _held_back(data, settings)
     if held_back.all():
-        message = "`choose_on` leaves no configuration to fit"
+        message = "D175 `choose_on` leaves no configuration to fit"
         raise DataError(message, where=f"fits.{data.name}", remedy="leave it fewer of them")
     own, choosing = (frf.select(np.flatnonzero(rows).tolist()) for rows in (~held_back, held_back))
     ports = ports_of(own, data.loaded, settings)
@@ -77,7 +77,9 @@ def _refuse_outside(points: FloatArray, lower: FloatArray, upper: FloatArray, po
     outside = is_outside(points, lower, upper)
     if outside.any():
         told = f"The model holds from {ports.place(lower)} to {ports.place(upper)}"
-        raise DataError(f"{told}, which leaves a position out.", where=ports.place(points[outside][0]), remedy=remedy)
+        raise DataError(
+            f"D176 {told}, which leaves a position out.", where=ports.place(points[outside][0]), remedy=remedy
+        )
 
 
 def validate(data: Data, model: Artifact, _true: TrueRobot | None = None) -> Artifact:
@@ -153,7 +155,7 @@ def _held_back(data: Data, settings: LpvFit) -> BoolArray:
     else:
         rows = np.isin(np.array(data.configurations), settings.choose_on)
     if not rows.any():
-        message = "`choose_on` names no configuration that the fit reads"
+        message = "D177 `choose_on` names no configuration that the fit reads"
         raise DataError(message, where=f"fits.{data.name}", remedy="name some of them, or a campaign of `from`")
     return np.asarray(rows)
 
@@ -167,7 +169,7 @@ def _channels(frf: Frf, settings: LpvFit) -> tuple[IntArray, IntArray]:
     ):
         missing = [name for name in wanted if name not in known]
         if missing:
-            message = f"the response has no {word} `{missing[0]}` (it has {', '.join(known)})"
+            message = f"D178 the response has no {word} `{missing[0]}` (it has {', '.join(known)})"
             raise DataError(message, where=f"fits.{word}s", remedy="name channels of the response")
         found.append(np.array([known.index(name) for name in wanted or known]))
     return found[0], found[1]
@@ -183,7 +185,7 @@ def _points(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> FloatArray:
         elif name in frf.output_names and frf.mean_output is not None:
             columns.append(frf.mean_output[:, frf.output_names.index(name)])
         else:
-            message = f"the responses do not say where `{name}` was"
+            message = f"D179 the responses do not say where `{name}` was"
             remedy = "schedule by a joint whose positions the campaign names, or by an output with its mean"
             raise DataError(message, where="fits.scheduling", remedy=remedy)
     return np.column_stack(columns)

@@ -67,9 +67,12 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     yield from _chosen_on(experiment, fit)
     yield from _functions(experiment, fit)
     if fit.basis.center and len(fit.basis.center) != len(fit.scheduling):
-        yield ("basis", "center"), f"has {len(fit.basis.center)} values for {len(fit.scheduling)} scheduling parameters"
+        yield (
+            ("basis", "center"),
+            f"S070 has {len(fit.basis.center)} values for {len(fit.scheduling)} scheduling parameters",
+        )
     if fit.basis.kind == "splines" and fit.basis.center:
-        yield ("basis", "center"), "is of polynomials; splines have none"
+        yield ("basis", "center"), "S071 is of polynomials; splines have none"
     if fit.campaign not in experiment.campaigns:
         return
     known = output_names(experiment.campaigns[fit.campaign], robot)
@@ -79,42 +82,42 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     joints = tuple(joint.name for joint in robot.joints)
     for index, one in enumerate(fit.scheduling):
         if one not in (*joints, *known):
-            yield ("scheduling", index), f"there is no joint or output `{one}`; {suggest(one, (*joints, *known))}"
+            yield ("scheduling", index), f"S072 there is no joint or output `{one}`; {suggest(one, (*joints, *known))}"
         elif one in fit.scheduling[:index]:
-            yield ("scheduling", index), "is there twice"
+            yield ("scheduling", index), "S073 is there twice"
     if min(fit.integrators, default=0) < 0:
-        yield ("integrators",), "has a count below 0"
+        yield ("integrators",), "S074 has a count below 0"
     count = len(fit.outputs or known)
     if fit.integrators and len(fit.integrators) != count:
-        yield ("integrators",), f"has {len(fit.integrators)} counts for {count} outputs"
+        yield ("integrators",), f"S075 has {len(fit.integrators)} counts for {count} outputs"
 
 
 def _channels(fit: LpvFit, word: str, wanted: tuple[str, ...], known: tuple[str, ...]) -> _Found:
     """Yields channels that are not there, or there twice."""
     for index, one in enumerate(wanted):
         if one not in known:
-            yield (f"{word}s", index), f"campaign `{fit.campaign}` has no {word} `{one}`; {suggest(one, known)}"
+            yield (f"{word}s", index), f"S076 campaign `{fit.campaign}` has no {word} `{one}`; {suggest(one, known)}"
         elif one in wanted[:index]:
-            yield (f"{word}s", index), f"`{one}` is there twice"
+            yield (f"{word}s", index), f"S077 `{one}` is there twice"
 
 
 def _chosen_on(experiment: Experiment, fit: LpvFit) -> _Found:
     """Yields what is wrong with what only chooses the structure."""
     if isinstance(fit.choose_on, str):
         if fit.choose_on not in fit.campaigns:
-            yield ("choose_on",), f"names `{fit.choose_on}`, which is none of the campaigns in `from`"
+            yield ("choose_on",), f"S078 names `{fit.choose_on}`, which is none of the campaigns in `from`"
         elif len(fit.campaigns) == 1:
-            yield ("choose_on",), "names the only campaign in `from`: nothing is left to fit"
+            yield ("choose_on",), "S079 names the only campaign in `from`: nothing is left to fit"
         return
     count = _count(experiment, fit)
     for index, one in enumerate(fit.choose_on):
         if fit.configurations is not None and one not in fit.configurations:
-            yield ("choose_on", index), f"is {one}, which is none of `configurations`"
+            yield ("choose_on", index), f"S080 is {one}, which is none of `configurations`"
         elif count is not None and one >= count:
-            what = f"there is no index {one}: the fit reads {count} configurations, from index 0 to {count - 1}"
+            what = f"S081 there is no index {one}: the fit reads {count} configurations, from index 0 to {count - 1}"
             yield ("choose_on", index), what
     if count is not None and set(fit.choose_on) >= set(fit.configurations or range(count)):
-        yield ("choose_on",), "leaves no configuration to fit: leave it fewer of them"
+        yield ("choose_on",), "S082 leaves no configuration to fit: leave it fewer of them"
 
 
 def _functions(experiment: Experiment, fit: LpvFit) -> _Found:
@@ -129,7 +132,7 @@ def _functions(experiment: Experiment, fit: LpvFit) -> _Found:
     wanted = fit.basis.count(len(fit.scheduling))
     if 0 < left < wanted:
         message = (
-            f"{left} positions cannot tell {wanted} functions apart, the constant one counted: lower"
+            f"S083 {left} positions cannot tell {wanted} functions apart, the constant one counted: lower"
             f" {'`degree` or `pieces`' if fit.basis.kind == 'splines' else '`degree`'}, or fit more positions"
         )
         yield ("basis",), message

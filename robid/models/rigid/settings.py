@@ -56,15 +56,17 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     """Yields what is wrong with a rigid fit for a robot."""
     fit = rigid_fit(experiment, name)
     if fit.estimator == "instruments" and fit.instruments == "none":
-        yield ("estimator",), "is `instruments`, but `instruments` is `none`: let it be `auto`"
+        yield ("estimator",), "S084 is `instruments`, but `instruments` is `none`: let it be `auto`"
     if fit.estimator == "instruments" and robot.without_motor:
         listed = ", ".join(f"`{one}`" for one in robot.without_motor)
-        message = f"instrumental variables simulate a loop of motors, which {listed} lack: take another `estimator`"
+        message = (
+            f"S085 instrumental variables simulate a loop of motors, which {listed} lack: take another `estimator`"
+        )
         yield ("estimator",), message
     elif fit.estimator == "instruments" and robot.controller is None:
-        yield ("estimator",), "instrumental variables need the robot file's `controller`, which is missing"
+        yield ("estimator",), "S086 instrumental variables need the robot file's `controller`, which is missing"
     if fit.model.friction == "load" and fit.estimator == "instruments":
-        message = "friction that grows with the measured torque has no instrument: take another `estimator`"
+        message = "S087 friction that grows with the measured torque has no instrument: take another `estimator`"
         yield ("estimator",), message
     yield from _payloads(experiment, fit, robot)
     yield from _cut_off(experiment, fit, robot)
@@ -78,7 +80,7 @@ def _cut_off(experiment: Experiment, fit: RigidFit, robot: RobotFile) -> _Found:
         period_s = None if read is None else sampling_period_s(read, robot)
         if period_s is not None and cut_hz is not None and cut_hz >= 0.5 / period_s:
             message = (
-                f"{cut_hz:g} Hz is not below half the sampling rate of `{name}` ({place}), {0.5 / period_s:g} Hz: "
+                f"S088 {cut_hz:g} Hz is not below half the sampling rate of `{name}` ({place}), {0.5 / period_s:g} Hz: "
                 "state a lower one, or leave it out to have it chosen"
             )
             yield ("filters", "position_cut_hz"), message
@@ -88,7 +90,7 @@ def _payloads(experiment: Experiment, fit: RigidFit, robot: RobotFile) -> _Found
     """Yields what is wrong with the payloads of a fit's campaigns."""
     apart = fit.model.payload == "body"
     if apart and robot.payload is None:
-        message = "a payload with parameters of its own needs a `payload` in the robot file"
+        message = "S089 a payload with parameters of its own needs a `payload` in the robot file"
         yield ("model", "payload"), message
         return
     known = [name for name in fit.campaigns if name in experiment.campaigns]
@@ -98,19 +100,19 @@ def _payloads(experiment: Experiment, fit: RigidFit, robot: RobotFile) -> _Found
         listed = ", ".join(f"{mass:g}" for mass in sorted(carried))
         yield (
             ("from",),
-            f"names campaigns with payloads of {listed} kg: one body is one of them, or none (`payload_kg: 0`)",
+            f"S090 names campaigns with payloads of {listed} kg: one body is one of them, or none (`payload_kg: 0`)",
         )
     elif apart and not (carried and 0 in masses.values()):
         lack = "without" if carried else "with"
         message = (
-            f"names no campaign {lack} payload: a payload with parameters of its own is what records with it have"
+            f"S091 names no campaign {lack} payload: a payload with parameters of its own is what records with it have"
             " beside those without (`payload_kg: 0`)"
         )
         yield ("from",), message
     new = experiment.campaigns.get(fit.validate_on or "")
     if new is not None and masses and payload_kg(new, robot) not in ({0.0, *carried} if apart else masses.values()):
         message = (
-            f"campaign `{fit.validate_on}` has a payload of {payload_kg(new, robot):g} kg, which the fit never saw"
+            f"S092 campaign `{fit.validate_on}` has a payload of {payload_kg(new, robot):g} kg, which the fit never saw"
         )
         yield ("validate_on",), message
 

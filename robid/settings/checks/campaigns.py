@@ -30,7 +30,7 @@ def check_truth(field: FieldPath, campaign: Campaign, simulate: SimulateSettings
     springs = [spring.name for spring in robot.all_springs]
     for index, name in enumerate(truth.keep):
         if name not in springs:
-            yield (*field, "truth", "keep", index), f"there is no spring `{name}`; {suggest(name, springs)}"
+            yield (*field, "truth", "keep", index), f"S131 there is no spring `{name}`; {suggest(name, springs)}"
     yield from _factors((*field, "truth"), truth, robot)
     yield from _drives((*field, "truth"), truth, robot)
     yield from _springs((*field, "truth", "springs"), truth, robot)
@@ -53,42 +53,45 @@ def _factors(field: FieldPath, truth: TruthSettings, robot: RobotFile) -> Found:
         for name, factor in getattr(truth, key).items():
             if name not in names:
                 kind = "body" if names is bodies else "joint"
-                yield (*field, key, name), f"there is no {kind} `{name}`; {suggest(name, names)}"
+                yield (*field, key, name), f"S132 there is no {kind} `{name}`; {suggest(name, names)}"
             if factor <= 0:
-                yield (*field, key, name), f"must be above 0 (found {factor:g})"
+                yield (*field, key, name), f"S133 must be above 0 (found {factor:g})"
     for index, name in enumerate(truth.reversed_torque):
         if name not in joints:
-            yield (*field, "reversed_torque", index), f"there is no joint `{name}`; {suggest(name, joints)}"
+            yield (*field, "reversed_torque", index), f"S134 there is no joint `{name}`; {suggest(name, joints)}"
 
 
 def _drives(field: FieldPath, truth: TruthSettings, robot: RobotFile) -> Found:
     joints = [joint.name for joint in robot.joints]
     least, most = truth.mass_relative
     if not 0 <= least <= most < 1:
-        yield (*field, "mass_relative"), f"must be two shares below 1, the smaller first (found {least:g}, {most:g})"
+        yield (
+            (*field, "mass_relative"),
+            f"S135 must be two shares below 1, the smaller first (found {least:g}, {most:g})",
+        )
     for joint, others in truth.couplings.items():
         for name in (joint, *others):
             if name not in joints:
-                yield (*field, "couplings", joint), f"there is no joint `{name}`; {suggest(name, joints)}"
+                yield (*field, "couplings", joint), f"S388 there is no joint `{name}`; {suggest(name, joints)}"
         if joint in others:
-            yield (*field, "couplings", joint), "a joint's own motor moves it by its gear ratio"
+            yield (*field, "couplings", joint), "S137 a joint's own motor moves it by its gear ratio"
     turning = [joint.name for joint in robot.joints if joint.type == "revolute" and joint.counterbalance is None]
     for name in truth.counterbalance_nm:
         if name not in turning:
-            message = f"there is no revolute joint `{name}` without a counterbalance; {suggest(name, turning)}"
+            message = f"S138 there is no revolute joint `{name}` without a counterbalance; {suggest(name, turning)}"
             yield (*field, "counterbalance_nm", name), message
 
 
 def _friction(field: FieldPath, flaws: Imperfections) -> Found:
     for key in ("load_friction", "friction_asymmetry"):
         if getattr(flaws, key) and flaws.friction == "none":
-            yield (*field, key), "changes the levels of a friction law: give `friction` too"
+            yield (*field, key), "S139 changes the levels of a friction law: give `friction` too"
 
 
 def _springs(field: FieldPath, truth: TruthSettings, robot: RobotFile) -> Found:
     for index, spring in enumerate(truth.springs):
         if spring.place == "transmission":
-            message = "every joint has its transmission in the robot file; `spring_factor` changes it"
+            message = "S140 every joint has its transmission in the robot file; `spring_factor` changes it"
             yield (*field, index, "place"), message
     own = len(robot.springs)
     for (section, *rest), message in check_springs(with_truth_springs(robot, truth)):
@@ -102,12 +105,12 @@ def _payload(field: FieldPath, extra_kg: float, campaign: Campaign, robot: Robot
     stated = 0.0 if robot.payload is None else robot.payload.mass_kg
     mass = stated if campaign.payload_kg is None else campaign.payload_kg
     if mass == 0:
-        message = "the robot carries no payload whose mass could differ: give the robot file a `payload` with mass"
+        message = "S141 the robot carries no payload whose mass could differ: give the robot file a `payload` with mass"
         yield field, message
     elif mass + extra_kg < 0:
-        yield field, f"the payload has {mass:g} kg: no more than that can be missing (found {extra_kg:g})"
+        yield field, f"S142 the payload has {mass:g} kg: no more than that can be missing (found {extra_kg:g})"
     elif mass + extra_kg == 0 and any(spring.place == "payload" for spring in robot.springs):
-        yield field, "a payload on springs needs some mass"
+        yield field, "S143 a payload on springs needs some mass"
 
 
 SPEED, TORQUE = "max_speed_rad_s", "max_torque_nm"
@@ -142,7 +145,7 @@ def missing_limits(field: FieldPath, what: str, robot: RobotFile, keys: tuple[st
         if joint.motor is not None and getattr(joint.motor, key) is None
     ]
     if places:
-        yield field, f"{what} the robot file's {', '.join(f'`{place}`' for place in places)}: missing"
+        yield field, f"S144 {what} the robot file's {', '.join(f'`{place}`' for place in places)}: missing"
 
 
 def check_without_robot(experiment: Experiment, families: Families) -> Found:
@@ -153,28 +156,30 @@ def check_without_robot(experiment: Experiment, families: Families) -> Found:
         for below, message in _campaign(campaign):
             yield ("campaigns", name, *below), message
     for name in experiment.designs:
-        yield ("designs", name), "a choice of configurations needs `robot`"
+        yield ("designs", name), "S145 a choice of configurations needs `robot`"
     for name, fit in experiment.fits.items():
         if families[fit.family].needs_robot:
-            yield ("fits", name, "family"), f"a fit of family `{fit.family}` needs `robot`"
+            yield ("fits", name, "family"), f"S146 a fit of family `{fit.family}` needs `robot`"
 
 
 def _campaign(campaign: Campaign) -> Found:
     acquire = None if campaign.source is None else campaign.source.acquire
     if acquire is None:
         what = "an excitation" if campaign.source is None else "a simulation"
-        yield ("source",), f"{what} needs `robot`: without one, a campaign is imported from logs (`acquire`)"
+        yield ("source",), f"S147 {what} needs `robot`: without one, a campaign is imported from logs (`acquire`)"
     elif acquire.references and not (acquire.one_shot or campaign.is_arbitrary):
-        message = "a match with an excitation that is designed here needs `robot`: name what drives it under `inputs`"
+        message = (
+            "S148 a match with an excitation that is designed here needs `robot`: name what drives it under `inputs`"
+        )
         yield ("source", "acquire", "references"), message
     if campaign.configurations is not None:
-        yield ("configurations",), "are joint angles, which need `robot`: leave them out"
+        yield ("configurations",), "S149 are joint angles, which need `robot`: leave them out"
     if campaign.payload_kg is not None:
-        yield ("payload_kg",), "is carried by a `robot`: leave it out"
+        yield ("payload_kg",), "S150 is carried by a `robot`: leave it out"
     if campaign.is_trajectory:
-        yield ("excitation",), "a trajectory is designed for a `robot`: import its log as `one_shot`"
+        yield ("excitation",), "S151 a trajectory is designed for a `robot`: import its log as `one_shot`"
     if campaign.estimate.compensation in ("nominal", "silent_lines") or campaign.estimate.friction_fit is not None:
-        yield ("estimate", "compensation"), "friction is that of a `robot`: use `compensation: none`"
+        yield ("estimate", "compensation"), "S152 friction is that of a `robot`: use `compensation: none`"
 
 
 _EARLIER = ("prior", "between")
@@ -188,11 +193,11 @@ def check_designs(experiment: Experiment, robot: RobotFile | None) -> Found:
         yield from _candidates(field, experiment, design)
         for index, kind in enumerate(design.nuisance or ()):
             if kind in design.free:
-                yield (*field, "nuisance", index), f"`{kind}` is under `free` already: name each kind once"
+                yield (*field, "nuisance", index), f"S153 `{kind}` is under `free` already: name each kind once"
         for key in _EARLIER:
             earlier = getattr(design, key)
             if earlier is not None and earlier not in experiment.fits:
-                yield (*field, key), f"there is no fit `{earlier}`; {suggest(earlier, experiment.fits)}"
+                yield (*field, key), f"S154 there is no fit `{earlier}`; {suggest(earlier, experiment.fits)}"
         yield from _fit(field, experiment, design)
         if robot is not None:
             yield from _parameters(field, experiment, design, robot)
@@ -202,32 +207,44 @@ def _candidates(field: FieldPath, experiment: Experiment, design: Design) -> Fou
     campaign = experiment.campaigns.get(design.campaign)
     if campaign is None:
         known = experiment.campaigns
-        yield (*field, "campaign"), f"there is no campaign `{design.campaign}`; {suggest(design.campaign, known)}"
+        yield (*field, "campaign"), f"S155 there is no campaign `{design.campaign}`; {suggest(design.campaign, known)}"
         return
     if campaign.is_trajectory:
-        message = f"campaign `{design.campaign}` plays a trajectory, which tells nothing of springs: name another one"
+        message = (
+            f"S156 campaign `{design.campaign}` plays a trajectory, which tells nothing of springs: name another one"
+        )
         yield (*field, "campaign"), message
     if campaign.moves_poses:
-        message = f"campaign `{design.campaign}` commands poses, which tells nothing of springs: name another one"
+        message = f"S157 campaign `{design.campaign}` commands poses, which tells nothing of springs: name another one"
         yield (*field, "campaign"), message
     if campaign.travels:
-        message = f"campaign `{design.campaign}` travels, so it has no responses to choose by: name another one"
+        message = f"S158 campaign `{design.campaign}` travels, so it has no responses to choose by: name another one"
         yield (*field, "campaign"), message
     if campaign.configurations is None and campaign.is_one_shot:
-        yield (*field, "campaign"), f"campaign `{design.campaign}` is one shot without configurations to choose from"
+        yield (
+            (*field, "campaign"),
+            f"S159 campaign `{design.campaign}` is one shot without configurations to choose from",
+        )
         return
     count = configuration_count(experiment, campaign)
     if count is not None and design.count > count:
-        yield (*field, "count"), f"cannot choose {design.count} of the {count} configurations of `{design.campaign}`"
+        yield (
+            (*field, "count"),
+            f"S160 cannot choose {design.count} of the {count} configurations of `{design.campaign}`",
+        )
     if design.information == "measured" and (campaign.source is None or campaign.is_one_shot):
         lacks = "is one shot" if campaign.is_one_shot else "has no `source`"
         message = (
-            f"campaign `{design.campaign}` {lacks}, so there are no responses to read: give it one that repeats, or use"
+            f"S161 campaign `{design.campaign}` {lacks}, so there are no responses to read: give it one that "
+            "repeats, or use"
             " `information: assumed`"
         )
         yield (*field, "information"), message
     if design.information == "assumed" and design.weights.mean == "fit":
-        yield (*field, "weights", "mean"), "a fit's own weights need the responses' covariance: `information: measured`"
+        yield (
+            (*field, "weights", "mean"),
+            "S162 a fit's own weights need the responses' covariance: `information: measured`",
+        )
 
 
 def _fit(field: FieldPath, experiment: Experiment, design: Design) -> Found:
@@ -235,12 +252,13 @@ def _fit(field: FieldPath, experiment: Experiment, design: Design) -> Found:
         return
     fit = experiment.fits.get(design.fit)
     if fit is None:
-        yield (*field, "fit"), f"there is no fit `{design.fit}`; {suggest(design.fit, experiment.fits)}"
+        yield (*field, "fit"), f"S163 there is no fit `{design.fit}`; {suggest(design.fit, experiment.fits)}"
     elif fit.designed_for is None:
         yield (*field, "fit"), _other_family(design.fit, fit)
     if design.weights != DesignWeights(mean="fit"):
         message = (
-            f"a choice for fit `{design.fit}` needs `weights: {{mean: fit}}` and nothing beside it: the rest comes from"
+            f"S164 a choice for fit `{design.fit}` needs `weights: {{mean: fit}}` and nothing beside it: the rest "
+            "comes from"
             " the fit"
         )
         yield (*field, "weights"), message
@@ -252,7 +270,7 @@ def _parameters(field: FieldPath, experiment: Experiment, design: Design, robot:
     known = parameter_names(robot, (*design.free, *design.along(freed)))
     for index, name in enumerate(design.fixed):
         if name not in known:
-            yield (*field, "fixed", index), f"nothing estimates `{name}`; {suggest(name, known)}"
+            yield (*field, "fixed", index), f"S165 nothing estimates `{name}`; {suggest(name, known)}"
     wanted = [name for name in parameter_names(robot, design.free) if name not in design.fixed]
     for key in _EARLIER:
         yield from _earlier((*field, key), experiment, getattr(design, key) or "", wanted, robot)
@@ -270,11 +288,11 @@ def _earlier(field: FieldPath, experiment: Experiment, name: str, wanted: list[s
     missing = [f"`{each}`" for each in wanted if each not in estimated]
     if missing:
         message = (
-            f"fit `{name}` does not estimate {', '.join(missing)}: fix them here, or estimate them there, each for"
+            f"S166 fit `{name}` does not estimate {', '.join(missing)}: fix them here, or estimate them there, each for"
             " itself"
         )
         yield field, message
 
 
 def _other_family(name: str, fit: FitSettings) -> str:
-    return f"fit `{name}` is of family `{fit.family}`, but a design knows elastic models only"
+    return f"S167 fit `{name}` is of family `{fit.family}`, but a design knows elastic models only"

@@ -43,7 +43,7 @@ def check_cycles(experiment: Experiment) -> Found:
     for start in experiment.campaigns:
         trail = _way_back(experiment, start, (start,))
         if trail is not None and start == min(trail):
-            message = f"campaigns and designs go in a circle: {' -> '.join([*trail, start])}"
+            message = f"S168 campaigns and designs go in a circle: {' -> '.join([*trail, start])}"
             yield ("campaigns", start, "configurations", "from"), message
 
 
@@ -102,17 +102,17 @@ def check_reachable(field: FieldPath, chosen: Configurations, robot: RobotFile) 
         yield from check_reachable((*field, "join", index), part, robot)
     if any(robot.slides) and chosen.key in ("list_deg", "grid_deg"):
         plain = chosen.key.removesuffix("_deg")
-        yield (*field, chosen.key), f"the robot has prismatic joints: write `{plain}`, with metres for these"
+        yield (*field, chosen.key), f"S169 the robot has prismatic joints: write `{plain}`, with metres for these"
         return
     for index, row in enumerate(chosen.list_rows or ()):
         if len(row) != n_joint:
             what = "positions" if any(robot.slides) else "angles"
-            yield (*field, chosen.key, index), f"has {len(row)} {what} for the {n_joint} joints of the robot"
+            yield (*field, chosen.key, index), f"S170 has {len(row)} {what} for the {n_joint} joints of the robot"
             continue
         for joint, position in enumerate(row):
             yield from _within((*field, chosen.key, index, joint), robot, joint, position)
     if chosen.grid_rows is not None and len(chosen.grid_rows) != n_joint:
-        yield (*field, chosen.key), f"has {len(chosen.grid_rows)} rows for the {n_joint} joints of the robot"
+        yield (*field, chosen.key), f"S171 has {len(chosen.grid_rows)} rows for the {n_joint} joints of the robot"
     elif chosen.grid_rows is not None:
         for joint, row in enumerate(chosen.grid_rows):
             for index, position in enumerate(row):
@@ -125,7 +125,7 @@ def check_reachable(field: FieldPath, chosen: Configurations, robot: RobotFile) 
             key = "margin_m" if section.slides else "margin_deg"
             if upper - lower < 2 * getattr(chosen.random, key):
                 reach = f"{lower:g} to {upper:g} {section.limits_unit}"
-                yield (*field, "random", key), f"leaves nothing of the range of joint `{section.name}`, {reach}"
+                yield (*field, "random", key), f"S172 leaves nothing of the range of joint `{section.name}`, {reach}"
 
 
 def _within(field: FieldPath, robot: RobotFile, joint: int, position: float) -> Found:
@@ -135,7 +135,9 @@ def _within(field: FieldPath, robot: RobotFile, joint: int, position: float) -> 
     lower, upper = section.stated_limits
     if not lower - _LIMIT_TOLERANCE <= position <= upper + _LIMIT_TOLERANCE:
         unit = section.limits_unit
-        message = f"{position:g} {unit} is unreachable: joint `{section.name}` moves from {lower:g} to {upper:g} {unit}"
+        message = (
+            f"S173 {position:g} {unit} is unreachable: joint `{section.name}` moves from {lower:g} to {upper:g} {unit}"
+        )
         yield field, message
 
 

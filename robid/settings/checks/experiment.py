@@ -36,8 +36,8 @@ class Studies:
     check: Callable[[Experiment, RobotFile | None], Found]
 
 
-_ARBITRARY = "`arbitrary` says what logs hold: add `source: {acquire: ...}`, or choose a signal that can be played"
-_FOUND = "lines are `found` in logs: add `source: {acquire: ...}`, or say which lines are played"
+_ARBITRARY = "S174 `arbitrary` says what logs hold: add `source: {acquire: ...}`, or choose a signal that can be played"
+_FOUND = "S175 lines are `found` in logs: add `source: {acquire: ...}`, or say which lines are played"
 _NO_RMS = (TrajectoryOptions, PoseChirpOptions, ArbitraryOptions)
 _FOLDERS = ("designs", "fits", "tasks")
 
@@ -99,11 +99,11 @@ def input_names(campaign: Campaign, robot: RobotFile) -> tuple[str, ...]:
 def _folders(experiment: Experiment) -> Found:
     for name in experiment.campaigns:
         if name in _FOLDERS:
-            yield ("campaigns", name), f"`{name}` is a folder of every run: give the campaign another name"
+            yield ("campaigns", name), f"S176 `{name}` is a folder of every run: give the campaign another name"
 
 
 def _unknown(kind: str, name: str, known: Mapping[str, object]) -> str:
-    return f"there is no {kind} `{name}`; {suggest(name, known)}"
+    return f"S177 there is no {kind} `{name}`; {suggest(name, known)}"
 
 
 def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> Found:
@@ -113,14 +113,14 @@ def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> Found:
             if design not in experiment.designs:
                 yield place, _unknown("design", design, experiment.designs)
     elif not campaign.is_one_shot and experiment.robot is not None:
-        yield (*field, "configurations"), "is missing: only logs of one shot go without"
+        yield (*field, "configurations"), "S178 is missing: only logs of one shot go without"
     if isinstance(campaign.excitation, TrajectoryOptions):
         if campaign.experiments is not None:
-            yield (*field, "experiments"), "a trajectory is one experiment in each realization: leave it out"
+            yield (*field, "experiments"), "S179 a trajectory is one experiment in each realization: leave it out"
     elif not isinstance(campaign.excitation, PoseChirpOptions | ArbitraryOptions):
         rms = campaign.excitation.rms
         if min(rms if isinstance(rms, tuple) else (rms,), default=0.0) <= 0:
-            yield (*field, "excitation", "rms"), f"must be above 0 (found {rms})"
+            yield (*field, "excitation", "rms"), f"S180 must be above 0 (found {rms})"
     if campaign.source is None or campaign.source.acquire is None:
         if campaign.is_arbitrary or campaign.finds_lines:
             yield (*field, "excitation"), _ARBITRARY if campaign.is_arbitrary else _FOUND
@@ -136,7 +136,7 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> Found
         yield from check_reachable((*field, "configurations"), campaign.configurations, robot)
     rms = () if isinstance(campaign.excitation, _NO_RMS) else campaign.excitation.rms
     if isinstance(rms, tuple) and rms and len(rms) != n_joint:
-        message = f"has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"
+        message = f"S181 has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"
         yield (*field, "excitation", "rms"), message
     acquire = None if campaign.source is None else campaign.source.acquire
     yield from _travel((*field, "excitation", "travel"), campaign, robot)
@@ -145,14 +145,17 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> Found
             yield from _experiments(field, campaign, n_joint if acquire is None else len(acquire.inputs))
         yield from _lines(field, campaign, robot)
     if campaign.payload_kg and (robot.payload is None or robot.payload.mass_kg == 0):
-        yield (*field, "payload_kg"), "the robot file has no payload whose inertia could be scaled to this mass"
+        yield (*field, "payload_kg"), "S182 the robot file has no payload whose inertia could be scaled to this mass"
     yield from _outputs(field, campaign, robot)
     yield from check_pose_campaign(field, campaign, robot)
     if acquire is not None:
         yield from check_channels(field, campaign, acquire, robot)
     elif campaign.source is not None and campaign.source.simulate is not None:
         if robot.controller is None:
-            yield (*field, "source", "simulate"), "a simulation needs the robot file's `controller`, which is missing"
+            yield (
+                (*field, "source", "simulate"),
+                "S183 a simulation needs the robot file's `controller`, which is missing",
+            )
         yield from check_truth((*field, "source", "simulate"), campaign, campaign.source.simulate, robot)
 
 
@@ -170,41 +173,41 @@ def _travel(field: FieldPath, campaign: Campaign, robot: RobotFile) -> Found:
         return
     joints = {joint.name: joint for joint in robot.joints}
     if travel.joint not in joints:
-        yield (*field, "joint"), f"there is no joint `{travel.joint}`; {suggest(travel.joint, joints)}"
+        yield (*field, "joint"), f"S184 there is no joint `{travel.joint}`; {suggest(travel.joint, joints)}"
         return
     wanted, other = (
         ("amplitude_m", "amplitude_deg") if joints[travel.joint].slides else ("amplitude_deg", "amplitude_m")
     )
     if getattr(travel, other) is not None:
-        yield (*field, other), f"has the wrong unit for `{travel.joint}`: write `{wanted}`"
+        yield (*field, other), f"S185 has the wrong unit for `{travel.joint}`: write `{wanted}`"
 
 
 def _experiments(field: FieldPath, campaign: Campaign, n_motor: int) -> Found:
     count = n_motor if campaign.experiments is None else campaign.experiments
     if count > n_motor:
-        yield (*field, "experiments"), f"a block has {n_motor} experiments, one per motor: {count} are too many"
+        yield (*field, "experiments"), f"S186 a block has {n_motor} experiments, one per motor: {count} are too many"
     elif count < n_motor and campaign.estimate.estimator != "local_periodic":
-        message = f"{count} experiments do not separate {n_motor} motors: use the estimator `local_periodic`"
+        message = f"S187 {count} experiments do not separate {n_motor} motors: use the estimator `local_periodic`"
         yield (*field, "estimate", "estimator"), message
     if count < n_motor and campaign.estimate.compensation == "silent_lines":
-        message = f"needs a block of {n_motor} experiments, not {count}: use `compensation: nominal` or `none`"
+        message = f"S188 needs a block of {n_motor} experiments, not {count}: use `compensation: nominal` or `none`"
         yield (*field, "estimate", "compensation"), message
 
 
 def _outputs(field: FieldPath, campaign: Campaign, robot: RobotFile) -> Found:
     if campaign.source is not None and campaign.source.acquire is not None:
         if campaign.outputs != ("motors",):
-            yield (*field, "outputs"), "is for simulations: what a log has stands under `source.acquire.outputs`"
+            yield (*field, "outputs"), "S189 is for simulations: what a log has stands under `source.acquire.outputs`"
         return
     if campaign.outputs[:1] != ("motors",):
-        yield (*field, "outputs"), "must begin with `motors`"
+        yield (*field, "outputs"), "S190 must begin with `motors`"
         return
     known = robot.output_names[len(robot.joints) :]
     for index, name in enumerate(campaign.outputs[1:], start=1):
         if name not in known:
-            yield (*field, "outputs", index), f"the robot has no output `{name}`; {suggest(name, known)}"
+            yield (*field, "outputs", index), f"S191 the robot has no output `{name}`; {suggest(name, known)}"
         elif name in campaign.outputs[:index]:
-            yield (*field, "outputs", index), f"`{name}` is there twice"
+            yield (*field, "outputs", index), f"S192 `{name}` is there twice"
 
 
 def _lines(field: FieldPath, campaign: Campaign, robot: RobotFile) -> Found:
@@ -226,32 +229,38 @@ def _fit(experiment: Experiment, name: str, fit: FitSettings, families: Families
         if campaign not in experiment.campaigns:
             yield (*field, key), _unknown("campaign", campaign, experiment.campaigns)
         elif experiment.campaigns[campaign].source is None:
-            yield (*field, key), f"campaign `{campaign}` has no `source`, so there is no record to read"
+            yield (*field, key), f"S194 campaign `{campaign}` has no `source`, so there is no record to read"
         elif experiment.campaigns[campaign].is_one_shot and "frf" in reads:
-            yield (*field, key), f"campaign `{campaign}` is one shot, which has no frequency response to read"
+            yield (*field, key), f"S195 campaign `{campaign}` is one shot, which has no frequency response to read"
         elif experiment.campaigns[campaign].is_trajectory and "frf" in reads:
-            yield (*field, key), f"campaign `{campaign}` plays a trajectory, which has no frequency response to read"
+            yield (
+                (*field, key),
+                f"S196 campaign `{campaign}` plays a trajectory, which has no frequency response to read",
+            )
         elif experiment.campaigns[campaign].travels and "frf" in reads:
-            yield (*field, key), f"campaign `{campaign}` travels, so it has no frequency response to read"
+            yield (*field, key), f"S197 campaign `{campaign}` travels, so it has no frequency response to read"
     if fit.validate_on in fit.campaigns:
-        yield (*field, "validate_on"), f"campaign `{fit.validate_on}` is what the fit reads: validate on another one"
+        yield (
+            (*field, "validate_on"),
+            f"S198 campaign `{fit.validate_on}` is what the fit reads: validate on another one",
+        )
     if len(set(fit.campaigns)) < len(fit.campaigns):
-        yield (*field, "from"), "names a campaign twice"
+        yield (*field, "from"), "S199 names a campaign twice"
     used = [experiment.campaigns[name] for name in fit.campaigns if name in experiment.campaigns]
     if len({campaign.payload_kg for campaign in used}) > 1 and not fit.takes_payloads:
-        yield (*field, "from"), "names campaigns with different payloads, which one model cannot have"
+        yield (*field, "from"), "S200 names campaigns with different payloads, which one model cannot have"
     counts = [configuration_count(experiment, campaign) for campaign in used]
     known = len(used) == len(fit.campaigns) and None not in counts
     count = sum(each or 0 for each in counts) if known else None
     for position, index in enumerate(fit.configurations or ()):
         if count is not None and index >= count:
             message = (
-                f"there is no index {index}: {' and '.join(f'`{name}`' for name in fit.campaigns)}"
+                f"S201 there is no index {index}: {' and '.join(f'`{name}`' for name in fit.campaigns)}"
                 f" {'has' if len(fit.campaigns) == 1 else 'have'} {count} configurations, from index 0 to {count - 1}"
             )
             yield (*field, "configurations", position), message
         if index in (fit.configurations or ())[:position]:
-            yield (*field, "configurations", position), f"index {index} is there twice"
+            yield (*field, "configurations", position), f"S202 index {index} is there twice"
 
 
 def _fit_of_robot(experiment: Experiment, name: str, fit: FitSettings, robot: RobotFile, families: Families) -> Found:
@@ -264,4 +273,4 @@ def _fit_of_robot(experiment: Experiment, name: str, fit: FitSettings, robot: Ro
         other = experiment.campaigns.get(name)
         if read and other is not None and output_names(read[0], robot) != output_names(other, robot):
             ours, theirs = ", ".join(output_names(read[0], robot)), ", ".join(output_names(other, robot))
-            yield (*field, key), f"`{name}` measures {theirs}, but the fit reads {ours}"
+            yield (*field, key), f"S203 `{name}` measures {theirs}, but the fit reads {ours}"

@@ -53,9 +53,11 @@ def wrong_kinds(acquire: Acquire, robot: RobotFile) -> Found:
 def _wrong_side(channel: LogChannel, joint: JointSection) -> str:
     """Says why a channel cannot be of the side that is stated; those of outputs' names are checked with their names."""
     if channel.name.endswith(".arm") and channel.side not in (None, "arm"):
-        return f"`{channel.name}` is the arm side of `{joint.name}`: leave `side` out"
+        return f"S204 `{channel.name}` is the arm side of `{joint.name}`: leave `side` out"
     if channel.side == "motor" and not joint.has_motor:
-        return f"`{joint.name}` has no motor (`torque_measured_at: joint`): leave `side` out, all of it is the arm's"
+        return (
+            f"S205 `{joint.name}` has no motor (`torque_measured_at: joint`): leave `side` out, all of it is the arm's"
+        )
     return ""
 
 
@@ -65,7 +67,7 @@ def _wrong_kind(channel: LogChannel, joint: JointSection) -> str:
     is_arm = channel.channel.side == "arm"
     if unit == "A":
         told = f"`{channel.variable}` is a current, but `{name}` has no motor (`torque_measured_at: joint`)"
-        return "" if joint.has_motor else f"{told}: state what its sensor shows, in {_units(_own('N m', joint))}"
+        return "" if joint.has_motor else f"S206 {told}: state what its sensor shows, in {_units(_own('N m', joint))}"
     as_arm = joint.slides and is_arm
     # A linear motor's own units are those of what it moves: its ratio is 1, whichever way it goes.
     either = joint.slides and not is_arm and joint.motor is not None and abs(joint.motor.ratio or 0.0) == 1
@@ -75,11 +77,13 @@ def _wrong_kind(channel: LogChannel, joint: JointSection) -> str:
     quantity = {**_TURNS, **_SLIDES}[wanted]
     start = f"`{channel.variable}` is in {channel.unit}{_counted(channel)}, but "
     if not joint.slides:
-        return f"{start}`{name}` is revolute: its {quantity} is in {_units(wanted)} (or `side: tool`, measured there)"
+        return (
+            f"S207 {start}`{name}` is revolute: its {quantity} is in {_units(wanted)} (or `side: tool`, measured there)"
+        )
     if is_arm:
-        return f"{start}`{name}` is prismatic: its arm's {quantity} is in {_units(wanted)}"
+        return f"S208 {start}`{name}` is prismatic: its arm's {quantity} is in {_units(wanted)}"
     own = f"its motor's {quantity} is in {_units(wanted)}"
-    return f"{start}`{name}` is prismatic and its motor turns: {own}; what its slide does is named `{name}.arm`"
+    return f"S209 {start}`{name}` is prismatic and its motor turns: {own}; what its slide does is named `{name}.arm`"
 
 
 def _own(unit: str, joint: JointSection) -> str:
@@ -120,9 +124,9 @@ def check_handed_on(experiment: Experiment) -> Found:
 def _named(experiment: Experiment, field: FieldPath, name: str, what: HandedOn) -> Found:
     fit = experiment.fits.get(name)
     if fit is None:
-        yield field, f"there is no fit `{name}`; {suggest(name, experiment.fits)}"
+        yield field, f"S210 there is no fit `{name}`; {suggest(name, experiment.fits)}"
     elif what not in fit.hands_on:
-        yield field, f"fit `{name}` of family `{fit.family}` hands on no {_WHAT[what]}"
+        yield field, f"S211 fit `{name}` of family `{fit.family}` hands on no {_WHAT[what]}"
 
 
 def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configuration: int | None) -> Found:
@@ -142,17 +146,17 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
     yield from _file((*inside, "file"), acquire.file, counts, variables)
     if acquire.one_shot:
         if n_configuration not in (None, 1):
-            message = "one shot begins in one configuration; state repeated shots as realizations"
+            message = "S212 one shot begins in one configuration; state repeated shots as realizations"
             yield (*field, "configurations"), message
         if acquire.drop_periods:
-            yield (*inside, "drop_periods"), "one shot has no periods"
+            yield (*inside, "drop_periods"), "S213 one shot has no periods"
     if acquire.to_s is not None and acquire.to_s <= acquire.from_s:
-        yield (*inside, "to_s"), f"{acquire.to_s:g} is not above from_s {acquire.from_s:g}"
+        yield (*inside, "to_s"), f"S214 {acquire.to_s:g} is not above from_s {acquire.from_s:g}"
     if acquire.resample == "time" and acquire.time is None:
-        yield (*inside, "resample"), "there is no `time` to resample to"
+        yield (*inside, "resample"), "S215 there is no `time` to resample to"
     if acquire.resample == "period" and (acquire.one_shot or campaign.is_arbitrary):
         kind = "one shot" if acquire.one_shot else "an arbitrary signal"
-        yield (*inside, "resample"), f"{kind} has no period to resample to: leave it out, or resample to `time`"
+        yield (*inside, "resample"), f"S216 {kind} has no period to resample to: leave it out, or resample to `time`"
     every: tuple[tuple[str, tuple[LogChannel, ...]], ...] = (
         ("inputs", acquire.inputs),
         ("outputs", acquire.outputs),
@@ -162,9 +166,9 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
         names = [channel.name for channel in channels]
         for index, channel in enumerate(channels):
             if channel.name in names[:index]:
-                yield (*inside, key, index, "name"), f"`{channel.name}` is there twice"
+                yield (*inside, key, index, "name"), f"S217 `{channel.name}` is there twice"
             if channel.time is not None and acquire.time is None:
-                message = "state `time` below `acquire` too: all channels are brought to one clock, in its unit"
+                message = "S218 state `time` below `acquire` too: all channels are brought to one clock, in its unit"
                 yield (*inside, key, index, "time"), message
             if channel.file is not None:
                 yield from _file((*inside, key, index, "file"), channel.file, counts, [channel.variable])
@@ -173,18 +177,18 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
     known = units_of(INJECTED[campaign.excitation.inject], rotation=True)
     for index, reference in enumerate(acquire.references):
         if reference.unit not in known and not (acquire.one_shot or campaign.is_arbitrary):
-            message = f"{reference.unit} is no unit of a {campaign.excitation.inject}: use {' or '.join(known)}"
+            message = f"S219 {reference.unit} is no unit of a {campaign.excitation.inject}: use {' or '.join(known)}"
             yield (*inside, "references", index, "unit"), message
     for problem in input_problems(acquire.inputs):
         yield (*inside, "inputs"), problem
     for key, problem in acquire.pose_problems():
         yield (*inside, key), problem
     if campaign.estimate.compensation == "nominal" and any(channel.normalised for channel in acquire.inputs):
-        message = "friction in N m cannot be subtracted from a normalised current: use `compensation: none`"
+        message = "S220 friction in N m cannot be subtracted from a normalised current: use `compensation: none`"
         yield (*field, "estimate", "compensation"), message
     others = [one.channel.title for one in acquire.inputs if not one.problems() and not _is_torque(one)]
     if others and campaign.estimate.compensation_kind in ("nominal", "silent_lines", "fit"):
-        message = f"friction is subtracted from motor torques, not from a {others[0]}: use `compensation: none`"
+        message = f"S221 friction is subtracted from motor torques, not from a {others[0]}: use `compensation: none`"
         yield (*field, "estimate", "compensation"), message
 
 
@@ -192,23 +196,31 @@ def _signal(field: FieldPath, campaign: Campaign, acquire: Acquire) -> Found:
     """Finds what logs of an arbitrary signal, or whose lines are to be found, cannot have."""
     inside, estimate = (*field, "source", "acquire"), campaign.estimate
     if campaign.finds_lines and acquire.references:
-        message = "`found` is for signals that others have played; one that is designed here has the lines it was given"
+        message = (
+            "S222 `found` is for signals that others have played; one that is designed here has the lines it was given"
+        )
         yield (*field, "excitation", "lines"), message
     if not campaign.is_arbitrary:
         return
     if acquire.one_shot:
-        yield (*inside, "one_shot"), "an arbitrary signal is for responses, one shot for records: leave one of them out"
+        yield (
+            (*inside, "one_shot"),
+            "S223 an arbitrary signal is for responses, one shot for records: leave one of them out",
+        )
     if acquire.drop_periods:
-        yield (*inside, "drop_periods"), "an arbitrary signal has no periods: use `from_s` and `to_s`, or leave it out"
+        yield (
+            (*inside, "drop_periods"),
+            "S224 an arbitrary signal has no periods: use `from_s` and `to_s`, or leave it out",
+        )
     if "periods" in campaign.model_fields_set:
-        yield (*field, "periods"), "an arbitrary signal has no periods, all of its log is used: leave it out"
+        yield (*field, "periods"), "S225 an arbitrary signal has no periods, all of its log is used: leave it out"
     if estimate.estimator != "local":
-        yield (*field, "estimate", "estimator"), "an arbitrary signal is read by `local`: leave it out"
+        yield (*field, "estimate", "estimator"), "S226 an arbitrary signal is read by `local`: leave it out"
     if estimate.compensation_kind == "silent_lines":
-        message = "an arbitrary signal leaves no line silent: use `compensation: nominal` or `none`"
+        message = "S227 an arbitrary signal leaves no line silent: use `compensation: nominal` or `none`"
         yield (*field, "estimate", "compensation"), message
     if acquire.references and [one.name for one in acquire.references] != [one.name for one in acquire.inputs]:
-        yield (*inside, "references"), "must be those of the inputs, with their names, in their order"
+        yield (*inside, "references"), "S228 must be those of the inputs, with their names, in their order"
 
 
 def _is_torque(channel: InputChannel) -> bool:
@@ -227,8 +239,8 @@ def check_channels(field: FieldPath, campaign: Campaign, acquire: Acquire, robot
         named.append(("inputs", acquire.inputs))
     for key, channels in named:
         if channels and [channel.name for channel in channels] != joints:
-            message = f"must be one channel per joint, named in this order: {', '.join(joints)}"
-            yield (*inside, key), f"{message} (`{joints[0]}.arm` where it is one of the arm side)"
+            message = f"S229 must be one channel per joint, named in this order: {', '.join(joints)}"
+            yield (*inside, key), f"S230 {message} (`{joints[0]}.arm` where it is one of the arm side)"
     for index, output in enumerate(acquire.outputs):
         for key, problem in _output(output, joints):
             yield (*inside, "outputs", index, key), problem
@@ -237,9 +249,14 @@ def check_channels(field: FieldPath, campaign: Campaign, acquire: Acquire, robot
     if not acquire.references or acquire.one_shot or campaign.is_arbitrary:
         return
     if robot.controller is None:
-        yield (*inside, "references"), "the excitation is designed for the robot file's `controller`, which is missing"
+        yield (
+            (*inside, "references"),
+            "S231 the excitation is designed for the robot file's `controller`, which is missing",
+        )
     elif abs(robot.controller.sampling_period_s / acquire.sampling_period_s - 1) > 1e-9:
-        message = f"must be the controller's, {robot.controller.sampling_period_s:g} s, to be matched to its excitation"
+        message = (
+            f"S232 must be the controller's, {robot.controller.sampling_period_s:g} s, to be matched to its excitation"
+        )
         yield (*inside, "sampling_period_s"), message
 
 
@@ -249,25 +266,25 @@ def _output(output: OutputChannel, joints: list[str]) -> Iterator[tuple[str, str
     unsaid = part not in ("", "arm") and output.channel.quantity == "angle" and output.quantity is None
     if output.side != "tool" and (joint not in joints or unsaid):
         known = [*joints, *(f"{name}.arm" for name in joints)]
-        yield "name", f"`{output.name}` is not an angle of the robot; {suggest(output.name, known)}"
+        yield "name", f"S358 `{output.name}` is not an angle of the robot; {suggest(output.name, known)}"
     own = {"": "motor", "arm": "arm"}.get(part)
     if joint in joints and own is not None and output.side not in (None, own):
-        yield "side", f"`{output.name}` is the {own} side of `{joint}`: leave `side` out, or give it another name"
+        yield "side", f"S359 `{output.name}` is the {own} side of `{joint}`: leave `side` out, or give it another name"
 
 
 def _file(field: FieldPath, file: str, counts: dict[str, int], variables: list[str]) -> Found:
     """Finds numbers that a path cannot hold, and several logs under one name that share their variables."""
     rest = file.removeprefix(DATA_VARIABLE)
     if "$" in rest:
-        yield field, f"only `{DATA_VARIABLE}`, at the start, is replaced in a path"
+        yield field, f"S233 only `{DATA_VARIABLE}`, at the start, is replaced in a path"
         return
     try:
         used = {name for _, name, _, _ in string.Formatter().parse(rest) if name is not None}
         rest.format(**dict.fromkeys(PLACES, 1))
     except (ValueError, KeyError, IndexError, AttributeError):
-        yield field, f"only {', '.join(f'`{{{name}}}`' for name in PLACES)} stand for numbers in a path"
+        yield field, f"S234 only {', '.join(f'`{{{name}}}`' for name in PLACES)} stand for numbers in a path"
         return
     for name, count in counts.items():
         if count > 1 and name not in used and not (variables and all(is_numbered(one, name) for one in variables)):
             message = f"there is one log for each of {count} {name}s: put `{{{name}}}` into its name"
-            yield field, f"{message}, or into those of all its variables"
+            yield field, f"S235 {message}, or into those of all its variables"

@@ -26,12 +26,12 @@ def check_stiffness_over(field: FieldPath, law: StiffnessOver, robot: RobotFile)
     """
     joints = {joint.name: joint for joint in robot.joints}
     if law.joint not in joints:
-        yield (*field, "joint"), f"there is no joint `{law.joint}`; {suggest(law.joint, joints)}"
+        yield (*field, "joint"), f"S236 there is no joint `{law.joint}`; {suggest(law.joint, joints)}"
         return
     forms = law.forms
     if len(forms) != 1:
         found = f"found {' and '.join(forms)}" if forms else "found none"
-        yield field, f"needs one of `factors` with their positions, `stiffness` and `compliance` ({found})"
+        yield field, f"S237 needs one of `factors` with their positions, `stiffness` and `compliance` ({found})"
     elif forms == ("factors",):
         yield from _table(field, law, joints[law.joint])
     else:
@@ -42,20 +42,20 @@ def _table(field: FieldPath, law: StiffnessOver, joint: JointSection) -> Found:
     wanted, other = ("positions_m", "positions_deg") if joint.slides else ("positions_deg", "positions_m")
     positions = getattr(law, wanted)
     if getattr(law, other) is not None:
-        yield (*field, other), f"has the wrong unit for `{joint.name}`: write `{wanted}`"
+        yield (*field, other), f"S238 has the wrong unit for `{joint.name}`: write `{wanted}`"
     elif positions is None:
-        yield (*field, wanted), "is missing: one position for each of the `factors`"
+        yield (*field, wanted), "S239 is missing: one position for each of the `factors`"
     elif law.factors is None:
-        yield (*field, "factors"), "is missing: one for each of the positions"
+        yield (*field, "factors"), "S240 is missing: one for each of the positions"
     elif len(law.factors) != len(positions):
-        yield (*field, "factors"), f"has {len(law.factors)} values for {len(positions)} positions"
+        yield (*field, "factors"), f"S241 has {len(law.factors)} values for {len(positions)} positions"
     elif (np.diff(positions) <= 0).any():
-        yield (*field, wanted), "must ascend"
+        yield (*field, wanted), "S242 must ascend"
     else:
         limits, unit = joint.stated_limits, joint.limits_unit
         if limits and (positions[0] > limits[0] + _ROUNDING or positions[-1] < limits[1] - _ROUNDING):
             message = f"goes from {positions[0]:g} to {positions[-1]:g} {unit}, but `{joint.name}` from {limits[0]:g}"
-            yield (*field, wanted), f"{message} to {limits[1]:g} {unit}"
+            yield (*field, wanted), f"S243 {message} to {limits[1]:g} {unit}"
 
 
 def _polynomial(field: FieldPath, law: StiffnessOver, joint: JointSection) -> Found:
@@ -69,7 +69,7 @@ def _polynomial(field: FieldPath, law: StiffnessOver, joint: JointSection) -> Fo
     if value.min() <= 0:
         shown = float(stated[value.argmin()])
         message = f"must be above 0 wherever `{joint.name}` may be, but is {value.min():.4g}"
-        yield field, f"{message} at {shown:g} {joint.limits_unit}"
+        yield field, f"S244 {message} at {shown:g} {joint.limits_unit}"
 
 
 def check_shaft(field: FieldPath, spring: SpringSection, robot: RobotFile) -> Found:
@@ -82,15 +82,18 @@ def check_shaft(field: FieldPath, spring: SpringSection, robot: RobotFile) -> Fo
     """
     is_shaft = spring.place == "shaft"
     if is_shaft != (spring.inertia_kgm2 is not None):
-        yield (*field, "inertia_kgm2"), "is missing: a shaft needs it" if is_shaft else "is for shafts only"
+        yield (*field, "inertia_kgm2"), "S245 is missing: a shaft needs it" if is_shaft else "S246 is for shafts only"
     if not is_shaft:
         return
     for joint in robot.joints:
         if joint.name == spring.joint and joint.rigid:
-            yield (*field, "joint"), f"joint `{joint.name}` is rigid: a shaft lies before a transmission"
+            yield (*field, "joint"), f"S247 joint `{joint.name}` is rigid: a shaft lies before a transmission"
     for gear in robot.all_springs:
         if gear.joint == spring.joint and gear.place == "transmission" and (gear.cubic_nm_rad3 or gear.cubic_n_m3):
-            yield (*field, "place"), f"`{gear.name}` is cubic: what swings it can only be told without shafts before it"
+            yield (
+                (*field, "place"),
+                f"S248 `{gear.name}` is cubic: what swings it can only be told without shafts before it",
+            )
 
 
 _CLOSED_M = 1e-5
@@ -106,13 +109,16 @@ def check_counterbalances(robot: RobotFile) -> Found:
         stated = [key for key in SPRING_KEYS if getattr(balance, key) is not None]
         harmonics = [key for key in HARMONIC_KEYS if getattr(balance, key)]
         if stated and harmonics:
-            yield (*field, harmonics[0]), "is a counterbalance of another kind than the spring: leave one of them out"
+            yield (
+                (*field, harmonics[0]),
+                "S249 is a counterbalance of another kind than the spring: leave one of them out",
+            )
         elif not stated and not harmonics:
-            yield field, f"is empty: give {' or '.join(HARMONIC_KEYS)}, or a spring ({', '.join(SPRING_KEYS)})"
+            yield field, f"S250 is empty: give {' or '.join(HARMONIC_KEYS)}, or a spring ({', '.join(SPRING_KEYS)})"
         elif stated:
             yield from (((*field, key), "is missing") for key in SPRING_KEYS if key not in stated)
         elif joint.slides:
-            yield (*field, harmonics[0]), f"belongs to a revolute joint: `{joint.name}` is prismatic"
+            yield (*field, harmonics[0]), f"S251 belongs to a revolute joint: `{joint.name}` is prismatic"
 
 
 def check_loop_links(robot: RobotFile) -> Found:
@@ -148,7 +154,7 @@ def _open_loops(robot: RobotFile) -> Found:
     for index, gap in zip(pinned, pin_gaps(plain, poses).max(axis=0).tolist(), strict=True):
         if gap > _CLOSED_M:
             name = robot.loop_links[index].name
-            told = f"`{name}` does not close its loop: its pin is up to {1e3 * gap:.3g} mm from where it is held"
+            told = f"S252 `{name}` does not close its loop: its pin is up to {1e3 * gap:.3g} mm from where it is held"
             yield ("loop_links", index, "pin"), told
 
 
@@ -172,7 +178,8 @@ def check_independence(robot: RobotFile) -> Found:
         index = next(group[i] for i in alike if robot.joints[group[i]].couplings)
         motors = " and ".join(f"`{names[group[i]]}`" for i in alike)
         told = (
-            f"the motors of {motors} turn the same combination of joints, or nearly so, and nothing moves these apart:"
+            f"S253 the motors of {motors} turn the same combination of joints, or nearly so, and nothing moves these "
+            "apart:"
             " look at the signs of `couplings` and `gear_ratio` (of a differential, q_1 = m_1 + m_2, q_2 = m_1 - m_2)"
         )
         yield ("joints", index, "couplings"), told

@@ -88,7 +88,7 @@ def _names(robot: RobotFile) -> Found:
     count = Counter(name for _, name in named)
     for field, name in named:
         if count[name] > 1:
-            yield field, f"`{name}` names more than one joint, spring, sensor or loop link"
+            yield field, f"S254 `{name}` names more than one joint, spring, sensor or loop link"
 
 
 def _joints(robot: RobotFile) -> Found:
@@ -96,7 +96,7 @@ def _joints(robot: RobotFile) -> Found:
         field = ("joints", index)
         lower, upper = joint.stated_limits or (0.0, 1.0)
         if lower >= upper:
-            yield (*field, joint.limits_key), f"the lower limit {lower:g} is not below the upper limit {upper:g}"
+            yield (*field, joint.limits_key), f"S255 the lower limit {lower:g} is not below the upper limit {upper:g}"
         if joint.link is not None:
             yield from _link(field, joint, joint.link)
         if joint.motor is not None:
@@ -107,7 +107,9 @@ def _joints(robot: RobotFile) -> Found:
 
 def _friction(field: FieldPath, friction: FrictionSection) -> Found:
     if friction.static_nm is not None and friction.static_nm < friction.coulomb_nm:
-        message = f"must not be below the Coulomb level, {friction.coulomb_nm:g} N m (found {friction.static_nm:g})"
+        message = (
+            f"S256 must not be below the Coulomb level, {friction.coulomb_nm:g} N m (found {friction.static_nm:g})"
+        )
         yield (*field, "static_nm"), message
 
 
@@ -115,27 +117,30 @@ def _units(field: FieldPath, joint: JointSection) -> Found:
     """Finds values that belong to joints of the other type."""
     turning, sliding = ("limits_deg", "arm_viscous_nms_rad"), ("limits_m", "arm_viscous_ns_m")
     for key in (key for key in (turning if joint.slides else sliding) if getattr(joint, key)):
-        yield (*field, key), f"belongs to a {_OTHER[joint.type]} joint: `{joint.name}` is {joint.type}"
+        yield (*field, key), f"S257 belongs to a {_OTHER[joint.type]} joint: `{joint.name}` is {joint.type}"
     if joint.motor is None:
         return
     wanted, other = ("gear_ratio_rad_m", "gear_ratio") if joint.slides else ("gear_ratio", "gear_ratio_rad_m")
     if getattr(joint.motor, other) is not None:
-        message = f"belongs to a {_OTHER[joint.type]} joint: `{joint.name}` is {joint.type} and has `{wanted}`"
+        message = f"S258 belongs to a {_OTHER[joint.type]} joint: `{joint.name}` is {joint.type} and has `{wanted}`"
         yield (*field, "motor", other), message
     elif getattr(joint.motor, wanted) is None:
-        yield (*field, "motor", wanted), "is missing"
+        yield (*field, "motor", wanted), "S259 is missing"
 
 
 def _transmission(field: FieldPath, robot: RobotFile, joint: JointSection) -> Found:
     transmissions = [s.name for s in robot.all_springs if s.joint == joint.name and s.place == "transmission"]
     found = f"{len(transmissions)} ({', '.join(transmissions)})" if transmissions else "none"
     if joint.rigid and transmissions:
-        yield (*field, "rigid"), f"joint `{joint.name}` is rigid, but has the transmission {', '.join(transmissions)}"
+        yield (
+            (*field, "rigid"),
+            f"S260 joint `{joint.name}` is rigid, but has the transmission {', '.join(transmissions)}",
+        )
     elif not joint.rigid and len(transmissions) != 1:
-        message = f"joint `{joint.name}` needs exactly one transmission spring, but has {found}"
-        yield (*field, "name"), message if transmissions else f"{message} (`rigid: true` does without)"
+        message = f"S261 joint `{joint.name}` needs exactly one transmission spring, but has {found}"
+        yield (*field, "name"), message if transmissions else f"S262 {message} (`rigid: true` does without)"
     if joint.rigid and robot.rotor == "on_link":
-        yield (*field, "rigid"), "needs `rotor: spong`: the rotor of a rigid joint is part of its arm"
+        yield (*field, "rigid"), "S263 needs `rotor: spong`: the rotor of a rigid joint is part of its arm"
 
 
 def _link(field: FieldPath, joint: JointSection, link: Body) -> Found:
@@ -147,7 +152,7 @@ def _link(field: FieldPath, joint: JointSection, link: Body) -> Found:
     if joint.slides:
         shown = f"`mass_kg: {half:.4g}` with any inertia that a body has"
     rotor = f"the rotor's inertia is {joint.motor.inertia_kgm2:g} kg m^2; {HALVED}: {shown}"
-    yield (*field, "link", "inertia_kgm2"), f"must be positive definite, and is zero; {rotor}"
+    yield (*field, "link", "inertia_kgm2"), f"S264 must be positive definite, and is zero; {rotor}"
 
 
 def _body(field: FieldPath, body: Body) -> Found:
@@ -162,12 +167,14 @@ def _unphysical(body: Inertial) -> str:
     shown = ", ".join(f"{moment:.6g}" for moment in moments)
     if moments[0] <= 0:
         return (
-            f"must be positive definite; its principal moments are {shown} kg m^2 (where a source gives one about the"
+            f"S265 must be positive definite; its principal moments are {shown} kg m^2 (where a source gives one "
+            "about the"
             " joint axis alone, half of it about each of the others changes nothing)"
         )
     if moments[2] > (moments[0] + moments[1]) * (1 + _ROUNDING):
         return (
-            f"no body has these principal moments, {shown} kg m^2: each must be at most the sum of the others (where a"
+            f"S266 no body has these principal moments, {shown} kg m^2: each must be at most the sum of the others "
+            "(where a"
             " source gives one about the joint axis alone, half of it about each of the others changes nothing)"
         )
     return ""
@@ -184,9 +191,9 @@ def _values(robot: RobotFile) -> Found:
                 wanted, other = other, wanted
             if spring.value(kind, linear=not linear) is not None:
                 why = "a prismatic joint's transmission" if linear else "what turns"
-                yield (*field, other), f"has the wrong unit for {why}: write `{wanted}`"
+                yield (*field, other), f"S267 has the wrong unit for {why}: write `{wanted}`"
             elif kind != "cubic" and spring.value(kind, linear=linear) is None:
-                yield (*field, wanted), "is missing"
+                yield (*field, wanted), "S268 is missing"
 
 
 def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Found:
@@ -196,43 +203,49 @@ def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Found:
         field = ("springs", index)
         ends = spring.place in ("base", "payload")
         if ends and spring.joint is not None:
-            yield (*field, "joint"), f"a {spring.place} spring belongs to no joint: leave `joint` out"
+            yield (*field, "joint"), f"S269 a {spring.place} spring belongs to no joint: leave `joint` out"
         elif ends:
             pass
         elif spring.joint is None:
-            yield (*field, "joint"), f"is missing: a {spring.place} spring belongs to a joint"
+            yield (*field, "joint"), f"S270 is missing: a {spring.place} spring belongs to a joint"
         elif spring.joint in immobile:
-            message = f"joint `{spring.joint}` {immobile[spring.joint]}: a spring there needs a `split` of the link"
+            message = (
+                f"S271 joint `{spring.joint}` {immobile[spring.joint]}: a spring there needs a `split` of the link"
+            )
             yield (*field, "joint"), message
         elif spring.joint not in joints:
-            yield (*field, "joint"), f"there is no joint `{spring.joint}`; {suggest(spring.joint, joints)}"
+            yield (*field, "joint"), f"S272 there is no joint `{spring.joint}`; {suggest(spring.joint, joints)}"
         if spring.place in ("transmission", "shaft"):
             if spring.axis is not None:
                 told = (
-                    "a transmission turns about its joint's axis"
+                    "S273 a transmission turns about its joint's axis"
                     if spring.place == "transmission"
-                    else "a shaft turns as its motor does"
+                    else "S274 a shaft turns as its motor does"
                 )
-                yield (*field, "axis"), f"{told}: leave `axis` out"
+                yield (*field, "axis"), f"S275 {told}: leave `axis` out"
         elif spring.axis is None:
-            yield (*field, "axis"), f"is missing: a {spring.place} spring needs one"
+            yield (*field, "axis"), f"S276 is missing: a {spring.place} spring needs one"
         elif np.linalg.norm(spring.axis) == 0:
-            yield (*field, "axis"), "has no direction"
+            yield (*field, "axis"), "S277 has no direction"
         elif (
             spring.place == "bearing"
             and spring.joint in turning
             and np.hypot(*spring.axis[:2]) < _PARALLEL * np.linalg.norm(spring.axis)
         ):
-            yield (*field, "axis"), "lies along the joint axis z: that is what the transmission is for"
+            yield (*field, "axis"), "S278 lies along the joint axis z: that is what the transmission is for"
         for key in ("point_m", "outboard"):
             if ends and key == "point_m":
                 continue
             if (spring.place == "split") != (getattr(spring, key) is not None):
-                told = "is missing: a split spring needs it" if spring.place == "split" else "is for split springs only"
+                told = (
+                    "S279 is missing: a split spring needs it"
+                    if spring.place == "split"
+                    else "S280 is for split springs only"
+                )
                 yield (*field, key), told
         yield from check_shaft(field, spring, robot)
         if spring.place == "payload" and (robot.payload is None or robot.payload.mass_kg == 0):
-            yield (*field, "place"), "a payload spring needs a `payload` with mass"
+            yield (*field, "place"), "S281 a payload spring needs a `payload` with mass"
 
 
 def _laws(robot: RobotFile) -> Found:
@@ -259,14 +272,16 @@ def _splits(robot: RobotFile) -> Found:
 def _split(field: FieldPath, spring: SpringSection, outboard: Body, whole: Inertial) -> Found:
     yield from _body(field, outboard)
     if outboard.mass_kg == 0:
-        yield (*field, "mass_kg"), "must be above 0: a part without mass leaves no centre of mass for the rest"
+        yield (*field, "mass_kg"), "S282 must be above 0: a part without mass leaves no centre of mass for the rest"
     if outboard.mass_kg >= whole.mass_kg:
-        message = f"must be below the {whole.mass_kg:g} kg that `{spring.name}` splits (found {outboard.mass_kg:g})"
+        message = (
+            f"S283 must be below the {whole.mass_kg:g} kg that `{spring.name}` splits (found {outboard.mass_kg:g})"
+        )
         yield (*field, "mass_kg"), message
         return
     wrong = _unphysical(remove(whole, outboard.inertial()))
     if wrong and not _unphysical(whole) and not _unphysical(outboard.inertial()):
-        yield (*field, "inertia_kgm2"), f"what is left of the link of `{spring.joint}` without it: {wrong}"
+        yield (*field, "inertia_kgm2"), f"S284 what is left of the link of `{spring.joint}` without it: {wrong}"
 
 
 def _couplings(robot: RobotFile) -> Found:
@@ -275,29 +290,32 @@ def _couplings(robot: RobotFile) -> Found:
         for name, turn in joint.couplings.items():
             field = ("joints", index, "couplings", name)
             if name == joint.name:
-                yield field, "is the joint's own motor: that is what `gear_ratio` is for"
+                yield field, "S285 is the joint's own motor: that is what `gear_ratio` is for"
             elif name not in joints:
-                yield field, f"there is no joint `{name}`; {suggest(name, joints)}"
+                yield field, f"S286 there is no joint `{name}`; {suggest(name, joints)}"
             elif name in robot.without_motor:
-                yield field, f"`{name}` has no motor that could turn `{joint.name}` along: leave it out"
+                yield field, f"S287 `{name}` has no motor that could turn `{joint.name}` along: leave it out"
             if not 0 < abs(turn) <= 1:
-                yield field, f"{turn:g} is implausible: arm turns per motor turn lie within 1, as behind any gear"
+                yield field, f"S288 {turn:g} is implausible: arm turns per motor turn lie within 1, as behind any gear"
 
 
 def _base(robot: RobotFile) -> Found:
     if robot.base is not None:
         yield from _body(("base",), robot.base)
         if not any(spring.place == "base" for spring in robot.springs):
-            yield ("base",), "moves only on springs with `place: base`, and there is none"
+            yield ("base",), "S289 moves only on springs with `place: base`, and there is none"
 
 
 def _sensors(robot: RobotFile) -> Found:
     joints = [joint.name for joint in robot.joints]
     for index, sensor in enumerate(robot.sensors):
         if sensor.joint is not None and sensor.joint not in joints:
-            yield ("sensors", index, "joint"), f"there is no joint `{sensor.joint}`; {suggest(sensor.joint, joints)}"
+            yield (
+                ("sensors", index, "joint"),
+                f"S290 there is no joint `{sensor.joint}`; {suggest(sensor.joint, joints)}",
+            )
         if np.linalg.norm(sensor.axis) == 0:
-            yield ("sensors", index, "axis"), "has no direction"
+            yield ("sensors", index, "axis"), "S291 has no direction"
 
 
 def _loop_bodies(robot: RobotFile) -> Found:
@@ -317,7 +335,7 @@ def _assumed(robot: RobotFile) -> Found:
             for part in name.split("."):
                 known = _field_names(node)
                 if part not in known:
-                    yield (*field, "assumed", index), f"there is no value `{name}` here; {suggest(part, known)}"
+                    yield (*field, "assumed", index), f"S292 there is no value `{name}` here; {suggest(part, known)}"
                     break
                 node = getattr(node, part)
 

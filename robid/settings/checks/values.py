@@ -43,7 +43,7 @@ def implausible(robot: RobotFile) -> Found:
         )
         if reason:
             value = f"{joint.motor.inertia_kgm2:g} kg m^2"
-            yield ("joints", index, "motor", "inertia_kgm2"), f"{value} is implausible: {reason}"
+            yield ("joints", index, "motor", "inertia_kgm2"), f"S293 {value} is implausible: {reason}"
     if is_known:
         yield from _mass(robot)
 
@@ -57,7 +57,7 @@ def absurd(data: object, field: FieldPath = ()) -> Found:
         for index, value in enumerate(data):
             yield from absurd(value, (*field, index))
     elif isinstance(data, int | float) and abs(data) > LARGEST:
-        yield field, f"{data:g} is beyond anything that a robot has"
+        yield field, f"S294 {data:g} is beyond anything that a robot has"
 
 
 def _ratios(robot: RobotFile) -> Found:
@@ -73,7 +73,7 @@ def _ratios(robot: RobotFile) -> Found:
         ratio = abs(stated)
         if 1 <= ratio <= _LARGEST_RATIO:
             continue
-        reason = f"{stated:g} is implausible: motor turns per arm turn are a number from 1 to {_LARGEST_RATIO:g}"
+        reason = f"S295 {stated:g} is implausible: motor turns per arm turn are a number from 1 to {_LARGEST_RATIO:g}"
         reason += ", negative where the two turn opposite ways"
         if 1 <= np.deg2rad(ratio) <= _LARGEST_RATIO:
             reason += f"; {stated:g} would be {np.deg2rad(stated):.4g} taken for degrees per radian"
@@ -87,7 +87,7 @@ def _leads(index: int, motor: MotorSection) -> Found:
     # 1 stands for drives whose angles are metres: linear motors, or signals that are those of the carriage.
     if stated is None or abs(stated) == 1 or _SMALLEST_RATIO_RAD_M <= abs(stated) <= _LARGEST_RATIO_RAD_M:
         return
-    reason = f"{stated:g} is implausible: motor radians per metre are a number from {_SMALLEST_RATIO_RAD_M:g} to"
+    reason = f"S296 {stated:g} is implausible: motor radians per metre are a number from {_SMALLEST_RATIO_RAD_M:g} to"
     reason += f" {_LARGEST_RATIO_RAD_M:g}, or 1 of a linear motor, negative where the motor goes the other way"
     if stated and _SMALLEST_RATIO_RAD_M <= abs(2 * np.pi / stated) <= _LARGEST_RATIO_RAD_M:
         reason += f"; as a lead in m it would be {2 * np.pi / stated:.4g}"
@@ -137,13 +137,15 @@ def _mass(robot: RobotFile) -> Found:
     found = sum(masses.values())
     if abs(found - robot.total_mass_kg) > _MASS_TOLERANCE * robot.total_mass_kg:
         parts = ", ".join(f"{name} {mass:.4g}" for name, mass in masses.items())
-        message = f"{robot.total_mass_kg:g} kg is stated, but the links that move have {found:.6g} kg ({parts})"
+        message = f"S297 {robot.total_mass_kg:g} kg is stated, but the links that move have {found:.6g} kg ({parts})"
         yield ("total_mass_kg",), message
 
 
 _PARALLEL = 1e-6
-NO_MOTOR = "is missing (or `torque_measured_at: joint`, where a sensor behind the gear measures the joint's torque)"
-_NO_GEOMETRY = "is missing (or `frame`, or a `model` for the whole robot)"
+NO_MOTOR = (
+    "S298 is missing (or `torque_measured_at: joint`, where a sensor behind the gear measures the joint's torque)"
+)
+_NO_GEOMETRY = "S299 is missing (or `frame`, or a `model` for the whole robot)"
 
 
 def missing_keys(document: Document) -> list[SettingsProblem]:
@@ -175,7 +177,7 @@ def _lacking(joint: Mapping[str, object], *, slides: bool, alone: bool) -> Found
         yield ("motor",), NO_MOTOR
     ratio, motor = "gear_ratio_rad_m" if slides else "gear_ratio", joint.get("motor")
     if isinstance(motor, dict) and {"gear_ratio", "gear_ratio_rad_m"}.isdisjoint(motor):
-        yield ("motor", ratio), "is missing"
+        yield ("motor", ratio), "S300 is missing"
     gear = joint.get("gear")
     if isinstance(gear, dict):
         yield from ((("gear", key), "is missing") for key in _lacking_values(gear, linear=slides))
@@ -197,21 +199,21 @@ def missing(robot: RobotFile) -> Found:
         if joint.motor is None and joint.has_motor:
             yield (*field, "motor"), NO_MOTOR
         if robot.model is None and joint.stated_limits is None:
-            yield (*field, joint.limits_key), "is missing"
+            yield (*field, joint.limits_key), "S054 is missing"
     if robot.model is None:
         for key in ("locked_deg", "locked_m", "locked", "flange"):
             if getattr(robot, key):
-                yield (key,), "belongs to a `model`, and there is none"
+                yield (key,), "S302 belongs to a `model`, and there is none"
 
 
 def _missing_geometry(field: FieldPath, joint: JointSection) -> Found:
     if joint.dh is not None and joint.frame is not None:
-        yield (*field, "frame"), "stands in place of `dh`: leave one of them out"
+        yield (*field, "frame"), "S303 stands in place of `dh`: leave one of them out"
     if joint.dh is None and joint.frame is None:
         yield (*field, "dh"), _NO_GEOMETRY
     if joint.link is None:
-        yield (*field, "link"), "is missing"
+        yield (*field, "link"), "S193 is missing"
     if joint.frame is not None:
         rotation = np.array(joint.frame.rotation)
         if np.abs(rotation @ rotation.T - np.eye(3)).max() > _PARALLEL or np.linalg.det(rotation) < 0:
-            yield (*field, "frame", "rotation"), "is not a rotation: rows must be right-handed unit axes"
+            yield (*field, "frame", "rotation"), "S305 is not a rotation: rows must be right-handed unit axes"

@@ -81,7 +81,7 @@ def log_tasks(run: Run, study: FleetStudy, _earlier: Mapping[str, Results]) -> l
     """
     if run.backend == "dask":
         remedy = "use --backend processes; the study starts Dask itself where it times it"
-        raise SettingsError("the study of fleets measures this machine, and runs on no cluster", remedy=remedy)
+        raise SettingsError("S342 the study of fleets measures this machine, and runs on no cluster", remedy=remedy)
     path = run.path(_excitation(run))
     campaign = run.loaded.experiment.campaigns[study.campaign]
     content = played(run, study.campaign)

@@ -119,7 +119,7 @@ def rate_of(finished: Sequence[float], workers: int) -> float:
         BackendError: If there are too few rows to tell.
     """
     if len(finished) <= workers:
-        what = f"{len(finished)} rows are too few to time {workers} workers."
+        what = f"B011 {len(finished)} rows are too few to time {workers} workers."
         raise BackendError(what, where="study.speed.rows", remedy="ask for more rows than cores")
     return (len(finished) - workers) / (finished[-1] - finished[0])
 
@@ -145,7 +145,7 @@ def finish_times(timing: Timing, way: tuple[str, int]) -> list[float]:
         if process.returncode not in _FINE:
             messages.seek(0)
             last = (messages.read().strip().splitlines() or ["it says nothing"])[-1]
-            what = f"`robid reprocess --backend {backend}` ended with code {process.returncode}: {last}"
+            what = f"B012 `robid reprocess --backend {backend}` ended with code {process.returncode}: {last}"
             raise BackendError(what, where=str(timing.manifest), remedy="run it by hand and see")
     return finished[:-1]
 
@@ -290,7 +290,7 @@ def answer(fed: Fed) -> Ledger:
 def _outline(folder: Path) -> Ledger:
     ledger = read_ledger(folder)
     if ledger is None:
-        raise DataError("the row has no ledger", where=str(folder), remedy="run the study again")
+        raise DataError("D219 the row has no ledger", where=str(folder), remedy="run the study again")
     return ledger.outline
 
 

@@ -185,7 +185,7 @@ def exciting_motion(branch: Branch, model: RigidModel, truth: FloatArray) -> Flo
     condition = [_condition(branch, series, model, truth) for series in drawn]
     best = int(np.argmin(condition))
     if not np.isfinite(condition[best]):
-        message = "every series that was drawn needs more torque than the motors have"
+        message = "D220 every series that was drawn needs more torque than the motors have"
         raise DataError(
             message, where="study.branch", remedy="lower `range_share` or `harmonics`, or raise `duration_s`"
         )

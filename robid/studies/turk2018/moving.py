@@ -180,7 +180,7 @@ def travel(solution: LpvSolution, record: Record, truth: TrueRobot) -> Travelled
     place = position_output(ports.scheduling[0])
     missing = [name for name in (*ports.outputs, place) if name not in names]
     if missing:
-        message = f"the record of the travelling slide lacks the output `{missing[0]}`"
+        message = f"D221 the record of the travelling slide lacks the output `{missing[0]}`"
         raise DataError(message, remedy="add it to the campaign's `outputs`")
     chosen, lines = [names.index(name) for name in ports.outputs], record.excited_lines
     torque, motion = record.inputs[0, 0, 0], record.outputs[0, 0, 0]
@@ -252,7 +252,7 @@ def total_over_noise(frf: Frf, outputs: tuple[str, ...], periods: int) -> FloatA
     """
     names = [channel.name for channel in frf.output_channels]
     if frf.total_covariance is None or frf.noise_covariance is None or not set(outputs) <= set(names):
-        message = "the response at one position lacks an output of the model, or a variance"
+        message = "D222 the response at one position lacks an output of the model, or a variance"
         raise DataError(message, remedy="ask for the model's outputs, several realizations and several periods")
     total, noise = (frf.element_variance(noise_only=only)[0, :, :, 0] for only in (False, True))
     return np.asarray(np.sqrt(np.mean(total / (periods * noise), axis=0))[[names.index(name) for name in outputs]])

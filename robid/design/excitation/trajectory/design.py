@@ -155,7 +155,7 @@ def _check_motion(found: list[Trajectory], configurations: FloatArray, problem: 
     if all(np.abs(each.coefficients / problem.scale).max() > _LEAST_MOTION for each in found):
         return
     raise SettingsError(
-        "No motion that begins and ends in the configuration keeps to limits, floor and shapes:"
+        "S032 No motion that begins and ends in the configuration keeps to limits, floor and shapes:"
         f" {problem.robot.shown(configurations[0])}.",
         where="excitation",
         remedy="begin farther from floor and shapes, or raise the shares of the limits",

@@ -78,7 +78,7 @@ def trajectory_limits(
         problems += [*_slow(robot, options.position_share * np.minimum(below, above), options)]
     if problems:
         raise SettingsError(
-            "The trajectory cannot be made:\n  " + "\n  ".join(problems),
+            "S033 The trajectory cannot be made:\n  " + "\n  ".join(problems),
             where="excitation",
             remedy="correct the robot file's limits, or change the configuration or what the parentheses name",
         )

@@ -146,7 +146,7 @@ def swings_known(frf: Frf) -> bool:
 
 def _known(moved: ComplexArray | None) -> ComplexArray:
     if moved is None:
-        message = "hysteresis depends on how far the gears swing, and the response lacks its torques or its motors"
+        message = "D132 hysteresis depends on how far the gears swing, and the response lacks its torques or its motors"
         remedy = (
             "estimate the response from its records, all motors among its outputs, or leave hysteresis out of `free`"
         )

@@ -193,14 +193,14 @@ def check_names(
     kind_of = {name: kind for kind, names in every.items() for name in names if name is not None}
     free = {name: kind for name, kind in kind_of.items() if name not in options.fixed}
     known = ", ".join(sorted(kind_of))
-    problems = [f"`free`: {free_problem(*each)}" for each in unknown]
+    problems = [f"S052 `free`: {free_problem(*each)}" for each in unknown]
     missing = [name for name in options.fixed if name not in kind_of]
-    problems += [f"`fixed` names `{name}`, which is not free (free: {known})" for name in missing]
+    problems += [f"S053 `fixed` names `{name}`, which is not free (free: {known})" for name in missing]
     problems += [f"`{section}`: {problem}" for section, problem in name_problems(options, free)]
     for kind in LOGARITHMIC:
         values = getattr(nominal, kind)
         problems += [
-            f"`{name}` starts at {value:g}, but must be positive to be estimated"
+            f"S055 `{name}` starts at {value:g}, but must be positive to be estimated"
             for name, value in zip(every.get(kind, []), values, strict=False)
             if value <= PARAMETER_KINDS[kind].lower and name in free
         ]
@@ -221,7 +221,7 @@ def estimable_names(robot: Robot, options: ElasticOptions) -> dict[str, list[str
 
 def free_problem(name: str, meant: str) -> str:
     """Says that a name cannot be freed."""
-    return f"nothing of this robot is called `{name}`; {meant}"
+    return f"S056 nothing of this robot is called `{name}`; {meant}"
 
 
 def name_problems(options: ElasticOptions, free: Mapping[str, str]) -> list[tuple[str, str]]:
@@ -235,18 +235,20 @@ def name_problems(options: ElasticOptions, free: Mapping[str, str]) -> list[tupl
     for name, leader in options.tied.items():
         missing = [f"`{each}`" for each in (name, leader) if each not in free]
         if missing:
-            problems.append(("tied", f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not estimated"))
+            problems.append(
+                ("tied", f"S352 {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not estimated")
+            )
         elif leader in options.tied:
-            problems.append(("tied", f"`{name}` cannot follow `{leader}`, which is tied itself"))
+            problems.append(("tied", f"S353 `{name}` cannot follow `{leader}`, which is tied itself"))
         elif free[name] != free[leader]:
-            problems.append(("tied", f"`{name}` cannot follow `{leader}`, which is of another kind"))
+            problems.append(("tied", f"S354 `{name}` cannot follow `{leader}`, which is of another kind"))
     for name, (low, high) in options.bounds.items():
         if name not in free:
-            problems.append(("bounds", f"`{name}` is not estimated"))
+            problems.append(("bounds", f"S355 `{name}` is not estimated"))
         elif name in options.tied:
-            problems.append(("bounds", f"`{name}` is tied: bound `{options.tied[name]}`"))
+            problems.append(("bounds", f"S356 `{name}` is tied: bound `{options.tied[name]}`"))
         if not low < high:
-            problems.append(("bounds", f"`{name}` has nothing between {low:g} and {high:g}"))
+            problems.append(("bounds", f"S357 `{name}` has nothing between {low:g} and {high:g}"))
     return problems
 
 

@@ -256,7 +256,7 @@ def _bounded(found: ParameterMap, bounds: Mapping[str, tuple[float, float]]) -> 
         index = found.names.index(name)
         if not low < nominal[index] < high:
             where = "at a bound of" if nominal[index] in (low, high) else "outside"
-            problems.append(f"`{name}` starts {where} {low:g} to {high:g}, at {nominal[index]:g}")
+            problems.append(f"S057 `{name}` starts {where} {low:g} to {high:g}, at {nominal[index]:g}")
         elif found.logarithmic[index]:
             ends[:, index] = np.log(np.maximum([low, high], np.finfo(float).tiny) / nominal[index])
         else:

@@ -175,7 +175,7 @@ def spring_load(robot: Robot, frf: Frf, values: ElasticParameters) -> SpringLoad
     missing = [name for name in frf.input_names if name not in frf.output_names]
     if frf.input_amplitude is None or missing:
         lack = f"the angle of motor {', '.join(missing)}" if missing else "the torques of its experiments"
-        message = f"cubic stiffness needs {lack}, which the response lacks"
+        message = f"D133 cubic stiffness needs {lack}, which the response lacks"
         remedy = "estimate the response again, all motors among its outputs, or leave `cubic` out of `free`"
         raise DataError(message, where=robot.name, remedy=remedy)
     omega = 2 * np.pi * frf.frequency_hz

@@ -96,7 +96,9 @@ def make_whitening(frf: Frf, kept: BoolArray, residual: Residual, fitted: Comple
     n_conf, n_freq, n_out, n_in = frf.response.shape
     freedom = frf.degrees_of_freedom
     if freedom <= n_out:
-        message = f"weights `optimal_full` need more than {n_out} degrees of freedom of the covariance, not {freedom:g}"
+        message = (
+            f"D134 weights `optimal_full` need more than {n_out} degrees of freedom of the covariance, not {freedom:g}"
+        )
         raise DataError(message, where="fit", remedy="record more realizations, or choose other `weights`")
     relative = frf.response if fitted is None else fitted
     by_row = np.arange(n_out * n_in).reshape(n_in, n_out).T.ravel()

@@ -128,14 +128,14 @@ def _internal(robot: Robot, solution: ElasticSolution, parameters: ParameterMap)
         and not np.isclose(values.get(name, np.nan), estimate.get(name, np.nan), rtol=_SAME_VALUE, atol=1e-12)
     ]
     if differing:
-        message = f"robot, options or delay are not those of the fit: {', '.join(differing)} would change"
+        message = f"D135 robot, options or delay are not those of the fit: {', '.join(differing)} would change"
         raise DataError(message, where=robot.name, remedy="fit again with the present robot and settings")
     return internal
 
 
 def _too_light(more_kg: float, robot: Robot) -> DataError:
     message = (
-        f"the fit found a payload {-more_kg:.3g} kg lighter than stated; that leaves nothing of the"
+        f"D136 the fit found a payload {-more_kg:.3g} kg lighter than stated; that leaves nothing of the"
         f" {robot.payload.mass_kg:.3g} kg here"
     )
     return DataError(message, where=robot.name, remedy="correct `payload_kg` of the campaigns and fit again")

@@ -209,7 +209,7 @@ def _refuse_empty(robot: Robot, elements: IntArray) -> None:
     empty = np.flatnonzero(elements == 0)
     if empty.size:
         shown = ", ".join(str(index + 1) for index in empty)
-        message = f"all of the response in validation configuration {shown} lies below 10 dB or the low cut"
+        message = f"D137 all of the response in validation configuration {shown} lies below 10 dB or the low cut"
         raise DataError(message, where=robot.name, remedy="excite more, or measure more realizations")
 
 

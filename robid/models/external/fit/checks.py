@@ -50,7 +50,7 @@ def blocks_of(inputs: Sequence[Channel], outputs: Sequence[Channel], options: Ex
     for place, names, known in (("input", [pair[0] for pair in pairs], given), ("output", _second(pairs), found)):
         unknown = [name for name in names if name not in known]
         if unknown:
-            message = f"the record has no {place} `{unknown[0]}`; it has {', '.join(known)}"
+            message = f"D139 the record has no {place} `{unknown[0]}`; it has {', '.join(known)}"
             raise DataError(message, where="record", remedy="name its own channels in `pairs`")
     if options.matrix == "full":
         everything = tuple(given.index(name) for name in dict.fromkeys(pair[0] for pair in pairs))
@@ -80,7 +80,7 @@ def _by_name(inputs: Sequence[str], outputs: Sequence[str]) -> tuple[tuple[str, 
     named = [(one, other) for one in inputs for other in (one, f"{one}.arm") if other in outputs]
     pairs = {one: (one, other) for one, other in reversed(named)}
     if not pairs:
-        message = f"no output has the name of a command: {', '.join(inputs)} go in, {', '.join(outputs)} come out"
+        message = f"D140 no output has the name of a command: {', '.join(inputs)} go in, {', '.join(outputs)} come out"
         raise DataError(message, where="record", remedy="name input and output of each channel in `pairs`")
     return tuple(pairs[one] for one in inputs if one in pairs)
 
@@ -144,14 +144,14 @@ def usable_blocks(
             found += told
             continue
         if not used:
-            message = f"the command of {block.name} never moves: nothing of it can be identified"
+            message = f"D141 the command of {block.name} never moves: nothing of it can be identified"
             raise DataError(message, where="record", remedy="excite it, or leave it out of `pairs`")
         for output in block.outputs:
             _refuse_resting(names[output], [shot.outputs[:, output] for shot in used], _quanta(used, output))
         _refuse_short(block, used, options)
         kept.append(block)
     if not kept:
-        message = "no command of the record moves: nothing can be identified"
+        message = "D142 no command of the record moves: nothing can be identified"
         raise DataError(message, where="record", remedy="excite a channel, or check which inputs are its commands")
     return tuple(kept), tuple(found)
 
@@ -253,11 +253,11 @@ def _reaching(shot: Shot, output: int, command: int, etfe: Etfe) -> float:
 def _refuse_resting(name: str, signals: Sequence[FloatArray], quanta: Sequence[float]) -> None:
     largest = max(np.abs(signal).max() for signal in signals)
     if max(np.ptp(signal) for signal in signals) <= 1e-9 * largest:
-        message = f"{name} never moves although its command does: nothing of it can be identified"
+        message = f"D143 {name} never moves although its command does: nothing of it can be identified"
         raise DataError(message, where="record", remedy="check the channel's mapping, or leave it out of `pairs`")
     steps = max(_steps(signal, quantum) for signal, quantum in zip(signals, quanta, strict=True))
     if steps < _FEWEST_STEPS:
-        message = f"{name} moves by {steps:.2g} steps of its resolution: quantised to nothing"
+        message = f"D144 {name} moves by {steps:.2g} steps of its resolution: quantised to nothing"
         remedy = "excite it with a larger amplitude, see whether channels are swapped, or leave it out of `pairs`"
         raise DataError(message, where="record", remedy=remedy)
 
@@ -271,7 +271,7 @@ def _refuse_short(block: Block, shots: Sequence[Shot], options: ExternalOptions)
     reach = delay + options.moving_average
     needed = max(_SAMPLES_PER_PARAMETER * n_parameter, 4 * reach)
     if n_sample < needed:
-        message = f"{n_sample} samples of {block.name} are too short a record for {n_parameter} parameters"
+        message = f"D145 {n_sample} samples of {block.name} are too short a record for {n_parameter} parameters"
         fewer = ", or ask for fewer poles" if options.poles else ""
         raise DataError(message, where="record", remedy=f"record at least {needed} samples{fewer}")
 

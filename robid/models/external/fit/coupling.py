@@ -181,7 +181,7 @@ def _cross_spectra(group: Sequence[Shot], moved: IntArray, segments: int) -> tup
     length = 2 * n_sample // (segments + 1)
     if length < _SHORTEST:
         raise DataError(
-            f"{segments} segments of a motion of {n_sample} samples are shorter than {_SHORTEST} samples.",
+            f"D146 {segments} segments of a motion of {n_sample} samples are shorter than {_SHORTEST} samples.",
             where="coupling.segments",
             remedy=f"ask for {2 * n_sample // _SHORTEST - 1} at most",
         )

@@ -150,7 +150,7 @@ def refuse_unlike(shots: Sequence[Shot]) -> None:
     """
     periods = sorted({round(shot.sampling_period_s, 9) for shot in shots})
     if len(periods) > 1:
-        message = f"the records of one fit are sampled every {periods[0]:g} and every {periods[-1]:g} s"
+        message = f"D147 the records of one fit are sampled every {periods[0]:g} and every {periods[-1]:g} s"
         raise DataError(message, where="record", remedy="fit them one by one, or log them alike")
 
 

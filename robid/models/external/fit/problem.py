@@ -31,28 +31,28 @@ def check_block(shots: Sequence[Shot], inputs: Sequence[int], outputs: Sequence[
         DataError: If nothing moves, or the record is too short.
     """
     if not 0 <= structure.zeros < structure.poles:
-        message = f"there must be fewer zeros than poles, not {structure.zeros} zeros and {structure.poles} poles"
+        message = f"D148 there must be fewer zeros than poles, not {structure.zeros} zeros and {structure.poles} poles"
         raise ValueError(message)
     if not shots:
-        raise DataError("there is no shot to fit", where="record", remedy="name a campaign with these channels")
+        raise DataError("D149 there is no shot to fit", where="record", remedy="name a campaign with these channels")
     for kind, columns in (("input", inputs), ("output", outputs)):
         for column in columns:
             signals = [(shot.inputs if kind == "input" else shot.outputs)[:, column] for shot in shots]
             if not all(np.isfinite(each).all() for each in signals):
-                message = f"{kind} {column} has samples that are no numbers"
+                message = f"D150 {kind} {column} has samples that are no numbers"
                 raise DataError(message, where=shots[0].name, remedy="cut the record to what was measured")
             if all(np.ptp(each) <= _STILL * np.abs(each).max(initial=0.0) for each in signals):
-                message = f"{kind} {column} does not move in any shot"
+                message = f"D151 {kind} {column} does not move in any shot"
                 raise DataError(message, where=shots[0].name, remedy="excite it, or leave the channel out")
     n_sample = sum(len(shot.outputs) for shot in shots)
     n_free = structure.poles + len(inputs) * (structure.zeros + 1)
     n_free += structure.poles * sum(shot.start == "free" for shot in shots)
     if n_sample < _SAMPLES_PER_PARAMETER * n_free:
-        message = f"{n_sample} samples are too few for {structure.poles} poles and {structure.zeros} zeros"
+        message = f"D152 {n_sample} samples are too few for {structure.poles} poles and {structure.zeros} zeros"
         raise DataError(message, where=shots[0].name, remedy="record longer, or ask for fewer poles")
     shortest = min(len(shot.outputs) for shot in shots)
     if structure.delay_samples + structure.moving_average >= shortest:
-        message = f"a delay of {structure.delay_samples} samples leaves nothing of a shot of {shortest}"
+        message = f"D153 a delay of {structure.delay_samples} samples leaves nothing of a shot of {shortest}"
         raise DataError(message, where=shots[0].name, remedy="record longer, or lower `max_delay_samples`")
     _check_excitation(shots, inputs, outputs, structure)
 
@@ -68,7 +68,7 @@ def _check_excitation(
             lines += int(np.sum(power > 1e-6 * power.max(initial=np.finfo(float).tiny)))
         needed = -(-(structure.zeros + 1 + -(-structure.poles // len(outputs))) // 2)
         if lines < needed:
-            message = f"input {column} excites {lines} frequencies, of which {structure.poles} poles need {needed}"
+            message = f"D154 input {column} excites {lines} frequencies, of which {structure.poles} poles need {needed}"
             raise DataError(message, where=shots[0].name, remedy="excite more frequencies, or ask for fewer poles")
 
 

@@ -207,7 +207,7 @@ def search(
     points = [problem.evaluate(each, soft, slopes=False) for each in candidates]
     usable = sorted((each for each in points if each is not None), key=lambda point: point.cost)
     if not usable:
-        message = f"no model with {problem.structure.poles} poles can be simulated over the shots"
+        message = f"D155 no model with {problem.structure.poles} poles can be simulated over the shots"
         raise DataError(message, where="fit", remedy="ask for stable poles, or cut the shots")
     tries = [_descend(problem, each.basis.denominator, noise, 0.1, 15) for each in usable[:tried]]
     best = min(tries, key=lambda descent: descent.point.cost)

@@ -100,7 +100,7 @@ def validate_external(
     _refuse_other(solution, shots)
     found = new_shots(solution, shots)
     if not found:
-        message = "none of the fit's commands moves in the validation"
+        message = "D159 none of the fit's commands moves in the validation"
         raise DataError(message, where="validation", remedy="validate on a campaign that excites the same channels")
     traces = [predict_shots(solution, one) for one in found]
     agreed = tuple(each for pair in zip(found, traces, strict=True) for each in _agreements(*pair))
@@ -194,7 +194,8 @@ def _refuse_other(solution: ExternalSolution, shots: Sequence[Shot]) -> None:
     other = [shot for shot in shots if abs(shot.sampling_period_s / period - 1) > _SAME_RATE]
     if other:
         message = (
-            f"the validation is sampled every {other[0].sampling_period_s:g} s, the fit's record every {period:g} s"
+            f"D160 the validation is sampled every {other[0].sampling_period_s:g} s, the fit's record every "
+            f"{period:g} s"
         )
         raise DataError(message, where="validation", remedy="validate on a record of the same sampling period")
 

@@ -184,7 +184,7 @@ def fit_lpv(
     """
     for each in (own, choosing):
         if options.weighted and (each.variance is None or not np.all(each.variance > 0)):
-            message = "The responses have no covariance that could weigh them."
+            message = "D167 The responses have no covariance that could weigh them."
             raise DataError(message, remedy="measure several realizations or periods, or set `weighted: false`")
     found = estimate_lpv(own, choosing, make_basis(own.points, basis), options)
     found = _widened(found) if options.weighted else found

@@ -141,7 +141,7 @@ def _like(system: StateSpace, other: StateSpace, index: int) -> StateSpace:
     values = np.linalg.svd(T, compute_uv=False)
     if not values[-1] > _SINGULAR * values[0]:
         raise DataError(
-            "No basis makes the local model resemble its neighbour's.",
+            "D168 No basis makes the local model resemble its neighbour's.",
             where=f"position {index}",
             remedy="Measure positions in between, or choose another order.",
         )
@@ -160,12 +160,13 @@ def check_positions(values: FloatArray) -> None:
     n_pos, n_function = values.shape
     if n_pos < n_function:
         raise DataError(
-            f"{n_pos} different positions cannot tell {n_function} basis functions apart (the constant one counted).",
+            f"D169 {n_pos} different positions cannot tell {n_function} basis functions apart (the constant one "
+            "counted).",
             remedy="Fit more positions, or take fewer functions (`basis`).",
         )
     if np.linalg.matrix_rank(values / np.linalg.norm(values, axis=0)) < n_function:
         raise DataError(
-            "At these positions some basis functions are combinations of others.",
+            "D170 At these positions some basis functions are combinations of others.",
             remedy="Take fewer functions (`basis`), or positions that vary every scheduling parameter.",
         )
 
@@ -226,7 +227,7 @@ def fit_local_models(problem: Problem, *, max_iterations: int = 100) -> LocalMod
     most = min((int(told.min()) - n_out * n_in) // (n_out + n_in), (len(problem.z) // 2 - 1) * n_out)
     if n_state > most:
         raise DataError(
-            f"The lines are too few for {n_state} states.",
+            f"D171 The lines are too few for {n_state} states.",
             where=f"position {int(np.argmin(told))}",
             remedy=f"Measure more lines, or lower `order` to {max(most, 1)} at most.",
         )
@@ -258,7 +259,7 @@ def balanced_or_refused(system: StateSpace, index: int) -> StateSpace:
     radius = float(system.spectral_radius)
     if radius >= 1:
         raise DataError(
-            f"The local model has a pole of absolute value {radius:.6g}: it is unstable.",
+            f"D172 The local model has a pole of absolute value {radius:.6g}: it is unstable.",
             where=f"position {index}",
             remedy="State the `integrators` that the response has, no fewer and no more; lower `order`; or measure more"
             " lines and periods there.",

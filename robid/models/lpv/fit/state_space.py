@@ -97,7 +97,7 @@ def stack(systems: list[StateSpace]) -> StateSpace:
     orders = sorted({system.sizes.n_state for system in systems})
     if len(orders) > 1:
         raise DataError(
-            f"The local models are of order {', '.join(str(order) for order in orders)}.",
+            f"D173 The local models are of order {', '.join(str(order) for order in orders)}.",
             remedy="Fit all of them with the same order.",
         )
     return StateSpace(*(np.stack(group) for group in zip(*(system.matrices for system in systems), strict=True)))
@@ -150,7 +150,7 @@ def balance(system: StateSpace) -> tuple[StateSpace, FloatArray]:
     left, right = _root(reached), _root(seen)
     U, values, _ = np.linalg.svd(right.T @ left)
     if not values[-1] > np.finfo(float).eps * values[0]:
-        raise DataError("A state of the model can neither be moved nor seen.", remedy="Lower the order.")
+        raise DataError("D174 A state of the model can neither be moved nor seen.", remedy="Lower the order.")
     T = (U / np.sqrt(values)).T @ right.T
     return transform(system, T), T
 

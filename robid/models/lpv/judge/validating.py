@@ -174,7 +174,7 @@ def _refuse_other(own: Ports, found: Ports) -> None:
         found.output_units,
     )
     if not same or abs(found.sampling_period_s / own.sampling_period_s - 1) > _SAME_RATE:
-        message = "the validation has other channels, units or another sampling period than the fit"
+        message = "D180 the validation has other channels, units or another sampling period than the fit"
         raise DataError(message, where="validation", remedy=_ALIKE)
 
 

@@ -90,7 +90,7 @@ def _simulated(
         rows = instrumented(parameters + share * (known - parameters))
         if rows is not None:
             return rows
-    message = "the model cannot be simulated in its loop, not even with the robot file's values"
+    message = "D181 the model cannot be simulated in its loop, not even with the robot file's values"
     raise DataError(message, where="record", remedy="state `instruments: none`, or correct the robot file")
 
 

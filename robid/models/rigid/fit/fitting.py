@@ -59,7 +59,7 @@ def fit_rigid(
     """
     refuse_unusable(robot, shots)
     if options.estimator == "instruments" and simulate is None:
-        message = "instrumental variables need the robot's loop: its `controller` and recorded motor commands"
+        message = "D182 instrumental variables need the robot's loop: its `controller` and recorded motor commands"
         raise DataError(message, where="record", remedy="take another `estimator`, or state the `controller`")
     model = build_rigid_model(robot, options.model)
     base = find_base_parameters(model, options.base)
@@ -71,7 +71,7 @@ def fit_rigid(
         estimated = _estimate(problem, base.values(model.nominal), options, simulate)
     except ValueError as error:
         remedy = "look at the record's channels; record longer, with all joints in motion"
-        raise DataError(str(error), where="record", remedy=remedy) from error
+        raise DataError(f"D254 {error}", where="record", remedy=remedy) from error
     travel = travel_of(robot, shots)
     found = make_solution(model, base, problem.model, estimated, choice, travel, options)
     return replace(found, torque_unit=shots[0].torque_unit)
@@ -111,7 +111,7 @@ class _Problem:
             )
         except ValueError as error:
             remedy = "record longer, or state a higher `filters.position_cut_hz`"
-            raise DataError(str(error), where="record", remedy=remedy) from error
+            raise DataError(f"D255 {error}", where="record", remedy=remedy) from error
 
 
 def _estimate(problem: _Problem, nominal: FloatArray, options: RigidFitOptions, simulate: Simulate | None) -> Found:
@@ -160,7 +160,7 @@ def _filters(
     try:
         choice = choose_cut_off(first.position, first.torque, first.sampling_period_s, model, stated, held=first.held)
     except ValueError as error:
-        message = "the first record is too short, or its motion too poor, to choose a cut-off from it"
+        message = "D183 the first record is too short, or its motion too poor, to choose a cut-off from it"
         raise DataError(message, where="record", remedy="state `filters.position_cut_hz`, or record longer") from error
     return replace(stated, position_cut_hz=choice.cut_hz), choice
 
@@ -171,14 +171,14 @@ def _refuse_few(robot: Robot, problem: _Problem) -> None:
     rows = sum(row_count(len(shot.position), problem.filters, shot.sampling_period_s) for shot in problem.shots)
     if rows < fewest_rows(n_param, n_joint):
         samples = sum(len(shot.position) for shot in problem.shots)
-        message = f"the filters leave {rows} rows of {samples} samples, too few for {n_param} parameters"
+        message = f"D184 the filters leave {rows} rows of {samples} samples, too few for {n_param} parameters"
         remedy = "record longer, or state a higher `filters.position_cut_hz` or a smaller `filters.decimation`"
         raise DataError(message, where="record", remedy=remedy)
     used = np.sum([each.used.sum(axis=0) for each in problem.measured], axis=0)
     slow = [joint.name for joint, count in zip(robot.joints, used.tolist(), strict=True) if count < FEWEST_TESTED]
     if slow or used.sum() < fewest_rows(n_param, n_joint):
         names = ", ".join(slow) or "all motors together"
-        message = f"the rows of {names} that are fast enough are too few for {n_param} parameters"
+        message = f"D185 the rows of {names} that are fast enough are too few for {n_param} parameters"
         remedy = "lower `filters.drop_below_rad_s` and `filters.drop_deviations`, or move faster or longer"
         raise DataError(message, where="record", remedy=remedy)
 

@@ -111,16 +111,16 @@ def refuse_unusable(robot: Robot, shots: Sequence[Shot]) -> None:
     units = sorted({shot.torque_unit for shot in shots})
     if len(rates) > 1 or len(units) > 1:
         what = f"sampled at {rates[0]:g} and {rates[-1]:g} Hz" if len(rates) > 1 else f"in {' and in '.join(units)}"
-        message = f"the records of one fit are {what}"
+        message = f"D186 the records of one fit are {what}"
         raise DataError(message, where="record", remedy="fit them one by one, or log them alike")
     names = [joint.name for joint in robot.joints]
     still = _constant(names, [shot.position for shot in shots], 2 * np.pi * _STILL)
     if still:
-        message = f"{', '.join(still)} never move{'s' if len(still) == 1 else ''}: nothing can be identified there"
+        message = f"D187 {', '.join(still)} never move{'s' if len(still) == 1 else ''}: nothing can be identified there"
         raise DataError(message, where="record", remedy="move all joints at the same time")
     dead = _constant(names, [shot.torque for shot in shots], 0.0)
     if dead:
-        message = f"the torques of {', '.join(dead)} never change although their joints move"
+        message = f"D188 the torques of {', '.join(dead)} never change although their joints move"
         raise DataError(
             message, where="record", remedy="check that these channels were connected and are the right ones"
         )
@@ -142,7 +142,7 @@ def _chosen(channels: Sequence[Channel], names: Sequence[str], quantities: Seque
     missing = [name for name in names if name not in found]
     if missing:
         wanted = " or ".join(quantities)
-        message = f"a rigid fit needs a {wanted} of every joint, but the record's {what} are {describe(channels)}"
+        message = f"D189 a rigid fit needs a {wanted} of every joint, but the record's {what} are {describe(channels)}"
         raise DataError(message, remedy=f"record {', '.join(missing)} too, or take another campaign")
     return [found[name] for name in names]
 
@@ -184,7 +184,7 @@ def _inverse(measured: FloatArray, robot: Robot, arm: BoolArray) -> FloatArray:
     scaled = measured / size[:, None]
     if np.linalg.cond(scaled) > _SAME_MOTION:
         named = ", ".join(joint.name for joint, is_arm in zip(robot.joints, arm, strict=True) if is_arm)
-        message = f"motors and arms ({named}) of coupled joints are mixed so that some motion is measured twice"
+        message = f"D190 motors and arms ({named}) of coupled joints are mixed so that some motion is measured twice"
         raise DataError(
             message, where="record", remedy="log coupled joints all on the motor side or all on the arm side"
         )

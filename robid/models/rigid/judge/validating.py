@@ -159,9 +159,9 @@ def validate_rigid(
     try:
         prediction = predict(model, solution.estimate.value, shots, filters)
     except ValueError as error:
-        raise DataError(str(error), where="validation", remedy="validate on a longer record") from error
+        raise DataError(f"D256 {error}", where="validation", remedy="validate on a longer record") from error
     if not prediction.n_row.any():
-        message = "no row of the validation is left: all motors are slower than the fit's rows"
+        message = "D191 no row of the validation is left: all motors are slower than the fit's rows"
         remedy = "validate on a faster motion, or lower `filters.drop_below_rad_s` and `filters.drop_deviations`"
         raise DataError(message, where="validation", remedy=remedy)
     _refuse_other(solution, shots)
@@ -239,12 +239,13 @@ def _refuse_other(solution: RigidSolution, shots: Sequence[Shot]) -> None:
     other = [shot for shot in shots if abs(shot.sampling_period_s / period - 1) > _SAME_RATE]
     if other:
         message = (
-            f"the validation is sampled every {other[0].sampling_period_s:g} s, the fit's record every {period:g} s"
+            f"D192 the validation is sampled every {other[0].sampling_period_s:g} s, the fit's record every "
+            f"{period:g} s"
         )
         raise DataError(message, where="validation", remedy="validate on a record of the same sampling period")
     units = {shot.torque_unit for shot in shots} - {solution.torque_unit}
     if units:
-        message = f"the validation's torques are in {units.pop()}, the fit's in {solution.torque_unit}"
+        message = f"D193 the validation's torques are in {units.pop()}, the fit's in {solution.torque_unit}"
         raise DataError(message, where="validation", remedy="validate on a record of the same quantity")
 
 
