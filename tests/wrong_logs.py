@@ -61,7 +61,7 @@ def dead_channel(logs):
     """A channel was not connected."""
     index, name = chosen(logs)
     logs.columns[index][name][:] = 3
-    return [logs.file_name(index, part_of(logs, name)), "It is constant (3)", name]
+    return [logs.file_name(index, part_of(logs, name)), "D044 It is constant (3)", name]
 
 
 @wrong()
@@ -69,7 +69,7 @@ def missing_variable(logs):
     """A variable has another name in the log."""
     _, name = chosen(logs)
     channel_of(logs.channels, name)["variable"] = f"{prefix_of(logs.plan)}{name}_filtered"
-    return [f"{name}_filtered", "no such variable"]
+    return [f"{name}_filtered", "D040"]
 
 
 @wrong(places="file")
@@ -90,7 +90,7 @@ def lost_sample(logs):
         columns[name] = np.delete(np.asarray(columns[name]), at)
     if "t" in columns:
         # The gap of whole periods shows too, where the lost sample moves it away from a period's end.
-        told = ["missing samples"] if logs.plan.gaps else ["1 gap", f"after sample {at - 1}"]
+        told = ["D126"] if logs.plan.gaps else ["1 gap", f"after sample {at - 1}"]
         return [logs.file_name(index), *told]
     return []
 
@@ -100,7 +100,7 @@ def shorter_channel(logs):
     """One channel ends a sample before the others."""
     index, name = chosen(logs)
     logs.columns[index][name] = logs.columns[index][name][:-1]
-    return [logs.file_name(index, part_of(logs, name)), name, "samples, the other channels have"]
+    return [logs.file_name(index, part_of(logs, name)), name, "D048"]
 
 
 @wrong(places="file")
@@ -120,7 +120,7 @@ def unit_of_a_reference(logs):
     units = {"rad/s": "rpm", "rpm": "deg/s", "deg/s": "rad/s"}
     reference = logs.channels["references"][logs.plan.seed % 2]
     reference["unit"] = units[reference["unit"]]
-    return ["differ in size from the excitation", reference["name"], "unit or scale"]
+    return ["D106", reference["name"], "unit or scale"]
 
 
 @wrong()

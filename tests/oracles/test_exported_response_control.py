@@ -9,7 +9,7 @@ import pytest
 from robid.pipeline.frf_formats import Response, response_mat
 from sample_reports import arm_fit, bench_report
 
-pytest.importorskip("control", reason="python-control is not installed")
+pytest.importorskip("control", reason="S068")
 
 PAGE = Path(__file__).parents[2] / "docs/excitation-and-frf.md"
 

@@ -172,10 +172,10 @@ REFUSED = [
         "        # ref",
         "        resample: period\n        # ref",
         2,
-        "no period to resample to",
+        "S216",
         ("resample: period", ""),
     ),
-    ("compensation: none", "estimator: joint", 2, "read by `local`", ("estimator: joint", "")),
+    ("compensation: none", "estimator: joint", 2, "S226", ("estimator: joint", "")),
     ("on: none", "on: silent_lines", 2, "use `compensation: nominal` or `none`", ("silent_lines", "none")),
 ]
 
@@ -192,12 +192,12 @@ def test_what_cannot_be_is_refused_and_the_remedy_works(logs, old, new, code, sa
 
 def test_a_signal_that_cannot_be_played_is_not_simulated(shop):
     shop.change("excitation: *excitation", "excitation: {signal: arbitrary, low_hz: 2, high_hz: 9, resolution_hz: 1}")
-    shop.refuse(2, "`arbitrary` says what logs hold: add `source: {acquire: ...}`")
+    shop.refuse(2, "S174")
 
 
 def test_lines_are_found_in_logs_only(shop):
     shop.change("count: 14", "lines: found")
-    shop.refuse(2, "lines are `found` in logs")
+    shop.refuse(2, "S175")
 
 
 FOUND = """schema_version: 1

@@ -173,7 +173,7 @@ def test_a_usage_error_exits_2_with_one_message(shop, arguments):
     answer = shop.robid(*arguments)
     assert (answer.code, answer.out) == (2, "")
     assert answer.err.count("robid: ") == 1
-    assert "remedy: `robid --help`" in answer.err
+    assert "S377" in answer.err
 
 
 def test_an_error_is_one_json_object_too(shop):

@@ -79,7 +79,7 @@ def test_the_page_is_written_left_alone_and_replaced_by_force_only(done):
         (("nothing.h5", PATH), 3, "nothing.h5"),
         (("runs/small/estimation/record.h5", PATH), 3, "of kind `record`, but `frf` is needed"),
         ((PATH, PATH, "--output", "page.txt"), 2, "must end with .html"),
-        ((PATH, "runs/small/validation/frf.h5"), 4, "none of the 2 and 1 configurations is at the same"),
+        ((PATH, "runs/small/validation/frf.h5"), 4, "D007 none of the 2 and 1 configurations is at the same"),
     ],
 )
 def test_what_cannot_be_compared_is_said(done, named, code, words):
@@ -94,7 +94,7 @@ def test_other_units_are_refused_by_name(done):
         return replace(frf, output_channels=outputs)
 
     other = rewritten(done, "angles.h5", angles)
-    words = "output `turn` is motor acceleration [rad/s^2] in the first, but motor angle [rad] in the second"
+    words = "D206 output `turn` is motor acceleration [rad/s^2] in the first, but motor angle [rad] in the second"
     done.refuse(4, words, "small/estimation (the first)", command=("compare", PATH, other))
 
 

@@ -33,10 +33,10 @@ def test_without_the_extra_every_command_says_how_to_install_it(shop, monkeypatc
 
 def test_a_scheduler_belongs_to_dask(shop):
     command = ("run", "small.yaml", "--scheduler", "tcp://10.0.0.1:8786")
-    shop.refuse(2, "the backend serial has no scheduler", "add `--backend dask`", command=command)
+    shop.refuse(2, "S015 the backend serial has no scheduler", "add `--backend dask`", command=command)
 
 
 def test_a_scheduler_that_does_not_answer_is_told_before_anything_is_made(shop, monkeypatch):
     monkeypatch.setattr(connecting, "_CONNECT_S", 0.3)
     command = ("run", "small.yaml", "--backend", "dask", "--scheduler", "tcp://127.0.0.1:9")
-    shop.refuse(3, "tcp://127.0.0.1:9: The scheduler does not answer", command=command)
+    shop.refuse(3, "tcp://127.0.0.1:9: B004", command=command)

@@ -140,7 +140,7 @@ def test_a_fit_of_one_place_does_not_tell_what_differs(chosen):
         chosen,
         4,
         "designs.spread: between",
-        "fewer than four",
+        "D194",
         "state `between_relative_std`",
         command=("design-configs", FILE, "--design", "spread", "--force"),
     )
@@ -256,7 +256,7 @@ def refused(shop, code, *texts, command=("run", "design.yaml")):
 @pytest.mark.parametrize(
     ("design", "texts"),
     [
-        ("best: {campaign: candidates, count: 7}", ("designs.best.count", "cannot choose 7 of the 6")),
+        ("best: {campaign: candidates, count: 7}", ("designs.best.count", "S160 cannot choose 7 of the 6")),
         ("best: {campaign: candidates, free: [stiffness], nuisance: [stiffness]}", ("nuisance", "name each kind once")),
         ("best: {campaign: candidates, fixed: [gear_tern.stiffness]}", ("fixed[0]", "gear_turn.stiffness")),
         ("best: {campaign: candidates, prior: earlyer}", ("designs.best.prior", "did you mean `earlier`?")),
@@ -264,14 +264,14 @@ def refused(shop, code, *texts, command=("run", "design.yaml")):
             "best: {campaign: candidates, free: [motor_inertia], prior: earlier}",
             ("designs.best.prior", "does not estimate `turn.motor_inertia`, `lift.motor_inertia`"),
         ),
-        ("best: {campaign: candidates, weights: {mean: fit}}", ("weights.mean", "`information: measured`")),
+        ("best: {campaign: candidates, weights: {mean: fit}}", ("weights.mean", "S162")),
         (
             "best: {campaign: candidates, information: measured, fit: earlyer, weights: {mean: fit}}",
             ("designs.best.fit", "did you mean `earlier`?"),
         ),
         (
             "best: {campaign: candidates, fit: earlier, weights: {off_diagonal: 0.3, mean: fit}}",
-            ("designs.best.weights", "the rest comes from the fit"),
+            ("designs.best.weights", "S164"),
         ),
         ("best: {campaign: candidates, between: earlyer}", ("designs.best.between", "did you mean `earlier`?")),
         (
@@ -297,12 +297,12 @@ def test_a_measured_design_needs_a_source(fresh):
         file=FILE,
     )
     fresh.change(BEST, BEST.replace("candidates", "first").replace("count: 2", "count: 1"), file=FILE)
-    refused(fresh, 2, "designs.best.information", "campaign `first` has no `source`", "`information: assumed`")
+    refused(fresh, 2, "designs.best.information", "campaign `first` has no `source`", "S161")
 
 
 def test_a_circle_through_a_prior_is_told(fresh):
     fresh.change("{list_deg: [[20, 30]]}", "{from: next}", file=FILE)
-    refused(fresh, 2, "go in a circle")
+    refused(fresh, 2, "S168")
 
 
 CHOOSE = ("design-configs", "design.yaml", "--design", "best")
@@ -317,7 +317,7 @@ CHOOSE = ("design-configs", "design.yaml", "--design", "best")
             "count: 2, weights: {low_cut_hz: 500}",
             4,
             (
-                "designs.best: The responses of the candidates",
+                "designs.best: D005 The responses of the candidates",
                 "do not depend on: gear_turn.stiffness; gear_lift.stiffness",
             ),
         ),
@@ -326,7 +326,7 @@ CHOOSE = ("design-configs", "design.yaml", "--design", "best")
             "{random: {count: 6, seed: 1}}",
             "count: 2, cost: travel, budget: 1",
             2,
-            ("designs.best: budget: The budget of 1 does not pay 2",),
+            ("designs.best: budget: S024 The budget of 1 does not pay 2",),
         ),
     ],
 )

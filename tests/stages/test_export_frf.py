@@ -167,7 +167,7 @@ def test_what_does_not_go_together_is_said(done, options, words):
 
 
 def test_what_is_about_a_campaign(done):
-    words = "`--what` is about a campaign"
+    words = "S002"
     done.refuse(2, words, command=("export", "small.yaml", "--what", "excitation", "--format", "csv"))
 
 

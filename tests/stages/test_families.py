@@ -131,7 +131,7 @@ def test_settings_come_back_and_their_schema_knows_them(shop, case):
 
 def test_what_is_wrong_with_a_fit_is_told_with_its_place(shop):
     shop.change("own: {family:", "own: {famly: 1, family:")
-    assert "fits.own.famly: unknown key; did you mean `family`?" in shop.refuse(2).flat
+    assert "fits.own.famly: S380 unknown key; did you mean `family`?" in shop.refuse(2).flat
     shop.change("famly: 1, ", "")
     shop.change("validate_on: validation", "validate_on: nowhere")
     assert "fits.own.validate_on: there is no campaign `nowhere`" in shop.refuse(2).flat

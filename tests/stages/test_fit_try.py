@@ -80,7 +80,7 @@ def test_a_trial_is_written_where_it_is_told_to_and_is_no_fit_of_the_run(loaded)
     assert answer.code == 0, answer.err
     path = shop.folder / "tried.h5"
     assert "payload.mass" in estimate_from_artifact(read_artifact(path, MODEL)).names
-    shop.refuse(2, "is there already", "`--force`", command=(*TRIED, "payload", "--output", "tried.h5"))
+    shop.refuse(2, "S006", "`--force`", command=(*TRIED, "payload", "--output", "tried.h5"))
     own = str(shop.runs / "fits" / "elastic" / "model.h5")
     shop.refuse(3, "would take the place of", command=(*TRIED, "payload", "--output", own, "--force"))
 
@@ -88,7 +88,7 @@ def test_a_trial_is_written_where_it_is_told_to_and_is_no_fit_of_the_run(loaded)
 @pytest.mark.parametrize(
     ("name", "texts"),
     [
-        ("paylod", ("nothing of this robot is called `paylod`", "did you mean `payload`")),
+        ("paylod", ("S056 nothing of this robot is called `paylod`", "did you mean `payload`")),
         ("stiffness", ("estimates `stiffness` already",)),
         ("gear_lift", ("estimates `gear_lift` already",)),
         ("gear_lift.compliance", ("estimates `gear_lift.compliance` already",)),
@@ -104,7 +104,7 @@ def test_trying_belongs_to_fits_that_are_there(loaded, workshop, tmp_path, monke
     shop.refuse(2, "`--strict` says nothing", command=(*TRIED, "payload", "--strict"))
     monkeypatch.chdir(tmp_path)
     empty = workshop(tmp_path, monkeypatch)
-    empty.refuse(3, "The input is missing", "robid fit", command=(*TRIED, "payload"))
+    empty.refuse(3, "A019 The input is missing", "robid fit", command=(*TRIED, "payload"))
 
 
 def test_an_unknown_name_in_a_file_is_one_message_on_its_line(workshop, tmp_path, monkeypatch):

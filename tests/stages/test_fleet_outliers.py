@@ -154,4 +154,4 @@ def test_a_wrong_time_is_told_before_the_first_row(done):
 
 def test_a_file_of_somebody_else_in_the_place_of_the_summary_is_refused(done):
     (done.table.parent / "fleet.json").write_text("{}")
-    done.shop.refuse(3, "no fleet.json of robid", command=("reprocess", "floor/robots.csv", "fleet.yaml"))
+    done.shop.refuse(3, "A027", command=("reprocess", "floor/robots.csv", "fleet.yaml"))

@@ -251,7 +251,7 @@ def test_volts_are_mapped_with_a_scale_to_fill_in(shop):
     ("name", "content", "code", "text"),
     [
         ("nothing.csv", None, 4, "does not exist"),
-        ("nothing.h5", None, 3, "artifact is missing"),
+        ("nothing.h5", None, 3, "A008"),
         ("empty.csv", b"", 4, "empty"),
         ("words.csv", b"hello\nworld\n", 4, "no table"),
         ("short.csv", b"a,b\n1,2\n3,4\n", 4, "no signals"),

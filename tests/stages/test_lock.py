@@ -59,4 +59,4 @@ def test_a_second_command_names_the_first_and_a_dead_one_blocks_nobody(slow):
 
 def test_a_run_folder_that_may_not_be_written_is_told(done):
     (done.runs / ".lock").mkdir()
-    done.refuse(3, "The lock cannot be written", ".lock")
+    done.refuse(3, "A004", ".lock")

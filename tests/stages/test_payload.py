@@ -131,10 +131,10 @@ def test_mujoco_and_pinocchio_move_the_exported_models_with_the_fits_torques(car
 
 def test_campaigns_whose_payloads_make_no_sense_are_told_with_their_place(carrier):
     carrier.change("from: [unloaded, loaded]", "from: [loaded]", "payload.yaml")
-    text = "fits.carried.from: names no campaign without payload"
+    text = "fits.carried.from: S091 names no campaign without payload"
     carrier.refuse(2, text, command=("run", "payload.yaml"))
     carrier.change("from: [loaded]", "from: [unloaded]", "payload.yaml")
-    carrier.refuse(2, "names no campaign with payload", command=("run", "payload.yaml"))
+    carrier.refuse(2, "S091 names no campaign with payload", command=("run", "payload.yaml"))
     carrier.change("from: [unloaded]", "from: [unloaded, loaded, other]", "payload.yaml")
     carrier.change("    validate_on: other\n", "", "payload.yaml")
     carrier.change("other: {<<: *motion, payload_kg: 8", "other: {<<: *motion, payload_kg: 5", "payload.yaml")
@@ -142,7 +142,7 @@ def test_campaigns_whose_payloads_make_no_sense_are_told_with_their_place(carrie
     carrier.change("[unloaded, loaded, other]", "[unloaded, loaded]\n    validate_on: other", "payload.yaml")
     carrier.refuse(2, "has a payload of 5 kg, which the fit never saw", command=("run", "payload.yaml"))
     carrier.change("payload: body, ", "", "payload.yaml")
-    carrier.refuse(2, "different payloads, which one model cannot have", command=("run", "payload.yaml"))
+    carrier.refuse(2, "S200", command=("run", "payload.yaml"))
 
 
 def test_a_payload_that_changes_makes_the_fit_stale(carried):

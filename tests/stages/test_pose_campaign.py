@@ -181,13 +181,13 @@ def test_a_killed_simulation_goes_on_where_it_was(poses, monkeypatch):
         (
             "amplitude_mm: {X: 5, R: 4}",
             "amplitude_mm: {X: 5, R: 4, A: 1}",
-            ("amplitude_mm.A", "no channel of this kind"),
+            ("amplitude_mm.A", "S123"),
         ),
         ("amplitude_deg: 1", "amplitude_deg: 0", ("excitation.amplitude_deg", "must be above 0")),
         ("period_s: 3,", "period_s: 3.01,", ("not a whole number", "3.012")),
         ("high_hz: 5,", "high_hz: 50,", ("Nyquist",)),
-        ("periods: 2", "periods: 2\n    experiments: 2", ("moved.experiments", "one experiment for each channel")),
-        ("periods: 2", "periods: 2\n    outputs: [motors, rail.arm]", ("moved.outputs", "measures the channels")),
+        ("periods: 2", "periods: 2\n    experiments: 2", ("moved.experiments", "S116")),
+        ("periods: 2", "periods: 2\n    outputs: [motors, rail.arm]", ("moved.outputs", "S117")),
         ("periods: 2", "periods: 2\n    estimate: {compensation: nominal}", ("estimate.compensation", "pose commands")),
         ("signal: pose_chirp, channels: [X, R, A]", "signal: pose_chirp, rms: 2", ("rms",)),
     ],
@@ -200,7 +200,7 @@ def test_wrong_settings_of_a_campaign_are_told(poses, old, new, words):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("external_axes: [rail]", "external_axes: [shoulder]", ("external_axes[0]", "the first joints", "rail")),
+        ("external_axes: [rail]", "external_axes: [shoulder]", ("external_axes[0]", "S111", "rail")),
         ("external_axes: [rail]", "external_axes: [track]", ("external_axes[0]", "no joint `track`")),
         ("external_axes: [rail]", "external_axes: [rail, shoulder]", ("external_axes[1]", "`shoulder` is revolute")),
         (
@@ -208,7 +208,7 @@ def test_wrong_settings_of_a_campaign_are_told(poses, old, new, words):
             "sampling_period_s: 0.011",
             ("pose_interface.sampling_period_s", "whole multiple"),
         ),
-        ("pose_interface:", "# ", ("excitation.signal", "needs the robot file's `pose_interface`")),
+        ("pose_interface:", "# ", ("excitation.signal", "S119")),
         ("max_torque_nm: 3,", "", ("joints[3].motor.max_torque_nm",)),
     ],
 )
@@ -224,7 +224,7 @@ def test_only_pose_chirps_measure_poses_and_no_design_chooses_among_them(poses):
     )
     answer = poses.robid("run", FILE)
     assert answer.code == 2
-    assert "campaigns.watched.source.simulate.measured_pose: is for the excitation `signal: pose_chirp`" in answer.flat
+    assert "campaigns.watched.source.simulate.measured_pose: S115" in answer.flat
     shutil.copy(HERE / FILE, poses.folder)
     poses.change("execution:", "designs: {best: {campaign: moved, count: 1}}\nexecution:", FILE)
     told = poses.robid("run", FILE)

@@ -57,7 +57,7 @@ def test_friction_is_left_alone_where_no_torque_was_logged(bench):
     assert frf.compensation == "none"
     assert [note for note in frf.notes if note.startswith("No friction was subtracted")]
     bench.change("    periods: 4\n", "    periods: 4\n    estimate: {compensation: nominal}\n", "bench.yaml")
-    told = "estimate.compensation: friction is subtracted from motor torques, not from a speed reference"
+    told = "estimate.compensation: S221 friction is subtracted from motor torques, not from a speed reference"
     bench.refuse(2, told, command=("estimate-frf", "bench.yaml", "--force"))
 
 
@@ -78,7 +78,7 @@ def test_one_shot_is_imported_and_no_more(bench):
 
 def test_one_shot_needs_no_configurations_but_periods_do(bench):
     bench.change("configurations: {list_deg: [[0]]}", "payload_kg: null", "bench.yaml")
-    told = "campaigns.log.configurations: is missing: only logs of one shot go without"
+    told = "campaigns.log.configurations: S178"
     bench.refuse(2, told, command=("run", "bench.yaml"))
     bench.change("        drop_periods: 1\n", "        one_shot: true\n", "bench.yaml")
     text = (bench.folder / "bench.yaml").read_text()
@@ -114,8 +114,8 @@ def test_every_log_of_a_recording_counts_for_staleness(bench):
 @pytest.mark.parametrize(
     ("old", "new", "texts"),
     [
-        ("list_deg: [[0]]", "list_deg: [[0], [5]]", ("configurations", "one shot begins in one configuration")),
-        ("one_shot: true", "one_shot: true\n        drop_periods: 1", ("drop_periods: one shot has no periods",)),
+        ("list_deg: [[0]]", "list_deg: [[0], [5]]", ("configurations", "S212")),
+        ("one_shot: true", "one_shot: true\n        drop_periods: 1", ("drop_periods: S213",)),
     ],
 )
 def test_what_one_shot_cannot_have_is_told(bench, old, new, texts):

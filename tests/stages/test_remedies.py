@@ -146,7 +146,7 @@ WRONG = {
     "one sample too short": ({"excitation__period_s": 0.9996}, None),
     "a fraction of a sample": ({"excitation__period_s": 1.00017}, None),
     "too many periods": ({"periods": 30}, None),
-    "another sampling period": ({"sampling_period_s": 5.0e-4}, None),
+    "D180": ({"sampling_period_s": 5.0e-4}, None),
     "a sampling period 0.1 % off": ({"sampling_period_s": 4.004e-4}, None),
     "a clock that is 0.1 % fast and a generator too": (
         {},

@@ -44,7 +44,7 @@ def test_an_output_replaces_only_its_own_kind(done, command, target, what, spell
         named = done.folder / f"link{path.suffix}"
         (named.symlink_to if spelling == "symlink" else named.hardlink_to)(path)
     kept = path.read_bytes() if path.is_file() else b""
-    done.refuse(3, what, "nothing was written", command=(*command, "--output", str(named)))
+    done.refuse(3, what, "A034", command=(*command, "--output", str(named)))
     assert not path.is_file() or path.read_bytes() == kept
 
 
@@ -143,7 +143,7 @@ def test_a_truth_named_on_the_command_line_must_be_the_records(done):
     shutil.copy(done.runs / "estimation" / "truth.json", foreign)
     edit(foreign)
     command = ("validate", "small.yaml", "--force", "--input", str(foreign))
-    done.refuse(3, "The truth is not the one that", command=command)
+    done.refuse(3, "A017", command=command)
 
 
 @pytest.mark.parametrize("spoil", ["no stamp", "broken stamp", "not text", "folder"])

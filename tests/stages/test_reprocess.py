@@ -223,9 +223,9 @@ HEAD = "id,log,step_s,hall"
         (f"{HEAD}\na,logs/soft.mat,fast,n", ["robots.csv:2: row a, column `step_s`", "fleet.yaml:14", "found 'fast'"]),
         (f"{HEAD}\na,logs/soft.mat,1e-3,n\nb,logs/x.mat,-1,n", ["robots.csv:3: row b, column `step_s`", "(found -1)"]),
         (f"{HEAD}\na,logs/soft.mat,1e-3", ["robots.csv:2: has 3 values", "there are 4 columns"]),
-        (f'{HEAD}\na,"logs/soft.mat,1e-3,n', ["is no CSV"]),
+        (f'{HEAD}\na,"logs/soft.mat,1e-3,n', ["S041"]),
         ("", ["robots.csv: is empty"]),
-        (HEAD, ["it has no rows"]),
+        (HEAD, ["S036"]),
         ("id,log,log,step_s\n1,2,3,4", ["column `log` is there twice"]),
     ],
 )
@@ -259,19 +259,19 @@ def test_other_commands_name_the_one_that_fills_placeholders(floor, command):
 
 def test_the_lock_names_the_process_that_holds_it(floor):
     with locked(floor.folder / "runs/benches/.lock", "robid reprocess a.csv b.yaml"):
-        floor.shop.refuse(3, "Another robid is at work here", "robid reprocess a.csv b.yaml", command=COMMAND)
+        floor.shop.refuse(3, "A005", "robid reprocess a.csv b.yaml", command=COMMAND)
 
 
 def test_files_of_somebody_else_are_not_replaced(floor):
     floor.table.parent.mkdir(parents=True)
     floor.table.write_text("mine")
-    floor.shop.refuse(3, "no table of robid", command=COMMAND)
+    floor.shop.refuse(3, "A028", command=COMMAND)
     floor.table.unlink()
     (floor.table.parent / "report.html").write_text("<html>mine</html>")
     floor.shop.refuse(3, "no report of robid", command=COMMAND)
     (floor.table.parent / "report.html").unlink()
     (floor.rows / "soft").mkdir(parents=True)
-    floor.shop.refuse(3, "it has no row.json", command=COMMAND)
+    floor.shop.refuse(3, "A026", command=COMMAND)
 
 
 def test_without_the_extra_one_message_says_what_to_install(floor, monkeypatch):
@@ -287,7 +287,7 @@ def test_a_full_disk_stops_the_batch_and_fails_no_row(floor, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=free.pop() if free else 1e3))
     answer = floor.robid()
     assert answer.code == 3
-    assert "The disk has 0 MB left" in answer.err
+    assert "A036 The disk has 0 MB left" in answer.err
     assert list(floor.rows.iterdir()) == []
     assert {row["status"] for row in floor.results()} == {"pending"}
 

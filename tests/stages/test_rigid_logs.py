@@ -120,7 +120,7 @@ def test_a_cut_off_above_half_the_sampling_rate_is_a_mistake_of_the_settings(log
 
 def test_a_current_needs_its_torque_constant(logs):
     logs.change("variable: u1,", "variable: u1, unit: A,")
-    logs.refuse(2, "a current needs `torque_constant_nm_a`")
+    logs.refuse(2, "S370")
     logs.change("unit: A,", "unit: A, torque_constant_nm_a: 1,")
     assert logs.robid("run", "small.yaml").code == 0
 
@@ -135,7 +135,7 @@ def test_a_motor_that_never_moves_and_a_short_record_are_refused(logs):
     _fails(logs, "lift never moves", "move all joints at the same time")
     short = {key: getattr(logs.shots["motion"], key)[:600] for key in ("position", "torque")}
     write_log(logs.folder / "motion.csv", type(logs.shots["motion"])(**{**logs.shots["motion"].__dict__, **short}))
-    _fails(logs, "the filters leave 0 rows of 600 samples", "state a higher `filters.position_cut_hz`")
+    _fails(logs, "D184 the filters leave 0 rows of 600 samples", "state a higher `filters.position_cut_hz`")
     logs.change("position_cut_hz: 10", "position_cut_hz: 40")
     assert "Traceback" not in logs.robid("run", "small.yaml").err
     assert (logs.runs / "fits" / "arm" / "model.h5").exists()

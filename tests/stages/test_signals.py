@@ -56,7 +56,7 @@ def test_every_kind_gives_the_response_that_a_multisine_gives(shop, fields):
     [
         ("slow_motion_rad_s: 5, slow_motion_line: 3", "line 3 is odd"),
         ("slow_motion_rad_s: 5, inject: torque", "needs a reference of speed or position"),
-        ("chirp_peak: 0.5", "chirp_peak: belongs to `signal: chirp` or `signal: pose_chirp`, not to"),
+        ("chirp_peak: 0.5", "chirp_peak: S386 belongs to `signal: chirp` or `signal: pose_chirp`, not to"),
         ("signal: sweep", "'multisine', 'chirp', 'stepped_sine', 'fourier'"),
     ],
 )
@@ -73,7 +73,7 @@ def test_what_cannot_be_made_is_told_on_its_line(shop, fields, words):
     [
         ("signal: stepped_sine, count: 14, grid: odd", "one cycle of each of 14 frequencies takes"),
         ("signal: chirp, chirp_peak: 1", "chirp_peak: input should be less than 1"),
-        ("signal: chirp, count: 14", "count: belongs to `signal: multisine`"),
+        ("signal: chirp, count: 14", "count: S386 belongs to `signal: multisine`"),
     ],
 )
 def test_what_another_signal_cannot_be_is_told_on_its_line(shop, fields, words):

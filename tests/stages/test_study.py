@@ -163,4 +163,4 @@ def test_a_stopped_study_goes_on(study, number, code):
 def test_a_file_without_a_study_is_refused(shop):
     answer = shop.robid("study", "small.yaml")
     assert answer.code == 2
-    assert "has no `study`" in answer.err
+    assert "S343" in answer.err

@@ -126,5 +126,5 @@ def test_what_cannot_be_is_told_before_anything_is_made(study, old, new, message
 def test_a_cluster_is_refused(study):
     answer = study.robid("study", "many.yaml", "--backend", "dask")
     assert answer.code == 2
-    assert "runs on no cluster" in answer.flat
+    assert "S342" in answer.flat
     assert not (study.runs / "logs").exists()

@@ -109,7 +109,7 @@ def test_a_robot_file_without_limits_and_a_campaign_with_blocks_are_told(swing):
     answer = swing.robid("design-excitation", FILE)
     assert answer.code == 2
     assert "joints[0].motor.max_torque_nm" in answer.flat
-    assert "experiments: a trajectory is one experiment in each realization" in answer.flat
+    assert "experiments: S179" in answer.flat
 
 
 def test_a_configuration_beyond_the_limits_is_told(swing):

@@ -103,9 +103,9 @@ LISTED = "        inputs:\n"
 @pytest.mark.parametrize(
     ("old", "new", "place", "what"),
     [
-        (NEAR, f"{NEAR}    configurations: {{list_deg: [[1]]}}\n", "configurations", "are joint angles"),
-        (NEAR, f"{NEAR}    payload_kg: 3\n", "payload_kg", "is carried by a `robot`"),
-        (NEAR, f"{NEAR}    estimate: {{compensation: nominal}}\n", "estimate.compensation", "that of a `robot`"),
+        (NEAR, f"{NEAR}    configurations: {{list_deg: [[1]]}}\n", "configurations", "S149"),
+        (NEAR, f"{NEAR}    payload_kg: 3\n", "payload_kg", "S150"),
+        (NEAR, f"{NEAR}    estimate: {{compensation: nominal}}\n", "estimate.compensation", "S152"),
         ("family: inertia", "family: rigid", "fits.own.family", "a fit of family `rigid` needs `robot`"),
         ("fits:\n", "designs: {best: {campaign: chirps, count: 1}}\nfits:\n", "designs.best", "needs `robot`"),
         ("low_hz: 0.5", "low_hz: 60", "campaigns.chirps.excitation", "60"),

@@ -142,7 +142,7 @@ def test_a_part_damaged_before_the_merge_is_found_and_the_old_file_stays(tmp_pat
     parts = _parts(path, _whole(3))
     with h5py.File(sorted(parts.folder.iterdir())[1], "r+") as file:
         file["samples"][0, 5, 0] *= 1.5
-    with pytest.raises(ArtifactError, match="did not merge") as caught:
+    with pytest.raises(ArtifactError, match="A007") as caught:
         parts.merge(3, PROVENANCE)
     assert "the same command" in caught.value.remedy
     assert read_header(path).content_sha256 == digest
@@ -183,7 +183,7 @@ def test_a_broken_merge_leaves_the_old_file_and_all_parts(tmp_path: Path, how: s
     if how == "kill":
         assert done.returncode == 9
     else:
-        assert done.stderr == "The file cannot be written: File too large.\n"
+        assert done.stderr == "A001 The file cannot be written: File too large.\n"
         assert sorted(file.name for file in tmp_path.iterdir()) == ["thing.h5", "thing.h5.parts"]
     assert read_header(path).content_sha256 == digest
     again = Parts(path, KIND, KEY)

@@ -257,8 +257,8 @@ def test_another_file_format_is_refused(tmp_path: Path) -> None:
         write_artifact(path, _thing())
         with h5py.File(path, "r+") as file:
             change(file.attrs)
-        _assert_refused(path, "file format", "reads format 2")
-        with pytest.raises(ArtifactError, match="file format"):
+        _assert_refused(path, "A010", "reads format 2")
+        with pytest.raises(ArtifactError, match="A010"):
             inspect_artifact(path)
 
 
@@ -380,7 +380,7 @@ def test_a_full_disk_is_one_clear_error(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     command = [sys.executable, "-c", _DISK_FULL, str(path)]
     done = subprocess.run(command, check=False, env=environment, capture_output=True, text=True)
-    assert done.stderr == "The file cannot be written: File too large.\n"
+    assert done.stderr == "A001 The file cannot be written: File too large.\n"
     assert [file.name for file in tmp_path.iterdir()] == ["thing.h5"]
     assert read_header(path, KIND).content_sha256 == digest
 
@@ -394,7 +394,7 @@ def test_provenance_may_be_long(tmp_path: Path) -> None:
 def test_inspecting_a_file_of_another_format_does_not_advise_to_delete_it(tmp_path: Path) -> None:
     path = tmp_path / "experiment.yaml"
     path.write_text("name: arm\n")
-    with pytest.raises(ArtifactError, match="not an artifact of robid") as caught:
+    with pytest.raises(ArtifactError, match="A009") as caught:
         inspect_artifact(path)
     assert "delete" not in caught.value.remedy
 

@@ -58,7 +58,7 @@ def test_an_orphan_leaves_the_row_to_the_command_that_took_it_over(tmp_path, goe
     new = begun(task, "half of the n")
     if goes_on == "writes again":
         write_model(orphan, "the orphan's")
-    with pytest.raises(ArtifactError, match="taken over"):
+    with pytest.raises(ArtifactError, match="A025"):
         finish(orphan)
     assert not task.folder.exists()
     assert names(task) == [new.work.name]
@@ -72,7 +72,7 @@ def test_an_orphan_that_ends_late_leaves_a_finished_row_alone(tmp_path):
     orphan = begun(task, "the orphan's")
     recover(task.rows)
     finish(begun(task, "the new one"))
-    with pytest.raises(ArtifactError, match="taken over"):
+    with pytest.raises(ArtifactError, match="A025"):
         finish(orphan, RowError("data", "a.csv", "does not exist", ""))
     assert_whole(task, "the new one")
 
@@ -85,7 +85,7 @@ def test_an_attempt_that_loses_an_output_is_not_put_in_place(tmp_path, monkeypat
         (folder / MODEL).unlink()
 
     monkeypatch.setattr(row, "write_ledger", written)
-    with pytest.raises(ArtifactError, match="taken over"):
+    with pytest.raises(ArtifactError, match="A025"):
         finish(task)
     assert not task.folder.exists()
 

@@ -101,7 +101,7 @@ def test_a_time_that_no_date_holds_is_told_with_its_column(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "text"),
     [
-        ("fleet.parquet", b"id,log\n", "cannot be read as Parquet"),
+        ("fleet.parquet", b"id,log\n", "S044"),
         ("fleet.csv", "id,größe\n".encode("latin-1"), "not a UTF-8 text file"),
         ("fleet.csv", "id,,log\na,b,c\n", "column 2 has no name"),
         ("fleet.csv", "id,log\na,b,c\n", "fleet.csv:2: has 3 values"),

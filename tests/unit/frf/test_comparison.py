@@ -181,9 +181,9 @@ def test_without_a_covariance_only_sizes_are_told():
         ),
         (
             {"input_channels": (Channel("a", "torque", "N m"), Channel("b", "torque", "N m"))},
-            "they have no input in common (turn, lift and a, b)",
+            "D009 they have no input in common (turn, lift and a, b)",
         ),
-        ({"frequency_hz": LINES + 100}, "their bands do not overlap: 10 to 39 Hz and 110 to 139 Hz"),
+        ({"frequency_hz": LINES + 100}, "D010 their bands do not overlap: 10 to 39 Hz and 110 to 139 Hz"),
     ],
 )
 def test_what_cannot_be_compared_is_said_by_name(changed, words):
@@ -197,7 +197,7 @@ def test_configurations_without_a_common_one_are_refused():
     truth = np.concatenate([resonance(LINES)] * 2)
     first = replace(measured(1, truth=truth), configurations=np.array([[0.1], [0.2]]))
     second = replace(measured(2, truth=truth), configurations=np.array([[0.3], [0.4]]))
-    with pytest.raises(DataError, match="none of the 2 and 2 configurations"):
+    with pytest.raises(DataError, match="D007 none of the 2 and 2 configurations"):
         compare(first, second)
     with pytest.raises(DataError, match="1 joints in its configurations, the other 2"):
         compare(first, replace(second, configurations=np.zeros((2, 2))))

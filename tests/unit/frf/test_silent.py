@@ -212,7 +212,7 @@ def test_experiments_that_determine_no_response_are_refused():
     still = replace(record, outputs=record.outputs * np.array([1.0, 0.0]))
     single = replace(record, inputs=record.inputs[:, :, :1], outputs=record.outputs[:, :, :1])
     for poor in (still, single):
-        with pytest.raises(DataError, match="friction cannot be identified"):
+        with pytest.raises(DataError, match="D025"):
             start_laws(poor, UNKNOWN, DELAY_S)
 
 

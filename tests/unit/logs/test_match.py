@@ -111,9 +111,9 @@ def test_another_experiment_is_named(tmp_path, played):
 
 def test_another_excitation_is_refused(tmp_path):
     message = refused(tmp_path, log_of(designed(seed=8)[1, 0]))
-    assert "holds no period of the excitation" in message
+    assert "D239" in message
     other = np.arange(6, 60, 3)
-    assert "holds no period" in refused(tmp_path, log_of(designed(lines=other)[1, 0]))
+    assert "D239" in refused(tmp_path, log_of(designed(lines=other)[1, 0]))
 
 
 def test_a_reversed_motor_of_three_is_named(tmp_path):

@@ -85,7 +85,7 @@ def test_a_missing_variable_of_a_sum_is_told_with_those_that_there_are(tmp_path)
     with pytest.raises(DataError, match="no variable `q3`") as caught:
         import_shot(shot_of(file, "q2 + q3"))
     assert "`q2`" in caught.value.remedy
-    with pytest.raises(DataError, match="no such variable"):
+    with pytest.raises(DataError, match="D040"):
         import_shot(shot_of(file, "way-of-it"))
 
 

@@ -27,7 +27,7 @@ def test_time_that_goes_back_is_told_whatever_the_kind_of_its_numbers(kind):
     stamps[500:] = np.arange(100, 600)
     clock, (problem,) = read_clock(MAPPING, stamps.astype(kind))
     assert clock is None
-    assert "Time does not advance after sample 499 (1 such steps)" in str(problem)
+    assert "D122 Time does not advance after sample 499 (1 such steps)" in str(problem)
 
 
 @pytest.mark.parametrize("kind", [np.uint64, np.int64])

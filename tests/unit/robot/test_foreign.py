@@ -169,7 +169,7 @@ def test_a_urdf_takes_no_mass_from_its_shapes(tmp_path):
 
 @pytest.mark.parametrize("text", ["no xml", "<mujoco><worldbody><body/><oops/></worldbody></mujoco>"])
 def test_what_is_no_robot_is_refused_by_name(tmp_path, text):
-    with pytest.raises(DataError, match="not a robot") as caught:
+    with pytest.raises(DataError, match="D201") as caught:
         read_model(write(tmp_path, text))
     assert caught.value.where.endswith("robot.xml")
 

@@ -170,8 +170,8 @@ JOINT = '<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link
 @pytest.mark.parametrize(
     ("more", "end", "words"),
     [
-        ("<xacro:include xmlns:xacro='http://www.ros.org/wiki/xacro' filename='a'/>", "", "not expanded"),
-        ("<xacro:property name='m' value='1'/>", "", "not expanded"),
+        ("<xacro:include xmlns:xacro='http://www.ros.org/wiki/xacro' filename='a'/>", "", "D257"),
+        ("<xacro:property name='m' value='1'/>", "", "D257"),
         ("", '<link name="l1"/>', "more than one link `l1`"),
         ("", '<link name="lost"/>', "`base`, `lost`"),
         ("", JOINT.format(name="j2", kind="fixed", parent="base", child="l1", more=""), "`l1` hangs on 2 joints"),

@@ -146,5 +146,5 @@ def test_matrices_are_symmetric_and_positive():
 def test_unknown_output_is_refused():
     model = build_model(two_mass_robot())
     rest = solve_statics(model, np.zeros((1, 1)))
-    with pytest.raises(DataError, match="output `load` is nothing that the robot measures"):
+    with pytest.raises(DataError, match="D206 output `load` is nothing that the robot measures"):
         linearize(model, rest, ("drive", "load"))

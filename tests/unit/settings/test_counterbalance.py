@@ -47,13 +47,13 @@ def test_most_robots_have_none(tmp_path):
 @pytest.mark.parametrize(
     ("balance", "joint", "told"),
     [
-        ({**SPRING, "sine_nm": [1]}, {}, "of another kind than the spring"),
+        ({**SPRING, "sine_nm": [1]}, {}, "S249"),
         ({"preload_n": 5}, {}, "is empty"),
         ({"stiffness_n_m": 5}, {}, "carrier_point_m: is missing"),
         (
             {"sine_nm": [1]},
             {"type": "prismatic", "limits_deg": None, "limits_m": [0, 1], "motor": {**DRIVE, "gear_ratio": None}},
-            "belongs to a revolute joint",
+            "S251",
         ),
     ],
 )

@@ -24,7 +24,7 @@ def told(tmp_path, turns, slides=()):
     text = "schema_version: 1\nname: wrist\njoints:\n" + "\n".join(joints) + "\n"
     document = parse_yaml(tmp_path / "robot.yaml", text)
     problems = check_robot(document, RobotFile.model_validate(document.data))
-    return [str(problem) for problem in problems if "same combination" in str(problem)]
+    return [str(problem) for problem in problems if "S253" in str(problem)]
 
 
 @pytest.mark.parametrize("rounded", [0.0, 0.01, -0.03, 0.13])

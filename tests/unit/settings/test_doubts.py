@@ -40,7 +40,7 @@ def test_a_joint_s_doubts_go_before_the_robot_s_and_those_before_the_defaults(tm
     ("joint", "robot", "message"),
     [
         ("    doubts: {com_m: -0.1}", "", r"joints\[1\].doubts.com_m: input should be greater"),
-        ("", "doubts: {mass_std: 0.1}", "doubts.mass_std: unknown key"),
+        ("", "doubts: {mass_std: 0.1}", "doubts.mass_std: S380"),
         ("    doubts: {payload_com_m: 0.1}", "", r"joints\[1\].doubts.payload_com_m: unknown key"),
     ],
 )

@@ -47,10 +47,10 @@ def test_the_key_chooses_the_options(section, options):
 
 def test_a_key_of_another_signal_is_refused_with_the_name_of_that_signal(problems):
     assert problems("signal: chirp", "phase_starts: 3", "chirp_peak: 0.5") == [
-        "9: campaigns.one.excitation.phase_starts: belongs to `signal: multisine`, not to `signal: chirp`"
+        "9: campaigns.one.excitation.phase_starts: S386 belongs to `signal: multisine`, not to `signal: chirp`"
     ]
     assert problems("at_rest: true", "period_s: 2", "chirp_peak: 0.5") == [
-        "8: campaigns.one.excitation.at_rest: belongs to `signal: fourier`, not to `signal: multisine`",
+        "8: campaigns.one.excitation.at_rest: S386 belongs to `signal: fourier`, not to `signal: multisine`",
         "10: campaigns.one.excitation.chirp_peak: belongs to `signal: chirp` or `signal: pose_chirp`, not to"
         " `signal: multisine`",
     ]
@@ -58,7 +58,7 @@ def test_a_key_of_another_signal_is_refused_with_the_name_of_that_signal(problem
 
 def test_a_key_that_no_signal_has_and_an_unknown_signal_are_told(problems):
     assert problems("signal: fourier", "at_rst: true") == [
-        "9: campaigns.one.excitation.at_rst: unknown key; did you mean `at_rest`?"
+        "9: campaigns.one.excitation.at_rst: S380 unknown key; did you mean `at_rest`?"
     ]
     (problem,) = problems("signal: sweep")
     assert problem.startswith("8: campaigns.one.excitation.signal: ")

@@ -170,7 +170,7 @@ def edit(*path, value):
         (edit("flange", value="tol"), "flange", "did you mean `tool`?"),
         (edit("locked_deg", value={"grip": 0}), "locked_deg.grip", "no joint `grip`"),
         (edit("model", value="leg.urdf"), "model", "cannot be read: No such file"),
-        (edit("joints", 0, "dh", value={}), "joints[0].dh", "what `model` brings"),
+        (edit("joints", 0, "dh", value={}), "joints[0].dh", "S311"),
         (edit("joints", 0, "motor", "gear_ratio", value=-0.3), "joints[0].motor.gear_ratio", "inverse, -3.333,"),
     ],
 )
@@ -189,8 +189,8 @@ def test_a_spring_on_a_joint_that_does_not_move(tmp_path):
 
     told = refused(tmp_path, change)
     assert len(told) == 2
-    assert "springs[0].joint: joint `weld` is fixed in the model: a spring there needs a `split`" in told[0]
-    assert "springs[1].joint: joint `swing` is locked by `locked_deg`" in told[1]
+    assert "springs[0].joint: S271 joint `weld` is fixed in the model: a spring there needs a `split`" in told[0]
+    assert "springs[1].joint: S271 joint `swing` is locked by `locked_deg`" in told[1]
 
 
 def test_locked_joints_move_with_the_link_that_carries_them(tmp_path):
@@ -213,7 +213,7 @@ def test_links_without_inertials_are_all_told(tmp_path):
     bare = MODEL.split("<inertial>")
     model = "".join([bare[0], *(part.split("</inertial>")[1] for part in bare[1:])])
     (told,) = refused(tmp_path, lambda data: data.pop("total_mass_kg"), model)
-    assert "links without an `inertial` in `arm.urdf`: `upper`, `lower`" in told
+    assert "S317 links without an `inertial` in `arm.urdf`: `upper`, `lower`" in told
 
 
 def test_limits_that_nobody_states_are_missing(tmp_path):
@@ -241,7 +241,7 @@ def test_a_file_without_model_must_say_everything_itself(tmp_path):
 
     told = "\n".join(refused(tmp_path, change))
     for field in ("joints[0].dh", "joints[0].link", "joints[1].limits_deg"):
-        assert f": {field}: is missing" in told
+        assert f": {field}: S" in told
 
 
 def test_a_data_folder_that_is_not_there_is_left_for_later(tmp_path, monkeypatch):

@@ -164,7 +164,7 @@ def test_locked_slides_stay_where_they_are(tmp_path):
             "joints[0].motor.gear_ratio_rad_m",
             "a lead in m it would be 628.3",
         ),
-        (lambda d: d["joints"][0].update(limits_deg=[0, 1]), "joints[0].limits_deg", "belongs to a revolute joint"),
+        (lambda d: d["joints"][0].update(limits_deg=[0, 1]), "joints[0].limits_deg", "S257"),
         (
             lambda d: d["joints"][0]["gear"].update(stiffness_nm_rad=1),
             "joints[0].gear.stiffness_nm_rad",
@@ -176,9 +176,9 @@ def test_locked_slides_stay_where_they_are(tmp_path):
             "joints[1].gear.damping_ns_m",
             "write `damping_nms_rad`",
         ),
-        (lambda d: d["joints"][2].pop("rigid"), "joints[2].name", "`rigid: true` does without"),
+        (lambda d: d["joints"][2].pop("rigid"), "joints[2].name", "S262"),
         (lambda d: d["joints"][1].update(rigid=True), "joints[1].rigid", "has the transmission gear_lift"),
-        (lambda d: d.update(rotor="on_link"), "joints[2].rigid", "`rotor: spong`"),
+        (lambda d: d.update(rotor="on_link"), "joints[2].rigid", "S263"),
     ],
 )
 def test_what_is_wrong_is_told_with_its_field(tmp_path, change, field, told):

@@ -81,19 +81,19 @@ def both(data):
 
 WRONG = {
     "an unknown joint": (over(joint="slid", compliance=[1.0]), "there is no joint `slid`; did you mean `slide`"),
-    "no form": (over(), "needs one of `factors` with their positions, `stiffness` and `compliance` (found none)"),
+    "no form": (over(), "S237 needs one of `factors` with their positions, `stiffness` and `compliance` (found none)"),
     "two forms": (over(stiffness=[1.0], compliance=[1.0]), "found stiffness and compliance"),
-    "other unit": (over(positions_deg=[-30.0, 30.0], factors=[1.0, 2.0]), "write `positions_m`"),
-    "no positions": (over(factors=[1.0, 2.0]), "is missing: one position for each of the `factors`"),
-    "no factors": (over(positions_m=[-1.0, 1.0]), "is missing: one for each of the positions"),
+    "D157": (over(positions_deg=[-30.0, 30.0], factors=[1.0, 2.0]), "write `positions_m`"),
+    "no positions": (over(factors=[1.0, 2.0]), "S239"),
+    "no factors": (over(positions_m=[-1.0, 1.0]), "S240"),
     "not as many": (over(positions_m=[-1.0, 0.0, 1.0], factors=[1.0, 2.0]), "has 2 values for 3 positions"),
-    "not ascending": (over(positions_m=[1.0, -1.0], factors=[1.0, 2.0]), "must ascend"),
+    "not ascending": (over(positions_m=[1.0, -1.0], factors=[1.0, 2.0]), "S242"),
     "too short": (over(positions_m=[-0.4, 0.45], factors=[1.0, 2.0]), "goes from -0.4 to 0.45 m, but `slide` from"),
     "a spring that vanishes": (over(stiffness=[1.0, -3.0]), "is -0.35 at 0.45 m"),
     "a compliance that vanishes": (over(compliance=[1.0, 3.0]), "is -0.35 at -0.45 m"),
     "an axis": (shaft(axis=[0, 0, 1]), "a shaft turns as its motor does: leave `axis` out"),
-    "no inertia": (shaft(inertia_kgm2=None, assumed=[]), "a shaft needs it"),
-    "an inertia": (shaft(place="bearing", axis=[1, 0, 0]), "is for shafts only"),
+    "S316": (shaft(inertia_kgm2=None, assumed=[]), "S245"),
+    "an inertia": (shaft(place="bearing", axis=[1, 0, 0]), "S246"),
     "cubic": (both, "`gear_slide` is cubic"),
 }
 

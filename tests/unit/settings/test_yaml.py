@@ -53,10 +53,10 @@ def test_merge_keys_give_values_and_the_line_they_are_written_on(tmp_path):
         ("a: 1\n---\nb: 2\n", 2, "single document"),
         ("a:\n\t- 1\n", 2, "cannot start any token"),
         ("a: 1\nb: !python 2\n", 2, "tags"),
-        ("a: 1\n2: 2\n", 2, "must be a text"),
-        ("a: &x\n  b: 1\n  c: *x\n", 1, "contains it"),
-        ("a: &x\n  <<: *x\n", 1, "contains it"),
-        ("- 1\n", 1, "must hold"),
+        ("a: 1\n2: 2\n", 2, "S339"),
+        ("a: &x\n  b: 1\n  c: *x\n", 1, "S337"),
+        ("a: &x\n  <<: *x\n", 1, "S337"),
+        ("- 1\n", 1, "S336"),
         ("", 1, "is empty"),
     ],
 )
@@ -77,5 +77,5 @@ def test_unreadable_files_are_settings_errors(tmp_path):
     with pytest.raises(SettingsError, match="UTF-8"):
         load_yaml(tmp_path / "binary.yaml")
     (tmp_path / "control.yaml").write_bytes(b"a: \x01")
-    with pytest.raises(SettingsError, match="not valid YAML"):
+    with pytest.raises(SettingsError, match="S338"):
         load_yaml(tmp_path / "control.yaml")

@@ -61,7 +61,7 @@ def test_only_simulated_campaigns_have_a_truth(refused):
 
 
 def test_unknown_keys_and_kinds_are_named(refused):
-    assert "study.grup: unknown key; did you mean `group`?" in refused(("group: 2", "grup: 2"))
+    assert "study.grup: S380 unknown key; did you mean `group`?" in refused(("group: 2", "grup: 2"))
     wrong = refused(("kind: frf", "kind: frequency"))
     assert (
         "study.kind: input should be one of 'frf', 'wernholt2008', 'zimmermann2023', 'mistakes', 'janot2009',"

@@ -119,7 +119,7 @@ def test_what_is_said_comes_back_from_its_texts():
     assert said.first == "units: torque x 1000 of lift"
 
 
-MILLI = UnitMistake(scale="torque x 1000", same={"arm": ("motor_angle / 1000",)}, refusals=("time unit",))
+MILLI = UnitMistake(scale="torque x 1000", same={"arm": ("motor_angle / 1000",)}, refusals=("D123",))
 
 
 def named(*causes, scales=(), refusal="", robot="arm", wrong=JOINTS):
@@ -145,11 +145,11 @@ def test_the_right_joint_must_be_named():
 
 
 def test_a_refusal_must_name_the_unit():
-    assert named(refusal="The time unit is off by a factor of 1000: the steps are 1 s.")
+    assert named(refusal="D123 The time unit is off by a factor of 1000: the steps are 1 s.")
     points = f"this points to {CAUSES['units']}; with it, free parameters change nothing"
     assert named(refusal=f"values of the torque are 980 times too large, as if mN m were read as N m: {points}")
     assert not named(refusal=f"values of the motor angle are 57 times too large, as if deg were read as rad: {points}")
-    assert not named(refusal="free parameters change nothing: gear.damping")
+    assert not named(refusal="D131 free parameters change nothing: gear.damping")
 
 
 def test_any_word_on_units_accuses_a_sound_record():

@@ -28,14 +28,14 @@ def told(loaded, reads="estimation", **more):
 @pytest.mark.parametrize(
     ("more", "field", "message"),
     [
-        ({"poles": 2, "zeros": 2}, "zeros", "is not below `poles` (2)"),
-        ({"zeros": 5}, "zeros", "is not below `max_poles` (5)"),
+        ({"poles": 2, "zeros": 2}, "zeros", "S061 is not below `poles` (2)"),
+        ({"zeros": 5}, "zeros", "S061 is not below `max_poles` (5)"),
         ({"pairs": (("turm", "lift"),)}, "pairs.0", "campaign `estimation` has no input `turm`; did you mean `turn`?"),
         ({"pairs": (("turn", "lift.arm"),)}, "pairs.0", "campaign `estimation` has no output `lift.arm`"),
         ({"pairs": (("turn", "lift"), ("turn", "lift"))}, "pairs.1", "is there twice"),
         ({"choose_on": "estimation", "rule": "sufficient"}, "choose_on", "nothing is left to fit"),
         ({"choose_on": "validation"}, "choose_on", "which is none of the campaigns in `from`"),
-        ({"reads": BOTH, "choose_on": "validation"}, "choose_on", "decides nothing with `rule: evidence`"),
+        ({"reads": BOTH, "choose_on": "validation"}, "choose_on", "S065"),
     ],
 )
 def test_it_is(loaded, more, field, message):

@@ -45,7 +45,7 @@ def test_channels_are_chosen_by_name():
     found = responses_of(own, LOADED, settings(inputs=("lift",), outputs=("tool", "turn")))
     np.testing.assert_array_equal(found.response, own.response[:, :, [1, 0]][..., [1]])
     np.testing.assert_array_equal(found.variance, np.abs(found.response))
-    with pytest.raises(DataError, match="the response has no input `twist`"):
+    with pytest.raises(DataError, match="D178 the response has no input `twist`"):
         responses_of(own, LOADED, settings(inputs=("twist",)))
 
 

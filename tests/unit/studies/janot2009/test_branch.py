@@ -49,7 +49,7 @@ def test_a_better_draw_is_taken():
 
 
 def test_motions_beyond_the_torques_are_refused():
-    with pytest.raises(DataError, match="more torque") as caught:
+    with pytest.raises(DataError, match="D220") as caught:
         make_rig(branch(torque_share=0.01))
     assert "range_share" in caught.value.remedy
 

@@ -40,5 +40,5 @@ def test_a_branch_needs_a_controller(tmp_path):
     (tmp_path / "branch.yaml").write_text("".join(kept))
     text = (CONFIGS / "studies/janot2009.yaml").read_text().replace("../robots/", "")
     (tmp_path / "janot2009.yaml").write_text(text)
-    with pytest.raises(SettingsError, match="the robot file has no `controller`"):
+    with pytest.raises(SettingsError, match="S332"):
         load_with_study(tmp_path / "janot2009.yaml")

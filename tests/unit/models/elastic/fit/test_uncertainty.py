@@ -151,9 +151,9 @@ def test_a_fit_says_what_it_cannot_determine():
 @pytest.mark.parametrize(
     ("change", "options", "told"),
     [
-        ({"realization_error": None}, ElasticOptions(bootstrap=5), "the response holds none"),
-        ({"total_covariance": None}, OPTIONS, "no covariance, which optimal weights invert"),
-        ({"total_covariance": "noise"}, OPTIONS, "one realization shows noise only"),
+        ({"realization_error": None}, ElasticOptions(bootstrap=5), "D245"),
+        ({"total_covariance": None}, OPTIONS, "D242"),
+        ({"total_covariance": "noise"}, OPTIONS, "D244"),
         ({"total_covariance": "hole"}, OPTIONS, r"the covariance is singular at 2\.14 Hz"),
         ({"total_covariance": "nan"}, ElasticOptions(), r"the covariance is not finite at 2\.14 Hz"),
     ],

@@ -197,7 +197,7 @@ def test_what_the_fit_did_not_use_is_refused(nominal, solution, fresh, change):
     robot = with_spring_factors(nominal, 1.1) if change == "robot" else nominal
     options = replace(OPTIONS, free=("stiffness", "damping", "delay")) if change == "options" else OPTIONS
     delay_s = 2e-3 if change == "delay" else DELAY_S
-    with pytest.raises(DataError, match="not those of the fit"):
+    with pytest.raises(DataError, match="D135"):
         validate_elastic(robot, solution, fresh, options, delay_s, None)
 
 

@@ -215,7 +215,7 @@ def test_what_the_validation_does_not_move_is_told_and_nothing_at_all_refused(so
     found = validate_external(both, [shot_of([SOUND, SOUND], NEW_BAND, 77)])
     assert found.untested == ("Y",)
     assert found.outcome.grade.value == PREDICTS
-    with pytest.raises(DataError, match="none of the fit's commands moves"):
+    with pytest.raises(DataError, match="D159"):
         validate_external(sound, [shot_of([SOUND], (2.08, 0.0))])
     with pytest.raises(DataError, match="sampled every"):
         validate_external(sound, [replace(shot_of([SOUND], NEW_BAND), sampling_period_s=PERIOD_S / 3)])
