@@ -76,7 +76,7 @@ def test_a_missing_module_names_what_installs_it():
     require_module("numpy", "none", "Counting")
     with pytest.raises(SettingsError) as caught:
         require_module("no_such_module", "some", "Counting")
-    assert caught.value.what == "Counting needs the package no_such_module, which is not installed"
+    assert "Counting needs the package no_such_module" in caught.value.what
     assert caught.value.remedy == "install it with `pip install 'robid[some]'`"
 
 

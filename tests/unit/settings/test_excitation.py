@@ -51,7 +51,7 @@ def test_a_key_of_another_signal_is_refused_with_the_name_of_that_signal(problem
     ]
     assert problems("at_rest: true", "period_s: 2", "chirp_peak: 0.5") == [
         "8: campaigns.one.excitation.at_rest: S386 belongs to `signal: fourier`, not to `signal: multisine`",
-        "10: campaigns.one.excitation.chirp_peak: belongs to `signal: chirp` or `signal: pose_chirp`, not to"
+        "10: campaigns.one.excitation.chirp_peak: S386 belongs to `signal: chirp` or `signal: pose_chirp`, not to"
         " `signal: multisine`",
     ]
 

@@ -127,7 +127,7 @@ def test_a_follower_that_carries_the_next_joint_or_is_not_linear_has_no_remedy_t
 
 def test_a_joint_that_follows_is_not_driven_by_a_motor(tmp_path):
     told = "\n".join(refused(written(tmp_path, joints=(*JOINTS, "level"))))
-    assert "joints[2].name: S309 joint `level` follows `elbow`" in told
+    assert "joints[2].name: S323 joint `level` follows `elbow`" in told
 
 
 def test_a_loop_link_that_turns_otherwise_than_the_model_is_refused(tmp_path):

@@ -60,7 +60,7 @@ def _refused(tmp_path, key, name, unit, more=""):
     try:
         _load(tmp_path, key, name, unit, more)
     except SettingsError as error:
-        return re.findall(r"acquire\.(\w+)\[\d+\]\.unit: `changed` is (?:in ([^,]+), but|a current)", error.what)
+        return re.findall(r"acquire\.(\w+)\[\d+\]\.unit: S\d{3} `changed` is (?:in ([^,]+), but|a current)", error.what)
     return []
 
 

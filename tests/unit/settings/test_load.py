@@ -445,7 +445,7 @@ def test_semantic_problems_of_both_files_come_at_once(tmp_path):
 def test_a_missing_or_broken_robot_is_told_with_the_rest(tmp_path):
     path = _write(tmp_path, _replaced(EXPERIMENT, "count: 3", "count: -3"), "a: [")
     told = "\n".join(_refused(path))
-    assert f"{path}:3: robot: {tmp_path / 'robot.yaml'}:1: is not valid YAML" in told
+    assert f"{path}:3: robot: {tmp_path / 'robot.yaml'}:1: S338" in told
     assert "designs.best.count" in told
     (tmp_path / "robot.yaml").unlink()
     assert f"{path}:3: robot: {tmp_path / 'robot.yaml'}: S333" in _refused(path)[0]

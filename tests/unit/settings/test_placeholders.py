@@ -160,6 +160,4 @@ def test_a_link_is_followed_before_a_path_counts_as_inside(tmp_path):
 
 def test_a_link_that_leads_back_to_itself_is_told(tmp_path):
     (tmp_path / "loop.mat").symlink_to("loop.mat")
-    assert (
-        leads_outside(tmp_path / "loop.mat", tmp_path) == "`loop.mat` cannot be followed: a link leads back to itself"
-    )
+    assert "S360 `loop.mat`" in leads_outside(tmp_path / "loop.mat", tmp_path)

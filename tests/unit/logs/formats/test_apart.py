@@ -33,7 +33,7 @@ def process_of(reader):
 def test_one_process_reads_log_after_log(tmp_path, reader):
     found = read(reader, tmp_path, "print")
     np.testing.assert_array_equal(found.arrays["here"], np.arange(6.0).reshape(3, 2))
-    assert found.unreadable["text"].what == "It holds text, not numbers."
+    assert found.unreadable["text"].what.startswith("D086")
     process = process_of(reader)
     assert process != os.getpid()
     np.testing.assert_array_equal(read(reader, tmp_path, "", ["here(:,2)"]).arrays["here(:,2)"], [1, 3, 5])
