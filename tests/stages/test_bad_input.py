@@ -242,7 +242,7 @@ def test_whoever_needs_a_limit_names_it(shop):
         shop.change("      max_speed_rad_s: 400\n", "", "arm.yaml")
     shop.change("count: 2}", "count: 2, cost: travel}")
     texts = (
-        "campaigns.estimation.source: a simulation needs the robot file's `joints[0].motor.max_speed_rad_s`",
+        "campaigns.estimation.source: S144 a simulation needs the robot file's `joints[0].motor.max_speed_rad_s`",
         "designs.best.cost: the time of travel needs",
     )
     refuse(shop, 2, *texts)
@@ -309,5 +309,5 @@ def test_a_rigid_model_and_what_is_wrong_with_it_come_at_once(shop):
     robot.write_text(
         "\n".join([*kept, "model: arm.xml", "total_mass_kg: 3"]).replace("gear_ratio: 100", "gear_ratio: 0", 1)
     )
-    texts = ("S317", "joints[0].motor.gear_ratio: 0 is implausible")
+    texts = ("S317", "joints[0].motor.gear_ratio: S295 0 is implausible")
     refuse(shop, 2, *texts)

@@ -94,7 +94,7 @@ def test_other_units_are_refused_by_name(done):
         return replace(frf, output_channels=outputs)
 
     other = rewritten(done, "angles.h5", angles)
-    words = "D206 output `turn` is motor acceleration [rad/s^2] in the first, but motor angle [rad] in the second"
+    words = "D008 output `turn` is motor acceleration [rad/s^2] in the first, but motor angle [rad] in the second"
     done.refuse(4, words, "small/estimation (the first)", command=("compare", PATH, other))
 
 

@@ -134,7 +134,7 @@ def test_what_is_wrong_with_a_fit_is_told_with_its_place(shop):
     assert "fits.own.famly: S380 unknown key; did you mean `family`?" in shop.refuse(2).flat
     shop.change("famly: 1, ", "")
     shop.change("validate_on: validation", "validate_on: nowhere")
-    assert "fits.own.validate_on: there is no campaign `nowhere`" in shop.refuse(2).flat
+    assert "fits.own.validate_on: S177 there is no campaign `nowhere`" in shop.refuse(2).flat
 
 
 def test_a_family_that_does_not_exist_is_refused_with_those_that_do(shop, case):

@@ -92,7 +92,7 @@ def test_angles_that_contradict_the_robot_file_are_told_and_not_kept(tmp_path):
     warnings, notes = run_stage(tmp_path, replace(placed, output_offset=offset[None]))
     told = (
         "Campaign estimation: axis_2: off by the same amount in every configuration (30 deg): this points to"
-        " configurations that are swapped or mislabelled."
+        " configurations that are swapped or mislabelled (F006)."
     )
     assert told in warnings
     assert not any("off by the same amount" in text for text in (*sound, *notes))

@@ -39,7 +39,7 @@ def promised(sentence):
 
 def test_the_fit_that_follows_what_is_named_keeps_its_promise(loaded):
     shop, sentence = loaded
-    assert "a payload that is off, " in sentence
+    assert "a payload that is off (F014)" in sentence
     share, free = promised(sentence)
     model = shop.runs / "fits" / "elastic" / "model.h5"
     before = cost(model)

@@ -190,8 +190,8 @@ def test_a_remedy_for_several_logs_keeps_the_time_true(tmp_path, monkeypatch):
     [
         ("deg", 0.0, 360.0, "`unwrap: true`"),
         ("rad", -np.pi, 2 * np.pi, "`unwrap: true`"),
-        ("counts", 0.0, 65536.0, "S365"),
-        ("counts", -32768.0, 65536.0, "S365"),
+        ("counts", 0.0, 65536.0, "`unwrap: 65536`"),
+        ("counts", -32768.0, 65536.0, "`unwrap: 65536`"),
     ],
 )
 def test_an_angle_that_wraps_is_said_to_and_goes_on_once_it_is_stated(tmp_path, monkeypatch, unit, low, size, said):

@@ -256,7 +256,7 @@ def test_a_value_that_is_no_number_is_located(logged, column, lost):
     values = lines[702].split(";")
     lines[702] = ";".join([*values[:at], lost, *values[at + 1 :]])
     path.write_text("\n".join(lines))
-    place = f"c2_r02_e1.csv: variable `{column}`, sample 700: 1 of "
+    place = f"c2_r02_e1.csv: variable `{column}`, sample 700: D043 1 of "
     text = refuse(logged, place, "remedy: Set from_s to 0 and to_s to 0.6", command="run")
     assert text.count("robid: ") == 1
 

@@ -229,7 +229,7 @@ def test_only_pose_chirps_measure_poses_and_no_design_chooses_among_them(poses):
     poses.change("execution:", "designs: {best: {campaign: moved, count: 1}}\nexecution:", FILE)
     told = poses.robid("run", FILE)
     assert told.code == 2
-    assert "designs.best.campaign: campaign `moved` commands poses" in told.flat
+    assert "designs.best.campaign: S157 campaign `moved` commands poses" in told.flat
 
 
 def test_out_of_reach_is_told_before_anything_is_simulated(poses):

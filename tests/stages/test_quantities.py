@@ -64,7 +64,7 @@ def test_friction_is_left_alone_where_no_torque_was_logged(bench):
 def test_one_shot_is_imported_and_no_more(bench):
     bench.change("        drop_periods: 1\n", "        one_shot: true\n", "bench.yaml")
     text = (bench.folder / "bench.yaml").read_text()
-    bench.refuse(2, "fits.two_mass.from: campaign `log` is one shot", command=("run", "bench.yaml"))
+    bench.refuse(2, "fits.two_mass.from: S195 campaign `log` is one shot", command=("run", "bench.yaml"))
     (bench.folder / "bench.yaml").write_text(text[: text.index("fits:")])
     answer = bench.robid("run", "bench.yaml")
     assert answer.code == 0, answer.err
@@ -84,7 +84,7 @@ def test_one_shot_needs_no_configurations_but_periods_do(bench):
     text = (bench.folder / "bench.yaml").read_text()
     text = text[: text.index("fits:")]
     (bench.folder / "bench.yaml").write_text(f"{text}designs: {{some: {{campaign: log, count: 1}}}}\n")
-    told = "designs.some.campaign: campaign `log` is one shot without configurations to choose from"
+    told = "designs.some.campaign: S159 campaign `log` is one shot without configurations to choose from"
     bench.refuse(2, told, command=("run", "bench.yaml"))
     (bench.folder / "bench.yaml").write_text(text)
     answer = bench.robid("run", "bench.yaml")
@@ -108,7 +108,9 @@ def test_every_log_of_a_recording_counts_for_staleness(bench):
     assert {state for state, _ in bench.states().values()} == {"stale"}
     bench.change("realizations: 1", "realizations: 2", "bench.yaml")
     bench.change("told_{realization}.mat", "told_1.mat", "bench.yaml")
-    bench.refuse(2, "inputs[0].file: there is one log for each of 2 realizations", command=("status", "bench.yaml"))
+    bench.refuse(
+        2, "inputs[0].file: S235 there is one log for each of 2 realizations", command=("status", "bench.yaml")
+    )
 
 
 @pytest.mark.parametrize(

@@ -224,7 +224,7 @@ HEAD = "id,log,step_s,hall"
         (f"{HEAD}\na,logs/soft.mat,1e-3,n\nb,logs/x.mat,-1,n", ["robots.csv:3: row b, column `step_s`", "(found -1)"]),
         (f"{HEAD}\na,logs/soft.mat,1e-3", ["robots.csv:2: has 3 values", "there are 4 columns"]),
         (f'{HEAD}\na,"logs/soft.mat,1e-3,n', ["S041"]),
-        ("", ["robots.csv: is empty"]),
+        ("", ["robots.csv: S042"]),
         (HEAD, ["S036"]),
         ("id,log,log,step_s\n1,2,3,4", ["column `log` is there twice"]),
     ],
@@ -253,7 +253,7 @@ def test_a_file_that_no_manifest_completes_is_told_before_the_first_row(floor, o
 
 @pytest.mark.parametrize("command", ["run", "status", "fit", "study"])
 def test_other_commands_name_the_one_that_fills_placeholders(floor, command):
-    texts = ("fleet.yaml:12: campaigns.log.source.acquire.file: `${row.log}` (and 1 more)", "robid reprocess")
+    texts = ("fleet.yaml:12: S329 campaigns.log.source.acquire.file: `${row.log}` (and 1 more)", "robid reprocess")
     floor.shop.refuse(2, *texts, command=(command, "fleet.yaml"))
 
 

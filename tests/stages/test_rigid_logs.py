@@ -112,7 +112,9 @@ def test_a_motion_that_excites_too_little_names_what_suffers(logs):
 
 def test_a_cut_off_above_half_the_sampling_rate_is_a_mistake_of_the_settings(logs):
     logs.change("position_cut_hz: 10", "position_cut_hz: 250")
-    told = "fits.arm.filters.position_cut_hz: 250 Hz is not below half the sampling rate of `motion` (from), 250 Hz"
+    told = (
+        "fits.arm.filters.position_cut_hz: S088 250 Hz is not below half the sampling rate of `motion` (from), 250 Hz"
+    )
     logs.refuse(2, told, "`other` (validate_on)")
     logs.change("filters: {position_cut_hz: 250}", "filters: {}")
     assert logs.robid("run", "small.yaml").code == 0

@@ -72,7 +72,7 @@ def test_what_cannot_be_made_is_told_on_its_line(shop, fields, words):
     ("fields", "words"),
     [
         ("signal: stepped_sine, count: 14, grid: odd", "one cycle of each of 14 frequencies takes"),
-        ("signal: chirp, chirp_peak: 1", "chirp_peak: input should be less than 1"),
+        ("signal: chirp, chirp_peak: 1", "chirp_peak: S383 input should be less than 1"),
         ("signal: chirp, count: 14", "count: S386 belongs to `signal: multisine`"),
     ],
 )

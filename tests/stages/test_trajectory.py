@@ -83,14 +83,16 @@ def test_no_response_is_made_of_a_trajectory(swing):
     )
     told = swing.robid("run", FILE)
     assert told.code == 2
-    assert "fits.elastic.from: campaign `exciting` plays a trajectory, which has no frequency response" in told.flat
+    assert (
+        "fits.elastic.from: S196 campaign `exciting` plays a trajectory, which has no frequency response" in told.flat
+    )
     assert "designs.best.campaign: campaign `exciting` plays a trajectory" in told.flat
 
 
 @pytest.mark.parametrize(
     ("new", "words"),
     [
-        (f"{KIND}, rms: 3", "rms: belongs to"),
+        (f"{KIND}, rms: 3", "rms: S386"),
         (f"{KIND}, inject: torque", "inject"),
         (f"{KIND}, harmonics: 2", "harmonics"),
         (KIND.replace("period_s: 4", "period_s: 0.05"), "5 harmonics leave fewer than 20 of 50 samples"),

@@ -78,7 +78,7 @@ def test_the_mat_file_is_imported_with_the_sign_of_its_load(walked):
     walked.follow("The MAT file and the bag", skip="bag")
     proposal = Path("from_mat.yaml").read_text(encoding="utf-8")
     assert re.search(r"variable: log.phi_l, unit: rad, sign: -1\} # check: ", proposal)
-    assert "S370" in proposal
+    assert "normalised: true" in proposal
     assert Path("runs/from_mat/report.html").is_file()
 
 
