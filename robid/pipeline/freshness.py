@@ -100,7 +100,7 @@ def state_of_output(stage: Stage, plan: Plan, folder: Path, above: Mapping[str, 
 
 
 def _unreadable(error: ArtifactError) -> State:
-    return State("stale", error.what[:1].lower() + error.what[1:].rstrip("."), unreadable=error)
+    return State("stale", error.what.rstrip("."), unreadable=error)
 
 
 def input_hashes(plan: Plan, inputs: Mapping[str, Path]) -> dict[str, str]:
