@@ -26,32 +26,21 @@ def _numbers() -> array[float]:
 
 @dataclass
 class Collected:
-    """A parameter, or misfit, of one fit over the rows.
+    """A parameter, or misfit, of one fit over the rows."""
 
-    Attributes:
-        kind: Kind of the parameter; empty for a misfit.
-        unit: Its unit.
-        confidence: Level of the intervals.
-        rows: Index of each row that has it.
-        nominal: What the robot file says; not a number where it says nothing, as below.
-        middle: The parameter itself; a misfit's value.
-        low: Lower end of its interval.
-        high: Upper end.
-        compared: What rows are compared by: the effective value where there is one, of an identified parameter, as a
-            logarithm where the kind is one.
-        std: Standard deviation of that.
-    """
-
-    kind: str
+    kind: str  # kind of the parameter; empty for a misfit
     unit: str
-    confidence: float
-    rows: array[int] = field(default_factory=lambda: array("q"))
+    confidence: float  # level of the intervals
+    rows: array[int] = field(default_factory=lambda: array("q"))  # index of each row that has it
+    # What the robot file says; not a number where it says nothing, as below.
     nominal: array[float] = field(default_factory=_numbers)
-    middle: array[float] = field(default_factory=_numbers)
-    low: array[float] = field(default_factory=_numbers)
-    high: array[float] = field(default_factory=_numbers)
+    middle: array[float] = field(default_factory=_numbers)  # the parameter itself; a misfit's value
+    low: array[float] = field(default_factory=_numbers)  # lower end of its interval
+    high: array[float] = field(default_factory=_numbers)  # upper end
+    # What rows are compared by: the effective value where there is one, of an identified parameter, as a logarithm
+    # where the kind is one.
     compared: array[float] = field(default_factory=_numbers)
-    std: array[float] = field(default_factory=_numbers)
+    std: array[float] = field(default_factory=_numbers)  # standard deviation of that
 
     @property
     def is_misfit(self) -> bool:

@@ -21,23 +21,14 @@ _QUANTILE = 1.96
 
 @dataclass(frozen=True)
 class Compared:
-    """A trait of one population, by name.
-
-    Attributes:
-        fit: The fit.
-        name: The parameter, or the misfit.
-        group: Number of the population.
-        of: Its values over all populations.
-        trait: Its values in this one.
-        population: What the population is like in it; None where too few robots tell.
-    """
+    """A trait of one population, by name."""
 
     fit: str
-    name: str
-    group: int
-    of: Collected
-    trait: Trait
-    population: Population | None
+    name: str  # the parameter, or the misfit
+    group: int  # number of the population
+    of: Collected  # its values over all populations
+    trait: Trait  # its values in this one
+    population: Population | None  # what the population is like in it; None where too few robots tell
 
     def natural(self, value: float) -> float:
         """Returns a value in its unit."""
@@ -56,21 +47,13 @@ class Compared:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The rows of a fleet against each other.
+    """The rows of a fleet against each other."""
 
-    Attributes:
-        robots: Whose measurements the rows are.
-        compared: All traits of all populations.
-        outliers: Rows that are off, the clearest first, once for each trait.
-        drifts: Robots that change, the clearest first, once for each trait.
-        followed: Numbers of the robots that have values at different times, so that a change would be seen.
-    """
-
-    robots: Robots
-    compared: tuple[Compared, ...]
-    outliers: tuple[Outlier, ...]
-    drifts: tuple[Drift, ...]
-    followed: IntArray
+    robots: Robots  # whose measurements the rows are
+    compared: tuple[Compared, ...]  # all traits of all populations
+    outliers: tuple[Outlier, ...]  # rows that are off, the clearest first, once for each trait
+    drifts: tuple[Drift, ...]  # robots that change, the clearest first, once for each trait
+    followed: IntArray  # numbers of the robots that have values at different times, so that a change would be seen
 
     @cached_property
     def off(self) -> dict[int, list[Outlier]]:

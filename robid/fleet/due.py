@@ -12,17 +12,11 @@ from robid.fleet.rows import Fleet, PlannedRow
 
 @dataclass(frozen=True)
 class Look:
-    """What a batch has to do.
+    """What a batch has to do."""
 
-    Attributes:
-        due: The rows to be made, in the order of the manifest, each with the reason.
-        fresh: The others' ledgers in outline, by id.
-        away: Which logs are away of those that therefore stay as they are, by id.
-    """
-
-    due: tuple[tuple[PlannedRow, str], ...]
-    fresh: Mapping[str, Ledger]
-    away: Mapping[str, tuple[str, ...]]
+    due: tuple[tuple[PlannedRow, str], ...]  # the rows to be made, in the order of the manifest, each with the reason
+    fresh: Mapping[str, Ledger]  # the others' ledgers in outline, by id
+    away: Mapping[str, tuple[str, ...]]  # which logs are away of those that therefore stay as they are, by id
 
     @property
     def reasons(self) -> dict[str, list[str]]:

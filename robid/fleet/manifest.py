@@ -26,17 +26,11 @@ _REMEDY = "correct the manifest"
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a manifest says.
+    """What a manifest says."""
 
-    Attributes:
-        path: The file, as the user named it.
-        columns: Names of its columns.
-        rows: Its rows; without a column `id` their ids are their numbers from 1.
-    """
-
-    path: Path
+    path: Path  # the file, as the user named it
     columns: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[Row, ...]  # its rows; without a column `id` their ids are their numbers from 1
 
 
 def read_manifest(path: Path) -> Manifest:

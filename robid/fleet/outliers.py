@@ -18,36 +18,22 @@ FEWEST_ROBOTS = 8
 
 @dataclass(frozen=True)
 class Trait:
-    """What the rows of one population are compared by.
+    """What the rows of one population are compared by."""
 
-    Attributes:
-        rows (n,): Indices of the rows that have it.
-        value (n,): Its values, logarithms where errors are relative.
-        std (n,): Standard deviations of their errors.
-        only_large: Whether a small value is nothing to worry about.
-    """
-
-    rows: IntArray
-    value: FloatArray
-    std: FloatArray
-    only_large: bool = False
+    rows: IntArray  # (n,): indices of the rows that have it
+    value: FloatArray  # (n,): its values, logarithms where errors are relative
+    std: FloatArray  # (n,): standard deviations of their errors
+    only_large: bool = False  # whether a small value is nothing to worry about
 
 
 @dataclass(frozen=True)
 class Outlier:
-    """A row that is off its population in a trait.
+    """A row that is off its population in a trait."""
 
-    Attributes:
-        row: Index of the row.
-        trait: Index of the trait.
-        away: By how many standard deviations.
-        chance: That any row of a fleet without outliers is as far off in any trait, at most.
-    """
-
-    row: int
-    trait: int
-    away: float
-    chance: float
+    row: int  # index of the row
+    trait: int  # index of the trait
+    away: float  # by how many standard deviations
+    chance: float  # that any row of a fleet without outliers is as far off in any trait, at most
 
 
 def populations(traits: Sequence[Trait], robots: IntArray) -> tuple[Population | None, ...]:

@@ -29,23 +29,14 @@ _LUCK = 0.05
 
 @dataclass(frozen=True)
 class Population:
-    """A figure of a population.
+    """A figure of a population."""
 
-    Attributes:
-        centre: Its mean.
-        centre_std: Standard deviation of that.
-        spread: Standard deviation of the figure itself between robots, errors of measurement apart.
-        spread_high: Upper end of its interval, of 95 % to one side.
-        kept (n,): Which of the values it was found from.
-        weight (n,): How much each value counts; a robot that was measured several times counts once.
-    """
-
-    centre: float
-    centre_std: float
-    spread: float
-    spread_high: float
-    kept: BoolArray
-    weight: FloatArray
+    centre: float  # its mean
+    centre_std: float  # standard deviation of that
+    spread: float  # standard deviation of the figure itself between robots, errors of measurement apart
+    spread_high: float  # upper end of its interval, of 95 % to one side
+    kept: BoolArray  # (n,): which of the values it was found from
+    weight: FloatArray  # (n,): how much each value counts; a robot that was measured several times counts once
 
     @property
     def robots(self) -> int:

@@ -26,23 +26,14 @@ _DIGITS = re.compile(r"[0-9]{8}(\.0)?")
 
 @dataclass(frozen=True)
 class Robots:
-    """The robots of a fleet.
-
-    Attributes:
-        names: Their names.
-        robot (n_row,): Number of each row's robot.
-        groups: Names of the populations; `all` where the manifest tells of none.
-        group (n_row,): Number of each row's population.
-        time (n_row,): When each row was measured; not a number where that is not said.
-        time_unit: What time is counted in.
-    """
+    """The robots of a fleet."""
 
     names: tuple[str, ...]
-    robot: IntArray
-    groups: tuple[str, ...]
-    group: IntArray
-    time: FloatArray
-    time_unit: str
+    robot: IntArray  # (n_row,): number of each row's robot
+    groups: tuple[str, ...]  # names of the populations; `all` where the manifest tells of none
+    group: IntArray  # (n_row,): number of each row's population
+    time: FloatArray  # (n_row,): when each row was measured; not a number where that is not said
+    time_unit: str  # what time is counted in
 
     @property
     def repeated(self) -> int:

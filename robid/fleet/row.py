@@ -35,23 +35,14 @@ _TRY_AGAIN = "`--force` tries the row again"
 
 @dataclass(frozen=True)
 class RowTask:
-    """A row to run.
-
-    Attributes:
-        row: The row.
-        template: The experiment file.
-        text: Its text when the rows were checked.
-        rows: Folder of the rows' folders.
-        keep: Whether records and responses stay.
-        attempt: Which attempt at the row it is: none of two writes into the other's folder.
-    """
+    """A row to run."""
 
     row: Row
-    template: Path
-    text: str
-    rows: Path
-    keep: bool
-    attempt: str = ""
+    template: Path  # the experiment file
+    text: str  # its text when the rows were checked
+    rows: Path  # folder of the rows' folders
+    keep: bool  # whether records and responses stay
+    attempt: str = ""  # which attempt at the row it is: none of two writes into the other's folder
 
     @property
     def label(self) -> str:

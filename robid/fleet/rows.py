@@ -31,40 +31,24 @@ _SHOWN_ROWS = 3
 
 @dataclass(frozen=True)
 class PlannedRow:
-    """A row that can be run.
-
-    Attributes:
-        row: The row.
-        settings_hash: Hash of all settings that its stages read.
-        logs: Its logs by campaign and name.
-    """
+    """A row that can be run."""
 
     row: Row
-    settings_hash: str
-    logs: Mapping[str, Path]
+    settings_hash: str  # hash of all settings that its stages read
+    logs: Mapping[str, Path]  # its logs by campaign and name
 
 
 @dataclass(frozen=True)
 class Fleet:
-    """An experiment file with the rows of a manifest, checked.
+    """An experiment file with the rows of a manifest, checked."""
 
-    Attributes:
-        template: The experiment file, with placeholders.
-        text: Its text.
-        manifest: The manifest.
-        rows: Its rows.
-        robots: Whose measurements the rows are.
-        experiment: The experiment of the first row; name, backend and workers are those of all.
-        warnings: What is odd, but no problem.
-    """
-
-    template: Document
+    template: Document  # the experiment file, with placeholders
     text: str
     manifest: Manifest
     rows: tuple[PlannedRow, ...]
-    robots: Robots
-    experiment: Experiment
-    warnings: tuple[str, ...]
+    robots: Robots  # whose measurements the rows are
+    experiment: Experiment  # the experiment of the first row; name, backend and workers are those of all
+    warnings: tuple[str, ...]  # what is odd, but no problem
 
 
 def load_fleet(manifest_path: Path, template_path: Path) -> Fleet:

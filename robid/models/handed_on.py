@@ -28,21 +28,13 @@ _NEWTON_METRES = "N m"
 
 @dataclass(frozen=True)
 class Standard:
-    """Standard parameters of real bodies as a fit of rigid dynamics found them.
-
-    Attributes:
-        names: Their names.
-        units: Their units.
-        value (n_std,): The values.
-        covariance (n_std, n_std): Their covariance by what was estimated.
-        status: `estimated`, or `moved` where only the nearest real bodies could be had.
-    """
+    """Standard parameters of real bodies as a fit of rigid dynamics found them."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    value: FloatArray
-    covariance: FloatArray
-    status: str
+    value: FloatArray  # (n_std,): the values
+    covariance: FloatArray  # (n_std, n_std): their covariance by what was estimated
+    status: str  # `estimated`, or `moved` where only the nearest real bodies could be had
 
     @property
     def values(self) -> dict[str, float]:
@@ -110,19 +102,12 @@ _STEPS = (0.1, -0.1, 0.01, -0.01, 1e-3, -1e-3)  # deviations
 
 @dataclass(frozen=True)
 class RigidSource:
-    """Standard parameters of a rigid fit, Coulomb friction left out: that belongs to the torques.
-
-    Attributes:
-        loaded: The experiment.
-        fit: Name of the rigid fit.
-        standard: What it found.
-        payload_kg: The payload that it was fitted with [kg].
-    """
+    """Standard parameters of a rigid fit, Coulomb friction left out: that belongs to the torques."""
 
     loaded: LoadedExperiment
-    fit: str
-    standard: Standard
-    payload_kg: float
+    fit: str  # name of the rigid fit
+    standard: Standard  # what it found
+    payload_kg: float  # the payload that it was fitted with [kg]
 
     def robot(self, payload: float) -> Robot:
         """Returns the robot file's robot with what the fit found, and with a payload as campaigns state it [kg].
@@ -233,17 +218,11 @@ _UNIT = "rigid/torque_unit"
 
 @dataclass(frozen=True)
 class MotorFriction:
-    """Friction of some motors, motor side; where it differs between the directions the mean of both.
+    """Friction of some motors, motor side; where it differs between the directions the mean of both."""
 
-    Attributes:
-        coulomb_nm (n_joint,): Coulomb levels [N m].
-        coulomb_std (n_joint,): Their standard deviations [N m].
-        uneven_nms_rad (n_joint,): Half of what viscous friction is larger forward than backward [N m s/rad].
-    """
-
-    coulomb_nm: FloatArray
-    coulomb_std: FloatArray
-    uneven_nms_rad: FloatArray
+    coulomb_nm: FloatArray  # (n_joint,): coulomb levels [N m]
+    coulomb_std: FloatArray  # (n_joint,): their standard deviations [N m]
+    uneven_nms_rad: FloatArray  # (n_joint,): half of what viscous friction is larger forward than backward [N m s/rad]
 
 
 def friction_from_artifact(model: Artifact, fit: str, joints: Sequence[str], torque_unit: str = "N m") -> MotorFriction:

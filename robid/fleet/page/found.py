@@ -22,21 +22,13 @@ _SHOWN_ROWS = 12
 
 @dataclass(frozen=True)
 class Found:
-    """What a fleet found.
+    """What a fleet found."""
 
-    Attributes:
-        name: Name of the experiment.
-        ledgers: What became of each row, in the order of the manifest, in outline.
-        comparison: The rows against each other.
-        collected: Parameters and misfits over the rows.
-        rows: Folder of the rows' folders; None where no page leads to them.
-    """
-
-    name: str
-    ledgers: Sequence[Ledger]
-    comparison: Comparison
-    collected: Mapping[Key, Collected]
-    rows: Path | None = None
+    name: str  # name of the experiment
+    ledgers: Sequence[Ledger]  # what became of each row, in the order of the manifest, in outline
+    comparison: Comparison  # the rows against each other
+    collected: Mapping[Key, Collected]  # parameters and misfits over the rows
+    rows: Path | None = None  # folder of the rows' folders; None where no page leads to them
 
     def cell(self, row: int) -> Cell:
         """Names a row, with a link to its page where it has one."""

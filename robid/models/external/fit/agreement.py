@@ -13,29 +13,17 @@ from robid.models.external.fit.data import Shot
 
 @dataclass(frozen=True)
 class Agreement:
-    """How well one output is described in the shots of one campaign and configuration, taken together.
+    """How well one output is described in the shots of one campaign and configuration, taken together."""
 
-    Attributes:
-        output: Name of the channel, or of the output of a matrix.
-        place: Campaign and configuration.
-        nrmse: Normalised root mean square: 1 is perfect.
-        r_squared: Coefficient of determination.
-        error_std: Root mean square of the error, in the output's unit.
-        motion_std: Root mean square of the output about its mean.
-        noise_std: Standard deviation of the noise of the averaged output, from repeats; NaN without.
-        amplitude: Largest deviation of a command from where it is counted from.
-        single_noise_std: Standard deviation of the noise of a single repeat; NaN without repeats.
-    """
-
-    output: str
-    place: str
-    nrmse: float
-    r_squared: float
-    error_std: float
-    motion_std: float
-    noise_std: float
-    amplitude: float
-    single_noise_std: float = float("nan")
+    output: str  # name of the channel, or of the output of a matrix
+    place: str  # campaign and configuration
+    nrmse: float  # normalised root mean square: 1 is perfect
+    r_squared: float  # coefficient of determination
+    error_std: float  # root mean square of the error, in the output's unit
+    motion_std: float  # root mean square of the output about its mean
+    noise_std: float  # standard deviation of the noise of the averaged output, from repeats; NaN without
+    amplitude: float  # largest deviation of a command from where it is counted from
+    single_noise_std: float = float("nan")  # standard deviation of the noise of a single repeat; NaN without repeats
 
 
 def agreements(

@@ -26,21 +26,13 @@ STRONG_EVIDENCE = 10.0  # difference of the criterion that is very strong eviden
 
 @dataclass(frozen=True)
 class Choice:
-    """What structure was chosen, and why.
-
-    Attributes:
-        structure: The structure.
-        best: Its fit.
-        tried: All structures tried, by delay, poles and zeros.
-        reason: Why this one, a sentence.
-        messages: What to know about the choice, sentences with remedies.
-    """
+    """What structure was chosen, and why."""
 
     structure: Structure
-    best: Candidate
-    tried: tuple[Candidate, ...]
-    reason: str
-    messages: tuple[str, ...]
+    best: Candidate  # its fit
+    tried: tuple[Candidate, ...]  # all structures tried, by delay, poles and zeros
+    reason: str  # why this one, a sentence
+    messages: tuple[str, ...]  # what to know about the choice, sentences with remedies
 
 
 def choose_structure(

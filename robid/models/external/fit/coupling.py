@@ -25,21 +25,13 @@ _RESPONSE = "frequency output input"
 
 @dataclass(frozen=True)
 class Pairs:
-    """Commands and outputs of a map.
+    """Commands and outputs of a map."""
 
-    Attributes:
-        inputs: Name of each command.
-        outputs: Name of each output.
-        input_resolution (n_in,): Resolution of each command, in its unit.
-        output_resolution (n_out,): The same of each output.
-        own (n_out, n_in): Which pairs are one channel and no coupling.
-    """
-
-    inputs: tuple[str, ...]
+    inputs: tuple[str, ...]  # name of each command
     outputs: tuple[str, ...]
-    input_resolution: FloatArray
-    output_resolution: FloatArray
-    own: BoolArray
+    input_resolution: FloatArray  # (n_in,): resolution of each command, in its unit
+    output_resolution: FloatArray  # (n_out,): the same of each output
+    own: BoolArray  # (n_out, n_in): which pairs are one channel and no coupling
 
     @property
     def per_resolution(self) -> FloatArray:
@@ -49,37 +41,27 @@ class Pairs:
 
 @dataclass(frozen=True)
 class CouplingMap:
-    """How far each output follows each command.
-
-    Attributes:
-        bands: Name of each shot, or of the first of those that were read together.
-        coherence: Root of the largest magnitude-squared coherence; NaN where a command rests.
-        limit: Root coherence that unrelated signals reach by chance alone.
-        ratio: Size of what of the output follows the command over that of the command, each in its resolutions.
-        crossing_hz: Lowest frequency at which the gain is above its threshold beyond doubt; infinite where it never is,
-            NaN where it was not examined.
-        examined_hz: Highest frequency that was examined [Hz].
-        decoupled_up_to_hz: Frequency up to which a command moves no other output, and its own outputs follow no other
-            command.
-        overall_hz: Frequency up to which this holds of all [Hz].
-        sentence: What couples, and what to do.
-    """
+    """How far each output follows each command."""
 
     bands: Annotated[tuple[str, ...], Quantity("1", "band", "Shots")]
     highest_hz: Annotated[FloatArray, Quantity("Hz", "band", "Highest excited frequency")]
+    # Root of the largest magnitude-squared coherence; NaN where a command rests.
     coherence: Annotated[FloatArray, Quantity("1", "band output input", "Root of the largest coherence")]
     limit: Annotated[FloatArray, Quantity("1", "band", "What chance alone reaches")]
+    # Size of what of the output follows the command over that of the command, each in its resolutions.
     ratio: Annotated[FloatArray, Quantity("1", "band output input", "Magnitude ratio in resolutions")]
     own: Annotated[BoolArray, Quantity("1", "output input", "Whether it is one channel and no coupling")]
     coupled: Annotated[BoolArray, Quantity("1", "band output input", "Whether both are above their thresholds")]
     frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency")]
     gain: Annotated[FloatArray, Quantity("1", _RESPONSE, "Magnitude of the empirical response in resolutions")]
     gain_radius: Annotated[FloatArray, Quantity("1", _RESPONSE, "Its confidence radius")]
+    # Lowest frequency at which the gain is above its threshold beyond doubt; infinite where it never is, NaN where it
+    # was not examined.
     crossing_hz: Annotated[FloatArray, Quantity("Hz", "output input", "Where the gain exceeds its threshold")]
-    examined_hz: float
+    examined_hz: float  # highest frequency that was examined [Hz]
     decoupled_up_to_hz: Annotated[FloatArray, Quantity("Hz", "input", "Up to where a channel is decoupled")]
-    overall_hz: float
-    sentence: str
+    overall_hz: float  # frequency up to which this holds of all [Hz]
+    sentence: str  # what couples, and what to do
 
 
 def map_coupling(

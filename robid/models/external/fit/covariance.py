@@ -28,20 +28,14 @@ WHITE = 0.01
 
 @dataclass(frozen=True)
 class Spread:
-    """Residuals of a block, and what they say of its coefficients.
+    """Residuals of a block, and what they say of its coefficients."""
 
-    Attributes:
-        residuals: Residual (n_sample, n_out) of each shot.
-        root (n_param, n_root): A root of the covariance of the coefficients, `[numerators, denominator]` highest
-            power first in powers of s over the reference frequency, without the denominator's first.
-        whiteness (n_shot, n_out): Chance of white noise to look as coloured as each residual.
-        n_taken (n_shot, n_out): Degrees of freedom that the fit took from each residual.
-    """
-
-    residuals: tuple[FloatArray, ...]
+    residuals: tuple[FloatArray, ...]  # residual (n_sample, n_out) of each shot
+    # (n_param, n_root): a root of the covariance of the coefficients, `[numerators, denominator]` highest power first
+    # in powers of s over the reference frequency, without the denominator's first.
     root: FloatArray
-    whiteness: FloatArray
-    n_taken: FloatArray
+    whiteness: FloatArray  # (n_shot, n_out): chance of white noise to look as coloured as each residual
+    n_taken: FloatArray  # (n_shot, n_out): degrees of freedom that the fit took from each residual
 
 
 def find_spread(

@@ -23,51 +23,35 @@ _OFF_GRID, _ON_GRID = 0.1, 0.95
 
 @dataclass(frozen=True)
 class Shot:
-    """One experiment, its repeats averaged.
+    """One experiment, its repeats averaged."""
 
-    Attributes:
-        inputs (n_sample, n_in): Commands, without delay or moving average, in SI units.
-        outputs (n_sample, n_out): What came of them, in SI units.
-        start: State at the first sample: `rest` where it is zero, `periodic` where it is that of a steady period,
-            `free` where it is estimated along.
-        noise_std (n_out,): Standard deviation of the averaged outputs, from the scatter of the repeats; None without.
-        repeats: How many were averaged.
-        sampling_period_s: Sampling period [s].
-        name: Campaign, and what else tells it from others, for messages.
-        offset: Whether a constant offset of each output is estimated along.
-        place: Campaign and configuration; shots of one place in which several commands move are read together.
-        quantum (n_out,): Step between values of a single repeat, 0 where they lie on no grid; None where unknown.
-        wander (n_out,): How far periods lie apart beyond noise from sample to sample; None without
-            several, and where commands are no positions.
-    """
-
-    inputs: FloatArray
-    outputs: FloatArray
+    inputs: FloatArray  # (n_sample, n_in): Commands, without delay or moving average, in SI units
+    outputs: FloatArray  # (n_sample, n_out): what came of them, in SI units
+    # State at the first sample: `rest` where it is zero, `periodic` where it is that of a steady period, `free` where
+    # it is estimated along.
     start: Literal["rest", "periodic", "free"]
+    # (n_out,): standard deviation of the averaged outputs, from the scatter of the repeats; None without.
     noise_std: FloatArray | None
-    repeats: int
+    repeats: int  # how many were averaged
     sampling_period_s: float
-    name: str
-    offset: bool = True
-    place: str = ""
+    name: str  # Campaign, and what else tells it from others, for messages
+    offset: bool = True  # whether a constant offset of each output is estimated along
+    place: str = ""  # campaign and configuration; shots of one place in which several commands move are read together
+    # (n_out,): step between values of a single repeat, 0 where they lie on no grid; None where unknown.
     quantum: FloatArray | None = None
+    # (n_out,): how far periods lie apart beyond noise from sample to sample; None without several, and where commands
+    # are no positions.
     wander: FloatArray | None = None
 
 
 @dataclass(frozen=True)
 class Commands:
-    """What a record's outputs are answers to.
+    """What a record's outputs are answers to."""
 
-    Attributes:
-        channels: What each command is.
-        values (n_conf, n_real, n_exp, n_period, n_sample, n_in): Commands, in SI units; one period where all are the
-            same.
-        hold: What they do between samples.
-    """
-
-    channels: tuple[Channel, ...]
+    channels: tuple[Channel, ...]  # what each command is
+    # (n_conf, n_real, n_exp, n_period, n_sample, n_in): Commands, in SI units; one period where all are the same.
     values: FloatArray
-    hold: Literal["zoh", "foh"]
+    hold: Literal["zoh", "foh"]  # what they do between samples
 
 
 def commands_of(record: Record, options: ExternalOptions) -> Commands:

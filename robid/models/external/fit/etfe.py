@@ -26,14 +26,10 @@ _RESPONSE = "frequency output input"
 
 @dataclass(frozen=True)
 class Etfe:
-    """Empirical response of every output to every command.
-
-    Attributes:
-        response: Output over command; NaN where a command was not excited.
-        radius: Radius around it that holds the true response at the level of confidence.
-    """
+    """Empirical response of every output to every command."""
 
     frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency")]
+    # Output over command; NaN where a command was not excited.
     response: Annotated[ComplexArray, Quantity("output over input", _RESPONSE, "Empirical response")]
     radius: Annotated[FloatArray, Quantity("output over input", _RESPONSE, "Its confidence radius")]
 
@@ -197,19 +193,15 @@ _SAMPLES = 2000
 
 @dataclass(frozen=True)
 class Excitation:
-    """Commands and their own outputs in the shots that move them.
-
-    Attributes:
-        time_s: Time since the shot began.
-        answer: Output, less its mean in a period, less its first value in a shot, where it has an offset.
-    """
+    """Commands and their own outputs in the shots that move them."""
 
     names: Annotated[tuple[str, ...], Quantity("1", "own_channel", "Channels, one a command")]
     shots: Annotated[tuple[str, ...], Quantity("1", "shot", "Names of the shots")]
     time_channel: Annotated[IntArray, Quantity("1", "sample", "Index into names")]
     time_shot: Annotated[IntArray, Quantity("1", "sample", "Index into shots")]
-    time_s: Annotated[FloatArray, Quantity("s", "sample")]
+    time_s: Annotated[FloatArray, Quantity("s", "sample")]  # time since the shot began
     command: Annotated[FloatArray, Quantity("as of the command", "sample", "What was commanded", compact=True)]
+    # Output, less its mean in a period, less its first value in a shot, where it has an offset.
     answer: Annotated[FloatArray, Quantity("as of the output", "sample", "What came of it", compact=True)]
     line_channel: Annotated[IntArray, Quantity("1", "component", "Index into names")]
     line_shot: Annotated[IntArray, Quantity("1", "component", "Index into shots")]
@@ -222,17 +214,11 @@ class Excitation:
 
 @dataclass(frozen=True)
 class OwnChannel:
-    """A command and the output that it is meant for.
+    """A command and the output that it is meant for."""
 
-    Attributes:
-        name: Name of the channel.
-        input: Index of the command.
-        output: Index of the output.
-    """
-
-    name: str
-    input: int
-    output: int
+    name: str  # name of the channel
+    input: int  # index of the command
+    output: int  # index of the output
 
 
 def show_excitation(

@@ -17,14 +17,9 @@ from robid.models.external.fit.transfer import TransferMatrix, delayed
 
 @dataclass(frozen=True)
 class ResponseDeviation:
-    """Standard deviations of a response (n_freq, n_out, n_in).
+    """Standard deviations of a response (n_freq, n_out, n_in)."""
 
-    Attributes:
-        magnitude: Of the magnitude over itself.
-        phase_rad: Of the phase [rad].
-    """
-
-    magnitude: FloatArray
+    magnitude: FloatArray  # of the magnitude over itself
     phase_rad: FloatArray
 
     @property
@@ -134,15 +129,11 @@ _BELOW = 0.3  # of the lowest excited frequency
 
 @dataclass(frozen=True)
 class Fitted:
-    """A block's model with the uncertainty of its coefficients.
+    """A block's model with the uncertainty of its coefficients."""
 
-    Attributes:
-        model: Its transfer functions.
-        root (n_coefficient, n_root): A root of the covariance of its numerators, channel by channel, then of its
-            denominator without the first.
-    """
-
-    model: TransferMatrix
+    model: TransferMatrix  # its transfer functions
+    # (n_coefficient, n_root): a root of the covariance of its numerators, channel by channel, then of its denominator
+    # without the first.
     root: FloatArray
 
     @property

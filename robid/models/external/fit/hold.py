@@ -24,17 +24,11 @@ _STANDING = 1e-9  # of one, what a pole's mode must change by in a period to hav
 
 @dataclass(frozen=True)
 class Stage:
-    """One real pole or one complex pair.
+    """One real pole or one complex pair."""
 
-    Attributes:
-        pole: The pole, that with positive imaginary part of a pair, over the reference frequency.
-        first: Index of its first state.
-        is_pair: Whether it has two states.
-    """
-
-    pole: complex
-    first: int
-    is_pair: bool
+    pole: complex  # the pole, that with positive imaginary part of a pair, over the reference frequency
+    first: int  # index of its first state
+    is_pair: bool  # whether it has two states
 
     @property
     def states(self) -> slice:
@@ -56,19 +50,12 @@ class Stage:
 
 @dataclass(frozen=True)
 class Cascade:
-    """Poles one after the other, in time and frequency over those of a reference frequency.
+    """Poles one after the other, in time and frequency over those of a reference frequency."""
 
-    Attributes:
-        stages: The stages, fast ones first.
-        A (n_state, n_state): Continuous-time system matrix, lower block triangular.
-        b (n_state,): Its input vector.
-        numerators (n_state, n_state): Polynomial of each state over that of all poles, highest power first.
-    """
-
-    stages: tuple[Stage, ...]
-    A: FloatArray
-    b: FloatArray
-    numerators: FloatArray
+    stages: tuple[Stage, ...]  # the stages, fast ones first
+    A: FloatArray  # (n_state, n_state): continuous-time system matrix, lower block triangular
+    b: FloatArray  # (n_state,): its input vector
+    numerators: FloatArray  # (n_state, n_state): polynomial of each state over that of all poles, highest power first
 
     def expand(self, polynomials: FloatArray) -> FloatArray:
         """Expands polynomials (..., n_power) over that of all poles in the states: coefficients (..., n_state)."""
@@ -140,19 +127,12 @@ def _numerators(stages: tuple[Stage, ...]) -> FloatArray:
 
 @dataclass(frozen=True)
 class Held:
-    """A cascade discretised for one hold: `x+ = A x + now u + slope (u+ - u)`.
-
-    Attributes:
-        cascade: The cascade.
-        A (n_state, n_state): Transition over one sample.
-        now (n_state,): What the input at a sample adds.
-        slope (n_state,): What the input's change until the next sample adds; zero for a zero-order hold.
-    """
+    """A cascade discretised for one hold: `x+ = A x + now u + slope (u+ - u)`."""
 
     cascade: Cascade
-    A: FloatArray
-    now: FloatArray
-    slope: FloatArray
+    A: FloatArray  # (n_state, n_state): transition over one sample
+    now: FloatArray  # (n_state,): what the input at a sample adds
+    slope: FloatArray  # (n_state,): what the input's change until the next sample adds; zero for a zero-order hold
 
 
 def discretise(cascade: Cascade, period: float, hold: Hold) -> Held:

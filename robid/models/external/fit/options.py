@@ -13,16 +13,7 @@ StartName = Literal["auto", "rest", "periodic", "free"]
 
 @dataclass(frozen=True)
 class CouplingOptions:
-    """When an output counts as coupled to a command of another channel.
-
-    Attributes:
-        coherence: Root of the magnitude-squared coherence from which on two signals are related.
-        ratio: Magnitude ratio, normalised by the resolutions, from which on this matters.
-        resolution_m: Resolution of translations [m].
-        resolution_rad: Resolution of rotations [rad].
-        segments: Segments of Welch's method, which overlap by half.
-        level: Chance of a false alarm of one pair.
-    """
+    """When an output counts as coupled to a command of another channel."""
 
     coherence: float = field(
         default=0.70,

@@ -16,15 +16,10 @@ from robid.results.estimate import Estimate
 
 @dataclass(frozen=True)
 class Root:
-    """A real root, or that with positive imaginary part of a pair.
+    """A real root, or that with positive imaginary part of a pair."""
 
-    Attributes:
-        place: Where it is [rad/s].
-        moves (n_root,): What each column of the coefficients' covariance root moves it by [rad/s].
-    """
-
-    place: complex
-    moves: ComplexArray
+    place: complex  # where it is [rad/s]
+    moves: ComplexArray  # (n_root,): what each column of the coefficients' covariance root moves it by [rad/s]
 
     @property
     def relative_std(self) -> float:
@@ -89,25 +84,15 @@ _LEAST_DAMPING = 0.05
 
 @dataclass(frozen=True)
 class Parameters:
-    """Parameters of a block.
-
-    Attributes:
-        names: Their names.
-        kinds: Their kinds.
-        units: Their units.
-        value (n_param,): Their values.
-        scale (n_param,): What relative deviations are related to.
-        rows (n_param, n_root): A root of their covariance.
-        reachable (n_param,): Whether each lies below half the sampling rate.
-    """
+    """Parameters of a block."""
 
     names: tuple[str, ...]
     kinds: tuple[str, ...]
     units: tuple[str, ...]
-    value: FloatArray
-    scale: FloatArray
-    rows: FloatArray
-    reachable: BoolArray
+    value: FloatArray  # (n_param,): their values
+    scale: FloatArray  # (n_param,): what relative deviations are related to
+    rows: FloatArray  # (n_param, n_root): a root of their covariance
+    reachable: BoolArray  # (n_param,): whether each lies below half the sampling rate
 
 
 def block_parameters(
@@ -237,23 +222,14 @@ _WITHIN_REACH = 0.5  # of the magnitude: farther apart, an insignificant distanc
 
 @dataclass(frozen=True)
 class Findings:
-    """What is to be known of one channel's poles and zeros.
+    """What is to be known of one channel's poles and zeros."""
 
-    Attributes:
-        undetermined: Poles and zeros that the data do not determine, a sentence each.
-        cancelling: Nearly cancelling pairs, a sentence each.
-        pairs: Pole and zero [rad/s] of each of them.
-        non_minimum_phase: Zeros in the right half plane, a sentence each.
-        non_minimum_phase_zeros: Those zeros [rad/s].
-        significant: Whether each of those is significantly there.
-    """
-
-    undetermined: tuple[str, ...]
-    cancelling: tuple[str, ...]
-    pairs: tuple[tuple[complex, complex], ...]
-    non_minimum_phase: tuple[str, ...]
-    non_minimum_phase_zeros: tuple[complex, ...]
-    significant: tuple[bool, ...]
+    undetermined: tuple[str, ...]  # poles and zeros that the data do not determine, a sentence each
+    cancelling: tuple[str, ...]  # nearly cancelling pairs, a sentence each
+    pairs: tuple[tuple[complex, complex], ...]  # pole and zero [rad/s] of each of them
+    non_minimum_phase: tuple[str, ...]  # zeros in the right half plane, a sentence each
+    non_minimum_phase_zeros: tuple[complex, ...]  # those zeros [rad/s]
+    significant: tuple[bool, ...]  # whether each of those is significantly there
 
 
 def find_findings(

@@ -77,43 +77,25 @@ _FASTEST = 20.0  # per sample: of what a pole beyond answers nothing is left aft
 
 @dataclass(frozen=True)
 class Structure:
-    """What is fitted.
+    """What is fitted."""
 
-    Attributes:
-        poles: Number of poles.
-        zeros: Number of zeros, below that of poles.
-        delay_samples: Transport delay in samples.
-        moving_average: Samples over which commands are averaged.
-        hold: What commands do between samples.
-        static_gain_one: Whether static gains are 1 by assumption.
-        stable: Whether poles are kept in the left half plane.
-    """
-
-    poles: int
-    zeros: int
-    delay_samples: int = 0
-    moving_average: int = 1
-    hold: Hold = "zoh"
-    static_gain_one: bool = False
-    stable: bool = True
+    poles: int  # number of poles
+    zeros: int  # number of zeros, below that of poles
+    delay_samples: int = 0  # transport delay in samples
+    moving_average: int = 1  # samples over which commands are averaged
+    hold: Hold = "zoh"  # what commands do between samples
+    static_gain_one: bool = False  # whether static gains are 1 by assumption
+    stable: bool = True  # whether poles are kept in the left half plane
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A block's data and structure, in time and frequency over those of a reference frequency.
-
-    Attributes:
-        experiments: The experiments.
-        structure: What is fitted.
-        n_in: Inputs.
-        scale: Reference frequency [rad/s].
-        sampling_period_s: Sampling period [s].
-    """
+    """A block's data and structure, in time and frequency over those of a reference frequency."""
 
     experiments: tuple[Experiment, ...]
-    structure: Structure
-    n_in: int
-    scale: float
+    structure: Structure  # what is fitted
+    n_in: int  # inputs
+    scale: float  # reference frequency [rad/s]
     sampling_period_s: float
 
     @property

@@ -30,25 +30,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Experiment:
-    """One shot as a block sees it.
+    """One shot as a block sees it."""
 
-    Attributes:
-        commands (n_moved, n_sample): Commands that move, averaged and delayed.
-        moved: Which inputs of the block these are.
-        outputs (n_out, n_sample): Outputs, free of their mean where an offset is estimated along.
-        start: State at the first sample.
-        offset: Whether a constant of each output is estimated along.
-        noise (n_out,): Least standard deviation that the outputs' noise may have.
-        name: For messages.
-    """
-
-    commands: FloatArray
-    moved: tuple[int, ...]
-    outputs: FloatArray
-    start: Start
-    offset: bool
-    noise: FloatArray
-    name: str
+    commands: FloatArray  # (n_moved, n_sample): commands that move, averaged and delayed
+    moved: tuple[int, ...]  # which inputs of the block these are
+    outputs: FloatArray  # (n_out, n_sample): Outputs, free of their mean where an offset is estimated along
+    start: Start  # state at the first sample
+    offset: bool  # whether a constant of each output is estimated along
+    noise: FloatArray  # (n_out,): least standard deviation that the outputs' noise may have
+    name: str  # for messages
 
     @property
     def n_sample(self) -> int:
@@ -87,20 +77,14 @@ def _prepare(shot: Shot, inputs: Sequence[int], outputs: Sequence[int], delay: i
 
 @dataclass(frozen=True)
 class Reduced:
-    """One shot at given poles: its states' and outputs' triangular factor.
+    """One shot at given poles: its states' and outputs' triangular factor."""
 
-    Attributes:
-        moved: Inputs of the block that move.
-        triangle (n_row, n_moved n_state + n_free n_state + n_out): Factor of the states of each input, of those of
-            the free response where the start is free, and of the outputs.
-        n_state: States of each.
-        is_free: Whether there is a free response.
-    """
-
-    moved: tuple[int, ...]
+    moved: tuple[int, ...]  # inputs of the block that move
+    # (n_row, n_moved n_state + n_free n_state + n_out): factor of the states of each input, of those of the free
+    # response where the start is free, and of the outputs.
     triangle: FloatArray
     n_state: int
-    is_free: bool
+    is_free: bool  # whether there is a free response
 
     def states(self, index: int) -> FloatArray:
         """Columns (n_row, n_state) of the states of the moved input of that index; after the last the free response."""
@@ -124,17 +108,11 @@ def states_of(experiment: Experiment, cascade: Cascade, period: float, hold: Hol
 
 @dataclass(frozen=True)
 class Basis:
-    """States that span the outputs at given poles, and their derivatives.
+    """States that span the outputs at given poles, and their derivatives."""
 
-    Attributes:
-        denominator (n_pole + 1,): Denominator in powers of s over the reference frequency, highest first.
-        single: Cascade of the poles.
-        double: Cascade of the poles twice, whose first states are those of `single`.
-    """
-
-    denominator: FloatArray
-    single: Cascade
-    double: Cascade
+    denominator: FloatArray  # (n_pole + 1,): denominator in powers of s over the reference frequency, highest first
+    single: Cascade  # cascade of the poles
+    double: Cascade  # cascade of the poles twice, whose first states are those of `single`
 
     @property
     def n_pole(self) -> int:

@@ -14,27 +14,16 @@ from robid.models.external.fit.hold import Cascade, Hold, Start, build_cascade, 
 
 @dataclass(frozen=True)
 class TransferMatrix:
-    """Strictly proper continuous transfer functions with common poles, a transport delay and an input moving average.
-
-    Attributes:
-        inputs: Name of each input.
-        outputs: Name of each output.
-        numerator (n_out, n_in, n_zero + 1): Numerators, highest power of s [rad/s] first.
-        denominator (n_pole + 1,): Denominator, highest power first, which has coefficient 1.
-        delay_samples: Transport delay in samples.
-        moving_average: Samples over which commands are averaged.
-        sampling_period_s: Sampling period [s].
-        hold: What commands do between samples.
-    """
+    """Strictly proper continuous transfer functions with common poles, a delay and a moving average of the inputs."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    numerator: FloatArray
-    denominator: FloatArray
-    delay_samples: int
-    moving_average: int
+    numerator: FloatArray  # (n_out, n_in, n_zero + 1): Numerators, highest power of s [rad/s] first
+    denominator: FloatArray  # (n_pole + 1,): Denominator, highest power first, which has coefficient 1
+    delay_samples: int  # transport delay in samples
+    moving_average: int  # samples over which commands are averaged
     sampling_period_s: float
-    hold: Hold
+    hold: Hold  # what commands do between samples
 
     @property
     def poles(self) -> ComplexArray:

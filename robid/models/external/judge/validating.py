@@ -36,48 +36,31 @@ _NOISE = ", which noise explains: move farther, or repeat more often"
 
 @dataclass(frozen=True)
 class Bounds:
-    """How an output's error compares with its bounds, in the order of the agreements.
+    """How an output's error compares with its bounds, in the order of the agreements."""
 
-    Attributes:
-        output: Name of the channel, or of the output of a matrix.
-        place: Campaign and configuration.
-        fpe: Akaike's final prediction error, over the output's variance.
-        own_nrmse: NRMSE of the fit on its own shots, in the place where it is worst.
-        parameter_std: Root mean square of the prediction's standard deviation by the parameters.
-        expected_std: Error that noise, parameters and the assumed model error give.
-        inside: Share of the samples inside the bounds of parameters and noise.
-        whiteness_p: Chance of a white error to look as coloured.
-    """
-
-    output: str
-    place: str
-    fpe: float
-    own_nrmse: float
-    parameter_std: float
-    expected_std: float
-    inside: float
-    whiteness_p: float
+    output: str  # name of the channel, or of the output of a matrix
+    place: str  # campaign and configuration
+    fpe: float  # Akaike's final prediction error, over the output's variance
+    own_nrmse: float  # NRMSE of the fit on its own shots, in the place where it is worst
+    parameter_std: float  # root mean square of the prediction's standard deviation by the parameters
+    expected_std: float  # error that noise, parameters and the assumed model error give
+    inside: float  # share of the samples inside the bounds of parameters and noise
+    whiteness_p: float  # chance of a white error to look as coloured
 
 
 @dataclass(frozen=True)
 class ExternalValidation:
-    """How well transfer functions predict other motions.
+    """How well transfer functions predict other motions."""
 
-    Attributes:
-        outcome: Whether they hold, their grade.
-        traces: Measured and predicted outputs.
-        confidence: Level of the bounds.
-    """
-
-    outcome: Outcome
+    outcome: Outcome  # whether they hold, their grade
     agreements: Annotated[
         tuple[Agreement, ...], Quantity("1, or as of the output", "agreement", "Agreement, place by place")
     ]
     bounds: Annotated[
         tuple[Bounds, ...], Quantity("1, or as of the output", "agreement", "The same against the bounds")
     ]
-    traces: PredictedTraces
-    confidence: float
+    traces: PredictedTraces  # measured and predicted outputs
+    confidence: float  # level of the bounds
     untested: Annotated[tuple[str, ...], Quantity("1", "block", "Channels that do not move in the validation")]
 
 

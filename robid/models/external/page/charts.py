@@ -133,20 +133,13 @@ def locus_figure(solution: ExternalSolution, channel: int) -> Figure:
 
 @dataclass(frozen=True)
 class Trace:
-    """Measured and simulated output of one shot.
+    """Measured and simulated output of one shot."""
 
-    Attributes:
-        name: Name of the shot.
-        time_s (n_row,): Time since it began [s].
-        measured (n_row,): Measured output.
-        simulated (n_row,): Simulated one.
-        half (n_row,): Half the width of the region in which measured values are expected; None where it is unknown.
-    """
-
-    name: str
-    time_s: FloatArray
-    measured: FloatArray
-    simulated: FloatArray
+    name: str  # name of the shot
+    time_s: FloatArray  # (n_row,): time since it began [s]
+    measured: FloatArray  # (n_row,): measured output
+    simulated: FloatArray  # (n_row,): simulated one
+    # (n_row,): half the width of the region in which measured values are expected; None where it is unknown.
     half: FloatArray | None = None
 
 

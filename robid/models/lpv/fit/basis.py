@@ -32,18 +32,12 @@ class Functions(Protocol):
 
 @dataclass(frozen=True)
 class Polynomials:
-    """Monomials `prod_j ((p_j - center_j) / scale_j)^e_j`.
+    """Monomials `prod_j ((p_j - center_j) / scale_j)^e_j`."""
 
-    Attributes:
-        exponents (n_function, n_scheduling): Exponents of each monomial; none is all zero.
-        center (n_scheduling,): Where the parameters are counted from; what is sparse about one need not be about
-            another.
-        scale (n_scheduling,): What they are counted in; it changes no structure.
-    """
-
-    exponents: tuple[tuple[int, ...], ...]
+    exponents: tuple[tuple[int, ...], ...]  # (n_function, n_scheduling): exponents of each monomial; none is all zero
+    # (n_scheduling,): where the parameters are counted from; what is sparse about one need not be about another.
     center: tuple[float, ...]
-    scale: tuple[float, ...]
+    scale: tuple[float, ...]  # (n_scheduling,): what they are counted in; it changes no structure
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -58,15 +52,10 @@ class Polynomials:
 
 @dataclass(frozen=True)
 class Splines:
-    """Products of B-splines of each parameter, without the first one, which the constant function replaces.
+    """Products of B-splines of each parameter, without the first one, which the constant function replaces."""
 
-    Attributes:
-        knots: Knots of each parameter's splines, those at the ends repeated.
-        degree: Degree of the pieces.
-    """
-
-    knots: tuple[tuple[float, ...], ...]
-    degree: int = 3
+    knots: tuple[tuple[float, ...], ...]  # knots of each parameter's splines, those at the ends repeated
+    degree: int = 3  # degree of the pieces
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -86,17 +75,11 @@ class Splines:
 
 @dataclass(frozen=True)
 class Basis:
-    """The constant function, further ones, and the range in which they hold.
+    """The constant function, further ones, and the range in which they hold."""
 
-    Attributes:
-        functions: The further ones.
-        lower (n_scheduling,): Smallest value of each scheduling parameter.
-        upper (n_scheduling,): Largest value of each.
-    """
-
-    functions: Functions
-    lower: FloatArray
-    upper: FloatArray
+    functions: Functions  # the further ones
+    lower: FloatArray  # (n_scheduling,): smallest value of each scheduling parameter
+    upper: FloatArray  # (n_scheduling,): largest value of each
 
     @property
     def n_function(self) -> int:

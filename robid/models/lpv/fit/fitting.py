@@ -48,31 +48,18 @@ _FIRST_STEPS = 10
 
 @dataclass(frozen=True)
 class LpvResult:
-    """What a fit found.
+    """What a fit found."""
 
-    Attributes:
-        local: The local models, outputs in units of `scales`, each in its balanced basis.
-        smile: Their interpolation without integrators, in the outputs' own units.
-        core: The chosen model without integrators, in the outputs' own units.
-        model: The chosen model with its integrators.
-        path: The regularisation path, outputs in units of `scales`.
-        kept (4, n_function): Blocks of A, B, C and D that the chosen model has.
-        scales (n_out,): Units of the outputs during the fit.
-        parameters: How far the chosen model's parameters may be off, outputs in units of `scales`.
-        stability: Of the chosen model over the range, integrators not counted.
-        integrators: How often each output integrates.
-    """
-
-    local: LocalModels
-    smile: LpvModel
-    core: LpvModel
-    model: LpvModel
-    path: Path
-    kept: BoolArray
-    scales: FloatArray
-    parameters: ParameterUncertainty
-    stability: Stability
-    integrators: tuple[int, ...]
+    local: LocalModels  # the local models, outputs in units of `scales`, each in its balanced basis
+    smile: LpvModel  # their interpolation without integrators, in the outputs' own units
+    core: LpvModel  # the chosen model without integrators, in the outputs' own units
+    model: LpvModel  # the chosen model with its integrators
+    path: Path  # the regularisation path, outputs in units of `scales`
+    kept: BoolArray  # (4, n_function): blocks of A, B, C and D that the chosen model has
+    scales: FloatArray  # (n_out,): units of the outputs during the fit
+    parameters: ParameterUncertainty  # how far the chosen model's parameters may be off, outputs in units of `scales`
+    stability: Stability  # of the chosen model over the range, integrators not counted
+    integrators: tuple[int, ...]  # how often each output integrates
 
     def uncertainty(self, points: FloatArray, frequency_hz: FloatArray) -> ResponseUncertainty:
         """Returns the response, integrators included, with its deviations.

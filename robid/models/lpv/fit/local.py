@@ -193,17 +193,11 @@ def interpolate(systems: StateSpace, values: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class LocalModels:
-    """Linear models at the positions, each in a basis of its own.
+    """Linear models at the positions, each in a basis of its own."""
 
-    Attributes:
-        systems: One model per position.
-        cost (n_pos,): What each leaves of its response.
-        status: How each fit ended.
-    """
-
-    systems: StateSpace
-    cost: FloatArray
-    status: tuple[Status, ...]
+    systems: StateSpace  # one model per position
+    cost: FloatArray  # (n_pos,): what each leaves of its response
+    status: tuple[Status, ...]  # how each fit ended
 
 
 def fit_local_models(problem: Problem, *, max_iterations: int = 100) -> LocalModels:

@@ -15,19 +15,13 @@ from robid.models.lpv.fit.state_space import Sizes, StateSpace, pack, response, 
 class LpvModel:
     """`A(p) = A_0 + sum_k A_k psi_k(p)`, and B, C and D alike, in discrete time.
 
-    Attributes:
-        parameters (n_function + 1, n_local): Packed matrices of each function, the constant one first.
-        sizes: States, inputs and outputs.
-        basis: The functions and the range in which they hold.
-        sampling_period_s: Sampling period.
-
     Source:
         Turk et al. (2018), eq. 1 and 2.
     """
 
-    parameters: FloatArray
-    sizes: Sizes
-    basis: Basis
+    parameters: FloatArray  # (n_function + 1, n_local): packed matrices of each function, the constant one first
+    sizes: Sizes  # States, inputs and outputs
+    basis: Basis  # the functions and the range in which they hold
     sampling_period_s: float
 
     @property
@@ -54,15 +48,10 @@ class LpvModel:
 
 @dataclass(frozen=True)
 class Stability:
-    """How near the frozen models come to the unit circle.
+    """How near the frozen models come to the unit circle."""
 
-    Attributes:
-        radius: Largest absolute value of a pole over the range.
-        point (n_scheduling,): Where it is reached.
-    """
-
-    radius: float
-    point: FloatArray
+    radius: float  # largest absolute value of a pole over the range
+    point: FloatArray  # (n_scheduling,): where it is reached
 
     @property
     def stable(self) -> bool:

@@ -9,14 +9,7 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class BasisOptions:
-    """Functions of the scheduling parameters, besides the constant one.
-
-    Attributes:
-        kind: Powers up to a total degree, or B-splines of evenly spaced knots.
-        degree: Of the powers, or of the splines' pieces.
-        pieces: Intervals of each parameter's splines.
-        center: Where each parameter's powers are counted from; empty for zero, as in the paper.
-    """
+    """Functions of the scheduling parameters, besides the constant one."""
 
     kind: Literal["polynomials", "splines"] = field(
         default="polynomials", metadata={"description": "Powers up to a total degree, or B-splines."}
@@ -36,12 +29,7 @@ class BasisOptions:
 
 @dataclass(frozen=True)
 class SparseBasisOptions:
-    """How the basis is searched.
-
-    Attributes:
-        smallest: Relative norm below which a block counts as zero.
-        passes: Passes from equal weights to that norm.
-    """
+    """How the basis is searched."""
 
     smallest: float = field(default=3e-3, metadata={"description": "Relative norm of a block that is none.", "gt": 0})
     passes: int = field(default=12, metadata={"description": "Passes of the search.", "ge": 1})
@@ -49,16 +37,7 @@ class SparseBasisOptions:
 
 @dataclass(frozen=True)
 class SparsityOptions:
-    """When blocks are dropped and when the penalised fit ends.
-
-    Attributes:
-        epsilon: Relative norm at which a block's price bends from a count to its size (eq. 13).
-        zero: Relative norm below which a block has vanished.
-        reweightings: Times the prices are renewed, at most.
-        settled: Change of any block's relative norm, over itself plus epsilon, at which they are not renewed again.
-        tolerance: Relative decrease of the penalised cost at which a descent ends.
-        step_limit: Cone programs of one descent, at most.
-    """
+    """When blocks are dropped and when the penalised fit ends."""
 
     epsilon: float = field(default=1e-3, metadata={"description": "Relative norm of a block that counts.", "gt": 0})
     zero: float = field(default=1e-5, metadata={"description": "Relative norm of a block that is gone.", "gt": 0})
@@ -70,15 +49,7 @@ class SparsityOptions:
 
 @dataclass(frozen=True)
 class PathOptions:
-    """Which prices are tried and how one is chosen.
-
-    Attributes:
-        count: Prices.
-        smallest: Least price of a block, in mean squared errors of one element of a response.
-        largest: Greatest price.
-        allowance: How much more than the least a model's error on the validation data may be, relative, where it has
-            fewer blocks.
-    """
+    """Which prices are tried and how one is chosen."""
 
     count: int = field(default=10, metadata={"description": "Prices along the path.", "ge": 2})
     smallest: float = field(default=1.0, metadata={"description": "Least price, in mean squared errors.", "gt": 0})
@@ -88,17 +59,7 @@ class PathOptions:
 
 @dataclass(frozen=True)
 class LpvOptions:
-    """Options of a fit.
-
-    Attributes:
-        order: States of the model, integrators not counted.
-        integrators: How often each output integrates; empty for not at all.
-        weighted: Weights 1/sigma^2, or all elements alike (eq. 7).
-        weight_window: Lines over which variances are averaged for the weights; intervals take them as they are.
-        sparse_basis: How the states' basis is searched.
-        sparsity: The penalised fits.
-        path: Prices and the choice.
-    """
+    """Options of a fit."""
 
     order: int = field(default=3, metadata={"description": "States of the model without integrators.", "ge": 1})
     integrators: tuple[int, ...] = field(

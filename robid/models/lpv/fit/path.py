@@ -16,27 +16,16 @@ from robid.results.levenberg import Normal, Status, minimise
 
 @dataclass(frozen=True)
 class PathPoint:
-    """What one price gives.
+    """What one price gives."""
 
-    Attributes:
-        gamma: The price of a block, in units of the cost.
-        kept (4, n_function): Blocks of A, B, C and D that are left.
-        relative (4, n_function): Their relative norms before the refit.
-        parameters (n_function + 1, n_local): The model fitted again on this structure, without prices.
-        refit_cost: Its cost.
-        validation_cost: Its cost on the validation data.
-        status: How the refit ended.
-        steps: Cone programs solved.
-    """
-
-    gamma: float
-    kept: BoolArray
-    relative: FloatArray
-    parameters: FloatArray
+    gamma: float  # the price of a block, in units of the cost
+    kept: BoolArray  # (4, n_function): blocks of A, B, C and D that are left
+    relative: FloatArray  # (4, n_function): their relative norms before the refit
+    parameters: FloatArray  # (n_function + 1, n_local): the model fitted again on this structure, without prices
     refit_cost: float
-    validation_cost: float
-    status: Status
-    steps: int
+    validation_cost: float  # its cost on the validation data
+    status: Status  # how the refit ended
+    steps: int  # cone programs solved
 
 
 @dataclass(frozen=True)

@@ -15,21 +15,13 @@ _MEANT_NOTHING = 1e-3  # decrease of the cost, in mean squared errors of one ele
 
 @dataclass(frozen=True)
 class Problem:
-    """What a model is held against. Its parameters are packed matrices (n_function + 1, n_local), one row a function.
+    """What a model is held against. Its parameters are packed matrices (n_function + 1, n_local), a row a function."""
 
-    Attributes:
-        z (n_freq,): Points of the unit circle.
-        response (n_pos, n_freq, n_out, n_in): Measured responses.
-        root_weight (n_pos, n_freq, n_out, n_in): Root of each element's weight; 0 leaves an element out.
-        values (n_pos, n_function + 1): The basis functions at the positions, the constant one first.
-        sizes: Of the model.
-    """
-
-    z: ComplexArray
-    response: ComplexArray
-    root_weight: FloatArray
-    values: FloatArray
-    sizes: Sizes
+    z: ComplexArray  # (n_freq,): points of the unit circle
+    response: ComplexArray  # (n_pos, n_freq, n_out, n_in): measured responses
+    root_weight: FloatArray  # (n_pos, n_freq, n_out, n_in): root of each element's weight; 0 leaves an element out
+    values: FloatArray  # (n_pos, n_function + 1): the basis functions at the positions, the constant one first
+    sizes: Sizes  # of the model
 
     @property
     def n_data(self) -> int:
@@ -39,19 +31,13 @@ class Problem:
 
 @dataclass(frozen=True)
 class Reduced:
-    """Error and derivative with their rows reduced: `|e_q + J_q d|^2 = |right_q + factor_q d|^2 + rest`.
+    """Error and derivative with their rows reduced: `|e_q + J_q d|^2 = |right_q + factor_q d|^2 + rest`."""
 
-    Attributes:
-        factor (n_pos, n_local, n_local): Triangular factor of each position's derivative by its local matrices.
-        right (n_pos, n_local): The error, rotated alike.
-        cost: The cost, all rows.
-        values (n_pos, n_function + 1): As in the problem.
-    """
-
+    # (n_pos, n_local, n_local): triangular factor of each position's derivative by its local matrices.
     factor: FloatArray
-    right: FloatArray
-    cost: float
-    values: FloatArray
+    right: FloatArray  # (n_pos, n_local): the error, rotated alike
+    cost: float  # the cost, all rows
+    values: FloatArray  # (n_pos, n_function + 1): as in the problem
 
     @property
     def rows(self) -> FloatArray:

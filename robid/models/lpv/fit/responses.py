@@ -16,20 +16,13 @@ from robid.models.lpv.fit.state_space import Sizes
 
 @dataclass(frozen=True)
 class LocalResponses:
-    """Frequency responses at rest at some positions.
+    """Frequency responses at rest at some positions."""
 
-    Attributes:
-        points (n_pos, n_scheduling): Scheduling parameters.
-        frequency_hz (n_freq,): Lines, above zero and below half the sampling rate.
-        response (n_pos, n_freq, n_out, n_in): Responses.
-        variance (n_pos, n_freq, n_out, n_in): `E|G_hat - G|^2`, infinite for an element that is to be left out; None
-            where it is unknown.
-        sampling_period_s: Sampling period.
-    """
-
-    points: FloatArray
-    frequency_hz: FloatArray
-    response: ComplexArray
+    points: FloatArray  # (n_pos, n_scheduling): scheduling parameters
+    frequency_hz: FloatArray  # (n_freq,): Lines, above zero and below half the sampling rate
+    response: ComplexArray  # (n_pos, n_freq, n_out, n_in): responses
+    # (n_pos, n_freq, n_out, n_in): `E|G_hat - G|^2`, infinite for an element that is to be left out; None where it is
+    # unknown.
     variance: FloatArray | None
     sampling_period_s: float
 
@@ -128,19 +121,15 @@ _ELEMENT = "position output input"
 
 @dataclass(frozen=True)
 class Agreement:
-    """Measures of each position and element (n_pos, n_out, n_in); elements without weight are left out.
-
-    Attributes:
-        share_within: Share of the lines where the error is within two deviations; NaN where these are unknown.
-        excess: The same of what noise, and its chance, do not explain, however uncertain the model is, over the
-            response at all positions, or what is natural to the element by the others of its row and column where that
-            is larger: coupling that is hardly there need not be known.
-    """
+    """Measures of each position and element (n_pos, n_out, n_in); elements without weight are left out."""
 
     share_within: Annotated[FloatArray, Quantity("1", _ELEMENT, "Share of the lines within two deviations")]
     error_ratio: Annotated[FloatArray, Quantity("1", _ELEMENT, "Error over deviation, root mean square")]
     error_db: Annotated[FloatArray, Quantity("dB", _ELEMENT, "Median distance of the magnitudes")]
     relative_error: Annotated[FloatArray, Quantity("1", _ELEMENT, "Error over response, root mean square")]
+    # The same of what noise, and its chance, do not explain, however uncertain the model is, over the response at all
+    # positions, or what is natural to the element by the others of its row and column where that is larger: coupling
+    # that is hardly there need not be known.
     excess: Annotated[FloatArray, Quantity("1", _ELEMENT, "What deviations do not explain, over what is natural")]
 
 

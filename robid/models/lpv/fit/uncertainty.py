@@ -20,30 +20,20 @@ _SINGULAR = 1e-11  # of the largest eigenvalue: a direction that moves no respon
 
 @dataclass(frozen=True)
 class ParameterUncertainty:
-    """How far the parameters may be off, the states' basis apart.
+    """How far the parameters may be off, the states' basis apart."""
 
-    Attributes:
-        covariance (n_param, n_param): Of all parameters, zero where one is fixed.
-        n_determined: Combinations of parameters that the responses determine.
-        misfit: Mean weighted square error of an element, less what those take: near 1 with right weights `1/sigma^2`.
-    """
-
-    covariance: FloatArray
-    n_determined: int
+    covariance: FloatArray  # (n_param, n_param): of all parameters, zero where one is fixed
+    n_determined: int  # combinations of parameters that the responses determine
+    # Mean weighted square error of an element, less what those take: near 1 with right weights `1/sigma^2`.
     misfit: float
 
 
 @dataclass(frozen=True)
 class ResponseUncertainty:
-    """A response and how far it may be off, linearised.
+    """A response and how far it may be off, linearised."""
 
-    Attributes:
-        response (n_pos, n_freq, n_out, n_in): The model's response.
-        total (n_pos, n_freq, n_out, n_in): Root of `E|error|^2`.
-    """
-
-    response: ComplexArray
-    total: FloatArray
+    response: ComplexArray  # (n_pos, n_freq, n_out, n_in): the model's response
+    total: FloatArray  # (n_pos, n_freq, n_out, n_in): root of `E|error|^2`
 
 
 def parameter_uncertainty(

@@ -94,15 +94,10 @@ _ALIKE = "validate on a campaign with the same channels, units and sampling peri
 
 @dataclass(frozen=True)
 class LpvValidation:
-    """How well a model predicts other responses.
+    """How well a model predicts other responses."""
 
-    Attributes:
-        outcome: Whether it holds, its grade.
-        held: The responses, and how well they agree; the deviations of both count.
-    """
-
-    outcome: Outcome
-    held: Held
+    outcome: Outcome  # whether it holds, its grade
+    held: Held  # the responses, and how well they agree; the deviations of both count
     new: Annotated[BoolArray, Quantity("1", "position", "Whether the fit has not seen it")]
 
 

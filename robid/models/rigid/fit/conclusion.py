@@ -142,44 +142,27 @@ _UNTESTED = "Do not trust: too few rows are left to test the residuals; record l
 
 @dataclass(frozen=True)
 class Variation:
-    """Difference of two estimates.
+    """Difference of two estimates."""
 
-    Attributes:
-        relative (n_param,): Magnitude of the difference over max(|X|, 3 sd), a first moment's over its vector's.
-        p_value (n_param,): Chance of estimators of the same thing to differ as much.
-        alarm: Whether a difference both matters and cannot be chance.
-    """
-
+    # (n_param,): magnitude of the difference over max(|X|, 3 sd), a first moment's over its vector's.
     relative: FloatArray
-    p_value: FloatArray
-    alarm: bool
+    p_value: FloatArray  # (n_param,): chance of estimators of the same thing to differ as much
+    alarm: bool  # whether a difference both matters and cannot be chance
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether least squares is to be trusted.
+    """Whether least squares is to be trusted."""
 
-    Attributes:
-        trust: The verdict.
-        sentence: It in words, with what to do.
-        huber: Difference from Huber's estimate (eq. 22).
-        instruments: Difference from the instrumental variables; None where there are none.
-        normality: Shape of each joint's residuals.
-        whiteness: Correlation of each joint's residuals.
-        normality_alarm: Whether a joint's residuals are far from a Gaussian.
-        whiteness_alarm: Whether a joint's residuals are far from white.
-        untested: Whether a joint has too few rows for these tests.
-    """
-
-    trust: bool
-    sentence: str
-    huber: Variation
-    instruments: Variation | None
-    normality: tuple[Normality, ...]
-    whiteness: tuple[Whiteness, ...]
-    normality_alarm: bool
-    whiteness_alarm: bool
-    untested: bool = False
+    trust: bool  # the verdict
+    sentence: str  # it in words, with what to do
+    huber: Variation  # difference from Huber's estimate (eq. 22)
+    instruments: Variation | None  # difference from the instrumental variables; None where there are none
+    normality: tuple[Normality, ...]  # shape of each joint's residuals
+    whiteness: tuple[Whiteness, ...]  # correlation of each joint's residuals
+    normality_alarm: bool  # whether a joint's residuals are far from a Gaussian
+    whiteness_alarm: bool  # whether a joint's residuals are far from white
+    untested: bool = False  # whether a joint has too few rows for these tests
 
 
 def judge(
@@ -285,25 +268,15 @@ LEAST_SQUARES, HUBER, INSTRUMENTS = range(3)
 
 @dataclass(frozen=True)
 class Conclusion:
-    """What the rows say.
+    """What the rows say."""
 
-    Attributes:
-        reduction: The rows, reduced.
-        least_squares: Plain or weighted least squares.
-        huber: Huber's estimate.
-        instruments: Instrumental variables, or None.
-        long_run: Their joint covariance that respects correlated residuals, in this order.
-        residual (n_row, n_joint): Residuals of least squares, NaN where a row is not used [N m, or N].
-        verdict: Whether to trust least squares.
-    """
-
-    reduction: Reduction
-    least_squares: Regression
-    huber: HuberRegression
-    instruments: Regression | None
-    long_run: LongRun
-    residual: FloatArray
-    verdict: Verdict
+    reduction: Reduction  # the rows, reduced
+    least_squares: Regression  # plain or weighted least squares
+    huber: HuberRegression  # Huber's estimate
+    instruments: Regression | None  # instrumental variables, or None
+    long_run: LongRun  # their joint covariance that respects correlated residuals, in this order
+    residual: FloatArray  # (n_row, n_joint): residuals of least squares, NaN where a row is not used [N m, or N]
+    verdict: Verdict  # whether to trust least squares
 
 
 def conclude(

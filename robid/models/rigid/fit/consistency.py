@@ -23,21 +23,14 @@ _UPPER = tuple((row, column) for column in range(4) for row in range(column + 1)
 
 @dataclass(frozen=True)
 class Consistent:
-    """A physically consistent set of standard parameters.
+    """A physically consistent set of standard parameters."""
 
-    Attributes:
-        standard (n_std,): The parameters.
-        base (n_base,): Their base parameters.
-        moved (n_base,): How far these are from the estimate, in standard deviations.
-        gain (n_std, n_base): Change of the standard parameters with the estimate, where no constraint binds.
-        status: `estimated` where a real body has the estimated base parameters, `moved` where only the nearest ones
-            could be had, `failed` where the solver found none.
-    """
-
-    standard: FloatArray
-    base: FloatArray
-    moved: FloatArray
-    gain: FloatArray
+    standard: FloatArray  # (n_std,): the parameters
+    base: FloatArray  # (n_base,): their base parameters
+    moved: FloatArray  # (n_base,): how far these are from the estimate, in standard deviations
+    gain: FloatArray  # (n_std, n_base): change of the standard parameters with the estimate, where no constraint binds
+    # `estimated` where a real body has the estimated base parameters, `moved` where only the nearest ones could be had,
+    # `failed` where the solver found none.
     status: Literal["estimated", "moved", "failed"]
 
 

@@ -27,34 +27,23 @@ _WHITE = 0.2
 
 @dataclass(frozen=True)
 class CutOffTrial:
-    """What one cut-off leads to.
+    """What one cut-off leads to."""
 
-    Attributes:
-        cut_hz: The cut-off [Hz].
-        correlation (n_joint,): Largest autocorrelation of each joint's residuals, less what white noise would show.
-        deviation (n_joint,): Deviation of each joint's residuals [N m, or N].
-    """
-
-    cut_hz: float
+    cut_hz: float  # the cut-off [Hz]
+    # (n_joint,): largest autocorrelation of each joint's residuals, less what white noise would show.
     correlation: FloatArray
-    deviation: FloatArray
+    deviation: FloatArray  # (n_joint,): deviation of each joint's residuals [N m, or N]
 
 
 @dataclass(frozen=True)
 class CutOffChoice:
-    """A cut-off and why.
+    """A cut-off and why."""
 
-    Attributes:
-        cut_hz: The lowest cut-off above the excited band with white residuals; without one, that with the whitest [Hz].
-        white: Whether its residuals are white.
-        excited_hz (n_joint,): Frequency below which 99 % of each joint's acceleration lies [Hz].
-        trials: All cut-offs that were tried, ascending.
-    """
-
+    # The lowest cut-off above the excited band with white residuals; without one, that with the whitest [Hz].
     cut_hz: float
-    white: bool
-    excited_hz: FloatArray
-    trials: tuple[CutOffTrial, ...]
+    white: bool  # whether its residuals are white
+    excited_hz: FloatArray  # (n_joint,): frequency below which 99 % of each joint's acceleration lies [Hz]
+    trials: tuple[CutOffTrial, ...]  # all cut-offs that were tried, ascending
 
 
 def choose_cut_off(

@@ -15,12 +15,7 @@ EstimatorName = Literal["ordinary", "weighted", "huber", "instruments"]
 
 @dataclass(frozen=True)
 class ConsistencyOptions:
-    """How bodies are made real.
-
-    Attributes:
-        margin: Smallest eigenvalue of a pseudo-inertia, relative to the nominal body's size.
-        pull: Weight of the nominal parameters against the estimate, where no real body has the estimate.
-    """
+    """How bodies are made real."""
 
     margin: float = field(
         default=1e-4,
@@ -34,14 +29,7 @@ class ConsistencyOptions:
 
 @dataclass(frozen=True)
 class HuberOptions:
-    """How Huber's estimator weighs its rows.
-
-    Attributes:
-        bend: Residual, in deviations, beyond which a row loses weight (the paper's H).
-        covariance: The paper's eq. 19, or the asymptotic form of an M-estimator.
-        tolerance: Step at which to stop, in standard deviations of the parameters.
-        iteration_limit: Reweighted fits at most.
-    """
+    """How Huber's estimator weighs its rows."""
 
     bend: float = field(
         default=1.345, metadata={"description": "Residual in deviations beyond which a row loses weight.", "gt": 0}
@@ -58,12 +46,7 @@ class HuberOptions:
 
 @dataclass(frozen=True)
 class InstrumentOptions:
-    """When instrumental variables have converged.
-
-    Attributes:
-        tolerance: Step at which to stop, in standard deviations of the parameters.
-        iteration_limit: Simulations at most.
-    """
+    """When instrumental variables have converged."""
 
     tolerance: float = field(
         default=0.05, metadata={"description": "Step to stop at, in standard deviations of the parameters.", "gt": 0}
@@ -73,15 +56,7 @@ class InstrumentOptions:
 
 @dataclass(frozen=True)
 class PreprocessingOptions:
-    """Filters of an inverse-dynamics fit.
-
-    Attributes:
-        position_cut_hz: Cut-off of the positions' low pass; None has it chosen from the data.
-        position_order: Order of one of its two passes.
-        decimation: Samples per kept sample; 0 keeps twice the cut-off's rate.
-        drop_deviations: Rows about speeds below so many deviations of the speed's noise are dropped; 0 keeps all.
-        drop_below_rad_s: Rows about motor speeds below this are dropped, where friction has another form; 0 keeps all.
-    """
+    """Filters of an inverse-dynamics fit."""
 
     position_cut_hz: float | None = field(
         default=None,
@@ -126,15 +101,7 @@ class PreprocessingOptions:
 
 @dataclass(frozen=True)
 class VerdictOptions:
-    """When the verdict speaks against least squares.
-
-    Attributes:
-        level: Chance of a false alarm of all tests together.
-        variation: Relative difference from Huber's or the instruments' estimate that matters.
-        shape: Skewness, or half the excess kurtosis, that matters.
-        correlation: Autocorrelation that matters.
-        lags: Lags of the whiteness test.
-    """
+    """When the verdict speaks against least squares."""
 
     level: float = field(
         default=0.02, metadata={"description": "Chance of a false alarm of all tests together.", "gt": 0, "lt": 1}
@@ -151,18 +118,12 @@ class VerdictOptions:
 
 @dataclass(frozen=True)
 class ConclusionOptions:
-    """How rows are fitted and judged.
-
-    Attributes:
-        weighted: Whether each joint's rows have the inverse of their variance as weight.
-        huber: Huber's estimator.
-        verdict: The verdict.
-    """
+    """How rows are fitted and judged."""
 
     weighted: bool = field(
         default=True, metadata={"description": "Whether each joint's rows weigh by their residual variance."}
     )
-    huber: HuberOptions = field(default_factory=HuberOptions)
+    huber: HuberOptions = field(default_factory=HuberOptions)  # Huber's estimator
     verdict: VerdictOptions = field(default_factory=VerdictOptions)
 
 

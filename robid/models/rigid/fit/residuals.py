@@ -19,34 +19,21 @@ FEWEST_TESTED = 20
 
 @dataclass(frozen=True)
 class Normality:
-    """Shape of one joint's residuals against a Gaussian.
+    """Shape of one joint's residuals against a Gaussian."""
 
-    Attributes:
-        skewness: Third standardised moment; 0 for a Gaussian.
-        excess_kurtosis: Fourth standardised moment less 3.
-        outlier_share: Share of the residuals outside 3 deviations; 0.27 % for a Gaussian.
-        p_value: Chance of a Gaussian to look as odd.
-    """
-
-    skewness: float
-    excess_kurtosis: float
-    outlier_share: float
-    p_value: float
+    skewness: float  # third standardised moment; 0 for a Gaussian
+    excess_kurtosis: float  # fourth standardised moment less 3
+    outlier_share: float  # share of the residuals outside 3 deviations; 0.27 % for a Gaussian
+    p_value: float  # chance of a Gaussian to look as odd
 
 
 @dataclass(frozen=True)
 class Whiteness:
-    """Correlation of one joint's residuals in time.
+    """Correlation of one joint's residuals in time."""
 
-    Attributes:
-        correlation (n_lag,): Autocorrelation at lags 1 and on, less the filter's own.
-        largest: The largest of their magnitudes.
-        p_value: Chance of white torque noise behind the filter to look as correlated.
-    """
-
-    correlation: FloatArray
-    largest: float
-    p_value: float
+    correlation: FloatArray  # (n_lag,): autocorrelation at lags 1 and on, less the filter's own
+    largest: float  # the largest of their magnitudes
+    p_value: float  # chance of white torque noise behind the filter to look as correlated
 
 
 def check_normality(residual: FloatArray) -> Normality:
@@ -142,21 +129,13 @@ _LARGEST_FREEDOM = 100
 
 @dataclass(frozen=True)
 class Influence:
-    """An estimator linearised: how each kept sample moves the parameters.
+    """An estimator linearised: how each kept sample moves the parameters."""
 
-    Attributes:
-        parameters (n_param,): Where it is linearised.
-        bread (n_param, n_param): Parameters a weighted score.
-        weights (n_joint,): Weight of each joint's rows.
-        limit (n_joint,): Magnitude at which a residual's pull ends; infinite without a bend.
-        instrumented: Whether the scores are the instruments' instead of the columns'.
-    """
-
-    parameters: FloatArray
-    bread: FloatArray
-    weights: FloatArray
-    limit: FloatArray
-    instrumented: bool = False
+    parameters: FloatArray  # (n_param,): where it is linearised
+    bread: FloatArray  # (n_param, n_param): parameters a weighted score
+    weights: FloatArray  # (n_joint,): weight of each joint's rows
+    limit: FloatArray  # (n_joint,): magnitude at which a residual's pull ends; infinite without a bend
+    instrumented: bool = False  # whether the scores are the instruments' instead of the columns'
 
     def of(self, rows: Rows) -> FloatArray:
         """Returns the move (n_row, n_param) of the parameters by each kept sample."""
@@ -183,17 +162,12 @@ def huber_influence(reduction: Reduction, estimate: HuberRegression, bend: float
 
 @dataclass(frozen=True)
 class LongRun:
-    """Joint covariance of several estimators of the same parameters.
+    """Joint covariance of several estimators of the same parameters."""
 
-    Attributes:
-        covariance (n_estimator * n_param, n_estimator * n_param): The covariance, one estimator after the other.
-        freedom: Degrees of freedom of its variances.
-        n_param: Number of parameters.
-    """
-
+    # (n_estimator * n_param, n_estimator * n_param): the covariance, one estimator after the other.
     covariance: FloatArray
-    freedom: int
-    n_param: int
+    freedom: int  # degrees of freedom of its variances
+    n_param: int  # number of parameters
 
     def of(self, index: int) -> FloatArray:
         """Returns the covariance (n_param, n_param) of one estimator."""

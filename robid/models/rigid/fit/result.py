@@ -34,23 +34,14 @@ _BODY = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
 
 @dataclass(frozen=True)
 class Found:
-    """What all estimators found on the same rows.
+    """What all estimators found on the same rows."""
 
-    Attributes:
-        ordinary: Least squares with equal weights.
-        conclusion: Least squares, Huber's estimator and instrumental variables with their joint uncertainty.
-        swept: Huber's estimator at the bends of the sweep.
-        torque (n_row, n_joint): Filtered torques, NaN where a row does not count.
-        filters: Filters of the rows.
-        sampling_period_s: Period of the samples [s].
-    """
-
-    ordinary: Regression
-    conclusion: Conclusion
-    swept: tuple[HuberRegression, ...]
-    torque: FloatArray
-    filters: PreprocessingOptions
-    sampling_period_s: float
+    ordinary: Regression  # least squares with equal weights
+    conclusion: Conclusion  # least squares, Huber's estimator and instrumental variables with their joint uncertainty
+    swept: tuple[HuberRegression, ...]  # Huber's estimator at the bends of the sweep
+    torque: FloatArray  # (n_row, n_joint): filtered torques, NaN where a row does not count
+    filters: PreprocessingOptions  # filters of the rows
+    sampling_period_s: float  # period of the samples [s]
 
     @property
     def by_name(self) -> dict[EstimatorName, Regression]:

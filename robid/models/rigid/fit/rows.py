@@ -54,18 +54,12 @@ class Regressor(Protocol):
 
 @dataclass(frozen=True)
 class Rows:
-    """A block of rows, one for each joint at each kept sample.
+    """A block of rows, one for each joint at each kept sample."""
 
-    Attributes:
-        columns (n_row, n_joint, n_param): Regressor, in the torque's unit over the parameters'.
-        torque (n_row, n_joint): What it explains [N m, or N].
-        used (n_row, n_joint): Which rows count.
-        instruments (n_row, n_joint, n_param): Regressor along a motion without noise; None where there is none.
-    """
-
-    columns: FloatArray
-    torque: FloatArray
-    used: BoolArray
+    columns: FloatArray  # (n_row, n_joint, n_param): Regressor, in the torque's unit over the parameters'
+    torque: FloatArray  # (n_row, n_joint): what it explains [N m, or N]
+    used: BoolArray  # (n_row, n_joint): which rows count
+    # (n_row, n_joint, n_param): regressor along a motion without noise; None where there is none.
     instruments: FloatArray | None = None
 
     @property
@@ -133,29 +127,17 @@ _MARGIN = 4  # reaches after which a filter's beginning is forgotten to rounding
 
 @dataclass(frozen=True)
 class Motion:
-    """One uninterrupted record and what is to be done with it; its samples are those of the caller, not copies.
-
-    Attributes:
-        sampling_period_s: Sampling period [s].
-        position (n_sample, n_joint): Measured positions [rad, or m].
-        torque (n_sample, n_joint): Motor torques [N m, or N].
-        options: The filters.
-        instrument (n_sample, n_joint): Positions of a simulation without noise, or None.
-        slow (n_joint,): Speeds below which rows are dropped [rad/s, or m/s]; 0 drops none.
-        held: Whether each torque is a command held until the next sample; its mean about a sample is then taken.
-        load_dependent: Whether friction grows with the torque.
-        loaded: Whether a payload with parameters of its own is there.
-    """
+    """One uninterrupted record and what is to be done with it; its samples are those of the caller, not copies."""
 
     sampling_period_s: float
-    position: FloatArray
-    torque: FloatArray
-    options: PreprocessingOptions
-    instrument: FloatArray | None
-    slow: FloatArray
-    held: bool
-    load_dependent: bool
-    loaded: bool
+    position: FloatArray  # (n_sample, n_joint): measured positions [rad, or m]
+    torque: FloatArray  # (n_sample, n_joint): motor torques [N m, or N]
+    options: PreprocessingOptions  # the filters
+    instrument: FloatArray | None  # (n_sample, n_joint): positions of a simulation without noise, or None
+    slow: FloatArray  # (n_joint,): speeds below which rows are dropped [rad/s, or m/s]; 0 drops none
+    held: bool  # whether each torque is a command held until the next sample; its mean about a sample is then taken
+    load_dependent: bool  # whether friction grows with the torque
+    loaded: bool  # whether a payload with parameters of its own is there
 
     @property
     def reach(self) -> int:

@@ -41,17 +41,11 @@ _LEAST_LIKENESS = 0.5
 
 @dataclass(frozen=True)
 class Motions:
-    """What a record says of the joints' motions.
+    """What a record says of the joints' motions."""
 
-    Attributes:
-        channels: All channels of motions of the joints.
-        used (n_joint,): Which of them the fit reads.
-        pairs: Those that measure the same motion, compared; indices of `channels`.
-    """
-
-    channels: tuple[Channel, ...]
-    used: IntArray
-    pairs: tuple[Pair, ...]
+    channels: tuple[Channel, ...]  # all channels of motions of the joints
+    used: IntArray  # (n_joint,): which of them the fit reads
+    pairs: tuple[Pair, ...]  # those that measure the same motion, compared; indices of `channels`
 
 
 def motions_of(record: Record, robot: Robot) -> Motions:

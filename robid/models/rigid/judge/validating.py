@@ -103,24 +103,17 @@ _SAME_RATE = 1e-6
 
 @dataclass(frozen=True)
 class RigidValidation:
-    """How well a rigid model predicts the torques of another motion.
+    """How well a rigid model predicts the torques of another motion."""
 
-    Attributes:
-        outcome: Whether it holds, its grade, and its parameters against the truth.
-        prediction: Measured and predicted torques.
-        total_error: The same of all joints together.
-        same_motion: Whether the fit has seen this motion already.
-        forward_error: Root mean square of simulated less measured positions over that of the measured ones about their
-            mean, the model in the robot's loop under the recorded commands; None where the loop or the commands are
-            unknown, NaN where the simulation is lost.
-    """
-
-    outcome: Outcome
-    prediction: Prediction
+    outcome: Outcome  # whether it holds, its grade, and its parameters against the truth
+    prediction: Prediction  # measured and predicted torques
     relative_error: Annotated[FloatArray, Quantity("1", "joint", "Norm of the error over that of the torque")]
-    total_error: float
+    total_error: float  # the same of all joints together
     error_ratio: Annotated[FloatArray, Quantity("1", "joint", "Error over what the fit left")]
-    same_motion: bool
+    same_motion: bool  # whether the fit has seen this motion already
+    # Root mean square of simulated less measured positions over that of the measured ones about their mean, the model
+    # in the robot's loop under the recorded commands; None where the loop or the commands are unknown, NaN where the
+    # simulation is lost.
     forward_error: Annotated[
         FloatArray | None, Quantity("1", "joint", "Error of simulated positions over the motion")
     ] = None
