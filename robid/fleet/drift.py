@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2, t
 
 from robid.arrays import FloatArray, IntArray
-from robid.fleet.outliers import LEVEL, Trait, holm
+from robid.fleet.population import LEVEL, Trait, holm
 
 _LEAST = 2
 _ROUNDING = 1e-12

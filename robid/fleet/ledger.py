@@ -95,7 +95,7 @@ class Ledger:
     error: RowError | None  # why not
     warnings: tuple[str, ...]  # what its stages warned of
     grades: dict[str, tuple[int, str]]  # grade of each fit: 2 to trust, 1, or 0 not to be used; and its sentence
-    results: tuple[dict[str, Any], ...]  # its parameters, see `robid.fleet.results`
+    results: tuple[dict[str, Any], ...]  # its parameters, see `robid.fleet.row`
     # How badly the model of each fit describes data, by fit and name, see `Family.misfits`.
     misfits: dict[str, dict[str, float]]
     kept: bool  # whether records and responses were to stay

@@ -9,16 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from robid.errors import WorkerError
-from robid.fleet.collected import collect
-from robid.fleet.comparison import Comparison, compare
-from robid.fleet.due import Look, look
+from robid.fleet.comparison import Comparison, collect, compare
 from robid.fleet.folders import at_work, recover, writing
+from robid.fleet.found import Found, Pages, flagged
 from robid.fleet.ledger import LEDGER, Ledger, read_ledger
-from robid.fleet.page.found import Found, Pages, flagged
-from robid.fleet.page.report import check_report, write_report
-from robid.fleet.pages import make_pages
+from robid.fleet.report import check_report, make_pages, write_report
 from robid.fleet.row import RowTask, fail_row, run_row
-from robid.fleet.rows import Fleet, PlannedRow
+from robid.fleet.rows import Fleet, Look, PlannedRow, look
 from robid.fleet.summary import check_summary, write_summary
 from robid.fleet.table import check_table, write_table
 from robid.pipeline.stage import check_room

@@ -17,7 +17,7 @@ from robid.errors import ArtifactError
 from robid.fleet.comparison import Compared, Comparison
 from robid.fleet.drift import Drift
 from robid.fleet.ledger import Ledger
-from robid.fleet.outliers import LEVEL, Outlier
+from robid.fleet.population import LEVEL, Outlier
 
 SUMMARY_VERSION = "1.1"
 _KIND = "fleet"

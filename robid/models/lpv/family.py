@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from robid.models.lpv.fit.model import LpvModel
 
 with later(__name__):
+    from robid.models.lpv.files import read_model, write_hdf5, write_json, write_mat
     from robid.models.lpv.fitting import fit, misfits, phrase_of_model, validate
-    from robid.models.lpv.page.report import report
-    from robid.models.lpv.writing import read_model, write_hdf5, write_json, write_mat
+    from robid.models.lpv.page import report
 
 
 def evaluate(path: Path | str) -> LpvModel:

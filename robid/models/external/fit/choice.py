@@ -14,8 +14,8 @@ from robid.models.external.fit.problem import Structure
 
 if TYPE_CHECKING:
     from robid.models.external.fit.data import Shot
-    from robid.models.external.fit.hold import Hold
     from robid.models.external.fit.options import ExternalOptions
+    from robid.models.external.fit.transfer import Hold
 
 _ROUNDS = 4
 _IN_A_ROW = 2

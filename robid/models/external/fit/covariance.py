@@ -10,7 +10,6 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.models.external.fit.descent import Numerators, Point, columns_of, natural_steps, slopes_of
-from robid.models.external.fit.hold import Hold
 from robid.models.external.fit.reduction import (
     Experiment,
     Reduced,
@@ -19,6 +18,7 @@ from robid.models.external.fit.reduction import (
     states_of,
     whiteness,
 )
+from robid.models.external.fit.transfer import Hold
 
 _EXCLUDED = 4.0  # standard deviations
 

@@ -9,10 +9,9 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.models.external.fit.hold import Cascade, build_cascade, discretise, propagate
 from robid.models.external.fit.parameters import Root, poles_of, zeros_of
 from robid.models.external.fit.solution import Responses, RootLoci, StepResponses
-from robid.models.external.fit.transfer import TransferMatrix, delayed
+from robid.models.external.fit.transfer import Cascade, TransferMatrix, build_cascade, delayed, discretise, propagate
 
 
 @dataclass(frozen=True)

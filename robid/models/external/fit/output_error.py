@@ -11,11 +11,10 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.models.external.fit.covariance import find_spread
 from robid.models.external.fit.descent import Descent, Point
-from robid.models.external.fit.hold import discretise, propagate, release
 from robid.models.external.fit.problem import Problem, Structure, count_free, log_likelihood, pose, squares_of
 from robid.models.external.fit.reduction import excited_lines, whiteness
 from robid.models.external.fit.search import search, settle, slowest_unseen
-from robid.models.external.fit.transfer import TransferMatrix, delayed, scaled
+from robid.models.external.fit.transfer import TransferMatrix, delayed, discretise, propagate, release, scaled
 from robid.results.levenberg import Status
 
 if TYPE_CHECKING:

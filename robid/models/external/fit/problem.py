@@ -12,8 +12,8 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.models.external.fit.descent import Numerators, Point, solve
-from robid.models.external.fit.hold import Hold
 from robid.models.external.fit.reduction import Experiment, build_basis, prepare, reduce_shots
+from robid.models.external.fit.transfer import Hold
 
 if TYPE_CHECKING:
     from robid.models.external.fit.data import Shot

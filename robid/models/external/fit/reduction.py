@@ -12,17 +12,17 @@ from scipy.ndimage import uniform_filter1d
 from scipy.stats import chi2, f
 
 from robid.arrays import BoolArray, FloatArray
-from robid.models.external.fit.hold import (
+from robid.models.external.fit.transfer import (
     Cascade,
     Hold,
     Start,
     build_cascade,
+    delayed,
     discretise,
     find_stages,
     propagate,
     release,
 )
-from robid.models.external.fit.transfer import delayed
 
 if TYPE_CHECKING:
     from robid.models.external.fit.data import Shot

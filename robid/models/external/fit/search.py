@@ -10,9 +10,9 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.models.external.fit.descent import Descent, Point, admit, descend, natural_steps
-from robid.models.external.fit.hold import Held, Hold, discretise, propagate, release
 from robid.models.external.fit.problem import Problem, first_noise, output_size, residual_noise
 from robid.models.external.fit.reduction import Experiment, build_basis
+from robid.models.external.fit.transfer import Held, Hold, discretise, propagate, release
 
 _PLAIN_PASSES = 3
 

@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
-from robid.models.external.fit.agreement import Agreement
 from robid.models.external.fit.checks import Finding
 from robid.models.external.fit.coupling import CouplingMap
+from robid.models.external.fit.data import Agreement
 from robid.models.external.fit.etfe import Etfe, Excitation
 from robid.models.external.fit.transfer import TransferMatrix
 from robid.results.estimate import Estimate

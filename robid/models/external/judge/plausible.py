@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from robid.models.external.fit.agreement import Agreement
 from robid.models.external.fit.choice import STRONG_EVIDENCE
 from robid.models.external.fit.covariance import WHITE
+from robid.models.external.fit.data import Agreement
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.solution import ExternalSolution
 from robid.results.doubt import Doubt, two_digits

@@ -11,8 +11,7 @@ from scipy.stats import norm
 
 from robid.arrays import Quantity
 from robid.errors import DataError
-from robid.models.external.fit.agreement import Agreement, agreements
-from robid.models.external.fit.data import Shot
+from robid.models.external.fit.data import Agreement, Shot, agreements
 from robid.models.external.fit.reduction import whiteness
 from robid.models.external.fit.solution import ExternalSolution
 from robid.models.external.judge.plausible import NRMSE_LIMIT, excess_doubts, expected_std, grade_external

@@ -8,7 +8,6 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.errors import DataError
-from robid.models.lpv.fit.basis import Basis, different_positions, make_basis
 from robid.models.lpv.fit.local import (
     LocalModels,
     align_neighbours,
@@ -17,11 +16,26 @@ from robid.models.lpv.fit.local import (
     interpolate,
     middle_position,
 )
-from robid.models.lpv.fit.model import LpvModel, Stability, add_integrators, check_stability
+from robid.models.lpv.fit.model import (
+    Basis,
+    LpvModel,
+    Stability,
+    add_integrators,
+    check_stability,
+    different_positions,
+    make_basis,
+)
 from robid.models.lpv.fit.options import BasisOptions, LpvOptions
 from robid.models.lpv.fit.path import Path, find_sparse_bases, follow_path
-from robid.models.lpv.fit.problem import Problem, solve
-from robid.models.lpv.fit.responses import LocalResponses, agree, make_problem, output_scales, remove_integrators
+from robid.models.lpv.fit.responses import (
+    LocalResponses,
+    Problem,
+    agree,
+    make_problem,
+    output_scales,
+    remove_integrators,
+    solve,
+)
 from robid.models.lpv.fit.solution import (
     BlockTable,
     Core,

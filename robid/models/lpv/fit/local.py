@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
-from robid.models.lpv.fit.problem import Problem, solve
+from robid.models.lpv.fit.responses import Problem, solve
 from robid.models.lpv.fit.state_space import StateSpace, balance, pack, remap, resolvent, stack, transform, unpack
 from robid.results.levenberg import Status
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.models.lpv.fit.options import PathOptions, SparseBasisOptions, SparsityOptions
-from robid.models.lpv.fit.problem import Problem, cost, solve
+from robid.models.lpv.fit.responses import Problem, cost, solve
 from robid.models.lpv.fit.sparse import SparseFit, fit_sparse
 from robid.models.lpv.fit.state_space import Norms, StateSpace, measure, pack, similarity_tangent, spread, transform
 from robid.results.levenberg import Normal, Status, minimise

@@ -8,8 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
-from robid.models.lpv.fit.basis import Basis, Polynomials, Splines
-from robid.models.lpv.fit.model import LpvModel, add_integrators
+from robid.models.lpv.fit.model import Basis, LpvModel, Polynomials, Splines, add_integrators
 from robid.models.lpv.fit.responses import Agreement
 from robid.models.lpv.fit.state_space import Sizes
 from robid.models.lpv.fit.uncertainty import ResponseUncertainty, model_response

@@ -10,7 +10,7 @@ from scipy import sparse
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.models.lpv.fit.options import SparsityOptions
-from robid.models.lpv.fit.problem import Problem, cost, normal
+from robid.models.lpv.fit.responses import Problem, cost, normal
 from robid.models.lpv.fit.state_space import Blocks, list_blocks, measure, similarity_tangent, spread, unpack
 
 

@@ -10,8 +10,7 @@ from scipy.stats import norm
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.models.lpv.fit.model import LpvModel
-from robid.models.lpv.fit.problem import Problem, local_jacobian
-from robid.models.lpv.fit.responses import LocalResponses, make_problem
+from robid.models.lpv.fit.responses import LocalResponses, Problem, local_jacobian, make_problem
 from robid.models.lpv.fit.state_space import Sizes, StateSpace, pack, unpack
 from robid.results.estimate import Estimate
 

@@ -12,7 +12,6 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.models.rigid.fit.conclusion import conclude, instrumental_variables
-from robid.models.rigid.fit.cutoff import CutOffChoice, choose_cut_off, excited_band, fewest_rows, row_count
 from robid.models.rigid.fit.options import ConclusionOptions, PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.regression import (
     Regression,
@@ -21,7 +20,15 @@ from robid.models.rigid.fit.regression import (
     sweep_bend,
     weighted_least_squares,
 )
-from robid.models.rigid.fit.residuals import FEWEST_TESTED, Influence
+from robid.models.rigid.fit.residuals import (
+    FEWEST_TESTED,
+    CutOffChoice,
+    Influence,
+    choose_cut_off,
+    excited_band,
+    fewest_rows,
+    row_count,
+)
 from robid.models.rigid.fit.result import Found, first_moments, make_solution
 from robid.models.rigid.fit.rows import Motion, Reading, Remembered, RowSource, prepare
 from robid.models.rigid.fit.shots import Shot, refuse_unusable, travel_of

@@ -11,9 +11,9 @@ from scipy.stats import norm, t
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.models.rigid.fit.conclusion import HUBER, INSTRUMENTS, LEAST_SQUARES, Conclusion, Verdict, scale_of
 from robid.models.rigid.fit.consistency import against_nominal, make_consistent, parameter_scale, pseudo_inertia
-from robid.models.rigid.fit.cutoff import CutOffChoice
 from robid.models.rigid.fit.options import EstimatorName, PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.regression import HuberRegression, Regression, huber_weights
+from robid.models.rigid.fit.residuals import CutOffChoice
 from robid.models.rigid.fit.solution import (
     Base,
     Checks,

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
-from robid.models.rigid.fit.cutoff import excited_band
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
+from robid.models.rigid.fit.residuals import excited_band
 from robid.models.rigid.fit.rows import prepare
 from robid.models.rigid.fit.shots import Shot, positions_of
 from robid.results.doubt import Doubt, two_digits

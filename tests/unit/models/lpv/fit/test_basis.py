@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.models.lpv.fit.basis import different_positions, make_basis, polynomial_basis, spline_basis
+from robid.models.lpv.fit.model import different_positions, make_basis, polynomial_basis, spline_basis
 from robid.models.lpv.fit.options import BasisOptions
 from tolerances import IDENTITY
 

@@ -5,8 +5,7 @@ import pytest
 
 from lpv_systems import FREQUENCY, LEFT_OUT, POSITIONS, SIZES, basis, true_parameters, true_systems
 from robid.errors import DataError
-from robid.models.lpv.fit.basis import polynomial_basis
-from robid.models.lpv.fit.model import LpvModel, add_integrators, check_stability, simulate_lpv
+from robid.models.lpv.fit.model import LpvModel, add_integrators, check_stability, polynomial_basis, simulate_lpv
 from robid.models.lpv.fit.state_space import response
 from tolerances import IDENTITY
 
