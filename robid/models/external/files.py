@@ -1,4 +1,4 @@
-"""How transfer functions and their validations lie in their files."""
+"""How transfer functions lie in their files, what they are written as, and reading them for python-control."""
 
 from __future__ import annotations
 
@@ -9,50 +9,30 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.artifact import Artifact
-from robid.artifacts.mapping import from_datasets, to_datasets
-from robid.artifacts.results import (
-    MODEL,
-    estimate_from_artifact,
-    model_to_artifact,
-    outcome_from_artifact,
-    validation_to_artifact,
-)
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact
 from robid.errors import ArtifactError, SettingsError
-from robid.models.encode import Content, encode_csv, encode_json, encode_mat, origin_of
+from robid.models.encode import (
+    Content,
+    Files,
+    encode_csv,
+    encode_json,
+    encode_mat,
+    origin_of,
+    parameter_arrays,
+    parameter_records,
+)
 from robid.models.external.fit.solution import ExternalSolution
 from robid.models.external.judge.validating import ExternalValidation
 from robid.models.family import ExportTask
-from robid.results.grade import Grade
 
 if TYPE_CHECKING:
     import control
 
 
-_NAME = "external"
-
-
-def model_of(solution: ExternalSolution, grade: Grade) -> Artifact:
-    """Turns a fit's solution and what it is worth by itself into an artifact."""
-    own = to_datasets(solution, "external/", without=("estimate",))
-    return model_to_artifact(_NAME, solution.estimate, grade, own)
-
-
-def solution_from_artifact(artifact: Artifact) -> ExternalSolution:
-    """What a fit found, from its model."""
-    return from_datasets(ExternalSolution, artifact, "external/", {"estimate": estimate_from_artifact(artifact)})
-
-
-def validation_of(validation: ExternalValidation) -> Artifact:
-    """Turns a validation into an artifact."""
-    own = to_datasets(validation, "external/", without=("outcome",))
-    return validation_to_artifact(_NAME, validation.outcome, own)
-
-
-def validation_from_artifact(artifact: Artifact) -> ExternalValidation:
-    """The inverse of `validation_of`."""
-    return from_datasets(ExternalValidation, artifact, "external/", {"outcome": outcome_from_artifact(artifact)})
+FILES = Files("external", ExternalSolution, ExternalValidation)
+model_of, solution_from_artifact = FILES.model_of, FILES.solution_of
+validation_of, validation_from_artifact = FILES.validation_of, FILES.validated_in
 
 
 _COLUMNS = ("name", "kind", "unit", "estimate", "lower", "upper", "relative_std", "identifiable")
@@ -64,8 +44,6 @@ def write_json(task: ExportTask) -> bytes:
     """Writes transfer functions, parameters and covariances as JSON."""
     solution = solution_from_artifact(task.model)
     ports, found = solution.ports, solution.estimate
-    values = (found.value, found.lower, found.upper, found.relative_std, found.identifiable)
-    rows = zip(found.names, found.kinds, found.units, *(each.tolist() for each in values), strict=True)
     content: Content = {
         **origin_of(task, solution.estimate.status),
         "sampling_period_s": ports.sampling_period_s,
@@ -74,7 +52,7 @@ def write_json(task: ExportTask) -> bytes:
         "polynomials": "in s [rad/s], highest power first; the delay and the moving average come on top",
         "blocks": [_block(solution, block) for block in range(len(solution.transfers.blocks))],
         "confidence": found.confidence,
-        "parameters": [dict(zip(_COLUMNS, row, strict=True)) for row in rows],
+        "parameters": parameter_records(found, _COLUMNS),
         "undetermined": list(found.undetermined),
         "decoupled_up_to_hz": solution.coupling.overall_hz,
     }
@@ -158,13 +136,7 @@ def write_mat(task: ExportTask) -> bytes:
         "numerator_std": numerator_std,
         "denominator_std": denominator_std[own.block_of],
         "delay_samples": own.delay_samples[own.block_of],
-        "names": found.names,
-        "kinds": found.kinds,
-        "units": found.units,
-        "estimate": found.value,
-        "lower": found.lower,
-        "upper": found.upper,
-        "covariance": found.covariance,
+        **parameter_arrays(found),
     }
     return encode_mat(content)
 

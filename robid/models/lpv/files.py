@@ -1,4 +1,4 @@
-"""How position-dependent models and their validations lie in their files."""
+"""How position-dependent models lie in their files, what they are written as, and reading them from either."""
 
 from __future__ import annotations
 
@@ -10,49 +10,20 @@ from typing import Any
 import h5py
 import numpy as np
 
-from robid.artifacts.artifact import Artifact
 from robid.artifacts.layout import DAMAGE
-from robid.artifacts.mapping import from_datasets, to_datasets
-from robid.artifacts.results import (
-    MODEL,
-    estimate_from_artifact,
-    model_to_artifact,
-    outcome_from_artifact,
-    validation_to_artifact,
-)
+from robid.artifacts.results import MODEL
 from robid.artifacts.store import kind_of, read_artifact
 from robid.errors import ArtifactError, DataError
-from robid.models.encode import Content, encode_json, encode_mat, origin_of
+from robid.models.encode import Content, Files, encode_json, encode_mat, origin_of
 from robid.models.family import ExportTask
 from robid.models.lpv.fit.model import LpvModel
 from robid.models.lpv.fit.solution import BasisTable, LpvSolution
 from robid.models.lpv.fit.state_space import MATRICES, StateSpace, block_names, pack
 from robid.models.lpv.judge import LpvValidation
-from robid.results.grade import Grade
 
-_NAME = "lpv"
-
-
-def model_of(solution: LpvSolution, grade: Grade) -> Artifact:
-    """Turns a fit's solution and what it is worth by itself into an artifact."""
-    own = to_datasets(solution, "lpv/", without=("estimate",))
-    return model_to_artifact(_NAME, solution.estimate, grade, own)
-
-
-def solution_from_artifact(artifact: Artifact) -> LpvSolution:
-    """What a fit found, from its model."""
-    return from_datasets(LpvSolution, artifact, "lpv/", {"estimate": estimate_from_artifact(artifact)})
-
-
-def validation_of(validation: LpvValidation) -> Artifact:
-    """Turns a validation into an artifact."""
-    own = to_datasets(validation, "lpv/", without=("outcome",))
-    return validation_to_artifact(_NAME, validation.outcome, own)
-
-
-def validation_from_artifact(artifact: Artifact) -> LpvValidation:
-    """The inverse of `validation_of`."""
-    return from_datasets(LpvValidation, artifact, "lpv/", {"outcome": outcome_from_artifact(artifact)})
+FILES = Files("lpv", LpvSolution, LpvValidation)
+model_of, solution_from_artifact = FILES.model_of, FILES.solution_of
+validation_of, validation_from_artifact = FILES.validation_of, FILES.validated_in
 
 
 _FORMATS = "robid lpv"
@@ -136,6 +107,9 @@ def _model(content: dict[str, Any]) -> LpvModel:
 _EQUATIONS = "x(t+1) = A(p) x + B(p) u, y = C(p) x + D(p) u; A(p) = A_0 + sum_k A_k psi_k(p), B, C and D alike"
 _FUNCTIONS = "polynomials: psi = prod_j ((p_j - center_j) / scale_j)^exponent_j; splines: products of B-splines"
 
+_PORTS = ("inputs", "input_units", "outputs", "output_units", "scheduling", "scheduling_units")
+_NUMBERS = ("exponents", "center", "scale", "knots", "degree", "lower", "upper")
+
 
 def _content(task: ExportTask) -> Content:
     """What every format holds; arrays as they are."""
@@ -146,21 +120,10 @@ def _content(task: ExportTask) -> Content:
         **origin_of(task, solution.estimate.status),
         "equations": f"{_EQUATIONS}. {_FUNCTIONS}",
         "sampling_period_s": ports.sampling_period_s,
-        "inputs": ports.inputs,
-        "input_units": ports.input_units,
-        "outputs": ports.outputs,
-        "output_units": ports.output_units,
-        "scheduling": ports.scheduling,
-        "scheduling_units": ports.scheduling_units,
+        **{name: getattr(ports, name) for name in _PORTS},
         "functions": basis.names,
         "basis": basis.kind,
-        "exponents": basis.exponents,
-        "center": basis.center,
-        "scale": basis.scale,
-        "knots": basis.knots,
-        "degree": basis.degree,
-        "lower": basis.lower,
-        "upper": basis.upper,
+        **{name: getattr(basis, name) for name in _NUMBERS},
         "dropped": block_names(~solution.blocks.kept),
         **_poles(solution),
         **{name: getattr(solution.matrices, name) for name in MATRICES},

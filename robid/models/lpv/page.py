@@ -8,7 +8,6 @@ from statistics import NormalDist
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.results import grade_from_artifact
 from robid.models.family import Shown
 from robid.models.lpv.files import solution_from_artifact, validation_from_artifact
 from robid.models.lpv.fit.responses import expected_share
@@ -16,13 +15,12 @@ from robid.models.lpv.fit.solution import Held, LpvSolution, Ports
 from robid.models.lpv.fit.state_space import MATRICES, block_names
 from robid.models.lpv.fit.uncertainty import continuous_poles
 from robid.models.lpv.judge import LpvValidation
-from robid.models.parameters import parameter_rows, parameter_summary
+from robid.models.parameters import estimates_of, fit_report
 from robid.report.numbers import MISSING, joint_text, percent, significant
-from robid.report.page import FitReport, Headline, KeyNumber
-from robid.report.parameter_section import parameter_numbers, parameter_section, parameter_table
+from robid.report.page import FitReport, KeyNumber
+from robid.report.parameter_section import parameter_section
 from robid.report.parameters import Estimates
 from robid.report.section import Beside, Choice, ColumnStyle, Curve, Figure, Line, Notes, Part, Row, Section, Table
-from robid.results.grade import Grade
 
 _MEASURED, _MODEL = 0, 1
 _SURFACE, _GRID = 7, 101
@@ -324,41 +322,19 @@ def report(shown: Shown) -> FitReport:
     """Lays out a position-dependent fit for page, terminal and summary."""
     solution = solution_from_artifact(shown.model)
     validation = None if shown.validation is None else validation_from_artifact(shown.validation)
-    grade = grade_from_artifact(shown.model) if validation is None else validation.outcome.grade
-    estimates = _estimates(shown, solution)
+    estimates, kept = estimates_of(shown, solution.estimate), solution.blocks.kept
     frf = shown.data.frf
     notes = () if frf is None else tuple(note for note in frf.notes if note not in shown.told)
-    return FitReport(
-        headline=_headline(shown.data.name, solution, estimates, validation, grade),
-        verdict=_verdict(solution, validation, grade, named=shown.data.settings.validate_on is not None),
-        grade=grade.value,
+    return fit_report(
+        shown,
+        solution.estimate,
+        estimates,
+        None if validation is None else validation.outcome,
+        found=f"{solution.core.n_state} states at {len(solution.own.points)} positions,"
+        f" {int(kept.sum())} of {kept.size} blocks.",
+        numbers=_numbers(solution, validation),
         sections=sections(solution, estimates, validation, notes),
-        parameters=estimates.rows,
-        summary=_summary(solution, estimates, validation, grade),
-        terminal=(parameter_table(estimates),),
-    )
-
-
-def _estimates(shown: Shown, solution: LpvSolution) -> Estimates:
-    estimate = solution.estimate
-    return Estimates(
-        rows=parameter_rows(estimate, shown.true),
-        level=estimate.confidence,
-        undetermined=estimate.undetermined,
-        identifiable_relative_std=estimate.identifiable_relative_std,
-        interval_rule=estimate.interval_rule,
-    )
-
-
-def _headline(
-    name: str, solution: LpvSolution, estimates: Estimates, validation: LpvValidation | None, grade: Grade
-) -> Headline:
-    return Headline(
-        name=name,
-        numbers=(*parameter_numbers(estimates, usable=grade.value > 0), *_numbers(solution, validation)),
-        doubts=tuple(doubt.sentence for doubt in grade.doubts),
-        status=solution.estimate.status.replace("_", " "),
-        advice=solution.estimate.advice,
+        summary=_summary(solution, validation),
     )
 
 
@@ -391,27 +367,9 @@ def _mean(held: Held) -> float:
     return float(np.nanmean(share)) if np.isfinite(share).any() else float("nan")
 
 
-def _verdict(solution: LpvSolution, validation: LpvValidation | None, grade: Grade, *, named: bool) -> str:
-    kept = solution.blocks.kept
-    found = [
-        grade.sentence,
-        f"{solution.core.n_state} states at {len(solution.own.points)} positions,"
-        f" {int(kept.sum())} of {kept.size} blocks.",
-    ]
-    if validation is None:
-        found.append("Not validated." if named else "Not validated: no campaign was named to hold it against.")
-    elif validation.outcome.ok:
-        found.append(f"The model {validation.outcome.verdict}.")
-    return " ".join(found)
-
-
-def _summary(
-    solution: LpvSolution, estimates: Estimates, validation: LpvValidation | None, grade: Grade
-) -> dict[str, float]:
+def _summary(solution: LpvSolution, validation: LpvValidation | None) -> dict[str, float]:
     kept = solution.blocks.kept
     found = {
-        "grade": float(grade.value),
-        "converged": float(solution.estimate.status == "converged"),
         "blocks": float(kept.size),
         "blocks_dropped": float(kept.size - kept.sum()),
         "largest_pole": solution.largest_pole,
@@ -419,7 +377,6 @@ def _summary(
         "gamma": float(solution.path.gamma[solution.path.chosen]),
         **_agreement("local", solution.own),
         **_agreement("choosing", solution.choosing),
-        **parameter_summary(estimates.rows),
     }
     if validation is not None:
         found |= {"validation.ok": float(validation.outcome.ok), **_agreement("validation", validation.held)}

@@ -1,4 +1,4 @@
-"""How rigid models and their validations lie in their files."""
+"""How rigid models lie in their files, and what they are written as: parameters, and robots for other programs."""
 
 from __future__ import annotations
 
@@ -7,47 +7,27 @@ from dataclasses import replace
 import numpy as np
 
 import robid
-from robid.artifacts.artifact import Artifact
-from robid.artifacts.mapping import from_datasets, to_datasets
-from robid.artifacts.results import (
-    estimate_from_artifact,
-    model_to_artifact,
-    outcome_from_artifact,
-    validation_to_artifact,
+from robid.models.encode import (
+    Content,
+    Files,
+    encode_csv,
+    encode_json,
+    encode_mat,
+    origin_of,
+    parameter_arrays,
+    parameter_records,
 )
-from robid.models.encode import Content, encode_csv, encode_json, encode_mat, origin_of
 from robid.models.family import ExportTask
 from robid.models.handed_on import standard_from_artifact, standard_robot
 from robid.models.rigid.fit.solution import RigidSolution
 from robid.models.rigid.judge.validating import RigidValidation
-from robid.results.grade import Grade
 from robid.robot.rigid_export import to_rigid_mjcf, to_urdf
 from robid.robot.standard import StandardRobot
 from robid.settings.robot_values import robot_text, with_values
 
-_NAME = "rigid"
-
-
-def model_of(solution: RigidSolution, grade: Grade) -> Artifact:
-    """Turns a fit's solution and what it is worth by itself into an artifact."""
-    own = to_datasets(solution, "rigid/", without=("estimate",))
-    return model_to_artifact(_NAME, solution.estimate, grade, own)
-
-
-def solution_from_artifact(artifact: Artifact) -> RigidSolution:
-    """What a fit found, from its model."""
-    return from_datasets(RigidSolution, artifact, "rigid/", {"estimate": estimate_from_artifact(artifact)})
-
-
-def validation_of(validation: RigidValidation) -> Artifact:
-    """Turns a validation into an artifact."""
-    own = to_datasets(validation, "rigid/", without=("outcome",))
-    return validation_to_artifact(_NAME, validation.outcome, own)
-
-
-def validation_from_artifact(artifact: Artifact) -> RigidValidation:
-    """The inverse of `validation_of`."""
-    return from_datasets(RigidValidation, artifact, "rigid/", {"outcome": outcome_from_artifact(artifact)})
+FILES = Files("rigid", RigidSolution, RigidValidation)
+model_of, solution_from_artifact = FILES.model_of, FILES.solution_of
+validation_of, validation_from_artifact = FILES.validation_of, FILES.validated_in
 
 
 _FAR = 1.0  # deviations
@@ -132,11 +112,8 @@ _COLUMNS = ("name", "kind", "unit", "nominal", "estimate", "lower", "upper", "re
 
 
 def _records(solution: RigidSolution) -> list[dict[str, object]]:
-    found = solution.estimate
-    values = (found.nominal, found.value, found.lower, found.upper, found.relative_std, found.identifiable)
-    columns = (found.names, found.kinds, found.units, *(each.tolist() for each in values))
-    rows = [dict(zip(_COLUMNS, row, strict=True)) for row in zip(*columns, strict=True)]
-    return [{**row, "combination": label} for row, label in zip(rows, solution.base.labels, strict=True)]
+    rows = zip(parameter_records(solution.estimate, _COLUMNS), solution.base.labels, strict=True)
+    return [{**row, "combination": label} for row, label in rows]
 
 
 def _standard(solution: RigidSolution) -> dict[str, dict[str, float]]:
@@ -166,15 +143,9 @@ def write_mat(task: ExportTask) -> bytes:
     found, standard = solution.estimate, solution.standard
     content: Content = {
         **origin_of(task, solution.estimate.status),
-        "names": found.names,
-        "kinds": found.kinds,
-        "units": found.units,
+        **parameter_arrays(found),
         "labels": solution.base.labels,
         "nominal": found.nominal,
-        "estimate": found.value,
-        "lower": found.lower,
-        "upper": found.upper,
-        "covariance": found.covariance,
         "standard_names": solution.base.standard,
         "combination": solution.base.combination,
     }

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.results import grade_from_artifact
 from robid.models.family import Shown
-from robid.models.parameters import parameter_rows, parameter_summary
+from robid.models.parameters import estimates_of, fit_report
 from robid.models.rigid.files import solution_from_artifact, validation_from_artifact
 from robid.models.rigid.fit.solution import Checks, Filtered, RigidSolution, RowResiduals
 from robid.models.rigid.judge.validating import Prediction, RigidValidation
 from robid.report.numbers import MISSING, percent, significant
-from robid.report.page import FitReport, Headline, KeyNumber
-from robid.report.parameter_section import parameter_numbers, parameter_section, parameter_table
+from robid.report.page import FitReport, KeyNumber
+from robid.report.parameter_section import parameter_section
 from robid.report.parameters import Estimates
 from robid.report.section import Beside, ColumnStyle, Curve, Figure, Folded, Notes, Part, Section, Table
-from robid.results.grade import Grade
 
 _BINS = 40
 _MOST_POINTS = 1500
@@ -290,83 +288,42 @@ def _prediction(validation: RigidValidation, joints: Sequence[str], units: Seque
 def report(shown: Shown) -> FitReport:
     """Lays out a rigid fit for page, terminal and summary."""
     solution = solution_from_artifact(shown.model)
+    estimate, robot = solution.estimate, shown.data.loaded.robot
     validation = None if shown.validation is None else validation_from_artifact(shown.validation)
-    grade = grade_from_artifact(shown.model) if validation is None else validation.outcome.grade
-    estimates = _estimates(shown, solution)
-    robot = shown.data.loaded.robot
+    estimates = estimates_of(shown, estimate, robot.to_robot(0.0).assumed, solution.torque_unit)
     joints, sensed = tuple(joint.name for joint in robot.joints), robot.without_motor
     pushed = tuple(joint.name for joint in robot.joints if joint.slides and joint.name in sensed)
-    return FitReport(
-        headline=_headline(shown.data.name, solution, estimates, validation, grade),
-        verdict=_verdict(solution, validation, grade, named=shown.data.settings.validate_on is not None),
-        grade=grade.value,
+    return fit_report(
+        shown,
+        estimate,
+        estimates,
+        None if validation is None else validation.outcome,
+        found=f"{int(estimate.identified.sum())} of {len(estimate.names)} base parameters are identified.",
+        numbers=_key_numbers(solution, validation),
         sections=sections(solution, estimates, joints, validation, sensed, pushed),
-        parameters=estimates.rows,
-        summary=_summary(solution, estimates, validation, grade),
-        terminal=(parameter_table(_identified(estimates)),),
+        summary=_summary(solution, estimates, validation),
+        # What is not identified is told in one sentence.
+        terminal=replace(estimates, rows=tuple(row for row in estimates.rows if row.identified)),
     )
 
 
-def _estimates(shown: Shown, solution: RigidSolution) -> Estimates:
-    estimate = solution.estimate
-    assumed = shown.data.loaded.robot.to_robot(0.0).assumed
-    return Estimates(
-        rows=parameter_rows(estimate, shown.true, assumed, solution.torque_unit),
-        level=estimate.confidence,
-        torque_unit=solution.torque_unit,
-        undetermined=estimate.undetermined,
-        identifiable_relative_std=estimate.identifiable_relative_std,
-        interval_rule=estimate.interval_rule,
-    )
+def _key_numbers(solution: RigidSolution, validation: RigidValidation | None) -> Iterator[KeyNumber]:
+    yield KeyNumber("Torques explained to", percent(solution.residuals.total_error), "of their size, own motion")
+    if validation is not None:
+        yield KeyNumber("Torques predicted to", percent(validation.total_error), "of their size, another motion")
+    yield KeyNumber("Condition number", significant(solution.base.condition, 3), "of the scaled columns")
 
 
-def _identified(estimates: Estimates) -> Estimates:
-    """Those that a terminal shows: what is not identified is told in one sentence."""
-    return replace(estimates, rows=tuple(row for row in estimates.rows if row.identified))
-
-
-def _headline(
-    name: str, solution: RigidSolution, estimates: Estimates, validation: RigidValidation | None, grade: Grade
-) -> Headline:
-    own = KeyNumber("Torques explained to", percent(solution.residuals.total_error), "of their size, own motion")
-    new = () if validation is None else (
-        KeyNumber("Torques predicted to", percent(validation.total_error), "of their size, another motion"),
-    )  # fmt: skip
-    condition = KeyNumber("Condition number", significant(solution.base.condition, 3), "of the scaled columns")
-    return Headline(
-        name=name,
-        numbers=(*parameter_numbers(estimates, usable=grade.value > 0), own, *new, condition),
-        doubts=tuple(doubt.sentence for doubt in grade.doubts),
-        status=solution.estimate.status.replace("_", " "),
-        advice=solution.estimate.advice,
-    )
-
-
-def _verdict(solution: RigidSolution, validation: RigidValidation | None, grade: Grade, *, named: bool) -> str:
-    known = int(solution.estimate.identified.sum())
-    found = [grade.sentence, f"{known} of {len(solution.estimate.names)} base parameters are identified."]
-    if validation is None:
-        found.append("Not validated: no campaign was named to hold it against." if not named else "Not validated.")
-    elif validation.outcome.ok:
-        found.append(f"The model {validation.outcome.verdict}.")
-    return " ".join(found)
-
-
-def _summary(
-    solution: RigidSolution, estimates: Estimates, validation: RigidValidation | None, grade: Grade
-) -> dict[str, float]:
-    checks, estimate = solution.checks, solution.estimate
+def _summary(solution: RigidSolution, estimates: Estimates, validation: RigidValidation | None) -> dict[str, float]:
+    checks = solution.checks
     found = {
-        "grade": float(grade.value),
-        "converged": float(estimate.status == "converged"),
         "trust": float(checks.trust),
         "condition": solution.base.condition,
         "unscaled_condition": solution.base.unscaled_condition,
         "relative_error": solution.residuals.total_error,
         "largest_variation_from_huber": float(checks.huber_variation.max()),
         "cut_hz": solution.filtered.cut_hz,
-        "identifiable": float(estimate.identifiable.sum()),
-        **parameter_summary(estimates.rows),
+        "identifiable": float(solution.estimate.identifiable.sum()),
     }
     if checks.instrument_variation is not None:
         found["largest_variation_from_instruments"] = float(checks.instrument_variation.max())

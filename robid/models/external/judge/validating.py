@@ -14,7 +14,7 @@ from robid.errors import DataError
 from robid.models.external.fit.data import Agreement, Shot, agreements
 from robid.models.external.fit.reduction import whiteness
 from robid.models.external.fit.solution import ExternalSolution
-from robid.models.external.judge.plausible import NRMSE_LIMIT, excess_doubts, expected_std, grade_external
+from robid.models.external.judge.plausible import NRMSE_LIMIT, excess_doubts, expected_std
 from robid.models.external.judge.prediction import (
     NewShots,
     PredictedShot,
@@ -24,8 +24,9 @@ from robid.models.external.judge.prediction import (
     predict_shots,
     traces_of,
 )
+from robid.models.judging import outcome_of
 from robid.results.doubt import Doubt
-from robid.results.outcome import Outcome, recover
+from robid.results.outcome import Outcome
 
 _SAME_RATE = 1e-6
 _OUTSIDE = 3.0  # times as many samples outside the bounds as their level says
@@ -93,12 +94,7 @@ def validate_external(
     excess = excess_doubts(agreed, [one.expected_std for one in bounds])
     every = [*doubts, *novelty_doubts(solution, found), *excess, *_outside(bounds, solution), *_untested(untested)]
     return ExternalValidation(
-        outcome=Outcome(
-            ok=not failures,
-            verdict=_verdict(agreed, bounds, failures),
-            grade=grade_external(solution, every, failures),
-            recovery=recover(solution.estimate, {}),
-        ),
+        outcome=outcome_of(solution.estimate, every, failures, _verdict(agreed, bounds, failures)),
         agreements=agreed,
         bounds=bounds,
         traces=traces_of(solution, found, traces),

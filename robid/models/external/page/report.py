@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.results import grade_from_artifact
 from robid.models.external.files import solution_from_artifact, validation_from_artifact
 from robid.models.external.fit.data import Agreement
 from robid.models.external.fit.options import CouplingOptions
@@ -22,13 +21,12 @@ from robid.models.external.page.charts import (
 from robid.models.external.page.data import coupling_section, new_section, own_section, own_table
 from robid.models.external.settings import external_fit
 from robid.models.family import Shown
-from robid.models.parameters import parameter_rows, parameter_summary
+from robid.models.parameters import estimates_of, fit_report
 from robid.report.numbers import MINUS, MISSING, duration, percent, significant
-from robid.report.page import FitReport, Headline, KeyNumber
-from robid.report.parameter_section import parameter_numbers, parameter_section, parameter_table
+from robid.report.page import FitReport, KeyNumber
+from robid.report.parameter_section import parameter_section
 from robid.report.parameters import Estimates
 from robid.report.section import Beside, Choice, Folded, Notes, Part, Row, Section, Table
-from robid.results.grade import Grade
 
 _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _DIGITS = 5
@@ -245,46 +243,21 @@ def _excitation(solution: ExternalSolution) -> Section:
 def report(shown: Shown) -> FitReport:
     """Lays out an external fit for page, terminal and summary."""
     solution = solution_from_artifact(shown.model)
+    estimate, count = solution.estimate, len(solution.transfers.names)
     validation = None if shown.validation is None else validation_from_artifact(shown.validation)
-    grade = grade_from_artifact(shown.model) if validation is None else validation.outcome.grade
-    estimates = _estimates(shown, solution)
+    estimates = estimates_of(shown, estimate)
     data = own_section(solution) if validation is None else new_section(solution, validation)
     options = external_fit(shown.data.loaded.experiment, shown.data.name).coupling
-    return FitReport(
-        headline=_headline(shown.data.name, solution, estimates, validation, grade),
-        verdict=_verdict(solution, validation, grade, named=shown.data.settings.validate_on is not None),
-        grade=grade.value,
+    return fit_report(
+        shown,
+        estimate,
+        estimates,
+        None if validation is None else validation.outcome,
+        found=f"{count} transfer function{'s' if count > 1 else ''}, {int(estimate.identified.sum())} of"
+        f" {len(estimate.names)} parameters are identified.",
+        numbers=_key_numbers(solution, validation),
         sections=sections(solution, estimates, data, options),
-        parameters=estimates.rows,
-        summary=_summary(solution, estimates, validation, grade),
-        terminal=(parameter_table(estimates),),
-    )
-
-
-def _estimates(shown: Shown, solution: ExternalSolution) -> Estimates:
-    estimate = solution.estimate
-    return Estimates(
-        rows=parameter_rows(estimate, shown.true),
-        level=estimate.confidence,
-        undetermined=estimate.undetermined,
-        identifiable_relative_std=estimate.identifiable_relative_std,
-        interval_rule=estimate.interval_rule,
-    )
-
-
-def _headline(
-    name: str,
-    solution: ExternalSolution,
-    estimates: Estimates,
-    validation: ExternalValidation | None,
-    grade: Grade,
-) -> Headline:
-    return Headline(
-        name=name,
-        numbers=(*parameter_numbers(estimates, usable=grade.value > 0), *_key_numbers(solution, validation)),
-        doubts=tuple(doubt.sentence for doubt in grade.doubts),
-        status=solution.estimate.status.replace("_", " "),
-        advice=solution.estimate.advice,
+        summary=_summary(solution, validation),
     )
 
 
@@ -301,31 +274,10 @@ def _worst(label: str, every: Sequence[Agreement]) -> KeyNumber:
     return KeyNumber(label, f"{worst.nrmse:.3f}", f"worst: {worst.output}" if len(every) > 1 else "")
 
 
-def _verdict(solution: ExternalSolution, validation: ExternalValidation | None, grade: Grade, *, named: bool) -> str:
-    estimate = solution.estimate
-    count = len(solution.transfers.names)
-    found = [
-        grade.sentence,
-        f"{count} transfer function{'s' if count > 1 else ''}, {int(estimate.identified.sum())} of"
-        f" {len(estimate.names)} parameters are identified.",
-    ]
-    if validation is None:
-        found.append("Not validated: no campaign was named to hold it against." if not named else "Not validated.")
-    elif validation.outcome.ok:
-        found.append(f"The model {validation.outcome.verdict}.")
-    return " ".join(found)
-
-
-def _summary(
-    solution: ExternalSolution, estimates: Estimates, validation: ExternalValidation | None, grade: Grade
-) -> dict[str, float]:
-    estimate = solution.estimate
+def _summary(solution: ExternalSolution, validation: ExternalValidation | None) -> dict[str, float]:
     found = {
-        "grade": float(grade.value),
-        "converged": float(estimate.status == "converged"),
-        "identifiable": float(estimate.identifiable.sum()),
+        "identifiable": float(solution.estimate.identifiable.sum()),
         "decoupled_up_to_hz": solution.coupling.overall_hz,
-        **parameter_summary(estimates.rows),
     }
     for row, name in enumerate(solution.quality.output_names):
         found[f"{name}.nrmse"] = float(solution.quality.nrmse[row])

@@ -10,15 +10,16 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray, Quantity
 from robid.errors import DataError
+from robid.models.judging import outcome_of
 from robid.models.rigid.fit.fitting import Simulate
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.residuals import FEWEST_TESTED
 from robid.models.rigid.fit.rows import Reading, prepare
 from robid.models.rigid.fit.shots import Shot, repeats
 from robid.models.rigid.fit.solution import RigidSolution
-from robid.models.rigid.judge.plausible import TOTAL_ERROR_LIMIT, grade_rigid
+from robid.models.rigid.judge.plausible import TOTAL_ERROR_LIMIT
 from robid.results.doubt import Doubt
-from robid.results.outcome import Outcome, recover
+from robid.results.outcome import Outcome
 from robid.robot.description import Robot
 from robid.robot.regressor.model import RigidModel, build_rigid_model
 
@@ -164,12 +165,7 @@ def validate_rigid(
     same = any(repeats(solution.travel, robot, shot) for shot in shots)
     every = [*doubts, *_seen_already(same), *_worse(robot, prediction, ratio), *_untested(robot, prediction)]
     return RigidValidation(
-        outcome=Outcome(
-            ok=not failures,
-            verdict=_verdict(prediction, ratio, failures, same=same),
-            grade=grade_rigid(solution, every, failures),
-            recovery=recover(solution.estimate, truth or {}),
-        ),
+        outcome=outcome_of(solution.estimate, every, failures, _verdict(prediction, ratio, failures, same=same), truth),
         prediction=prediction,
         relative_error=prediction.relative_error,
         total_error=prediction.total_error,
