@@ -66,6 +66,22 @@ def choose_structure(
         shots, inputs, outputs, common, choose_on, hopeless if options.rule == "evidence" else np.inf
     )
     delays, orders = _delays(options), _orders(options)
+    best = _in_turn(candidates, orders, delays, hopeless, options)
+    if options.rule == "evidence":
+        best = _look_about(candidates, orders, best, options)
+        best = _simplest(candidates, orders, best, delays, hopeless)
+    messages = _about_delay(candidates, best, delays) + _about_order(best, options)
+    return Choice(best.structure, best, candidates.tried, _reason(best, options, len(choose_on)), messages)
+
+
+def _in_turn(
+    candidates: Candidates,
+    orders: Sequence[tuple[int, int]],
+    delays: Sequence[int],
+    hopeless: float,
+    options: ExternalOptions,
+) -> Candidate:
+    """Chooses the delay with the richest structure, then structure and delay in turn until they stay."""
     # Zeros of a rich structure stand in for delay; the longest that explains as much leaves them the least to do.
     rich = [candidates.fit(*orders[-1], each) for each in delays]
     near = min(one.bic for one in rich) + STRONG_EVIDENCE
@@ -76,11 +92,7 @@ def choose_structure(
         if again == delay:
             break
         delay = again
-    if options.rule == "evidence":
-        best = _look_about(candidates, orders, best, options)
-        best = _simplest(candidates, orders, best, delays, hopeless)
-    messages = _about_delay(candidates, best, delays) + _about_order(best, options)
-    return Choice(best.structure, best, candidates.tried, _reason(best, options, len(choose_on)), messages)
+    return best
 
 
 def _order(candidate: Candidate) -> tuple[int, int]:

@@ -82,21 +82,20 @@ def map_coupling(
         Oliveira et al. (2019), sec. 3.2.1, Fig. 9.
     """
     groups = together(shots, floor)
-    found = [_band(group, floor, options) for group in groups]
-    root = np.array([one.coherence for one in found])
-    limit = np.array([one.limit for one in found])
-    ratio = np.array([one.ratio for one in found]) * pairs.per_resolution
+    found = zip(*(_band(group, floor, options) for group in groups), strict=True)
+    root, ratio, limit, highest_hz = (np.array(each) for each in found)
+    ratio = ratio * pairs.per_resolution
     high = root > np.maximum(options.coherence, limit[:, None, None])
     coupled = high & (ratio > options.ratio) & ~pairs.own
     gain, radius = np.abs(etfe.response) * pairs.per_resolution, etfe.radius * pairs.per_resolution
-    crossing = _first_coupled(etfe.frequency_hz, gain, radius, options.ratio, coupled)
-    crossing = np.where(pairs.own, np.nan, crossing)
+    first = _first_coupled(etfe.frequency_hz, gain, radius, options.ratio, coupled)
+    crossing = np.where(pairs.own, np.nan, first)
     seen = np.isfinite(gain - radius).any(axis=(1, 2))
     examined_hz = float(etfe.frequency_hz[seen][-1]) if seen.any() else 0.0
     upto = _decoupled(crossing, pairs.own, examined_hz)
     return CouplingMap(
         bands=tuple(group[0].name for group in groups),
-        highest_hz=np.array([one.highest_hz for one in found]),
+        highest_hz=highest_hz,
         coherence=root,
         limit=limit,
         ratio=ratio,
@@ -125,16 +124,10 @@ def coherence_limit(averages: float, frequencies: int, level: float) -> float:
     return float(np.sqrt(1 - each ** (1 / max(averages - 1, 1e-9))))
 
 
-@dataclass(frozen=True)
-class _Band:
-    coherence: FloatArray  # (n_out, n_in)
-    ratio: FloatArray  # (n_out, n_in)
-    limit: float
-    highest_hz: float
-
-
-def _band(group: Sequence[Shot], floor: FloatArray, options: CouplingOptions) -> _Band:
-    """Coherence and size of what follows, of one group of shots."""
+def _band(
+    group: Sequence[Shot], floor: FloatArray, options: CouplingOptions
+) -> tuple[FloatArray, FloatArray, float, float]:
+    """Coherence and size of what follows (n_out, n_in), the chance coherence and the highest frequency of a group."""
     moved = np.flatnonzero(np.any([moved_inputs(shot, floor) for shot in group], axis=0))
     shape = group[0].outputs.shape[1], group[0].inputs.shape[1]
     root, ratio = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -150,7 +143,7 @@ def _band(group: Sequence[Shot], floor: FloatArray, options: CouplingOptions) ->
         ratio[:, index] = np.sqrt(shared.sum(axis=0) / told[excited].sum())
     segments = options.segments * len(group)
     limit = coherence_limit(_INDEPENDENT * segments - (len(moved) - 1), count, options.level)
-    return _Band(root, ratio, limit, highest_hz)
+    return root, ratio, limit, highest_hz
 
 
 def _cross_spectra(group: Sequence[Shot], moved: IntArray, segments: int) -> tuple[FloatArray, ComplexArray]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.models.external.fit.descent import Numerators, Point, columns_of, natural_steps, slopes_of
+from robid.models.external.fit.problem import Problem
 from robid.models.external.fit.reduction import (
     Experiment,
     Reduced,
@@ -38,35 +39,27 @@ class Spread:
     n_taken: FloatArray  # (n_shot, n_out): degrees of freedom that the fit took from each residual
 
 
-def find_spread(
-    experiments: Sequence[Experiment],
-    point: Point,
-    sought: Numerators,
-    noise: FloatArray,
-    period: float,
-    hold: Hold,
-    unseen: float = np.pi,
-) -> Spread:
+def find_spread(problem: Problem, point: Point, noise: FloatArray, unseen: float = np.pi) -> Spread:
     """Computes residuals and the coefficients' covariance.
 
     For white residuals it is `sigma^2 (J'J)^-1`; where any is coloured, its smoothed spectrum takes the place of
     `sigma^2`, which keeps intervals honest when the model leaves something over.
 
     Args:
-        experiments: The experiments.
+        problem: Data and structure.
         point: The fit.
-        sought: Which numerators were sought.
         noise (n_shot, n_out): Weights' standard deviations.
-        period: Sampling period times the reference frequency.
-        hold: What commands do between samples.
         unseen: How fast, per sample, the fastest pole must be for samples not to tell it from an immediate answer.
 
     Source:
         White (1980), "A heteroskedasticity-consistent covariance matrix estimator"; Ljung (1999), eq. 9.42.
     """
-    rows = [_time_rows(each, point, period, hold) for each in experiments]
+    experiments, sought, period = problem.experiments, problem.sought, problem.period
+    rows = [_time_rows(each, point, period, problem.structure.hold) for each in experiments]
     ends = np.cumsum([0, *(each.n_sample for each in experiments)]).tolist()
     spans = [slice(first, last) for first, last in pairwise(ends)]
+    # The Jacobian of all outputs in two parts: what is linear in numerators and free responses belongs to one output
+    # each; what poles do beyond that is orthogonalised over all outputs, which share the poles.
     linear = [_linear_part(rows, point, sought, noise[:, output], output) for output in range(noise.shape[1])]
     projected, triangle = _orthogonal(np.concatenate([each.tilt for each in linear]), point, period, unseen)
     residuals = [np.zeros((each.n_sample, noise.shape[1])) for each in experiments]
@@ -77,15 +70,20 @@ def find_spread(
         pulls = np.concatenate([part.within, own], axis=1)
         meat = np.zeros((pulls.shape[1], pulls.shape[1]))
         for index, (each, span) in enumerate(zip(experiments, spans, strict=True)):
-            left, pull = part.residual[span], pulls[span]
-            residuals[index][:, output] = left * noise[index, output]
-            excited = excited_lines(each)
-            taken[index, output] = float(np.sum(pull**2)) + each.offset
-            chances[index, output] = whiteness(left, excited, taken[index, output] - each.offset)
-            meat += _meat(left, pull, excited, taken[index, output], white=chances[index, output] >= WHITE)
+            residuals[index][:, output] = part.residual[span] * noise[index, output]
+            added, chances[index, output], taken[index, output] = _judged(each, part.residual[span], pulls[span])
+            meat += added
         meats.append(meat)
-    root = _root(linear, triangle, meats, point, sought)
-    return Spread(tuple(residuals), root, chances, taken)
+    return Spread(tuple(residuals), _root(linear, triangle, meats, point, sought), chances, taken)
+
+
+def _judged(experiment: Experiment, residual: FloatArray, pull: FloatArray) -> tuple[FloatArray, float, float]:
+    """What a residual (n_sample,) adds to the covariance of its pulls, its whiteness, and what was taken from it."""
+    excited = excited_lines(experiment)
+    # The pulls are orthonormal over all shots: their squares in one are the degrees of freedom that it gave.
+    n_taken = float(np.sum(pull**2)) + experiment.offset
+    chance = whiteness(residual, excited, n_taken - experiment.offset)
+    return _meat(residual, pull, excited, n_taken, white=chance >= WHITE), chance, n_taken
 
 
 @dataclass(frozen=True)

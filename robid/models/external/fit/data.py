@@ -244,7 +244,7 @@ def agreements(
     Source:
         Oliveira et al. (2019), Table 2.
     """
-    found = []
+    found: list[Agreement] = []
     for place in dict.fromkeys(shot.place for shot in shots):
         chosen = [index for index, shot in enumerate(shots) if shot.place == place]
         there = [shots[index] for index in chosen]
@@ -252,23 +252,15 @@ def agreements(
         error_std, motion_std = (
             np.sqrt(np.mean(np.concatenate(each) ** 2, axis=0)) for each in ([errors[index] for index in chosen], moved)
         )
-        noise_std, single = _noise(there, outputs), _noise(there, outputs, single=True)
+        # NRMSE = 1 - |error| / |motion|, and R^2 = 1 - |error|^2 / |motion|^2.
+        left = np.divide(error_std, motion_std, out=np.full(len(names), np.inf), where=motion_std > 0)
+        noise = _noise(there, outputs), _noise(there, outputs, single=True)
         amplitude = max(float(np.abs(shot.inputs[:, list(inputs)]).max()) for shot in there)
-        for index, name in enumerate(names):
-            left = float(error_std[index] / motion_std[index]) if motion_std[index] > 0 else np.inf
-            found.append(
-                Agreement(
-                    output=name,
-                    place=place,
-                    nrmse=1 - left,
-                    r_squared=1 - left**2,
-                    error_std=float(error_std[index]),
-                    motion_std=float(motion_std[index]),
-                    noise_std=float(noise_std[index]),
-                    amplitude=amplitude,
-                    single_noise_std=float(single[index]),
-                )
-            )
+        columns = (each.tolist() for each in (left, error_std, motion_std, *noise))
+        found += [
+            Agreement(name, place, 1 - off, 1 - off**2, error, motion, scatter, amplitude, single)
+            for name, off, error, motion, scatter, single in zip(names, *columns, strict=True)
+        ]
     return tuple(found)
 
 

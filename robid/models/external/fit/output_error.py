@@ -89,7 +89,7 @@ def conclude(
     """Turns a search's end into a fit with its covariance."""
     structure, point = problem.structure, found.point
     unseen = slowest_unseen(problem, point, noise)
-    spread = find_spread(problem.experiments, point, problem.sought, noise, problem.period, structure.hold, unseen)
+    spread = find_spread(problem, point, noise, unseen)
     model = model_of(problem, point, names)
     powers = _powers(problem, len(names[1]))
     parameters = np.concatenate([model.numerator.ravel(), model.denominator[1:]])

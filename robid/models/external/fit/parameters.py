@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, norm
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.transfer import TransferMatrix
+from robid.models.roots import Row, estimate_of_rows, root_rows
 from robid.results.estimate import Estimate
 
 
@@ -79,25 +80,9 @@ def _roots(polynomial: FloatArray, root: FloatArray) -> tuple[Root, ...]:
     return tuple(Root(place, np.asarray(move, dtype=complex)) for place, move in zip(upper, moves, strict=True))
 
 
-_LEAST_DAMPING = 0.05
-
-
-@dataclass(frozen=True)
-class Parameters:
-    """Parameters of a block."""
-
-    names: tuple[str, ...]
-    kinds: tuple[str, ...]
-    units: tuple[str, ...]
-    value: FloatArray  # (n_param,): their values
-    scale: FloatArray  # (n_param,): what relative deviations are related to
-    rows: FloatArray  # (n_param, n_root): a root of their covariance
-    reachable: BoolArray  # (n_param,): whether each lies below half the sampling rate
-
-
 def block_parameters(
     name: str, channels: Sequence[str], units: Sequence[str], model: TransferMatrix, root: FloatArray
-) -> Parameters:
+) -> list[Row]:
     """Turns the coefficients of a block into poles, zeros and static gains.
 
     A real root is given as its rate, positive in the left half plane, a pair as natural frequency and damping ratio.
@@ -114,43 +99,16 @@ def block_parameters(
     rows = _rows_of_roots(name, "pole", poles_of(model, root), nyquist)
     for channel, unit, place in zip(channels, units, np.ndindex(model.numerator.shape[:2]), strict=True):
         gain, slope = _gain(model, root, place)
-        rows.append(_Row(f"{channel}.gain", "gain", unit, gain, abs(gain), slope))
+        rows.append(Row(f"{channel}.gain", "gain", unit, gain, abs(gain), slope))
         rows += _rows_of_roots(channel, "zero", zeros_of(model, root, *place), nyquist)
-    return Parameters(
-        names=tuple(row.name for row in rows),
-        kinds=tuple(row.kind for row in rows),
-        units=tuple(row.unit for row in rows),
-        value=np.array([row.value for row in rows]),
-        scale=np.array([row.scale for row in rows]),
-        rows=np.array([row.moves for row in rows]),
-        reachable=np.array([row.reachable for row in rows], bool),
-    )
+    return rows
 
 
-@dataclass(frozen=True)
-class _Row:
-    name: str
-    kind: str
-    unit: str
-    value: float
-    scale: float
-    moves: FloatArray
-    reachable: bool = True
-
-
-def _rows_of_roots(owner: str, kind: str, found: Sequence[Root], nyquist: float) -> list[_Row]:
-    """Describes real roots by their rates, pairs by natural frequencies and damping ratios."""
+def _rows_of_roots(owner: str, kind: str, found: Sequence[Root], nyquist: float) -> list[Row]:
     rows = []
-    for number, each in enumerate(found, start=1):
-        name, size, reachable = f"{owner}.{kind}{number}", abs(each.place), bool(abs(each.place) < nyquist)
-        if each.place.imag == 0:
-            rows.append(_Row(name, kind, "rad/s", -each.place.real, size, -each.moves.real, reachable))
-            continue
-        along, damping = (np.conj(each.place) * each.moves).real / size, -each.place.real / size
-        turned = -(each.moves.real + damping * along) / size
-        natural = max(abs(damping), _LEAST_DAMPING)
-        rows.append(_Row(f"{name}.frequency", f"{kind}_frequency", "rad/s", size, size, along, reachable))
-        rows.append(_Row(f"{name}.damping", f"{kind}_damping", "1", damping, natural, turned, reachable))
+    for number, one in enumerate(found, start=1):
+        is_real, reachable = one.place.imag == 0, bool(abs(one.place) < nyquist)
+        rows += root_rows(f"{owner}.{kind}{number}", kind, one.place, one.moves, is_real=is_real, reachable=reachable)
     return rows
 
 
@@ -164,7 +122,7 @@ def _gain(model: TransferMatrix, root: FloatArray, place: tuple[int, ...]) -> tu
 
 
 def estimate_of(
-    blocks: Sequence[Parameters], options: ExternalOptions, undetermined: Sequence[str], status: str, advice: str
+    blocks: Sequence[Sequence[Row]], options: ExternalOptions, undetermined: Sequence[str], status: str, advice: str
 ) -> Estimate:
     """Puts the parameters of all blocks together; blocks are independent of each other.
 
@@ -175,34 +133,16 @@ def estimate_of(
         status: How the fit ended.
         advice: What to try next.
     """
-    value, scale = (np.concatenate([getattr(one, field) for one in blocks]) for field in ("value", "scale"))
-    covariance = _diagonal([one.rows @ one.rows.T for one in blocks])
-    std = np.sqrt(np.diag(covariance))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        relative = np.where(scale > 0, std / scale, np.inf)
-    half = norm.ppf(0.5 + 0.5 * options.confidence)
-    reachable = np.concatenate([one.reachable for one in blocks])
-    return Estimate(
-        names=tuple(name for one in blocks for name in one.names),
-        kinds=tuple(kind for one in blocks for kind in one.kinds),
-        units=tuple(unit for one in blocks for unit in one.units),
-        nominal=np.full(value.size, np.nan),
-        value=value,
-        lower=value - half * std,
-        upper=value + half * std,
-        covariance=covariance,
-        degrees_of_freedom=np.full(value.size, np.inf),
+    roots = [np.array([row.moves for row in rows]) for rows in blocks]
+    return estimate_of_rows(
+        [row for rows in blocks for row in rows],
+        _diagonal([root @ root.T for root in roots]),
+        "the residual, as coloured as it is",
+        status,
+        advice,
         confidence=options.confidence,
-        interval_rule="the residual, as coloured as it is",
-        relative_std=relative,
-        predicted_relative_std=relative,
-        prior_relative_std=np.full(value.size, np.inf),
-        relative_half_width=half * relative,
-        identifiable=(relative <= options.identifiable_relative_std) & reachable,
         identifiable_relative_std=options.identifiable_relative_std,
-        undetermined=tuple(undetermined),
-        status=status,
-        advice=advice,
+        undetermined=undetermined,
     )
 
 

@@ -12,6 +12,7 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.models.lpv.fit.model import LpvModel
 from robid.models.lpv.fit.responses import LocalResponses, Problem, local_jacobian, make_problem
 from robid.models.lpv.fit.state_space import Sizes, StateSpace, pack, unpack
+from robid.models.roots import Row, estimate_of_rows, root_rows
 from robid.results.estimate import Estimate
 
 _SINGULAR = 1e-11  # of the largest eigenvalue: a direction that moves no response
@@ -99,18 +100,7 @@ def _null_directions(hessian: FloatArray) -> tuple[FloatArray, FloatArray]:
     return vectors[:, values < _SINGULAR * values[-1]], root
 
 
-_LEAST_DAMPING = 0.05
 _REAL = 1e-9  # of a pole's absolute value, an imaginary part that counts as none
-
-
-@dataclass(frozen=True)
-class _Row:
-    name: str
-    kind: str
-    unit: str
-    value: float
-    scale: float
-    slope: FloatArray
 
 
 def estimate_poles(
@@ -135,33 +125,19 @@ def estimate_poles(
         identifiable_relative_std: Relative deviation up to which a parameter counts as identifiable.
     """
     rows = [row for index in range(len(points)) for row in _rows(core, points[index : index + 1], f"p{index + 1}")]
-    slopes = np.array([row.slope for row in rows]).reshape(len(rows), core.parameters.size)
-    value, scale = (np.array([getattr(row, key) for row in rows], float) for key in ("value", "scale"))
+    slopes = np.array([row.moves for row in rows]).reshape(len(rows), core.parameters.size)
     whole = slopes @ covariance @ slopes.T
-    whole = 0.5 * (whole + whole.T)
-    std, half = np.sqrt(np.maximum(np.diag(whole), 0)), norm.ppf(0.5 + 0.5 * confidence)
-    return Estimate(
-        names=tuple(row.name for row in rows),
-        kinds=tuple(row.kind for row in rows),
-        units=tuple(row.unit for row in rows),
-        nominal=np.full(len(rows), np.nan),
-        value=value,
-        lower=value - half * std,
-        upper=value + half * std,
-        covariance=whole,
-        degrees_of_freedom=np.full(len(rows), np.inf),
+    found = estimate_of_rows(
+        rows,
+        0.5 * (whole + whole.T),
+        "the covariance of the responses, or the residual where it is larger",
+        status,
+        "" if status == "converged" else "try another `order` or fewer basis functions",
         confidence=confidence,
-        interval_rule="the covariance of the responses, or the residual where it is larger",
-        relative_std=std / scale,
-        predicted_relative_std=std / scale,
-        prior_relative_std=np.full(len(rows), np.inf),
-        relative_half_width=half * std / scale,
-        identifiable=std / scale <= identifiable_relative_std,
         identifiable_relative_std=identifiable_relative_std,
-        undetermined=(),
-        status=status,
-        advice="" if status == "converged" else "try another `order` or fewer basis functions",
     )
+    std, half = np.sqrt(np.maximum(np.diag(found.covariance), 0)), norm.ppf(0.5 + 0.5 * confidence)
+    return replace(found, relative_half_width=half * std / np.array([row.scale for row in rows], float))
 
 
 def continuous_poles(A: FloatArray, sampling_period_s: float) -> ComplexArray:
@@ -169,7 +145,7 @@ def continuous_poles(A: FloatArray, sampling_period_s: float) -> ComplexArray:
     return np.asarray(np.log(np.linalg.eigvals(A).astype(complex)) / sampling_period_s)
 
 
-def _rows(core: LpvModel, point: FloatArray, place: str) -> Iterator[_Row]:
+def _rows(core: LpvModel, point: FloatArray, place: str) -> Iterator[Row]:
     """Yields the poles at one point, slow ones first, with their slopes by all parameters."""
     A = core.at(point).A[0]
     values, right = np.linalg.eig(A)
@@ -184,19 +160,7 @@ def _rows(core: LpvModel, point: FloatArray, place: str) -> Iterator[_Row]:
         local = np.zeros(core.sizes.n_local, complex)
         local[parts[0]] = np.outer(left[index], right[:, index]).ravel()
         moves = np.outer(core.basis.values(point)[0], local).ravel() / (values[index] * core.sampling_period_s)
-        yield from _described(f"{place}.pole{number}", complex(s[index]), moves, is_real=is_real)
-
-
-def _described(name: str, s: complex, moves: ComplexArray, *, is_real: bool) -> Iterator[_Row]:
-    """Describes a real pole by its rate, a pair by natural frequency and damping ratio."""
-    size = abs(s)
-    if is_real:
-        yield _Row(name, "pole", "rad/s", -s.real, size, -moves.real)
-        return
-    along, damping = (np.conj(s) * moves).real / size, -s.real / size
-    turned = -(moves.real + damping * along) / size
-    yield _Row(f"{name}.frequency", "pole_frequency", "rad/s", size, size, along)
-    yield _Row(f"{name}.damping", "pole_damping", "1", damping, max(abs(damping), _LEAST_DAMPING), turned)
+        yield from root_rows(f"{place}.pole{number}", "pole", complex(s[index]), moves, is_real=is_real)
 
 
 def rescaled(parameters: FloatArray, sizes: Sizes, scales: FloatArray) -> FloatArray:

@@ -158,9 +158,8 @@ def _estimate(
     freedom = np.full(std.size, float(found.conclusion.long_run.freedom))
     reach = t.ppf(0.5 + 0.5 * options.confidence, freedom) * std
     size = scale_of(chosen.parameters, std, first_moments(reduced.names))
-    nominal = base.values(model.nominal)
+    nominal, limit = base.values(model.nominal), options.identifiable_relative_std
     stated = np.where(nominal == 0, size, np.abs(nominal))
-    limit = options.identifiable_relative_std
     identifiable = std / stated <= limit
     quantile = norm.ppf(0.5 + 0.5 * options.confidence)
     status = chosen.status
