@@ -120,6 +120,8 @@ def coherence_limit(averages: float, frequencies: int, level: float) -> float:
         frequencies: Frequencies of which the largest is taken.
         level: Chance.
     """
+    # The largest of F independent coherences stays below x with (1 - p)^F, where one exceeds it with p = (1 - x^2)^(n -
+    # 1).
     each = 1 - (1 - level) ** (1 / max(frequencies, 1))
     return float(np.sqrt(1 - each ** (1 / max(averages - 1, 1e-9))))
 
@@ -137,6 +139,8 @@ def _band(
         told, cross, answer = _partial(spectra, place, len(moved))
         excited = told > _EXCITED * told.max()
         count, highest_hz = max(count, int(excited.sum())), max(highest_hz, float(frequency_hz[excited][-1]))
+        # |S_uy|^2 / S_uu is the power of the output that follows the command: over S_yy the coherence, over S_uu the
+        # squared gain.
         shared = np.abs(cross[excited]) ** 2 / told[excited, None]
         squared = np.divide(shared, answer[excited], out=np.zeros_like(shared), where=answer[excited] > 0)
         root[:, index] = np.sqrt(squared.max(axis=0))
@@ -176,6 +180,7 @@ def _partial(spectra: ComplexArray, place: int, n_moved: int) -> tuple[FloatArra
     kept = [place, *range(n_moved, spectra.shape[1])]
     left = spectra[:, kept][:, :, kept]
     if rest:
+        # Conditioned spectra: S_kk - S_kr S_rr^-1 S_rk leave what the other commands do not explain.
         mixed = spectra[:, rest][:, :, kept]
         others = spectra[:, rest][:, :, rest]
         left = left - mixed.conj().swapaxes(1, 2) @ (np.linalg.pinv(others, rcond=1e-10, hermitian=True) @ mixed)

@@ -123,10 +123,13 @@ def _linear_part(
 def _meat(residual: FloatArray, pull: FloatArray, excited: BoolArray, n_taken: float, *, white: bool) -> FloatArray:
     """Covariance (n_pull, n_pull) of the pulls (n_sample, n_pull) of noise that looks like the residual (n_sample,)."""
     n_sample = len(residual)
+    # Residuals are smaller than the noise by what the fit took of it.
     inflation = n_sample / max(n_sample - n_taken, 1.0)
     if white:
         return np.asarray(pull.T @ pull * (residual @ residual / n_sample * inflation))
     spectrum = smoothed_spectrum(residual, excited) * inflation
+    # J^T C J for a stationary C is diagonal in frequency: a sum over lines of |pull|^2 times the spectrum (Parseval);
+    # lines but the first and the last stand for two.
     lines = np.fft.rfft(pull, axis=0)
     share = np.full(len(lines), 2.0)
     share[0] = 1.0
@@ -146,6 +149,7 @@ def _root(
     basis, n_pole = point.basis, point.basis.n_pole
     size = np.linalg.norm(triangle, axis=0)
     size[size == 0] = 1.0
+    # A noise e moves the poles by R^-1 Q^T e, where Q R is what they do beyond numerators and free responses.
     poles = np.linalg.pinv(triangle / size, rcond=1e-13) / size[:, None]
     to_numerators = [_to_numerators(point, sought, output) for output in range(len(linear))]
     n_each = point.weights.shape[1] * point.weights.shape[2]
@@ -157,6 +161,8 @@ def _root(
         change = poles @ half[n_within:]
         whole = np.zeros((len(linear) * n_each + n_pole, half.shape[1]))
         for other, part in enumerate(linear):
+            # The numerators follow the poles (what these do along the linear columns is undone), and the noise of their
+            # own output.
             moves = -part.to_weights @ (part.along @ change)
             if part is own:
                 moves = moves + part.to_weights @ half[:n_within]
@@ -178,6 +184,7 @@ def _orthogonal(tilts: FloatArray, point: Point, period: float, unseen: float) -
     sizes, stages = natural_steps(point), point.basis.single.stages
     beyond = [stage for stage in stages if abs(stage.pole) * period > np.pi]
     n_beyond = beyond[-1].states.stop if beyond else 0
+    # Poles beyond the Nyquist frequency come last, so that what is left to them is beyond all others.
     order = np.roll(np.arange(len(sizes)), -n_beyond)
     projected, triangle = np.linalg.qr((tilts * sizes)[:, order])
     if beyond:

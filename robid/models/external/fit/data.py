@@ -180,6 +180,8 @@ def _wander(repeats: FloatArray) -> FloatArray | None:
         return None
     apart = (repeats - repeats.mean(axis=1, keepdims=True))[:, :, : length * _STRETCHES]
     stretches = apart.reshape(-1, _STRETCHES, length, apart.shape[3])
+    # Means over stretches keep what is slow; noise from sample to sample leaves 1/length of its variance in them, which
+    # is subtracted. One of n periods is taken by their mean.
     levels = stretches.mean(axis=2)
     alone = count / (count - 1) * (levels**2).mean(axis=(0, 1))
     by_noise = stretches.var(axis=2, ddof=1).mean(axis=(0, 1)) * count / (count - 1) / length
@@ -202,6 +204,7 @@ def _integrated(values: FloatArray, sampling_period_s: float, hold: str, *, peri
     """Integrates speeds (..., n_sample, n_in) from zero on; over a whole period they move nowhere."""
     if periodic:
         values = values - values.mean(axis=-2, keepdims=True)
+    # A held speed v adds T v until the next sample, one that moves in straight lines the trapezoid.
     ends = values[..., :-1, :]
     steps = ends if hold == "zoh" else 0.5 * (ends + values[..., 1:, :])
     start = np.zeros_like(values[..., :1, :])

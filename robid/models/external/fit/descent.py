@@ -42,10 +42,12 @@ class Numerators:
         """Weights (2 n_pole, n_pole) of the derivative by the denominator's change along each state's numerator."""
         n_pole = basis.n_pole
         rows = np.zeros((n_pole, 2 * n_pole))
+        # d(B/A) = -B dA / A^2 at fixed B: a polynomial over the poles twice, one for each direction of A.
         for row, direction in zip(rows, basis.single.numerators, strict=True):
             product = np.convolve(numerator, direction)
             row[len(row) - len(product) :] = -product
             if self.static_gain_one and output == input_:
+                # With the static gain fixed b_0 follows a_0, which adds dA(0) A / A^2.
                 row[n_pole - 1 :] += direction[-1] * basis.denominator
         return basis.double.expand(rows).T
 
@@ -289,6 +291,7 @@ class _Model:
     def step(self, damping: float) -> tuple[FloatArray, float]:
         """Returns the step (n_pole,) with at least that damping that changes no pole by too much, and its decrease."""
         while True:
+            # Levenberg-Marquardt in the singular vectors of the slope: d = v s (u^T r) / (s^2 + damping).
             curvature = np.maximum(self.values**2 + damping, np.finfo(float).tiny)
             along = self._pull * self.values / curvature
             step = self._turned.T @ along

@@ -79,6 +79,8 @@ def estimate_etfe(shots: Sequence[Shot], floor: FloatArray, confidence: float) -
                 freedom[index][:, group.moved] += left
     known = weight > 0
     response = np.divide(weighted, weight, out=np.full_like(weighted, np.nan), where=known)
+    # |G_hat - G|^2 over an estimated variance is F distributed with 2 and 2 nu degrees of freedom: the radius of a
+    # circle.
     quantile = f_distribution.ppf(confidence, 2, 2 * np.maximum(freedom, 1))
     radius = np.sqrt(np.divide(quantile, weight, out=np.full_like(weight, np.nan), where=known))
     return Etfe(grid, response, radius)
@@ -162,6 +164,8 @@ def _local(group: _Group, centre: float) -> tuple[ComplexArray, FloatArray, int]
     first = min(max(int(np.searchsorted(group.lines, centre)) - width // 2, 0), group.lines.size - width)
     window = group.lines[first : first + width]
     offset = (window - centre) / np.abs(window - centre).max()
+    # Y(k) = sum_i G_i(k) U_i(k) + T(k), G_i and the transient T each a polynomial of second order in the distance from
+    # the centre.
     regressor = _regressor(group, window, offset[:, None] ** np.arange(_ORDER + 1))
     measured = group.outputs[:, window].reshape(-1, group.outputs.shape[2])
     scale = np.linalg.norm(regressor, axis=0)
@@ -173,6 +177,8 @@ def _local(group: _Group, centre: float) -> tuple[ComplexArray, FloatArray, int]
     inverse = (right.conj().T / values) @ left.conj().T / scale[:, None]
     freedom = len(measured) - regressor.shape[1]
     found = inverse @ measured
+    # What is left over the degrees of freedom is the noise of a line; the constant terms of G_i are its responses at
+    # the centre.
     noise = (np.abs(measured - regressor @ found) ** 2).sum(axis=0) / freedom
     constant = np.arange(len(group.moved)) * (_ORDER + 1)
     gain = (np.abs(inverse[constant]) ** 2).sum(axis=1)

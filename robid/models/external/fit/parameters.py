@@ -48,6 +48,8 @@ class Root:
         if not np.isfinite(both).all():
             return False
         kept = np.linalg.norm(both, axis=1) > 0
+        # Roots of one fit are correlated, so the difference of their moves counts, not the two variances; a real root
+        # has no imaginary part to compare.
         covariance = (both @ both.T)[np.ix_(kept, kept)]
         return bool(value[kept] @ np.linalg.pinv(covariance) @ value[kept] > quantile**2)
 
@@ -74,6 +76,7 @@ def _roots(polynomial: FloatArray, root: FloatArray) -> tuple[Root, ...]:
     """Finds the roots of a polynomial (n_power,) with a covariance root (n_power, n_root) of its coefficients."""
     found = sorted(np.roots(polynomial).astype(complex).tolist(), key=lambda each: (abs(each), each.real))
     upper = [each for each in found if each.imag >= 0]
+    # At a root r of p(s) a change dp moves it by -dp(r) / p'(r); at a double root p' vanishes and nothing is told.
     slope = np.polyder(polynomial)
     with np.errstate(divide="ignore", invalid="ignore"):
         moves = [-(np.vander([each], len(polynomial))[0] @ root) / np.polyval(slope, each) for each in upper]
@@ -117,6 +120,7 @@ def _gain(model: TransferMatrix, root: FloatArray, place: tuple[int, ...]) -> tu
     n_power, level = model.numerator.shape[2], model.denominator[-1]
     last = int(np.ravel_multi_index(place, model.numerator.shape[:2])) * n_power + n_power - 1
     with np.errstate(divide="ignore", invalid="ignore"):
+        # G(0) = b_0 / a_0, so that dG(0) = (db_0 - G(0) da_0) / a_0.
         gain = model.numerator[place][-1] / level
         return float(gain), np.asarray((root[last] - gain * root[-1]) / level)
 

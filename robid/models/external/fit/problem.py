@@ -144,6 +144,7 @@ def pose(shots: Sequence[Shot], inputs: Sequence[int], outputs: Sequence[int], s
 
 def _own_frequency(experiments: Sequence[Experiment]) -> float:
     """Root-mean-square frequency of the outputs in radians per sample."""
+    # The mean square of the differences over that of the signal is about omega^2 (radians per sample) of a slow one.
     shares = [
         np.sum(np.diff(each.outputs, axis=1) ** 2) / max(np.sum(each.outputs**2), np.finfo(float).tiny)
         for each in experiments
@@ -185,6 +186,7 @@ def squares_of(point: Point, noise: FloatArray) -> FloatArray:
 def count_free(problem: Problem, n_out: int) -> int:
     """Returns the number of free parameters, free responses included, offsets not."""
     structure = problem.structure
+    # A static gain that is fixed takes one coefficient of each channel on the diagonal.
     diagonal = min(n_out, problem.n_in) if structure.static_gain_one else 0
     loose = sum(each.start == "free" for each in problem.experiments) * n_out * structure.poles
     return n_out * problem.n_in * (structure.zeros + 1) - diagonal + structure.poles + loose
@@ -195,6 +197,7 @@ def log_likelihood(experiments: Sequence[Experiment], squares: FloatArray) -> fl
     total = 0.0
     for each, own in zip(experiments, squares, strict=True):
         floor = (1e-10 * output_size(each)) ** 2
+        # Gaussian noise whose variance is the residual's own mean square: -n/2 (ln(2 pi s^2) + 1).
         variance = np.maximum(own / each.n_sample, floor)
         total -= 0.5 * each.n_sample * float(np.sum(np.log(2 * np.pi * variance) + 1))
     return total

@@ -155,6 +155,7 @@ _FEWEST_LINES = 4
 def excited_lines(experiment: Experiment) -> BoolArray:
     """Returns which lines (n_line,) of the discrete Fourier transform, zero left out, a shot's commands excite."""
     power = (np.abs(np.fft.rfft(experiment.commands, axis=1)) ** 2).sum(axis=0)[1:]
+    # Lines beside an excited one carry what a transient leaks there.
     smooth = uniform_filter1d(power, 3, mode="nearest")
     return np.asarray(smooth > _EXCITED * smooth.max(initial=0.0))
 
@@ -201,6 +202,7 @@ def smoothed_spectrum(residual: FloatArray, excited: BoolArray) -> FloatArray:
     White noise of variance one has the spectrum one.
     """
     power = np.abs(np.fft.rfft(residual)) ** 2 / len(residual)
+    # The mean has been taken out with the offset: its line would pull its neighbours down.
     power[0] = power[1] if len(power) > 1 else power[0]
     reach = int(np.clip(excited.sum() // 8, 2, np.sqrt(len(residual))))
     return np.asarray(uniform_filter1d(power, 2 * reach + 1, mode="reflect"))

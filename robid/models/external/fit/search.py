@@ -129,6 +129,8 @@ def _solve(signals: Sequence[_Filtered], n_told: int, *, instruments: bool) -> F
         pull[each.places] += each.told @ each.outputs.T
     if not np.isfinite(gram).all():
         return np.full(n_pole, np.nan)
+    # Numerators are linear and no unknowns of interest: the Schur complement leaves the normal equations of the
+    # denominator.
     inverse = np.linalg.pinv(gram, rcond=1e-14, hermitian=True)
     best = inverse @ pull
     matrix, right = np.zeros((n_pole, n_pole)), np.zeros(n_pole)
@@ -247,6 +249,7 @@ def slowest_unseen(problem: Problem, point: Point, noise: FloatArray) -> float:
         point: The fit.
         noise (n_shot, n_out): Weights' standard deviations.
     """
+    # Its column at the Nyquist frequency, what all others do taken out, says how well a pole there would be seen.
     seen = problem.evaluate(_with_fastest(point, np.pi / problem.period), noise)
     if seen is None:
         return float(np.pi)

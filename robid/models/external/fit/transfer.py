@@ -90,6 +90,7 @@ def build_cascade(stages: tuple[Stage, ...], copies: int = 1) -> Cascade:
         copies: 1 for `a(s)`, 2 for `a(s)^2`.
     """
     poles = [stage.pole for stage in stages]
+    # The second copy runs backwards, so that fast poles meet and the cascade of one copy is the head of that of both.
     stages = chain_stages([*poles, *reversed(poles)] if copies == 2 else poles)
     size = stages[-1].states.stop
     A, b = np.zeros((size, size)), np.zeros(size)
@@ -97,6 +98,7 @@ def build_cascade(stages: tuple[Stage, ...], copies: int = 1) -> Cascade:
         row, gain, pole = stage.first, stage.gain, stage.pole
         A[row, row] = pole.real
         if stage.is_pair:
+            # The pair s = p +- jq in real form, its second state scaled by the gain: [[p, -q^2/g], [g, p]].
             A[row : row + 2, row : row + 2] = [[pole.real, -(pole.imag**2) / gain], [gain, pole.real]]
         if index:
             A[row, row - 1] = gain
@@ -108,6 +110,8 @@ def build_cascade(stages: tuple[Stage, ...], copies: int = 1) -> Cascade:
 def _numerators(stages: tuple[Stage, ...]) -> FloatArray:
     size = stages[-1].states.stop
     rows = np.zeros((size, size))
+    # A state is what drove the cascade times all gains so far, over its poles so far: over all poles it has the factors
+    # of the later ones above.
     gains = np.cumprod([stage.gain ** (1 + stage.is_pair) for stage in stages])
     later = np.ones(1)
     for stage, gain in zip(reversed(stages), reversed(gains.tolist()), strict=True):
@@ -143,6 +147,8 @@ def discretise(cascade: Cascade, period: float, hold: Hold) -> Held:
         Van Loan (1978), "Computing integrals involving the matrix exponential".
     """
     size = len(cascade.b)
+    # exp of [[A, b, 0], [0, 0, 1], [0, 0, 0]] T: its last columns are the integrals over a held and over a ramping
+    # input.
     augmented = np.zeros((size + 2, size + 2))
     augmented[:size, :size] = cascade.A * period
     augmented[:size, size] = cascade.b * period
@@ -165,6 +171,7 @@ def propagate(held: Held, period: float, inputs: FloatArray, start: Start) -> Fl
         States (n_in, n_state, n_sample).
     """
     periodic = start == "periodic"
+    # Beyond the last sample a period begins again, and a single shot goes on as it ended.
     change = np.diff(inputs, axis=-1, append=inputs[:, :1] if periodic else inputs[:, -1:])
     driven = held.now[:, None] * inputs[:, None, :]
     if held.slope.any():
@@ -188,6 +195,8 @@ def _substitute(held: Held, period: float, driven: FloatArray, initial: FloatArr
             force = force + np.matmul(held.A[place, before], states[:, before])
         mode = np.exp(stage.pole * period)
         if stage.is_pair:
+            # Divided by q/g, the second state makes the pair one complex state z+ = exp(pT) z + force: a first-order
+            # recursion.
             squeeze = stage.pole.imag / stage.gain
             first = complex(initial[stage.first], squeeze * initial[stage.first + 1])
             found = _recur(mode, force[:, 0] + 1j * squeeze * force[:, 1], first, periodic=periodic)
@@ -211,6 +220,7 @@ def _recur(
     found = np.empty(force.shape, dtype=np.result_type(force, np.asarray(mode)))
     found[:, 0] = first
     if periodic:
+        # From zero a period ends at x_N; started at x_0 it ends at mode^N x_0 + x_N, which is x_0 in the steady state.
         returned = lfilter(ahead, behind, force, axis=-1)[:, -1]
         found[:, 0] = 0.0 if standing else returned / (1 - mode ** force.shape[-1])
     memory = mode * found[:, :1]
@@ -258,6 +268,7 @@ class TransferMatrix:
             omega (n_freq,): Frequencies [rad/s].
         """
         s = 1j * np.asarray(omega)
+        # G(s) = B(s) / A(s) exp(-s T_d), in plain powers of s: no samples come in here.
         above = np.moveaxis(_values(self.numerator, s), -1, 0)
         delay = np.exp(-s * self.delay_samples * self.sampling_period_s)
         return np.asarray(above * (delay / _values(self.denominator, s))[:, None, None])
@@ -274,6 +285,7 @@ class TransferMatrix:
         drive = held.now + held.slope * (z[:, None] - 1)
         states = np.linalg.solve(z[:, None, None] * np.eye(len(held.now)) - held.A, drive[..., None])[..., 0]
         above = np.einsum("oik,fk->foi", weights, states)
+        # Averaging over m samples is the mean of z^-k for k below m; the delay is another power of z.
         powers = z[:, None] ** -(self.delay_samples + np.arange(self.moving_average))
         return np.asarray(above * powers.mean(axis=1)[:, None, None])
 
@@ -322,6 +334,7 @@ def reference_frequency(denominator: FloatArray) -> float:
     """Returns a frequency [rad/s] amid the poles of a denominator (n_pole + 1,)."""
     sizes = np.abs(np.roots(denominator))
     moving = sizes[sizes > 1e-9 * sizes.max(initial=0.0)]
+    # The geometric mean of the poles keeps powers of s of one size; integrators have no size and are left out.
     return float(np.exp(np.log(moving).mean())) if len(moving) else 1.0
 
 

@@ -123,6 +123,7 @@ def estimate_lpv(responses: LocalResponses, validation: LocalResponses, basis: B
         options.path,
         options.sparsity,
     )
+    # The problem is posed in units of the outputs' scales, so variances are, too.
     variance = None if reduced.variance is None else reduced.variance / scales[:, None] ** 2
     free = spread(path.best.kept, problem.sizes)
     smile, core = (

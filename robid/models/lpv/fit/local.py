@@ -107,6 +107,7 @@ def align_neighbours(systems: StateSpace, points: FloatArray) -> StateSpace:
         DataError: If a model has nothing in common with its neighbour.
     """
     reduced = (points - points.mean(axis=0)) / np.maximum(np.ptp(points, axis=0), np.finfo(float).tiny)
+    # Nearest first, as in a minimum spanning tree: no model is compared with one that is much unlike it.
     distance = np.linalg.norm(reduced[:, None] - reduced, axis=2)
     middle = middle_position(points)
     balanced = [balance(systems[index])[0] for index in range(len(points))]

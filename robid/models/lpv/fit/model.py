@@ -68,6 +68,7 @@ class Splines:
         """Returns the functions (n_point, n_function) at points (n_point, n_scheduling)."""
         together = np.ones((len(points), 1))
         for column, knots in zip(points.T, self.knots, strict=True):
+            # Positions may lie a little outside, as measurements repeat; splines end at their last knots.
             inside = np.clip(column, knots[0], knots[-1])
             single = BSpline.design_matrix(inside, np.array(knots), self.degree).toarray()
             together = (together[:, :, None] * single[:, None]).reshape(len(points), -1)
@@ -179,6 +180,8 @@ def spline_basis(points: FloatArray, *, pieces: int, degree: int = 3) -> Basis:
     lower, upper = points.min(axis=0), points.max(axis=0)
     knots = []
     for low, high in zip(lower, upper, strict=True):
+        # End knots of full multiplicity: the splines sum to one, so that dropping the first one loses nothing beside
+        # the constant.
         inner = np.linspace(low, high, pieces + 1).tolist()
         knots.append(tuple([inner[0]] * degree + inner + [inner[-1]] * degree))
     return Basis(Splines(tuple(knots), degree), lower, upper)
@@ -307,6 +310,7 @@ def _add_once(model: LpvModel, chosen: BoolArray) -> LpvModel:
     n, extra = model.sizes.n_state, int(chosen.sum())
     n_function, r, m = len(model.parameters), model.sizes.n_in, model.sizes.n_out
     A = np.zeros((n_function, n + extra, n + extra))
+    # Integrator states follow the outputs that they replace: v+ = v + T (C x + D u), and the output is v.
     A[:, :n, :n], A[:, n:, :n] = old.A, period * old.C[:, chosen]
     A[0, n:, n:] = np.eye(extra)
     B = np.concatenate([old.B, period * old.D[:, chosen]], axis=1)

@@ -62,6 +62,7 @@ def follow_path(
         sparsity: The penalised fit.
     """
     n_free = starts[0].size
+    # One unit of price is what a complex element costs on average; parameters take half an element each.
     unit = cost(problem, starts[0]) / max(problem.n_data - n_free / 2, 1.0)
     gammas = unit * np.geomspace(options.smallest, options.largest, options.count)
     known: dict[bytes, tuple[FloatArray, float, Status]] = {}
@@ -164,6 +165,7 @@ class _Search:
         """Derivative of the packed models (n_pos, n_local, n_state^2) by their transformations."""
         T = self.transformations(point)
         n = self.systems.sizes.n_state
+        # A small change (I + G) T of the transformation has G = dT T^-1.
         by_change = similarity_tangent(transform(self.systems, T)).reshape(len(T), -1, n, n)
         return np.asarray(np.einsum("qeac,qbc->qeab", by_change, np.linalg.inv(T)).reshape(len(T), -1, n * n))
 
@@ -221,5 +223,7 @@ def _descend(search: _Search, first: FloatArray, options: SparseBasisOptions) ->
     for level, share in zip(levels, np.linspace(1, 0, options.passes), strict=True):
         rows = search.row_weights(search.norms(point), weights, 1 / options.smallest)
         point = search.descend(point, rows)
+        # Reweighted least squares: divided by its last norm a block costs about one if it is there and nothing if it is
+        # not. The level keeps small ones apart, ever less.
         weights = first[:, None] ** share / np.hypot(search.norms(point).relative, level)
     return point

@@ -79,6 +79,7 @@ def local_jacobian(problem: Problem, parameters: FloatArray) -> tuple[ComplexArr
     shape = (n_pos, n_freq, n_out, n_in, problem.sizes.n_local)
     slope = np.zeros(shape, complex)
     parts = problem.sizes.parts
+    # dG = C (z - A)^-1 dA (z - A)^-1 B + C (z - A)^-1 dB + dC (z - A)^-1 B + dD, element by element.
     slope[..., parts[0]] = np.einsum("qfoa,qfbi->qfoiab", ahead, behind).reshape(*shape[:4], -1)
     slope[..., parts[1]] = np.einsum("qfoa,ij->qfoiaj", ahead, np.eye(n_in)).reshape(*shape[:4], -1)
     slope[..., parts[2]] = np.einsum("op,qfbi->qfoipb", np.eye(n_out), behind).reshape(*shape[:4], -1)
@@ -95,6 +96,7 @@ def reduce_rows(problem: Problem, parameters: FloatArray) -> Reduced:
     error, slope = local_jacobian(problem, parameters)
     n_local = problem.sizes.n_local
     rows = np.concatenate([slope, error[..., None]], axis=2)
+    # Parameters are real: real and imaginary parts are rows of their own.
     rows = np.concatenate([rows.real, rows.imag], axis=1)
     short = n_local + 1 - rows.shape[1]
     if short > 0:
@@ -188,6 +190,7 @@ def remove_integrators(responses: LocalResponses, integrators: tuple[int, ...]) 
     """
     if len(integrators) != responses.response.shape[2]:
         raise ValueError("Argument `integrators` must have one count per output.")
+    # The inverse of integrators behind the outputs.
     factor = ((responses.z[:, None] - 1) / responses.sampling_period_s) ** np.array(integrators)
     variance = None if responses.variance is None else responses.variance * np.abs(factor[..., None]) ** 2
     return replace(responses, response=responses.response * factor[..., None], variance=variance)
@@ -290,6 +293,8 @@ def agree(response: ComplexArray, modelled: ComplexArray, std: FloatArray, noise
     decibels = np.abs(levels[0] - levels[1])
     power = _mean(np.abs(response) ** 2, counts)
     error = _mean(size**2, counts)
+    # Under noise alone the mean square error is its mean variance, and scatters by the root of the summed squares of
+    # the variances over the number of lines.
     expected, chance = _of_noise(np.where(known, noise, np.nan), counts)
     return Agreement(
         share_within=_mean((ratio <= _DEVIATIONS).astype(float), known),

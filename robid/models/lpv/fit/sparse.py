@@ -200,6 +200,7 @@ def _expand(priced: Penalised, point: FloatArray) -> Quadratic:
 
 def take_step(priced: Penalised, point: FloatArray, here: Quadratic, damping: float) -> FloatArray:
     """Returns the step (n_free,) from a point (n_free,) under a damping relative to the Hessian's diagonal."""
+    # Marquardt's damping by the diagonal does not depend on the units of parameters.
     curved = here.hessian + np.diag(damping * np.diag(here.hessian))
     return minimise_model(curved, here.gradient, point, priced.blocks.members, priced.prices, here.held)
 

@@ -138,6 +138,8 @@ def balance(system: StateSpace) -> tuple[StateSpace, FloatArray]:
     Raises:
         DataError: If a state can neither be moved nor seen.
     """
+    # Gramians P = A P A^T + B B^T and Q = A^T Q A + C^T C; with P = L L^T, Q = R R^T and R^T L = U S V^T, the states T
+    # x of T = S^-1/2 U^T R^T have both equal to S.
     reached = solve_discrete_lyapunov(system.A, system.B @ system.B.T)
     seen = solve_discrete_lyapunov(system.A.T, system.C.T @ system.C)
     left, right = _root(reached), _root(seen)
@@ -150,6 +152,8 @@ def balance(system: StateSpace) -> tuple[StateSpace, FloatArray]:
 
 def remap(system: StateSpace, a: float, b: float, c: float, d: float) -> StateSpace:
     """Returns the model in `z` of one in `w = (a z + b) / (c z + d)`."""
+    # w x = A x + B u with w = (a z + b) / (c z + d): (a - c A) z x = (d A - b) x + (c z + d) B u; the part z u goes
+    # into the states.
     E = a * np.eye(system.A.shape[-1]) - c * system.A
     A = np.linalg.solve(E, d * system.A - b * np.eye(system.A.shape[-1]))
     B = np.linalg.solve(E, system.B)

@@ -52,18 +52,24 @@ def parameter_uncertainty(
             unknown, then the residual stands for it, alike in all weighted elements.
     """
     error, slope = local_jacobian(problem, parameters)
+    # J of all parameters: each position's derivative by its local matrices, times the basis functions there.
     full = np.einsum("qk,qrl->qrkl", problem.values, slope).reshape(-1, parameters.size)[:, free.ravel()]
     bread = np.real(full.conj().T @ full)
     null, root = _null_directions(bread)
+    # Adding one along the null directions makes the matrix regular; subtracted again, its inverse is the
+    # pseudo-inverse.
     scaled = bread / np.outer(root, root) + null @ null.T
     inverse = np.linalg.inv(scaled) - null @ null.T
     inverse = inverse / np.outer(root, root)
     n_determined = bread.shape[0] - null.shape[1]
+    # A complex element has two real degrees of freedom, so that each parameter takes half an element.
     misfit = float(np.sum(np.abs(error) ** 2)) / max(problem.n_data - n_determined / 2, 1.0)
     if variance is None:
         inner = 0.5 * misfit * inverse
     else:
         weighted = np.where(problem.root_weight > 0, variance, 0.0) * problem.root_weight**2
+        # The sandwich H^-1 J^H C J H^-1, as weights were smoothed and are no inverse variances; one half, as E|e|^2 of
+        # a complex error is twice the variance of each part.
         filling = np.real(full.conj().T @ (weighted.reshape(-1, 1) * full))
         inner = 0.5 * inverse @ filling @ inverse
     covariance = np.zeros((parameters.size, parameters.size))
@@ -84,6 +90,7 @@ def response_uncertainty(problem: Problem, parameters: FloatArray, covariance: F
     here, slope = local_jacobian(plain, parameters)
     n_function, n_local = parameters.shape
     blocks = covariance.reshape(n_function, n_local, n_function, n_local)
+    # Covariance of the local matrices at a position: psi(p)^T C psi(p).
     local = np.einsum("qk,kiml,qm->qil", problem.values, blocks, problem.values)
     squared = np.einsum("qri,qil,qrl->qr", slope.conj(), local, slope).real
     return ResponseUncertainty(here.reshape(shape), np.sqrt(np.maximum(squared, 0)).reshape(shape))
@@ -158,6 +165,8 @@ def _rows(core: LpvModel, point: FloatArray, place: str) -> Iterator[Row]:
             continue
         number += 1
         local = np.zeros(core.sizes.n_local, complex)
+        # d lambda = v^T dA u with left and right eigenvectors, v^T u = 1; s = log(lambda) / T, so that ds = d lambda /
+        # (lambda T).
         local[parts[0]] = np.outer(left[index], right[:, index]).ravel()
         moves = np.outer(core.basis.values(point)[0], local).ravel() / (values[index] * core.sampling_period_s)
         yield from root_rows(f"{place}.pole{number}", "pole", complex(s[index]), moves, is_real=is_real)
@@ -194,6 +203,7 @@ def model_response(
     asked = LocalResponses(points, frequency_hz, empty, None, core.sampling_period_s)
     problem = make_problem(asked, core.basis, core.sizes.n_state, scales, weighted=False)
     scaled = response_uncertainty(problem, rescaled(core.parameters, core.sizes, 1 / scales), covariance)
+    # An integrator T / (z - 1) for each time that an output integrates.
     behind = ((asked.z[:, None] - 1) / asked.sampling_period_s) ** np.array(integrators)
     factor = (scales / behind)[..., None]
     return ResponseUncertainty(scaled.response * factor, scaled.total * np.abs(factor))

@@ -193,6 +193,8 @@ def _refuse_few(robot: Robot, problem: _Problem) -> None:
 def _without_dependent(problem: _Problem, base: BaseParameters) -> tuple[_Problem, BaseParameters]:
     """Regroups base parameters that this motion cannot tell apart."""
     reduction = reduce_rows(problem.measured)
+    # Base parameters are independent on any motion; on this one, filtered, some columns may be nearly combinations of
+    # others.
     factor = reduction.weighted(np.ones(len(reduction.n_row)))[:-1, :-1]
     again = select_base(factor, problem.model, _DEPENDENT)
     if len(again.columns) == len(problem.model.names):

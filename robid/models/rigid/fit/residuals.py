@@ -78,6 +78,7 @@ def check_whiteness(residual: FloatArray, own: FloatArray) -> Whiteness:
     if pairs.min() < FEWEST_TESTED:
         return Whiteness(np.full(n_lag, np.nan), np.nan, np.nan)
     sums = np.array([centred[lag:] @ centred[: len(centred) - lag] for lag in range(n_lag + 1)])
+    # Autocovariances over the pairs that count; the filter's own correlation is no sign of colour and is subtracted.
     beyond = (sums / pairs / (sums[0] / pairs[0]) - own)[1:]
     root = np.sqrt(pairs[1:])
     statistic = float((root * beyond) @ np.linalg.solve(_bartlett(own), root * beyond))
@@ -99,6 +100,8 @@ def expected_correlation(source: RowSource, reduction: Reduction, estimate: Regr
         Autocorrelation (n_joint, n_lag + 1) of each joint's residuals.
     """
     _, inverse, _ = solve_factor(reduction.weighted(estimate.weights))
+    # Residuals are (1 - P) e with P = W (W^T W)^-1 W^T: at a lag, the product of two rows of W R is what P takes, with
+    # R R^T the inverse.
     root = np.linalg.cholesky(inverse)
     n_lag = len(own) - 1
     taken = np.zeros((len(estimate.weights), n_lag + 1))
@@ -116,6 +119,7 @@ def expected_correlation(source: RowSource, reduction: Reduction, estimate: Regr
             taken[:, lag] += products[:, :-1].sum(axis=1)
             pairs[:, lag] += products[:, -1]
         before = joined[-n_lag:] if n_lag else None
+    # White noise e filtered has the correlation `own`; what the fit takes is subtracted, and lag zero set to one again.
     expected = own - taken / np.maximum(pairs, 1)
     return np.asarray(expected / expected[:, :1])
 
@@ -124,6 +128,8 @@ def _bartlett(own: FloatArray) -> FloatArray:
     """Covariance (n_lag, n_lag) of the root of the rows times autocorrelations about their true values."""
     n_lag = len(own) - 1
     reach = 3 * n_lag
+    # Bartlett: cov(r_k, r_l) n = sum_s (rho_{s+k} + rho_{s-k} - 2 rho_s rho_k)(the same of l), s from one on; beyond
+    # its lags the filter's correlation is zero.
     whole = np.zeros(4 * reach + 1)
     whole[2 * reach : 2 * reach + n_lag + 1] = own
     whole[2 * reach - n_lag : 2 * reach + 1] = own[::-1]
@@ -300,6 +306,8 @@ def choose_cut_off(
         message = f"{len(position)} samples leave too few rows for {len(regressor.names)} parameters at any cut-off"
         raise ValueError(message)
     trials = tuple(_try(position, torque, sampling_period_s, regressor, tried, held) for tried in every)
+    # The lowest white one: a higher cut-off lets more of the positions' noise into the columns, which biases least
+    # squares.
     white = [trial for trial in trials if trial.correlation.max() <= _WHITE]
     best = white[0] if white else min(trials, key=lambda trial: float(trial.correlation.max()))
     return CutOffChoice(best.cut_hz, bool(white), excited, trials)
@@ -316,6 +324,7 @@ def excited_band(position: FloatArray, sampling_period_s: float) -> FloatArray:
     # White noise of an encoder is flat as a position; what stands far above its floor is motion.
     as_position = power / (2 * np.sin(np.pi * hertz * sampling_period_s)[:, None]) ** 4
     floor = np.median(as_position[len(as_position) // 2 :], axis=0)
+    # The power of the acceleration that stands above the floor, added up from below.
     within = np.cumsum(np.where(as_position > _ABOVE_FLOOR * floor, power, 0.0), axis=0)
     return np.asarray(hertz[np.argmax(within >= _SHARE * within[-1], axis=0)])
 

@@ -159,6 +159,7 @@ def _estimate(
     reach = t.ppf(0.5 + 0.5 * options.confidence, freedom) * std
     size = scale_of(chosen.parameters, std, first_moments(reduced.names))
     nominal, limit = base.values(model.nominal), options.identifiable_relative_std
+    # What the file has as zero is related to what was found, so that it can be identifiable at all.
     stated = np.where(nominal == 0, size, np.abs(nominal))
     identifiable = std / stated <= limit
     quantile = norm.ppf(0.5 + 0.5 * options.confidence)

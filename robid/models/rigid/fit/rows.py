@@ -158,6 +158,7 @@ class Motion:
         """Returns the mean torques about the samples from `first`, the second one at least, to before `end`."""
         if not self.held:
             return self.torque[first:end]
+        # A command that is held from t to t + T has, about t, half of the one before.
         return np.asarray(0.5 * (self.torque[first:end] + self.torque[first - 1 : end - 1]))
 
 
@@ -212,6 +213,8 @@ def speed_noise(removed: FloatArray, sampling_period_s: float, options: Preproce
         options: The filters.
     """
     angle, gain = low_pass_gain(sampling_period_s, options.cut_hz, options.position_order)
+    # White noise of positions passes the filter and the central difference, i sin(angle) / T; what the filter removed,
+    # 1 - gain, tells its size.
     kept = np.mean((gain * np.sin(angle) / sampling_period_s) ** 2)
     return np.asarray(np.std(removed, axis=0) * np.sqrt(kept / np.mean((1 - gain) ** 2)))
 
@@ -278,6 +281,8 @@ class Reading:
         ok = np.ones((len(kept), speed.shape[1]), dtype=bool)
         if not np.any(slow > 0):
             return ok
+        # A kept row is a mean over the decimator's reach; one slow sample near its centre would bring another friction
+        # into it.
         nearest = min(self._decimator.factor, self._decimator.reach)
         window = kept[:, None] + np.arange(-nearest, nearest + 1)
         return np.asarray(np.all(np.abs(speed[window]) >= slow, axis=1))
@@ -287,5 +292,6 @@ def _differentiated(
     motion: Motion, position: FloatArray, first: int, end: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Returns low-passed positions, speeds and accelerations of some samples."""
+    # Filter first, then differentiate: both commute, and the differences of what is smooth have no noise to speak of.
     around = motion.smooth(position, first - 1, end + 1)
     return around[1:-1], *central_differences(around, motion.sampling_period_s)
