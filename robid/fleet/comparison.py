@@ -1,4 +1,4 @@
-"""The rows of a fleet against each other: populations, who is off them, who changes."""
+"""What the rows of a fleet found, and the rows against each other: populations, who is off them, who changes."""
 
 from __future__ import annotations
 

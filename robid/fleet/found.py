@@ -1,4 +1,4 @@
-"""What the page of a fleet is made from, and how much of it is shown."""
+"""What the page of a fleet is made from, and how much of it is shown; failures by cause, and grades."""
 
 from __future__ import annotations
 

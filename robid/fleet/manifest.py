@@ -1,4 +1,4 @@
-"""The manifest: a CSV or Parquet file with a row for each robot or log."""
+"""The manifest: a CSV or Parquet file with a row for each robot or log, and whose measurements the rows are."""
 
 from __future__ import annotations
 

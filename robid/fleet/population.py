@@ -1,4 +1,4 @@
-"""What a population of robots is like in one figure, whatever a minority of them shows."""
+"""What a population of robots is like in one figure, whatever a minority shows, and rows that are none of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of a fleet: failures by cause, outliers, drifts, populations, every parameter over the rows."""
+"""The page of a fleet, and pages of single rows: the report of one that is done, the error of one that has failed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One row of a manifest: its chain in a folder aside, which then takes the place of the row's folder."""
+"""One row of a manifest: its chain in a folder aside, which then takes the place of its own, and what it found."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rows of a manifest as experiments: all are checked before the first one runs."""
+"""The rows of a manifest as experiments: all are checked before the first one runs; which of them are due, and why."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who is off the fleet, who changes, and what the fleet is like."""
+"""Who is off the fleet, who changes, what the fleet is like, and every parameter over the rows."""
 
 from __future__ import annotations
 

@@ -115,11 +115,7 @@ def _outlier(comparison: Comparison, outlier: Outlier, ledgers: Sequence[Ledger]
     return {
         "row": ledgers[outlier.row].id,
         "robot": robots.names[robots.robot[outlier.row]],
-        "group": robots.groups[of.group],
-        "fit": of.fit,
-        "name": of.name,
-        "unit": of.of.unit,
-        "relative": of.of.is_logarithmic,
+        **_named(comparison, of),
         "value": value,
         "low": low,
         "high": high,
@@ -131,18 +127,24 @@ def _outlier(comparison: Comparison, outlier: Outlier, ledgers: Sequence[Ledger]
 
 def _drift(comparison: Comparison, drift: Drift) -> dict[str, Any]:
     """Slope and change, relative where the values are compared by logarithms."""
-    of, robots = comparison.compared[drift.trait], comparison.robots
+    of = comparison.compared[drift.trait]
     return {
-        "robot": robots.names[drift.robot],
-        "group": robots.groups[of.group],
-        "fit": of.fit,
-        "name": of.name,
-        "unit": of.of.unit,
-        "relative": of.of.is_logarithmic,
+        "robot": comparison.robots.names[drift.robot],
+        **_named(comparison, of),
         "measurements": drift.count,
         **_with_ends("slope", of, drift.slope, drift.slope_half_width),
         **_with_ends("change", of, drift.change, drift.change_half_width),
         "chance": drift.chance,
+    }
+
+
+def _named(comparison: Comparison, of: Compared) -> dict[str, Any]:
+    return {
+        "group": comparison.robots.groups[of.group],
+        "fit": of.fit,
+        "name": of.name,
+        "unit": of.of.unit,
+        "relative": of.of.is_logarithmic,
     }
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from robid.errors import DataError
 from robid.results.doubt import Doubt
 from robid.results.estimate import Estimate
 from robid.results.grade import Grade, forbidding, grade_alone, grade_held, ordered, weakening
 from robid.results.outcome import Outcome, recover
+
+_SAME_RATE = 1e-6
 
 
 def graded_alone(doubts: Sequence[Doubt], status: str) -> Grade:
@@ -35,3 +38,15 @@ def outcome_of(
     every = ordered(doubts)
     grade = grade_held((*forbidding(every, estimate.status), *failures), weakening(every), every)
     return Outcome(ok=not failures, verdict=verdict, grade=grade, recovery=recover(estimate, truth or {}))
+
+
+def refuse_other_rate(own_s: float, new_s: Sequence[float]) -> None:
+    """Refuses records of a validation whose sampling periods are not that of the fit [s].
+
+    Raises:
+        DataError: If there are such.
+    """
+    other = [period_s for period_s in new_s if abs(period_s / own_s - 1) > _SAME_RATE]
+    if other:
+        message = f"the validation is sampled every {other[0]:g} s, the fit's record every {own_s:g} s"
+        raise DataError(message, where="validation", remedy="validate on a record of the same sampling period")

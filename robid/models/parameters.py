@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,9 @@ from robid.robot.parameters import PARAMETER_KINDS, name_of, owner_of
 
 if TYPE_CHECKING:
     from robid.models.family import Shown
+
+MOST_POINTS = 1500
+"""Points of a curve that a page can draw."""
 
 
 def fit_report(
@@ -82,6 +86,17 @@ def estimates_of(
         identifiable_relative_std=estimate.identifiable_relative_std,
         interval_rule=estimate.interval_rule,
     )
+
+
+def quantile(confidence: float) -> float:
+    """Returns how many standard deviations lie on either side at a level of confidence."""
+    return NormalDist().inv_cdf(0.5 + 0.5 * confidence)
+
+
+def thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns as many of the points (n,) of a curve as a page can draw."""
+    step = max(1, -(-x.size // MOST_POINTS))
+    return x[::step], y[::step]
 
 
 def with_torque_unit(unit: str, torque_unit: str) -> str:

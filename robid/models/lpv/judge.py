@@ -127,9 +127,7 @@ def validate_lpv(
     found = [doubt for doubt in error_doubts(held, ports, "new data") if not doubt.decisive]
     every = [*doubts, *found, *_seen(new), *_hidden(held)]
     return LpvValidation(
-        outcome=outcome_of(solution.estimate, every, failures, _verdict(held, failures)),
-        held=held,
-        new=new,
+        outcome=outcome_of(solution.estimate, every, failures, _verdict(held, failures)), held=held, new=new
     )
 
 

@@ -1,9 +1,8 @@
-"""What a position-dependent fit adds to page, terminal and summary."""
+"""What a position-dependent fit adds to page, terminal and summary, with its figures."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from statistics import NormalDist
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from robid.models.lpv.fit.solution import Held, LpvSolution, Ports
 from robid.models.lpv.fit.state_space import MATRICES, block_names
 from robid.models.lpv.fit.uncertainty import continuous_poles
 from robid.models.lpv.judge import LpvValidation
-from robid.models.parameters import estimates_of, fit_report
+from robid.models.parameters import estimates_of, fit_report, quantile
 from robid.report.numbers import MISSING, joint_text, percent, significant
 from robid.report.page import FitReport, KeyNumber
 from robid.report.parameter_section import parameter_section
@@ -24,11 +23,6 @@ from robid.report.section import Beside, Choice, ColumnStyle, Curve, Figure, Lin
 
 _MEASURED, _MODEL = 0, 1
 _SURFACE, _GRID = 7, 101
-
-
-def quantile(confidence: float) -> float:
-    """Returns how many standard deviations lie on either side at a level of confidence."""
-    return NormalDist().inv_cdf(0.5 + 0.5 * confidence)
 
 
 def place_label(ports: Ports, point: FloatArray) -> str:

@@ -32,7 +32,7 @@ class LpvFit(FitSettings, LpvOptions):
     )
     choose_on: Name | Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = Field(
         description="What only chooses the structure: one of the campaigns of `from`, or indices, from 0, of the"
-        " configurations that the fit reads. No parameter is fitted to it.",
+        " configurations that the fit reads. No parameter is fitted to it."
     )
     inputs: tuple[str, ...] = Field(default=(), description="Inputs of the model; all when empty.")
     outputs: tuple[str, ...] = Field(default=(), description="Outputs of the model; all when empty.")

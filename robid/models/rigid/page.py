@@ -1,4 +1,4 @@
-"""What a rigid fit adds to page, terminal and summary."""
+"""What a rigid fit adds to page, terminal and summary; figures after Figs 2 to 5 of Janot et al. (2009)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.models.family import Shown
-from robid.models.parameters import estimates_of, fit_report
+from robid.models.parameters import estimates_of, fit_report, thinned
 from robid.models.rigid.files import solution_from_artifact, validation_from_artifact
 from robid.models.rigid.fit.solution import Checks, Filtered, RigidSolution, RowResiduals
 from robid.models.rigid.judge.validating import Prediction, RigidValidation
@@ -20,7 +20,6 @@ from robid.report.parameters import Estimates
 from robid.report.section import Beside, ColumnStyle, Curve, Figure, Folded, Notes, Part, Section, Table
 
 _BINS = 40
-_MOST_POINTS = 1500
 _OUTLIER = 3.0
 
 
@@ -95,9 +94,7 @@ def _curve(name: str, x: FloatArray, y: FloatArray) -> Curve:
 def _thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Rows that count, no more than a page can draw."""
     known = np.isfinite(x) & np.isfinite(y)
-    x, y = x[known], y[known]
-    step = max(1, -(-x.size // _MOST_POINTS))
-    return x[::step], y[::step]
+    return thinned(x[known], y[known])
 
 
 _TITLES = {
@@ -127,11 +124,7 @@ def sections(
         pushed: Names of those among them that slide, whose force it is.
     """
     units = [estimates.torque_unit if name not in pushed else "N" for name in joints]
-    found = [
-        *_parameters(solution, estimates, sensed),
-        _trust(solution, joints),
-        _residuals(solution, joints, units),
-    ]
+    found = [*_parameters(solution, estimates, sensed), _trust(solution, joints), _residuals(solution, joints, units)]
     if validation is not None:
         found.append(_prediction(validation, joints, units))
     return tuple(found)

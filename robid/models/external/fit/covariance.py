@@ -139,11 +139,7 @@ def _meat(residual: FloatArray, pull: FloatArray, excited: BoolArray, n_taken: f
 
 
 def _root(
-    linear: Sequence[_LinearPart],
-    triangle: FloatArray,
-    meats: Sequence[FloatArray],
-    point: Point,
-    sought: Numerators,
+    linear: Sequence[_LinearPart], triangle: FloatArray, meats: Sequence[FloatArray], point: Point, sought: Numerators
 ) -> FloatArray:
     """Root of the covariance of numerators and denominator in powers of s over the reference frequency."""
     basis, n_pole = point.basis, point.basis.n_pole

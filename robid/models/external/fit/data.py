@@ -1,4 +1,4 @@
-"""Records as shots: what was commanded in each experiment and what came of it, repeats averaged."""
+"""Records as shots, what was commanded and what came of it, repeats averaged; and how well a model agrees with them."""
 
 from __future__ import annotations
 

@@ -73,11 +73,7 @@ def fit_external(
 
 
 def ports_of(
-    shots: Sequence[Shot],
-    inputs: Sequence[Channel],
-    outputs: Sequence[Channel],
-    hold: str,
-    options: CouplingOptions,
+    shots: Sequence[Shot], inputs: Sequence[Channel], outputs: Sequence[Channel], hold: str, options: CouplingOptions
 ) -> Ports:
     """Describes the commands and outputs of shots."""
     resolution = resolutions(inputs, options)

@@ -1,4 +1,8 @@
-"""Transfer functions with common poles, and what they answer exactly to held commands."""
+"""Transfer functions with common poles, and what they answer exactly to held commands, by way of a cascade of poles.
+
+A cascade has one real state per pole. Its first states, those of the poles, span all numerators over `a(s)`, and all
+states, those of the poles twice, all numerators over `a(s)^2`: what an output and its derivatives are made of.
+"""
 
 from __future__ import annotations
 

@@ -24,11 +24,10 @@ from robid.models.external.judge.prediction import (
     predict_shots,
     traces_of,
 )
-from robid.models.judging import outcome_of
+from robid.models.judging import outcome_of, refuse_other_rate
 from robid.results.doubt import Doubt
 from robid.results.outcome import Outcome
 
-_SAME_RATE = 1e-6
 _OUTSIDE = 3.0  # times as many samples outside the bounds as their level says
 _EXPLAINED = 1.2  # of the expected error
 _NOISE = ", which noise explains: move farther, or repeat more often"
@@ -80,7 +79,7 @@ def validate_external(
     Raises:
         DataError: If the shots are sampled otherwise than those of the fit, or none of its commands moves.
     """
-    _refuse_other(solution, shots)
+    refuse_other_rate(solution.ports.sampling_period_s, [shot.sampling_period_s for shot in shots])
     found = new_shots(solution, shots)
     if not found:
         message = "none of the fit's commands moves in the validation"
@@ -165,16 +164,6 @@ def _untested(names: Sequence[str]) -> tuple[Doubt, ...]:
         return ()
     told = f"{', '.join(names)} do not move in the validation: nothing was tested of them"
     return (Doubt("excitation", told, decisive=False, strength=2.0),)
-
-
-def _refuse_other(solution: ExternalSolution, shots: Sequence[Shot]) -> None:
-    period = solution.ports.sampling_period_s
-    other = [shot for shot in shots if abs(shot.sampling_period_s / period - 1) > _SAME_RATE]
-    if other:
-        message = (
-            f"the validation is sampled every {other[0].sampling_period_s:g} s, the fit's record every {period:g} s"
-        )
-        raise DataError(message, where="validation", remedy="validate on a record of the same sampling period")
 
 
 def _verdict(agreed: Sequence[Agreement], bounds: Sequence[Bounds], failures: Sequence[str]) -> str:

@@ -13,7 +13,8 @@ from robid.models.external.fit.data import Agreement
 from robid.models.external.fit.options import CouplingOptions
 from robid.models.external.fit.solution import ExternalSolution, Ports
 from robid.models.external.judge.validating import ExternalValidation
-from robid.models.external.page.charts import Trace, quantile, readable_factor, trace_figures
+from robid.models.external.page.charts import Trace, readable_factor, trace_figures
+from robid.models.parameters import quantile
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Beside, Cell, Choice, ColumnStyle, Curve, Figure, Line, Notes, Row, Section, Table
 

@@ -1,4 +1,4 @@
-"""What an external fit adds to page, terminal and summary."""
+"""What an external fit adds to page, terminal and summary, section by section."""
 
 from __future__ import annotations
 
@@ -12,12 +12,7 @@ from robid.models.external.fit.data import Agreement
 from robid.models.external.fit.options import CouplingOptions
 from robid.models.external.fit.solution import ExternalSolution
 from robid.models.external.judge.validating import ExternalValidation
-from robid.models.external.page.charts import (
-    excitation_figures,
-    locus_figure,
-    response_figures,
-    step_figure,
-)
+from robid.models.external.page.charts import excitation_figures, locus_figure, response_figures, step_figure
 from robid.models.external.page.data import coupling_section, new_section, own_section, own_table
 from robid.models.external.settings import external_fit
 from robid.models.family import Shown

@@ -132,11 +132,7 @@ def _like(system: StateSpace, other: StateSpace, index: int) -> StateSpace:
     eye = np.eye(n)
     # Row by row, vec(T A) = kron(1, A^T) vec(T) and vec(A' T) = kron(A', 1) vec(T): one linear least-squares problem in
     # T.
-    rows = [
-        np.kron(eye, system.A.T) - np.kron(other.A, eye),
-        np.kron(eye, system.B.T),
-        np.kron(other.C, eye),
-    ]
+    rows = [np.kron(eye, system.A.T) - np.kron(other.A, eye), np.kron(eye, system.B.T), np.kron(other.C, eye)]
     right = [np.zeros(n * n), other.B.ravel(), system.C.ravel()]
     T = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0].reshape(n, n)
     values = np.linalg.svd(T, compute_uv=False)

@@ -1,4 +1,4 @@
-"""A linear model whose matrices are sums of basis functions of the scheduling parameters."""
+"""A linear model whose matrices are sums of basis functions of the scheduling parameters, and these functions."""
 
 from __future__ import annotations
 

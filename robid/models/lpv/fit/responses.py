@@ -1,4 +1,4 @@
-"""Local frequency responses, the problem that they pose, and how a model agrees with them."""
+"""Local frequency responses, the weighted error of a model against them with its derivative, and their agreement."""
 
 from __future__ import annotations
 

@@ -30,8 +30,8 @@ from robid.models.rigid.fit.residuals import (
     row_count,
 )
 from robid.models.rigid.fit.result import Found, first_moments, make_solution
-from robid.models.rigid.fit.rows import Motion, Reading, Remembered, RowSource, prepare
-from robid.models.rigid.fit.shots import Shot, refuse_unusable, travel_of
+from robid.models.rigid.fit.rows import Motion, Reading, Remembered, RowSource
+from robid.models.rigid.fit.shots import Shot, motion_of, refuse_unusable, travel_of
 from robid.models.rigid.fit.solution import RigidSolution
 from robid.robot.description import Robot
 from robid.robot.regressor.base import BaseParameters, find_base_parameters, label, select_base
@@ -106,16 +106,7 @@ class _Problem:
 
     def _motion(self, shot: Shot, instrument: FloatArray | None) -> Motion:
         try:
-            return prepare(
-                shot.position,
-                shot.torque,
-                shot.sampling_period_s,
-                self.filters,
-                instrument=instrument,
-                held=shot.held,
-                load_dependent=self.model.needs_torque,
-                loaded=shot.loaded,
-            )
+            return motion_of(shot, self.model, self.filters, instrument)
         except ValueError as error:
             remedy = "record longer, or state a higher `filters.position_cut_hz`"
             raise DataError(str(error), where="record", remedy=remedy) from error

@@ -1,4 +1,4 @@
-"""What residuals tell: intervals where they are correlated in time and between joints, and tests of their shape."""
+"""What residuals tell: intervals where they are correlated, tests of shape, and a cut-off that leaves them white."""
 
 from __future__ import annotations
 

@@ -234,11 +234,7 @@ class Reading:
     """
 
     def __init__(
-        self,
-        motions: Sequence[Motion],
-        regressor: Regressor,
-        decimator: Decimator,
-        block_samples: int = _BLOCK_SAMPLES,
+        self, motions: Sequence[Motion], regressor: Regressor, decimator: Decimator, block_samples: int = _BLOCK_SAMPLES
     ) -> None:
         self._regressor = regressor
         self._decimator = decimator

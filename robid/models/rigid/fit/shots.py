@@ -9,8 +9,11 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import DataError
+from robid.models.rigid.fit.options import PreprocessingOptions
+from robid.models.rigid.fit.rows import Motion, prepare
 from robid.models.rigid.fit.solution import Travel
 from robid.robot.description import Robot
+from robid.robot.regressor.model import RigidModel
 from robid.signals.quantities import Channel, describe
 from robid.signals.record import Record
 from robid.simulate.controller import angle_reference
@@ -72,6 +75,26 @@ def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: boo
     return tuple(
         Shot(each[late_samples:], drive[:end], period_s, held, told, late_samples, loaded, unit)
         for each, drive, told in zip(positions, torques, commands, strict=True)
+    )
+
+
+def motion_of(
+    shot: Shot, model: RigidModel, filters: PreprocessingOptions, instrument: FloatArray | None = None
+) -> Motion:
+    """Returns a shot as the rows of a model are made of it, with the positions (n_sample, n_joint) of an instrument.
+
+    Raises:
+        ValueError: If it is too short for the filters.
+    """
+    return prepare(
+        shot.position,
+        shot.torque,
+        shot.sampling_period_s,
+        filters,
+        instrument=instrument,
+        held=shot.held,
+        load_dependent=model.needs_torque,
+        loaded=shot.loaded,
     )
 
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray, Quantity
 from robid.errors import DataError
-from robid.models.judging import outcome_of
+from robid.models.judging import outcome_of, refuse_other_rate
 from robid.models.rigid.fit.fitting import Simulate
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.residuals import FEWEST_TESTED
-from robid.models.rigid.fit.rows import Reading, prepare
-from robid.models.rigid.fit.shots import Shot, repeats
+from robid.models.rigid.fit.rows import Reading
+from robid.models.rigid.fit.shots import Shot, motion_of, repeats
 from robid.models.rigid.fit.solution import RigidSolution
 from robid.models.rigid.judge.plausible import TOTAL_ERROR_LIMIT
 from robid.results.doubt import Doubt
@@ -73,18 +73,7 @@ def predict(
         ValueError: If a shot is too short for its filters.
     """
     decimator = filters.decimator(shots[0].sampling_period_s)
-    motions = [
-        prepare(
-            shot.position,
-            shot.torque,
-            shot.sampling_period_s,
-            filters,
-            held=shot.held,
-            load_dependent=model.needs_torque,
-            loaded=shot.loaded,
-        )
-        for shot in shots
-    ]
+    motions = [motion_of(shot, model, filters) for shot in shots]
     measured, predicted = [], []
     for rows in Reading(motions, model, decimator):
         measured.append(np.where(rows.used, rows.torque, np.nan))
@@ -99,7 +88,6 @@ def predict(
 MOTOR_ERROR_LIMIT = 0.3
 _WORSE = 2.0  # times what the fit left
 _MATTERS = 0.05  # of the torque
-_SAME_RATE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -224,13 +212,7 @@ def _untested(robot: Robot, prediction: Prediction) -> tuple[Doubt, ...]:
 
 def _refuse_other(solution: RigidSolution, shots: Sequence[Shot]) -> None:
     """Refuses records that are sampled otherwise, or in other units, than those of the fit."""
-    period = solution.filtered.sampling_period_s
-    other = [shot for shot in shots if abs(shot.sampling_period_s / period - 1) > _SAME_RATE]
-    if other:
-        message = (
-            f"the validation is sampled every {other[0].sampling_period_s:g} s, the fit's record every {period:g} s"
-        )
-        raise DataError(message, where="validation", remedy="validate on a record of the same sampling period")
+    refuse_other_rate(solution.filtered.sampling_period_s, [shot.sampling_period_s for shot in shots])
     units = {shot.torque_unit for shot in shots} - {solution.torque_unit}
     if units:
         message = f"the validation's torques are in {units.pop()}, the fit's in {solution.torque_unit}"
