@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robid.fleet.comparison import collect, compare
-from robid.fleet.found import Found
+from robid.fleet.comparison import Found, collect, compare
 from robid.fleet.ledger import Ledger, RowError
 from robid.fleet.manifest import Manifest, robots_of
 from robid.settings.placeholders import Row

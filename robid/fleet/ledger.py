@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -192,3 +192,14 @@ def why_stale(
     if ledger.status == "failed" and (force or ledger.robid_version != robid.__version__):
         return "failed, and is tried again"
     return ""
+
+
+def causes(ledgers: Iterable[Ledger]) -> list[tuple[str, str, str, list[str]]]:
+    """Groups failures by kind and message, the most frequent first: kind, message, remedy and ids."""
+    found: dict[tuple[str, str], tuple[str, list[str]]] = {}
+    for ledger in ledgers:
+        if ledger.error is not None:
+            error = ledger.error
+            found.setdefault((error.kind, error.message), (error.remedy, []))[1].append(ledger.id)
+    groups = [(kind, message, remedy, ids) for (kind, message), (remedy, ids) in found.items()]
+    return sorted(groups, key=lambda group: -len(group[3]))

@@ -1,4 +1,4 @@
-"""The page of a fleet, and pages of single rows: the report of one that is done, the error of one that has failed."""
+"""The page of a fleet with its failures and grades, and a page for each single row that is to have one."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from robid.artifacts.artifact import Provenance, canonical_hash, git_commit, package_versions, utc_now
 from robid.artifacts.atomic import read_json
 from robid.errors import ArtifactError, RobidError, WorkerError
+from robid.fleet.comparison import MOST_SHOWN, Found, listed
 from robid.fleet.folders import PAGE, remove, writing
-from robid.fleet.found import Found, failure_sections, grade_sections
-from robid.fleet.ledger import LEDGER, Ledger, read_ledger
+from robid.fleet.ledger import LEDGER, Ledger, causes, read_ledger
 from robid.fleet.row import RowTask, Told, load_task
 from robid.fleet.sections import drift_sections, outlier_sections, parameter_sections, population_sections
 from robid.pipeline.freshness import read_stamp
@@ -23,7 +23,8 @@ from robid.pipeline.replacing import check_replaceable
 from robid.pipeline.report import write_page
 from robid.pipeline.stage import counted
 from robid.report.page import ReportContent, Verdict
-from robid.report.section import Folded, Notes, Section, Table
+from robid.report.section import ColumnStyle, Folded, Notes, Part, Section, Table
+from robid.results.grade import WORDS
 
 if TYPE_CHECKING:
     from robid.backends.map import Progress
@@ -218,3 +219,47 @@ def _flat(value: object, name: str = "") -> Iterator[tuple[str, str]]:
             yield from _flat(inner, f"{name}.{key}" if name else str(key))
     elif value is not None:
         yield name, str(value)
+
+
+_MANY_CAUSES = 100
+
+
+def failure_sections(found: Found) -> tuple[Section, ...]:
+    """Says which rows have failed and why, the most frequent cause first."""
+    groups = causes(found.ledgers)
+    if not groups:
+        return ()
+    rows = tuple((kind, str(len(ids)), message, remedy, listed(ids)) for kind, message, remedy, ids in groups)
+    more = f"The first {_MANY_CAUSES} of {len(rows)} causes; all are in fleet.json." if len(rows) > _MANY_CAUSES else ""
+    columns = ("Kind", "Rows", "What is wrong", "What to do", "Which")
+    styles: tuple[ColumnStyle, ...] = ("name", "number", "prose", "prose", "prose")
+    parts: tuple[Part, ...] = (Table(columns, rows[:_MANY_CAUSES], styles=styles, caption=more),)
+    each = _pages(found)
+    if each.rows:
+        parts = (*parts, Folded("Row by row", (each,)))
+    return (Section("Failures by cause", "Where each is wrong stands in its row.json and in the table.", parts),)
+
+
+def _pages(found: Found) -> Table:
+    """The failed rows that have pages, with links."""
+    numbers = {ledger.id: row for row, ledger in enumerate(found.ledgers)}
+    shown = [numbers[name] for *_, ids in causes(found.ledgers)[:_MANY_CAUSES] for name in ids[:MOST_SHOWN]]
+    cells = [(found.cell(row), str(found.ledgers[row].error)) for row in shown[: 2 * MOST_SHOWN]]
+    rows = tuple((cell, error) for cell, error in cells if cell.link)
+    return Table(("Row", "What is wrong"), rows, styles=("name", "prose"))
+
+
+def grade_sections(found: Found) -> tuple[Section, ...]:
+    """Says how many rows have which grade, and why not a better one."""
+    graded: dict[tuple[int, str], list[str]] = {}
+    for ledger in found.ledgers:
+        for value, sentence in ledger.grades.values():
+            graded.setdefault((value, sentence), []).append(ledger.id)
+    if not graded:
+        return ()
+    ordered = sorted(graded.items(), key=lambda item: (item[0][0], -len(item[1])))
+    rows = [(WORDS[value], str(len(ids)), sentence, listed(ids)) for (value, sentence), ids in ordered[:MOST_SHOWN]]
+    more = f"The first {MOST_SHOWN} of {len(ordered)}; all are in the table." if len(ordered) > MOST_SHOWN else ""
+    styles: tuple[ColumnStyle, ...] = ("name", "number", "prose", "prose")
+    table = Table(("Grade", "Rows", "Why", "Which"), tuple(rows), styles=styles, caption=more)
+    return (Section("Grades", "The worst first.", (table,)),)

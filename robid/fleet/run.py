@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from robid.errors import WorkerError
-from robid.fleet.comparison import Comparison, collect, compare
+from robid.fleet.comparison import Comparison, Found, Pages, collect, compare, flagged
 from robid.fleet.folders import at_work, recover, writing
-from robid.fleet.found import Found, Pages, flagged
 from robid.fleet.ledger import LEDGER, Ledger, read_ledger
 from robid.fleet.report import check_report, make_pages, write_report
 from robid.fleet.row import RowTask, fail_row, run_row

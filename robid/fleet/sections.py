@@ -9,9 +9,8 @@ from itertools import chain
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.fleet.comparison import Collected, Compared, Comparison
+from robid.fleet.comparison import MOST_SHOWN, Collected, Compared, Comparison, Found, listed
 from robid.fleet.drift import Drift
-from robid.fleet.found import MOST_SHOWN, Found, listed
 from robid.fleet.population import FEWEST_ROBOTS, LEVEL, Outlier
 from robid.report.numbers import MISSING, percent, scale_for
 from robid.report.parameters import kind_title

@@ -7,7 +7,7 @@ Schema history:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,22 +16,11 @@ from robid.artifacts.atomic import json_text, read_json, write_json
 from robid.errors import ArtifactError
 from robid.fleet.comparison import Compared, Comparison
 from robid.fleet.drift import Drift
-from robid.fleet.ledger import Ledger
+from robid.fleet.ledger import Ledger, causes
 from robid.fleet.population import LEVEL, Outlier
 
 SUMMARY_VERSION = "1.1"
 _KIND = "fleet"
-
-
-def causes(ledgers: Iterable[Ledger]) -> list[tuple[str, str, str, list[str]]]:
-    """Groups failures by kind and message, the most frequent first: kind, message, remedy and ids."""
-    found: dict[tuple[str, str], tuple[str, list[str]]] = {}
-    for ledger in ledgers:
-        if ledger.error is not None:
-            error = ledger.error
-            found.setdefault((error.kind, error.message), (error.remedy, []))[1].append(ledger.id)
-    groups = [(kind, message, remedy, ids) for (kind, message), (remedy, ids) in found.items()]
-    return sorted(groups, key=lambda group: -len(group[3]))
 
 
 def check_summary(path: Path) -> None:

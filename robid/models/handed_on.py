@@ -22,7 +22,7 @@ from robid.robot.standard import StandardRobot, inertial_of, is_real, with_stand
 from robid.settings.experiment import heaviest, payload_kg
 from robid.settings.load import LoadedExperiment
 
-_GROUP = "rigid/standard"
+_GROUP, _UNIT = "rigid/standard", "rigid/torque_unit"
 _NEWTON_METRES = "N m"
 
 
@@ -59,7 +59,7 @@ def standard_from_artifact(model: Artifact, fit: str) -> Standard:
     Raises:
         DataError: If it has none that could be handed on.
     """
-    unit = str(model.attributes.get("rigid/torque_unit", _NEWTON_METRES))
+    unit = str(model.attributes.get(_UNIT, _NEWTON_METRES))
     if unit != _NEWTON_METRES:
         message = f"fit `{fit}` knows torques in {unit} alone: its masses are ratios to the torque constant"
         raise DataError(message, where=f"fits.{fit}", remedy="import torques in N m; json, csv and mat hold the ratios")
@@ -213,9 +213,6 @@ def _scaled(body: Inertial, factor: float) -> Inertial:
     return Inertial(factor * body.mass_kg, body.com_m, factor * body.inertia_kgm2)
 
 
-_UNIT = "rigid/torque_unit"
-
-
 @dataclass(frozen=True)
 class MotorFriction:
     """Friction of some motors, motor side; where it differs between the directions the mean of both."""
@@ -237,7 +234,7 @@ def friction_from_artifact(model: Artifact, fit: str, joints: Sequence[str], tor
     Raises:
         DataError: If it knows no friction of a motor, or torques in another unit.
     """
-    unit = str(model.attributes.get(_UNIT, "N m"))
+    unit = str(model.attributes.get(_UNIT, _NEWTON_METRES))
     if unit != torque_unit:
         message = f"fit `{fit}` knows friction in {unit}, but it is subtracted from torques in {torque_unit}"
         raise DataError(message, where=f"fits.{fit}", remedy="import both logs in the same unit")

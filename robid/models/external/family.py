@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robid.later import later
-from robid.models.external.settings import ExternalFit, model_settings, problems
+from robid.models.external.settings import ExternalFit, problems
 from robid.models.family import Export, Family
 
 with later(__name__):
@@ -16,7 +16,7 @@ EXTERNAL = Family(
     settings=ExternalFit,
     reads=("record",),
     problems=problems,
-    decides=model_settings,
+    decides=lambda _loaded, _campaign: {},
     fit=fit,
     validate=validate,
     phrase=phrase_of_model,

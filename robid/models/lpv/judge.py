@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, Quantity
 from robid.errors import DataError
-from robid.models.judging import graded_alone, outcome_of
+from robid.models.conclusions import graded_alone, outcome_of
 from robid.models.lpv.fit.fitting import hold
 from robid.models.lpv.fit.responses import LocalResponses, expected_share, hidden_error
 from robid.models.lpv.fit.solution import Held, LpvSolution, Ports

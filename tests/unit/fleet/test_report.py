@@ -5,10 +5,9 @@ from dataclasses import replace
 import pytest
 
 from fabricated_fleets import entry, failed, found_in, ledger, sound, with_factor
-from robid.fleet.found import flagged
-from robid.fleet.ledger import FileKey
+from robid.fleet.comparison import flagged
+from robid.fleet.ledger import FileKey, causes
 from robid.fleet.report import failure_content, report_content, write_report
-from robid.fleet.summary import causes
 from robid.report.numbers import MISSING
 from robid.report.page import render
 from robid.report.section import Choice

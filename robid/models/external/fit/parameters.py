@@ -9,9 +9,9 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.models.conclusions import Row, estimate_of_rows, root_rows
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.transfer import TransferMatrix
-from robid.models.roots import Row, estimate_of_rows, root_rows
 from robid.results.estimate import Estimate
 
 
@@ -172,7 +172,6 @@ class Findings:
     cancelling: tuple[str, ...]  # nearly cancelling pairs, a sentence each
     pairs: tuple[tuple[complex, complex], ...]  # pole and zero [rad/s] of each of them
     non_minimum_phase: tuple[str, ...]  # zeros in the right half plane, a sentence each
-    non_minimum_phase_zeros: tuple[complex, ...]  # those zeros [rad/s]
     significant: tuple[bool, ...]  # whether each of those is significantly there
 
 
@@ -212,7 +211,6 @@ def find_findings(
             f"the zero at {_written(each.place)} rad/s is not of minimum phase{'' if sure else ', not significantly'}"
             for each, sure in zip(right, significant, strict=True)
         ),
-        non_minimum_phase_zeros=tuple(each.place for each in right),
         significant=tuple(significant),
     )
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from robid.models.conclusions import graded_alone
 from robid.models.external.fit.choice import STRONG_EVIDENCE
 from robid.models.external.fit.covariance import WHITE
 from robid.models.external.fit.data import Agreement
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.solution import ExternalSolution
-from robid.models.judging import graded_alone
 from robid.results.doubt import Doubt, two_digits
 from robid.results.grade import Grade
 from robid.results.scale import SCALES, Scale

@@ -11,6 +11,7 @@ from scipy.stats import norm
 
 from robid.arrays import Quantity
 from robid.errors import DataError
+from robid.models.conclusions import outcome_of, refuse_other_rate
 from robid.models.external.fit.data import Agreement, Shot, agreements
 from robid.models.external.fit.reduction import whiteness
 from robid.models.external.fit.solution import ExternalSolution
@@ -24,7 +25,6 @@ from robid.models.external.judge.prediction import (
     predict_shots,
     traces_of,
 )
-from robid.models.judging import outcome_of, refuse_other_rate
 from robid.results.doubt import Doubt
 from robid.results.outcome import Outcome
 

@@ -19,10 +19,9 @@ from robid.models.lpv.fit.local import (
 from robid.models.lpv.fit.model import (
     Basis,
     LpvModel,
-    Stability,
     add_integrators,
-    check_stability,
     different_positions,
+    largest_pole,
     make_basis,
 )
 from robid.models.lpv.fit.options import BasisOptions, LpvOptions
@@ -72,7 +71,7 @@ class LpvResult:
     kept: BoolArray  # (4, n_function): blocks of A, B, C and D that the chosen model has
     scales: FloatArray  # (n_out,): units of the outputs during the fit
     parameters: ParameterUncertainty  # how far the chosen model's parameters may be off, outputs in units of `scales`
-    stability: Stability  # of the chosen model over the range, integrators not counted
+    largest_pole: tuple[float, FloatArray]  # of the chosen model over the range, integrators not counted; and where
     integrators: tuple[int, ...]  # how often each output integrates
 
     def uncertainty(self, points: FloatArray, frequency_hz: FloatArray) -> ResponseUncertainty:
@@ -139,7 +138,7 @@ def estimate_lpv(responses: LocalResponses, validation: LocalResponses, basis: B
         kept=path.best.kept,
         scales=scales,
         parameters=parameter_uncertainty(problem, path.best.parameters, free, variance),
-        stability=check_stability(core),
+        largest_pole=largest_pole(core),
         integrators=integrators,
     )
 
@@ -211,8 +210,8 @@ def fit_lpv(
         own=_held(found, own, degrees_of_freedom),
         choosing=_held(found, choosing, degrees_of_freedom),
         misfit=found.parameters.misfit,
-        largest_pole=found.stability.radius,
-        largest_pole_at=found.stability.point,
+        largest_pole=found.largest_pole[0],
+        largest_pole_at=found.largest_pole[1],
     )
 
 

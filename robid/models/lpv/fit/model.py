@@ -84,11 +84,6 @@ class Basis:
     upper: FloatArray  # (n_scheduling,): largest value of each
 
     @property
-    def n_function(self) -> int:
-        """Number of functions, the constant one not counted."""
-        return len(self.functions.names)
-
-    @property
     def largest(self) -> FloatArray:
         """Largest absolute value (n_function,) of each function in the range."""
         return np.asarray(np.abs(self.functions.values(self.grid())).max(axis=0))
@@ -236,30 +231,20 @@ class LpvModel:
         return response(self.at(points), unit_circle(frequency_hz, self.sampling_period_s))
 
 
-@dataclass(frozen=True)
-class Stability:
-    """How near the frozen models come to the unit circle."""
-
-    radius: float  # largest absolute value of a pole over the range
-    point: FloatArray  # (n_scheduling,): where it is reached
-
-    @property
-    def stable(self) -> bool:
-        """Whether every frozen model on the grid is stable; a moving parameter may still excite."""
-        return self.radius < 1
-
-
 def unit_circle(frequency_hz: FloatArray, sampling_period_s: float) -> ComplexArray:
     """Returns `exp(j omega T)` of frequencies (n_freq,)."""
     return np.asarray(np.exp(2j * np.pi * frequency_hz * sampling_period_s))
 
 
-def check_stability(model: LpvModel) -> Stability:
-    """Looks for the frozen model with the largest pole on a grid over the range."""
+def largest_pole(model: LpvModel) -> tuple[float, FloatArray]:
+    """Looks on a grid over the range for the frozen model with the largest pole: its absolute value, and where it is.
+
+    Below one every frozen model on the grid is stable; a moving parameter may still excite.
+    """
     grid = model.basis.grid()
     radius = model.at(grid).spectral_radius
     worst = int(np.argmax(radius))
-    return Stability(float(radius[worst]), grid[worst])
+    return float(radius[worst]), grid[worst]
 
 
 def simulate_lpv(

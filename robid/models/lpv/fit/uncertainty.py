@@ -9,10 +9,10 @@ import numpy as np
 from scipy.stats import norm
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.models.conclusions import Row, estimate_of_rows, root_rows
 from robid.models.lpv.fit.model import LpvModel
 from robid.models.lpv.fit.responses import LocalResponses, Problem, local_jacobian, make_problem
 from robid.models.lpv.fit.state_space import Sizes, StateSpace, pack, unpack
-from robid.models.roots import Row, estimate_of_rows, root_rows
 from robid.results.estimate import Estimate
 
 _SINGULAR = 1e-11  # of the largest eigenvalue: a direction that moves no response

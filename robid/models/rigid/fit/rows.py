@@ -82,17 +82,6 @@ class RowSource(Protocol):
         """Makes all blocks, one after the other."""
 
 
-def rows_of(columns: FloatArray, torque: FloatArray, instruments: FloatArray | None = None) -> RowSource:
-    """Makes a source of rows that are whole in memory, for small problems.
-
-    Args:
-        columns (n_row, n_joint, n_param): Regressor.
-        torque (n_row, n_joint): Torques.
-        instruments (n_row, n_joint, n_param): Instruments, if any.
-    """
-    return (Rows(columns, torque, np.ones(torque.shape, dtype=bool), instruments),)
-
-
 class Remembered:
     """A source that keeps what fits its budget, so that only the other blocks are made again in each pass.
 

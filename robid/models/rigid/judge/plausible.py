@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from robid.models.judging import graded_alone
+from robid.models.conclusions import graded_alone
 from robid.models.rigid.fit.solution import RigidSolution, Travel
 from robid.results.doubt import Doubt, two_digits
 from robid.results.estimate import Estimate

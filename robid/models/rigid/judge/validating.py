@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray, Quantity
 from robid.errors import DataError
-from robid.models.judging import outcome_of, refuse_other_rate
+from robid.models.conclusions import outcome_of, refuse_other_rate
 from robid.models.rigid.fit.fitting import Simulate
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.residuals import FEWEST_TESTED
