@@ -306,8 +306,7 @@ def choose_cut_off(
         message = f"{len(position)} samples leave too few rows for {len(regressor.names)} parameters at any cut-off"
         raise ValueError(message)
     trials = tuple(_try(position, torque, sampling_period_s, regressor, tried, held) for tried in every)
-    # The lowest white one: a higher cut-off lets more of the positions' noise into the columns, which biases least
-    # squares.
+    # The lowest white one: a higher one lets more of the positions' noise into the columns, which biases the fit.
     white = [trial for trial in trials if trial.correlation.max() <= _WHITE]
     best = white[0] if white else min(trials, key=lambda trial: float(trial.correlation.max()))
     return CutOffChoice(best.cut_hz, bool(white), excited, trials)

@@ -162,8 +162,7 @@ def _estimate(
     # What the file has as zero is related to what was found, so that it can be identifiable at all.
     stated = np.where(nominal == 0, size, np.abs(nominal))
     identifiable = std / stated <= limit
-    quantile = norm.ppf(0.5 + 0.5 * options.confidence)
-    status = chosen.status
+    quantile, status = norm.ppf(0.5 + 0.5 * options.confidence), chosen.status
     return Estimate(
         names=tuple(reduced.names),
         kinds=tuple(reduced.kinds),
