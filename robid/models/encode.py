@@ -22,14 +22,14 @@ from robid.artifacts.results import (
     outcome_from_artifact,
     validation_to_artifact,
 )
-from robid.results.estimate import Estimate
-from robid.results.grade import Grade
-from robid.results.outcome import Outcome
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
     from robid.models.family import ExportTask
+    from robid.results.estimate import Estimate
+    from robid.results.grade import Grade
+    from robid.results.outcome import Outcome
 
     class AnySolution(DataclassInstance, Protocol):
         """What a fit found: an estimate, and what only its family has."""
