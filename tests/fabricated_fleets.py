@@ -4,12 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from robid.fleet.collected import collect
-from robid.fleet.comparison import compare
+from robid.fleet.comparison import Found, collect, compare
 from robid.fleet.ledger import Ledger, RowError
-from robid.fleet.manifest import Manifest
-from robid.fleet.page.found import Found
-from robid.fleet.robots import robots_of
+from robid.fleet.manifest import Manifest, robots_of
 from robid.settings.placeholders import Row
 
 KNOWN = 0.01

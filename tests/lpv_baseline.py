@@ -3,7 +3,7 @@
 import cvxpy
 import numpy as np
 
-from robid.models.lpv.fit.problem import local_jacobian
+from robid.models.lpv.fit.responses import local_jacobian
 
 
 def stacked_rows(problem, point, free):

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from robid.models.lpv.fit.basis import polynomial_basis
-from robid.models.lpv.fit.problem import Problem
-from robid.models.lpv.fit.responses import LocalResponses
+from robid.models.lpv.fit.model import polynomial_basis
+from robid.models.lpv.fit.responses import LocalResponses, Problem
 from robid.models.lpv.fit.state_space import Sizes, StateSpace, response, transform
 
 POSITIONS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None]

@@ -60,3 +60,8 @@ def stacked(source):
     """All used rows of a source: regressor (n, n_param) and torque (n,)."""
     columns = np.concatenate([rows.columns[rows.used] for rows in source])
     return columns, np.concatenate([rows.torque[rows.used] for rows in source])
+
+
+def whole_rows(columns, torque):
+    """Rows that are whole in memory, all of which count."""
+    return (Rows(columns, torque, np.ones(torque.shape, bool)),)

@@ -15,13 +15,11 @@ from robid.backends.map import Map, make_map
 from robid.commands.output import print_json
 from robid.commands.shared import PROBLEM, choose_backend
 from robid.errors import SettingsError
-from robid.fleet.due import Look, look
-from robid.fleet.ledger import Ledger
-from robid.fleet.outliers import FEWEST_ROBOTS
-from robid.fleet.page.found import listed
-from robid.fleet.rows import Fleet, load_fleet
+from robid.fleet.comparison import listed
+from robid.fleet.ledger import Ledger, causes
+from robid.fleet.population import FEWEST_ROBOTS
+from robid.fleet.rows import Fleet, Look, load_fleet, look
 from robid.fleet.run import ROWS, Batch, Options, run_fleet
-from robid.fleet.summary import causes
 from robid.fleet.table import require_table
 from robid.pipeline.stage import counted
 from robid.pipeline.terminal import Shell, make_console

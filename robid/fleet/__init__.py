@@ -1,5 +1,5 @@
 """An experiment file over the rows of a manifest.
 
-Read `manifest`, `robots`, `rows`, `ledger`, `folders`, `row`, `run`. What comes out of a row is in `results` and
-`pages`, what comes out of all of them in `collected`, `comparison`, `table`, `summary` and `page`.
+Read `manifest`, `rows`, `ledger`, `folders`, `row`, `run`. What comes out of all rows is in `comparison`, with
+`population` and `drift`, and goes to `table`, `summary`, and, by way of `sections`, to `report`.
 """

@@ -1,43 +1,151 @@
-"""The rows of a fleet against each other: populations, who is off them, who changes."""
+"""What the rows of a fleet found, and the rows against each other: populations, who is off them, who changes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from array import array
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
+from scipy.stats import norm
 
 from robid.arrays import BoolArray, FloatArray, IntArray
-from robid.fleet.collected import Collected, Key
 from robid.fleet.drift import Drift, find_drifts, followed
-from robid.fleet.outliers import Outlier, Trait, find_outliers, populations
-from robid.fleet.population import Population
-from robid.fleet.robots import Robots
+from robid.fleet.folders import PAGE
+from robid.fleet.ledger import Ledger, causes
+from robid.fleet.manifest import Robots
+from robid.fleet.population import Outlier, Population, Trait, find_outliers, populations
+from robid.report.section import Cell
+from robid.robot.parameters import DOUBT, LOGARITHMIC, NUISANCE
+
+Key = tuple[str, str]
+"""Name of a fit, and of a parameter or misfit."""
+
+
+def _numbers() -> array[float]:
+    return array("d")
+
+
+@dataclass
+class Collected:
+    """A parameter, or misfit, of one fit over the rows."""
+
+    kind: str  # kind of the parameter; empty for a misfit
+    unit: str
+    confidence: float  # level of the intervals
+    rows: array[int] = field(default_factory=lambda: array("q"))  # index of each row that has it
+    # What the robot file says; not a number where it says nothing, as below.
+    nominal: array[float] = field(default_factory=_numbers)
+    middle: array[float] = field(default_factory=_numbers)  # the parameter itself; a misfit's value
+    low: array[float] = field(default_factory=_numbers)  # lower end of its interval
+    high: array[float] = field(default_factory=_numbers)  # upper end
+    # What rows are compared by: the effective value where there is one, of an identified parameter, as a logarithm
+    # where the kind is one.
+    compared: array[float] = field(default_factory=_numbers)
+    std: array[float] = field(default_factory=_numbers)  # standard deviation of that
+
+    @property
+    def is_misfit(self) -> bool:
+        """Whether it says how badly a model fits."""
+        return not self.kind
+
+    @property
+    def is_logarithmic(self) -> bool:
+        """Whether rows are compared by its logarithm."""
+        return self.is_misfit or self.kind in LOGARITHMIC
+
+    @property
+    def known(self) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Rows (n,) that can be compared, what they are compared by, and its standard deviations."""
+        value, std = np.array(self.compared), np.array(self.std)
+        kept = np.isfinite(value) & np.isfinite(std)
+        return np.array(self.rows, int)[kept], value[kept], std[kept]
+
+    def add(self, row: int, entry: Mapping[str, Any]) -> None:
+        """Adds what a row found."""
+        value, std = _compared(entry)
+        middle = entry.get("physical")
+        self.rows.append(row)
+        self.nominal.append(_known(entry["nominal"]))
+        self.middle.append(_known(entry["estimate"] if middle is None else middle))
+        self.low.append(_known(entry["physical_low"]))
+        self.high.append(_known(entry["physical_high"]))
+        self.compared.append(value)
+        self.std.append(std)
+
+    def add_misfit(self, row: int, value: float) -> None:
+        """Adds the misfit of a row; nobody knows its error."""
+        self.rows.append(row)
+        self.middle.append(value)
+        self.compared.append(math.log(value))
+        self.std.append(0.0)
+
+
+def collect(ledgers: Iterable[Ledger | None]) -> dict[Key, Collected]:
+    """Collects the parameters of all rows, those that are nuisances apart, and their misfits.
+
+    Args:
+        ledgers: Ledger of each row, in their order; None for a row that has none.
+    """
+    found: dict[Key, Collected] = {}
+    misfits: dict[Key, Collected] = {}
+    for row, ledger in enumerate(ledgers):
+        if ledger is None:
+            continue
+        for entry in ledger.results:
+            key = entry["fit"], entry["parameter"]
+            if key not in found and entry["kind"] not in (DOUBT, NUISANCE):
+                found[key] = Collected(entry["kind"], entry["unit"], entry["confidence"])
+            if key in found:
+                found[key].add(row, entry)
+        for fit, told in ledger.misfits.items():
+            for name, value in told.items():
+                misfits.setdefault((fit, name), Collected("", "1", 0.0)).add_misfit(row, value)
+    return found | misfits
+
+
+def _compared(entry: Mapping[str, Any]) -> tuple[float, float]:
+    """What a row is compared by in a parameter, and its standard deviation; not numbers where it is not."""
+    if not entry["identified"] or entry["tied_to"]:
+        return math.nan, math.nan
+    value, low, high = (_known(entry.get(f"effective{end}")) for end in ("", "_low", "_high"))
+    std = (high - low) / (2 * _quantile(entry["confidence"]))
+    if not (math.isfinite(value) and math.isfinite(std)):
+        value, std = _known(entry["estimate"]), _known(entry.get("standard_deviation"))
+        low = high = math.nan
+    if entry["kind"] not in LOGARITHMIC:
+        return value, std
+    if value <= 0:
+        return math.nan, math.nan
+    return math.log(value), math.log(high / low) / (2 * _quantile(entry["confidence"])) if low > 0 else std / value
+
+
+@cache
+def _quantile(confidence: float) -> float:
+    return float(norm.ppf(0.5 + 0.5 * confidence))
+
+
+def _known(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
 
 _QUANTILE = 1.96
 
 
 @dataclass(frozen=True)
 class Compared:
-    """A trait of one population, by name.
-
-    Attributes:
-        fit: The fit.
-        name: The parameter, or the misfit.
-        group: Number of the population.
-        of: Its values over all populations.
-        trait: Its values in this one.
-        population: What the population is like in it; None where too few robots tell.
-    """
+    """A trait of one population, by name."""
 
     fit: str
-    name: str
-    group: int
-    of: Collected
-    trait: Trait
-    population: Population | None
+    name: str  # the parameter, or the misfit
+    group: int  # number of the population
+    of: Collected  # its values over all populations
+    trait: Trait  # its values in this one
+    population: Population | None  # what the population is like in it; None where too few robots tell
 
     def natural(self, value: float) -> float:
         """Returns a value in its unit."""
@@ -56,21 +164,13 @@ class Compared:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The rows of a fleet against each other.
+    """The rows of a fleet against each other."""
 
-    Attributes:
-        robots: Whose measurements the rows are.
-        compared: All traits of all populations.
-        outliers: Rows that are off, the clearest first, once for each trait.
-        drifts: Robots that change, the clearest first, once for each trait.
-        followed: Numbers of the robots that have values at different times, so that a change would be seen.
-    """
-
-    robots: Robots
-    compared: tuple[Compared, ...]
-    outliers: tuple[Outlier, ...]
-    drifts: tuple[Drift, ...]
-    followed: IntArray
+    robots: Robots  # whose measurements the rows are
+    compared: tuple[Compared, ...]  # all traits of all populations
+    outliers: tuple[Outlier, ...]  # rows that are off, the clearest first, once for each trait
+    drifts: tuple[Drift, ...]  # robots that change, the clearest first, once for each trait
+    followed: IntArray  # numbers of the robots that have values at different times, so that a change would be seen
 
     @cached_property
     def off(self) -> dict[int, list[Outlier]]:
@@ -148,3 +248,39 @@ def _by_group(of: Collected, group: IntArray) -> Iterator[Trait]:
 def _where(trait: Trait, kept: BoolArray) -> Trait:
     own = kept[trait.rows]
     return Trait(trait.rows[own], trait.value[own], trait.std[own], trait.only_large)
+
+
+Pages = Literal["all", "none", "flagged"]
+MOST_SHOWN = 200
+"""Outliers, and failures of one cause, that the page names and that get pages of their own unless asked for."""
+_SHOWN_ROWS = 12
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a fleet found."""
+
+    name: str  # name of the experiment
+    ledgers: Sequence[Ledger]  # what became of each row, in the order of the manifest, in outline
+    comparison: Comparison  # the rows against each other
+    collected: Mapping[Key, Collected]  # parameters and misfits over the rows
+    rows: Path | None = None  # folder of the rows' folders; None where no page leads to them
+
+    def cell(self, row: int) -> Cell:
+        """Names a row, with a link to its page where it has one."""
+        name = self.ledgers[row].id
+        has_page = self.rows is not None and (self.rows / name / PAGE).exists()
+        return Cell(name, link=f"{self.rows.name}/{name}/{PAGE}" if has_page and self.rows else "")
+
+
+def flagged(found: Found) -> list[int]:
+    """Returns the rows that get pages: outliers and failures, the first of very many."""
+    numbers = {ledger.id: row for row, ledger in enumerate(found.ledgers)}
+    failed = [numbers[name] for *_, ids in causes(found.ledgers) for name in ids[:MOST_SHOWN]]
+    return [*list(found.comparison.off)[:MOST_SHOWN], *failed]
+
+
+def listed(ids: Sequence[str], shown: int = _SHOWN_ROWS) -> str:
+    """Names some rows, the first of many."""
+    more = f" and {len(ids) - shown} more" if len(ids) > shown else ""
+    return ", ".join(ids[:shown]) + more

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2, t
 
 from robid.arrays import FloatArray, IntArray
-from robid.fleet.outliers import LEVEL, Trait, holm
+from robid.fleet.population import LEVEL, Trait, holm
 
 _LEAST = 2
 _ROUNDING = 1e-12
@@ -22,27 +22,16 @@ _CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Drift:
-    """How a robot's trait changes.
+    """How a robot's trait changes."""
 
-    Attributes:
-        robot: Number of the robot.
-        trait: Index of the trait.
-        slope: Change per unit of time.
-        slope_half_width: Half width of its interval, of 95 %.
-        change: Over all of the robot's measurements.
-        change_half_width: Half width of its interval.
-        count: How many these are.
-        chance: That any robot of a fleet that does not change seems to change as clearly, at most.
-    """
-
-    robot: int
-    trait: int
-    slope: float
-    slope_half_width: float
-    change: float
-    change_half_width: float
-    count: int
-    chance: float
+    robot: int  # number of the robot
+    trait: int  # index of the trait
+    slope: float  # change per unit of time
+    slope_half_width: float  # half width of its interval, of 95 %
+    change: float  # over all of the robot's measurements
+    change_half_width: float  # half width of its interval
+    count: int  # how many these are
+    chance: float  # that any robot of a fleet that does not change seems to change as clearly, at most
 
 
 def find_drifts(traits: Sequence[Trait], robots: IntArray, time: FloatArray, level: float = LEVEL) -> tuple[Drift, ...]:
@@ -87,23 +76,14 @@ def repeat_spread(measured: Measured) -> float:
 
 @dataclass(frozen=True)
 class Measured:
-    """All measurements (n,) of a trait on robots that have two at least, at different times.
+    """All measurements (n,) of a trait on robots that have two at least, at different times."""
 
-    Attributes:
-        robot (n,): Index of the robot of each.
-        time (n,): When.
-        value (n,): Values.
-        std (n,): Standard deviations of their errors.
-        level (n,): First value of each one's robot.
-        count (n_robot,): Measurements of each robot.
-    """
-
-    robot: IntArray
-    time: FloatArray
-    value: FloatArray
-    std: FloatArray
-    level: FloatArray
-    count: IntArray
+    robot: IntArray  # (n,): index of the robot of each
+    time: FloatArray  # (n,): when
+    value: FloatArray  # (n,): values
+    std: FloatArray  # (n,): standard deviations of their errors
+    level: FloatArray  # (n,): first value of each one's robot
+    count: IntArray  # (n_robot,): measurements of each robot
 
     @property
     def freedom(self) -> IntArray:

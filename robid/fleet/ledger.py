@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -34,15 +34,11 @@ Status = Literal["done", "failed"]
 
 @dataclass(frozen=True)
 class FileKey:
-    """What a file was.
+    """What a file was."""
 
-    Attributes:
-        sha256: Hash of its bytes, empty where there was none.
-        stat: Size, and times of its last change [ns]; while they are the same, so is the content. Empty where the
-            file had changed so recently that a further change may not show in its times.
-    """
-
-    sha256: str
+    sha256: str  # hash of its bytes, empty where there was none
+    # Size, and times of its last change [ns]; while they are the same, so is the content. Empty where the file had
+    # changed so recently that a further change may not show in its times.
     stat: tuple[int, ...] = ()
 
     def holds(self, path: Path) -> bool:
@@ -75,19 +71,12 @@ def _stat(path: Path) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class RowError:
-    """Why a row has failed.
+    """Why a row has failed."""
 
-    Attributes:
-        kind: `settings`, `data`, `fit`, or `defect` for one of ours.
-        where: File and field, without the folder of the manifest.
-        message: What is wrong.
-        remedy: What to do next.
-    """
-
-    kind: str
-    where: str
-    message: str
-    remedy: str
+    kind: str  # `settings`, `data`, `fit`, or `defect` for one of ours
+    where: str  # file and field, without the folder of the manifest
+    message: str  # what is wrong
+    remedy: str  # what to do next
 
     def __str__(self) -> str:
         return f"{self.where}: {self.message}" if self.where else self.message
@@ -95,42 +84,24 @@ class RowError:
 
 @dataclass(frozen=True)
 class Ledger:
-    """What a row was made from and what became of it.
+    """What a row was made from and what became of it."""
 
-    Attributes:
-        id: The row.
-        settings_hash: Hash of all settings that its stages read.
-        settings: Its settings; in the file alone, for whoever reads it.
-        inputs: The robot file and the logs, by name.
-        outputs: The files that it made, by path in its folder.
-        status: Whether it was done.
-        error: Why not.
-        warnings: What its stages warned of.
-        grades: Grade of each fit: 2 to trust, 1, or 0 not to be used; and its sentence.
-        results: Its parameters, see `robid.fleet.results`.
-        misfits: How badly the model of each fit describes data, by fit and name, see `Family.misfits`.
-        kept: Whether records and responses were to stay.
-        seconds: Time that it took [s].
-        finished_utc: When it was finished.
-        formats: Versions of what it is made of.
-        robid_version: Version of robid.
-    """
-
-    id: str
-    settings_hash: str
-    settings: dict[str, Any]
-    inputs: dict[str, FileKey]
-    outputs: dict[str, FileKey]
-    status: Status
-    error: RowError | None
-    warnings: tuple[str, ...]
-    grades: dict[str, tuple[int, str]]
-    results: tuple[dict[str, Any], ...]
+    id: str  # the row
+    settings_hash: str  # hash of all settings that its stages read
+    settings: dict[str, Any]  # its settings; in the file alone, for whoever reads it
+    inputs: dict[str, FileKey]  # the robot file and the logs, by name
+    outputs: dict[str, FileKey]  # the files that it made, by path in its folder
+    status: Status  # whether it was done
+    error: RowError | None  # why not
+    warnings: tuple[str, ...]  # what its stages warned of
+    grades: dict[str, tuple[int, str]]  # grade of each fit: 2 to trust, 1, or 0 not to be used; and its sentence
+    results: tuple[dict[str, Any], ...]  # its parameters, see `robid.fleet.row`
+    # How badly the model of each fit describes data, by fit and name, see `Family.misfits`.
     misfits: dict[str, dict[str, float]]
-    kept: bool
-    seconds: float
-    finished_utc: str
-    formats: dict[str, str] = field(default_factory=lambda: dict(FORMATS))
+    kept: bool  # whether records and responses were to stay
+    seconds: float  # time that it took [s]
+    finished_utc: str  # when it was finished
+    formats: dict[str, str] = field(default_factory=lambda: dict(FORMATS))  # versions of what it is made of
     robid_version: str = robid.__version__
 
     @property
@@ -223,3 +194,14 @@ def why_stale(
     if ledger.status == "failed" and (force or ledger.robid_version != robid.__version__):
         return "failed, and is tried again"
     return ""
+
+
+def causes(ledgers: Iterable[Ledger]) -> list[tuple[str, str, str, list[str]]]:
+    """Groups failures by kind and message, the most frequent first: kind, message, remedy and ids."""
+    found: dict[tuple[str, str], tuple[str, list[str]]] = {}
+    for ledger in ledgers:
+        if ledger.error is not None:
+            error = ledger.error
+            found.setdefault((error.kind, error.message), (error.remedy, []))[1].append(ledger.id)
+    groups = [(kind, message, remedy, ids) for (kind, message), (remedy, ids) in found.items()]
+    return sorted(groups, key=lambda group: -len(group[3]))

@@ -1,14 +1,15 @@
-"""What a population of robots is like in one figure, whatever a minority of them shows."""
+"""What a population of robots is like in one figure, whatever a minority shows, and rows that are none of it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import chi2, norm, t
 
-from robid.arrays import BoolArray, FloatArray
+from robid.arrays import BoolArray, FloatArray, IntArray
 
 _HALF = float(norm.ppf(0.75))
 _FAR = 3.0
@@ -29,23 +30,14 @@ _LUCK = 0.05
 
 @dataclass(frozen=True)
 class Population:
-    """A figure of a population.
+    """A figure of a population."""
 
-    Attributes:
-        centre: Its mean.
-        centre_std: Standard deviation of that.
-        spread: Standard deviation of the figure itself between robots, errors of measurement apart.
-        spread_high: Upper end of its interval, of 95 % to one side.
-        kept (n,): Which of the values it was found from.
-        weight (n,): How much each value counts; a robot that was measured several times counts once.
-    """
-
-    centre: float
-    centre_std: float
-    spread: float
-    spread_high: float
-    kept: BoolArray
-    weight: FloatArray
+    centre: float  # its mean
+    centre_std: float  # standard deviation of that
+    spread: float  # standard deviation of the figure itself between robots, errors of measurement apart
+    spread_high: float  # upper end of its interval, of 95 % to one side
+    kept: BoolArray  # (n,): which of the values it was found from
+    weight: FloatArray  # (n,): how much each value counts; a robot that was measured several times counts once
 
     @property
     def robots(self) -> int:
@@ -114,10 +106,7 @@ def population(value: FloatArray, std: FloatArray, weight: FloatArray | None = N
     """
     weight = np.ones(len(value)) if weight is None else weight
     std = _at_least_rounding(value, std)
-    centre = _median(value, weight)
-    for _ in range(3):
-        spread = _middle_spread(value - centre, std, weight)
-        centre = _median(value, weight / np.sqrt(spread**2 + std**2))
+    centre, spread = _first(value, std, weight)
     kept, centre_std = np.ones(len(value), bool), 0.0
     for _ in range(_ROUNDS):
         before = kept
@@ -135,6 +124,15 @@ def population(value: FloatArray, std: FloatArray, weight: FloatArray | None = N
     least = float(chi2.ppf(_LUCK, robots)) if robots > 0 else 0.0
     high = _moment_spread(value[kept], std[kept], weight[kept], least)
     return Population(centre, centre_std, spread, high, kept, weight)
+
+
+def _first(value: FloatArray, std: FloatArray, weight: FloatArray) -> tuple[float, float]:
+    """Centre and spread by median and quartiles, which half of the robots may spoil."""
+    centre = _median(value, weight)
+    for _ in range(3):
+        spread = _middle_spread(value - centre, std, weight)
+        centre = _median(value, weight / np.sqrt(spread**2 + std**2))
+    return centre, spread
 
 
 def _at_least_rounding(value: FloatArray, std: FloatArray) -> FloatArray:
@@ -167,3 +165,79 @@ def _moment_spread(value: FloatArray, std: FloatArray, weight: FloatArray, squar
     most = float(np.ptp(value)) * np.sqrt(weight.sum() / wanted)
     least = 1e-9 * most
     return 0.0 if most == 0 or excess(least) <= 0 else float(brentq(excess, least, most, rtol=1e-9))
+
+
+LEVEL = 0.01
+"""Chance that a fleet without any outlier has one accused."""
+FEWEST_ROBOTS = 8
+"""With fewer robots nobody can tell who is off."""
+
+
+@dataclass(frozen=True)
+class Trait:
+    """What the rows of one population are compared by."""
+
+    rows: IntArray  # (n,): indices of the rows that have it
+    value: FloatArray  # (n,): its values, logarithms where errors are relative
+    std: FloatArray  # (n,): standard deviations of their errors
+    only_large: bool = False  # whether a small value is nothing to worry about
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A row that is off its population in a trait."""
+
+    row: int  # index of the row
+    trait: int  # index of the trait
+    away: float  # by how many standard deviations
+    chance: float  # that any row of a fleet without outliers is as far off in any trait, at most
+
+
+def populations(traits: Sequence[Trait], robots: IntArray) -> tuple[Population | None, ...]:
+    """Finds each trait's population; None where fewer than eight robots have it.
+
+    Args:
+        traits: The traits.
+        robots (n_row,): Number of each row's robot; one that was measured several times counts once.
+    """
+    return tuple(_population(trait, robots[trait.rows]) for trait in traits)
+
+
+def find_outliers(
+    traits: Sequence[Trait], found: Sequence[Population | None], level: float = LEVEL
+) -> tuple[Outlier, ...]:
+    """Finds rows that are off their population, the least likely first.
+
+    Args:
+        traits: The traits.
+        found: Their populations.
+        level: Chance that any is found where there is none, whatever the number of rows and traits.
+
+    Source:
+        Holm (1979), Scand. J. Statist. 6.
+    """
+    tested = [(index, trait, about) for index, (trait, about) in enumerate(zip(traits, found, strict=True)) if about]
+    if not tested:
+        return ()
+    chances = [about.chance(trait.value, trait.std, only_large=trait.only_large) for _, trait, about in tested]
+    chance = holm(np.concatenate(chances))
+    rows = np.concatenate([trait.rows for _, trait, _ in tested])
+    away = np.concatenate([about.away(trait.value, trait.std) for _, trait, about in tested])
+    of = np.repeat([index for index, _, _ in tested], [len(each) for each in chances])
+    kept = np.flatnonzero(chance <= level)
+    kept = kept[np.lexsort((-np.abs(away[kept]), chance[kept]))]
+    return tuple(Outlier(int(rows[k]), int(of[k]), float(away[k]), float(chance[k])) for k in kept)
+
+
+def holm(chance: FloatArray) -> FloatArray:
+    """Returns chances (n,) adjusted for their number, so that a level holds for all of them together."""
+    order = np.argsort(chance, kind="stable")
+    raised = np.maximum.accumulate(chance[order] * np.arange(len(chance), 0, -1))
+    adjusted = np.empty_like(raised)
+    adjusted[order] = np.minimum(raised, 1.0)
+    return adjusted
+
+
+def _population(trait: Trait, robots: IntArray) -> Population | None:
+    names, own, times = np.unique(robots, return_inverse=True, return_counts=True)
+    return population(trait.value, trait.std, 1 / times[own]) if len(names) >= FEWEST_ROBOTS else None

@@ -1,4 +1,4 @@
-"""One row of a manifest: its chain in a folder aside, which then takes the place of the row's folder."""
+"""One row of a manifest: its chain in a folder aside, which then takes the place of its own, and what it found."""
 
 from __future__ import annotations
 
@@ -13,20 +13,114 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from robid.artifacts.artifact import utc_now
+from robid.artifacts.results import MODEL, VALIDATION, estimate_from_artifact
+from robid.artifacts.store import read_artifact, read_header
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.fleet.folders import aside, begin, check_own, keep_files, new_attempt, put_in_place, remove, writing
 from robid.fleet.ledger import FileKey, Ledger, RowError, file_key, write_ledger
-from robid.fleet.results import misfits_of, results_of
 from robid.fleet.rows import chain_of, logs_of, settings_hash_of
 from robid.interrupts import stop_if_interrupted
+from robid.models.family import family_of
 from robid.models.known import load_row
 from robid.pipeline.graph import Node, Run, run_all
+from robid.results.estimate import Estimate
+from robid.robot.parameters import owner_of
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.load import LoadedExperiment
 from robid.settings.placeholders import Row
 from robid.settings.problems import raise_problems
 from robid.settings.yaml import Document, parse_yaml
+
+
+def results_of(loaded: LoadedExperiment, folder: Path) -> list[dict[str, Any]]:
+    """Reads the parameters of all fits of a row.
+
+    Args:
+        loaded: Its experiment.
+        folder: Its folder.
+
+    Returns:
+        Entries with the names and units of the columns of the table, see `robid.fleet.table.PARAMETER_COLUMNS`.
+    """
+    joints = {joint.name: joint.name for joint in loaded.robot.joints} | _joints_of_springs(loaded)
+    found: list[dict[str, Any]] = []
+    for fit in loaded.experiment.fits:
+        path = folder / "fits" / fit / "model.h5"
+        estimate = estimate_from_artifact(read_artifact(path, MODEL))
+        digest = read_header(path).content_sha256
+        for entry in [*_own(estimate), *_tied(estimate)]:
+            owner = owner_of(entry["parameter"], entry["kind"])
+            found.append({"fit": fit, **entry, "joint": joints.get(owner, ""), "model_sha256": digest})
+    return found
+
+
+def misfits_of(loaded: LoadedExperiment, folder: Path) -> dict[str, dict[str, float]]:
+    """Reads how badly the model of each fit of a row describes data; see `Family.misfits`."""
+    found = {}
+    for fit in loaded.experiment.fits:
+        path = folder / "fits" / fit / "validation.h5"
+        validation = read_artifact(path, VALIDATION) if path.exists() else None
+        told = family_of(loaded, fit).misfits(read_artifact(path.with_name("model.h5"), MODEL), validation)
+        found[fit] = {name: float(value) for name, value in told.items() if np.isfinite(value) and value > 0}
+    return found
+
+
+def _joints_of_springs(loaded: LoadedExperiment) -> dict[str, str]:
+    return {spring.name: spring.joint for spring in loaded.robot.all_springs if spring.joint is not None}
+
+
+def _own(estimate: Estimate) -> list[dict[str, Any]]:
+    columns: dict[str, Any] = {
+        "parameter": estimate.names,
+        "kind": estimate.kinds,
+        "unit": estimate.units,
+        "nominal": estimate.nominal,
+        "estimate": estimate.value,
+        "standard_deviation": np.sqrt(np.diagonal(estimate.covariance)),
+        "effective": estimate.effective_value,
+        "effective_low": estimate.effective_lower,
+        "effective_high": estimate.effective_upper,
+        "physical": estimate.middle,
+        "physical_low": estimate.lower,
+        "physical_high": estimate.upper,
+        "relative_standard_deviation": estimate.relative_std,
+        "predicted_relative_standard_deviation": estimate.predicted_relative_std,
+        "identifiable": estimate.identifiable,
+        "identified": estimate.identified,
+    }
+    listed = {name: np.asarray(values).tolist() for name, values in columns.items() if values is not None}
+    both = {"confidence": estimate.confidence, "tied_to": ""}
+    return [
+        {**{name: values[index] for name, values in listed.items()}, **both} for index in range(len(estimate.names))
+    ]
+
+
+def _tied(estimate: Estimate) -> list[dict[str, Any]]:
+    """Parameters that follow another one: of its kind and unit."""
+    found = []
+    tied, leaders = estimate.tied, {name: index for index, name in enumerate(estimate.names)}
+    for index, (name, leader) in enumerate(zip(tied.names, tied.to, strict=True)):
+        of = leaders[leader]
+        found.append(
+            {
+                "parameter": name,
+                "kind": estimate.kinds[of],
+                "unit": estimate.units[of],
+                "nominal": float(tied.nominal[index]),
+                "estimate": float(tied.value[index]),
+                "physical_low": float(tied.lower[index]),
+                "physical_high": float(tied.upper[index]),
+                "identifiable": bool(estimate.identifiable[of]),
+                "identified": bool(estimate.identified[of]),
+                "confidence": estimate.confidence,
+                "tied_to": leader,
+            }
+        )
+    return found
+
 
 _KINDS = {SettingsError: "settings", DataError: "data"}
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
@@ -35,23 +129,14 @@ _TRY_AGAIN = "`--force` tries the row again"
 
 @dataclass(frozen=True)
 class RowTask:
-    """A row to run.
-
-    Attributes:
-        row: The row.
-        template: The experiment file.
-        text: Its text when the rows were checked.
-        rows: Folder of the rows' folders.
-        keep: Whether records and responses stay.
-        attempt: Which attempt at the row it is: none of two writes into the other's folder.
-    """
+    """A row to run."""
 
     row: Row
-    template: Path
-    text: str
-    rows: Path
-    keep: bool
-    attempt: str = ""
+    template: Path  # the experiment file
+    text: str  # its text when the rows were checked
+    rows: Path  # folder of the rows' folders
+    keep: bool  # whether records and responses stay
+    attempt: str = ""  # which attempt at the row it is: none of two writes into the other's folder
 
     @property
     def label(self) -> str:

@@ -1,4 +1,4 @@
-"""The rows of a manifest as experiments: all are checked before the first one runs."""
+"""The rows of a manifest as experiments: all are checked before the first one runs; which of them are due, and why."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import numpy as np
 
 from robid.artifacts.artifact import canonical_hash
 from robid.errors import SettingsError
-from robid.fleet.manifest import ID, Manifest, read_manifest, wrong_rows
-from robid.fleet.robots import COLUMNS, Robots, robots_of, wrong_times
+from robid.fleet.ledger import Ledger, logs_away, read_ledger, why_stale
+from robid.fleet.manifest import COLUMNS, ID, Manifest, Robots, read_manifest, robots_of, wrong_rows, wrong_times
 from robid.models.known import load_row
 from robid.pipeline.graph import Node, asked_for
 from robid.pipeline.plans import experiment_count
@@ -31,40 +31,24 @@ _SHOWN_ROWS = 3
 
 @dataclass(frozen=True)
 class PlannedRow:
-    """A row that can be run.
-
-    Attributes:
-        row: The row.
-        settings_hash: Hash of all settings that its stages read.
-        logs: Its logs by campaign and name.
-    """
+    """A row that can be run."""
 
     row: Row
-    settings_hash: str
-    logs: Mapping[str, Path]
+    settings_hash: str  # hash of all settings that its stages read
+    logs: Mapping[str, Path]  # its logs by campaign and name
 
 
 @dataclass(frozen=True)
 class Fleet:
-    """An experiment file with the rows of a manifest, checked.
+    """An experiment file with the rows of a manifest, checked."""
 
-    Attributes:
-        template: The experiment file, with placeholders.
-        text: Its text.
-        manifest: The manifest.
-        rows: Its rows.
-        robots: Whose measurements the rows are.
-        experiment: The experiment of the first row; name, backend and workers are those of all.
-        warnings: What is odd, but no problem.
-    """
-
-    template: Document
+    template: Document  # the experiment file, with placeholders
     text: str
     manifest: Manifest
     rows: tuple[PlannedRow, ...]
-    robots: Robots
-    experiment: Experiment
-    warnings: tuple[str, ...]
+    robots: Robots  # whose measurements the rows are
+    experiment: Experiment  # the experiment of the first row; name, backend and workers are those of all
+    warnings: tuple[str, ...]  # what is odd, but no problem
 
 
 def load_fleet(manifest_path: Path, template_path: Path) -> Fleet:
@@ -217,3 +201,47 @@ def _refuse(problems: Sequence[str]) -> None:
     more = [f"S047 and {len(problems) - _SHOWN_PROBLEMS} more"] if len(problems) > _SHOWN_PROBLEMS else []
     remedy = "correct the manifest or the experiment file; nothing was started"
     raise SettingsError("\n".join([*problems[:_SHOWN_PROBLEMS], *more]), remedy=remedy)
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a batch has to do."""
+
+    due: tuple[tuple[PlannedRow, str], ...]  # the rows to be made, in the order of the manifest, each with the reason
+    fresh: Mapping[str, Ledger]  # the others' ledgers in outline, by id
+    away: Mapping[str, tuple[str, ...]]  # which logs are away of those that therefore stay as they are, by id
+
+    @property
+    def reasons(self) -> dict[str, list[str]]:
+        """Ids of the rows to be made by reason, the most frequent first."""
+        found: dict[str, list[str]] = {}
+        for planned, why in self.due:
+            found.setdefault(why, []).append(planned.row.id)
+        return dict(sorted(found.items(), key=lambda item: -len(item[1])))
+
+
+def look(fleet: Fleet, rows: Path, *, keep: bool, force: bool) -> Look:
+    """Tells the rows that are to be made from those that are fresh; writes nothing.
+
+    Args:
+        fleet: The rows.
+        rows: Folder of their folders.
+        keep: Whether records and responses are to stay.
+        force: Whether rows that have failed are tried again.
+
+    Raises:
+        ArtifactError: If a folder in the place of a row's is none.
+    """
+    due, fresh, away = [], {}, {}
+    for planned in fleet.rows:
+        folder = rows / planned.row.id
+        ledger = read_ledger(folder)
+        why = why_stale(ledger, planned.settings_hash, planned.logs, folder, keep=keep, force=force)
+        if ledger is None or why:
+            due.append((planned, why))
+            continue
+        fresh[planned.row.id] = ledger.outline
+        gone = logs_away(ledger, planned.logs)
+        if gone:
+            away[planned.row.id] = gone
+    return Look(tuple(due), fresh, away)

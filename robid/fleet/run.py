@@ -9,16 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from robid.errors import WorkerError
-from robid.fleet.collected import collect
-from robid.fleet.comparison import Comparison, compare
-from robid.fleet.due import Look, look
+from robid.fleet.comparison import Comparison, Found, Pages, collect, compare, flagged
 from robid.fleet.folders import at_work, recover, writing
 from robid.fleet.ledger import LEDGER, Ledger, read_ledger
-from robid.fleet.page.found import Found, Pages, flagged
-from robid.fleet.page.report import check_report, write_report
-from robid.fleet.pages import make_pages
+from robid.fleet.report import check_report, make_pages, write_report
 from robid.fleet.row import RowTask, fail_row, run_row
-from robid.fleet.rows import Fleet, PlannedRow
+from robid.fleet.rows import Fleet, Look, PlannedRow, look
 from robid.fleet.summary import check_summary, write_summary
 from robid.fleet.table import check_table, write_table
 from robid.pipeline.stage import check_room
@@ -40,44 +36,26 @@ class OpenMap(Protocol):
 
 @dataclass(frozen=True)
 class Options:
-    """How a batch runs.
+    """How a batch runs."""
 
-    Attributes:
-        keep: Whether records and responses stay.
-        force: Whether rows that have failed are tried again.
-        pages: Which rows get a page of their own: `flagged` are outliers and failures.
-    """
-
-    keep: bool = False
-    force: bool = False
-    pages: Pages = "flagged"
+    keep: bool = False  # whether records and responses stay
+    force: bool = False  # whether rows that have failed are tried again
+    pages: Pages = "flagged"  # which rows get a page of their own: `flagged` are outliers and failures
 
 
 @dataclass(frozen=True)
 class Batch:
-    """What became of a batch.
+    """What became of a batch."""
 
-    Attributes:
-        ledgers: Of all rows, in the order of the manifest, in outline.
-        comparison: The rows against each other.
-        made: How many of them ran.
-        away: Which logs are away of those that therefore stayed as they are, by id.
-        removed: Rows that have a folder, but are not in the manifest any more.
-        table: The table.
-        summary: The same for programs.
-        report: The page.
-        outcome: Whether any of these was written.
-    """
-
-    ledgers: tuple[Ledger, ...]
-    comparison: Comparison
-    made: int
-    away: Mapping[str, tuple[str, ...]]
-    removed: tuple[str, ...]
+    ledgers: tuple[Ledger, ...]  # of all rows, in the order of the manifest, in outline
+    comparison: Comparison  # the rows against each other
+    made: int  # how many of them ran
+    away: Mapping[str, tuple[str, ...]]  # which logs are away of those that therefore stayed as they are, by id
+    removed: tuple[str, ...]  # rows that have a folder, but are not in the manifest any more
     table: Path
-    summary: Path
-    report: Path
-    outcome: Outcome
+    summary: Path  # the same for programs
+    report: Path  # the page
+    outcome: Outcome  # whether any of these was written
 
     @property
     def failed(self) -> tuple[Ledger, ...]:

@@ -7,7 +7,7 @@ Schema history:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,22 +16,11 @@ from robid.artifacts.atomic import json_text, read_json, write_json
 from robid.errors import ArtifactError
 from robid.fleet.comparison import Compared, Comparison
 from robid.fleet.drift import Drift
-from robid.fleet.ledger import Ledger
-from robid.fleet.outliers import LEVEL, Outlier
+from robid.fleet.ledger import Ledger, causes
+from robid.fleet.population import LEVEL, Outlier
 
 SUMMARY_VERSION = "1.1"
 _KIND = "fleet"
-
-
-def causes(ledgers: Iterable[Ledger]) -> list[tuple[str, str, str, list[str]]]:
-    """Groups failures by kind and message, the most frequent first: kind, message, remedy and ids."""
-    found: dict[tuple[str, str], tuple[str, list[str]]] = {}
-    for ledger in ledgers:
-        if ledger.error is not None:
-            error = ledger.error
-            found.setdefault((error.kind, error.message), (error.remedy, []))[1].append(ledger.id)
-    groups = [(kind, message, remedy, ids) for (kind, message), (remedy, ids) in found.items()]
-    return sorted(groups, key=lambda group: -len(group[3]))
 
 
 def check_summary(path: Path) -> None:
@@ -115,11 +104,7 @@ def _outlier(comparison: Comparison, outlier: Outlier, ledgers: Sequence[Ledger]
     return {
         "row": ledgers[outlier.row].id,
         "robot": robots.names[robots.robot[outlier.row]],
-        "group": robots.groups[of.group],
-        "fit": of.fit,
-        "name": of.name,
-        "unit": of.of.unit,
-        "relative": of.of.is_logarithmic,
+        **_named(comparison, of),
         "value": value,
         "low": low,
         "high": high,
@@ -131,18 +116,24 @@ def _outlier(comparison: Comparison, outlier: Outlier, ledgers: Sequence[Ledger]
 
 def _drift(comparison: Comparison, drift: Drift) -> dict[str, Any]:
     """Slope and change, relative where the values are compared by logarithms."""
-    of, robots = comparison.compared[drift.trait], comparison.robots
+    of = comparison.compared[drift.trait]
     return {
-        "robot": robots.names[drift.robot],
-        "group": robots.groups[of.group],
-        "fit": of.fit,
-        "name": of.name,
-        "unit": of.of.unit,
-        "relative": of.of.is_logarithmic,
+        "robot": comparison.robots.names[drift.robot],
+        **_named(comparison, of),
         "measurements": drift.count,
         **_with_ends("slope", of, drift.slope, drift.slope_half_width),
         **_with_ends("change", of, drift.change, drift.change_half_width),
         "chance": drift.chance,
+    }
+
+
+def _named(comparison: Comparison, of: Compared) -> dict[str, Any]:
+    return {
+        "group": comparison.robots.groups[of.group],
+        "fit": of.fit,
+        "name": of.name,
+        "unit": of.of.unit,
+        "relative": of.of.is_logarithmic,
     }
 
 

@@ -32,40 +32,15 @@ if TYPE_CHECKING:
     from robid.settings.placeholders import Value
 
 TABLE_VERSION = "1.2"
-ROW_COLUMNS = {
-    "id": "string",
-    "status": "string",
-    "error_kind": "string",
-    "error": "string",
-    "remedy": "string",
-}
+ROW_COLUMNS = dict.fromkeys(("id", "status", "error_kind", "error", "remedy"), "string")
 PARAMETER_COLUMNS = {
-    "fit": "string",
-    "parameter": "string",
-    "kind": "string",
-    "joint": "string",
-    "unit": "string",
-    "tied_to": "string",
-    "nominal": "double",
-    "estimate": "double",
-    "standard_deviation": "double",
-    "relative_standard_deviation": "double",
+    **dict.fromkeys(("fit", "parameter", "kind", "joint", "unit", "tied_to"), "string"),
+    **dict.fromkeys(("nominal", "estimate", "standard_deviation", "relative_standard_deviation"), "double"),
     "predicted_relative_standard_deviation": "double",
-    "effective": "double",
-    "effective_low": "double",
-    "effective_high": "double",
-    "physical": "double",
-    "physical_low": "double",
-    "physical_high": "double",
-    "confidence": "double",
-    "identifiable": "bool",
-    "identified": "bool",
-    "away": "double",
-    "outlier": "bool",
-    "grade": "int8",
-    "grade_word": "string",
-    "verdict": "string",
-    "model_sha256": "string",
+    **dict.fromkeys(("effective", "effective_low", "effective_high"), "double"),
+    **dict.fromkeys(("physical", "physical_low", "physical_high", "confidence"), "double"),
+    **{"identifiable": "bool", "identified": "bool", "away": "double", "outlier": "bool", "grade": "int8"},
+    **dict.fromkeys(("grade_word", "verdict", "model_sha256"), "string"),
 }
 LAST_COLUMNS = {"outlier_row": "bool", "settings_sha256": "string", "seconds": "double"}
 """Names and types of the columns; those of the manifest, `row.<name>`, follow those of the row."""
@@ -176,10 +151,7 @@ def _is_whole(path: Path, schema: Any) -> bool:  # noqa: ANN401
 
 
 def _entries(
-    fleet: Fleet,
-    ledgers: Iterable[Ledger | None],
-    values: Mapping[str, Sequence[Value]],
-    comparison: Comparison | None,
+    fleet: Fleet, ledgers: Iterable[Ledger | None], values: Mapping[str, Sequence[Value]], comparison: Comparison | None
 ) -> Iterator[dict[str, Any]]:
     for index, (planned, ledger) in enumerate(zip(fleet.rows, ledgers, strict=True)):
         common: dict[str, Any] = {"id": planned.row.id, "status": "pending" if ledger is None else ledger.status}

@@ -1,4 +1,4 @@
-"""Content of exported files: where it comes from, and as bytes that depend on nothing but the content."""
+"""How models lie in files: in those of a run, and as content of exported ones, in bytes that depend on nothing else."""
 
 from __future__ import annotations
 
@@ -6,16 +6,77 @@ import csv
 import io
 import json
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
 import robid
 from robid.arrays import FloatArray
+from robid.artifacts.artifact import Artifact
 from robid.artifacts.atomic import plain
+from robid.artifacts.mapping import from_datasets, to_datasets
+from robid.artifacts.results import (
+    estimate_from_artifact,
+    model_to_artifact,
+    outcome_from_artifact,
+    validation_to_artifact,
+)
 
 if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
     from robid.models.family import ExportTask
+    from robid.results.estimate import Estimate
+    from robid.results.grade import Grade
+    from robid.results.outcome import Outcome
+
+    class AnySolution(DataclassInstance, Protocol):
+        """What a fit found: an estimate, and what only its family has."""
+
+        @property
+        def estimate(self) -> Estimate:
+            """Its parameters."""
+
+    class AnyValidation(DataclassInstance, Protocol):
+        """What a validation found: an outcome, and what only its family has."""
+
+        @property
+        def outcome(self) -> Outcome:
+            """What every family says."""
+
+
+SolutionType = TypeVar("SolutionType", bound="AnySolution")
+ValidationType = TypeVar("ValidationType", bound="AnyValidation")
+
+
+@dataclass(frozen=True)
+class Files(Generic[SolutionType, ValidationType]):
+    """How the models of a family and their validations lie in their files: what is its own in a group of its name."""
+
+    family: str
+    solution: type[SolutionType]
+    validation: type[ValidationType]
+
+    def model_of(self, solution: SolutionType, grade: Grade) -> Artifact:
+        """Turns a fit's solution and what it is worth by itself into an artifact."""
+        own = to_datasets(solution, f"{self.family}/", without=("estimate",))
+        return model_to_artifact(self.family, solution.estimate, grade, own)
+
+    def solution_of(self, model: Artifact) -> SolutionType:
+        """What a fit found, from its model."""
+        return from_datasets(self.solution, model, f"{self.family}/", {"estimate": estimate_from_artifact(model)})
+
+    def validation_of(self, validation: ValidationType) -> Artifact:
+        """Turns a validation into an artifact."""
+        own = to_datasets(validation, f"{self.family}/", without=("outcome",))
+        return validation_to_artifact(self.family, validation.outcome, own)
+
+    def validated_in(self, validation: Artifact) -> ValidationType:
+        """The inverse of `validation_of`."""
+        given = {"outcome": outcome_from_artifact(validation)}
+        return from_datasets(self.validation, validation, f"{self.family}/", given)
+
 
 Content: TypeAlias = dict[str, Any]
 
@@ -39,6 +100,32 @@ def origin_of(task: ExportTask, status: str) -> dict[str, str]:
         "fitted_utc": task.model.provenance.finished_utc,
         "status": status,
         "robid_version": robid.__version__,
+    }
+
+
+def parameter_records(found: Estimate, columns: Sequence[str]) -> list[dict[str, object]]:
+    """Returns the chosen columns of every parameter, by name."""
+    every = {"name": found.names, "kind": found.kinds, "unit": found.units} | {
+        "nominal": found.nominal.tolist(),
+        "estimate": found.value.tolist(),
+        "lower": found.lower.tolist(),
+        "upper": found.upper.tolist(),
+        "relative_std": found.relative_std.tolist(),
+        "identifiable": found.identifiable.tolist(),
+    }
+    return [dict(zip(columns, row, strict=True)) for row in zip(*(every[name] for name in columns), strict=True)]
+
+
+def parameter_arrays(found: Estimate) -> Content:
+    """Returns parameters, their intervals and their covariance as arrays, for formats that hold such."""
+    return {
+        "names": found.names,
+        "kinds": found.kinds,
+        "units": found.units,
+        "estimate": found.value,
+        "lower": found.lower,
+        "upper": found.upper,
+        "covariance": found.covariance,
     }
 
 

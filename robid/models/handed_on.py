@@ -22,27 +22,19 @@ from robid.robot.standard import StandardRobot, inertial_of, is_real, with_stand
 from robid.settings.experiment import heaviest, payload_kg
 from robid.settings.load import LoadedExperiment
 
-_GROUP = "rigid/standard"
+_GROUP, _UNIT = "rigid/standard", "rigid/torque_unit"
 _NEWTON_METRES = "N m"
 
 
 @dataclass(frozen=True)
 class Standard:
-    """Standard parameters of real bodies as a fit of rigid dynamics found them.
-
-    Attributes:
-        names: Their names.
-        units: Their units.
-        value (n_std,): The values.
-        covariance (n_std, n_std): Their covariance by what was estimated.
-        status: `estimated`, or `moved` where only the nearest real bodies could be had.
-    """
+    """Standard parameters of real bodies as a fit of rigid dynamics found them."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    value: FloatArray
-    covariance: FloatArray
-    status: str
+    value: FloatArray  # (n_std,): the values
+    covariance: FloatArray  # (n_std, n_std): their covariance by what was estimated
+    status: str  # `estimated`, or `moved` where only the nearest real bodies could be had
 
     @property
     def values(self) -> dict[str, float]:
@@ -67,7 +59,7 @@ def standard_from_artifact(model: Artifact, fit: str) -> Standard:
     Raises:
         DataError: If it has none that could be handed on.
     """
-    unit = str(model.attributes.get("rigid/torque_unit", _NEWTON_METRES))
+    unit = str(model.attributes.get(_UNIT, _NEWTON_METRES))
     if unit != _NEWTON_METRES:
         message = f"D161 fit `{fit}` knows torques in {unit} alone: its masses are ratios to the torque constant"
         raise DataError(message, where=f"fits.{fit}", remedy="import torques in N m; json, csv and mat hold the ratios")
@@ -110,19 +102,12 @@ _STEPS = (0.1, -0.1, 0.01, -0.01, 1e-3, -1e-3)  # deviations
 
 @dataclass(frozen=True)
 class RigidSource:
-    """Standard parameters of a rigid fit, Coulomb friction left out: that belongs to the torques.
-
-    Attributes:
-        loaded: The experiment.
-        fit: Name of the rigid fit.
-        standard: What it found.
-        payload_kg: The payload that it was fitted with [kg].
-    """
+    """Standard parameters of a rigid fit, Coulomb friction left out: that belongs to the torques."""
 
     loaded: LoadedExperiment
-    fit: str
-    standard: Standard
-    payload_kg: float
+    fit: str  # name of the rigid fit
+    standard: Standard  # what it found
+    payload_kg: float  # the payload that it was fitted with [kg]
 
     def robot(self, payload: float) -> Robot:
         """Returns the robot file's robot with what the fit found, and with a payload as campaigns state it [kg].
@@ -228,22 +213,13 @@ def _scaled(body: Inertial, factor: float) -> Inertial:
     return Inertial(factor * body.mass_kg, body.com_m, factor * body.inertia_kgm2)
 
 
-_UNIT = "rigid/torque_unit"
-
-
 @dataclass(frozen=True)
 class MotorFriction:
-    """Friction of some motors, motor side; where it differs between the directions the mean of both.
+    """Friction of some motors, motor side; where it differs between the directions the mean of both."""
 
-    Attributes:
-        coulomb_nm (n_joint,): Coulomb levels [N m].
-        coulomb_std (n_joint,): Their standard deviations [N m].
-        uneven_nms_rad (n_joint,): Half of what viscous friction is larger forward than backward [N m s/rad].
-    """
-
-    coulomb_nm: FloatArray
-    coulomb_std: FloatArray
-    uneven_nms_rad: FloatArray
+    coulomb_nm: FloatArray  # (n_joint,): coulomb levels [N m]
+    coulomb_std: FloatArray  # (n_joint,): their standard deviations [N m]
+    uneven_nms_rad: FloatArray  # (n_joint,): half of what viscous friction is larger forward than backward [N m s/rad]
 
 
 def friction_from_artifact(model: Artifact, fit: str, joints: Sequence[str], torque_unit: str = "N m") -> MotorFriction:
@@ -258,7 +234,7 @@ def friction_from_artifact(model: Artifact, fit: str, joints: Sequence[str], tor
     Raises:
         DataError: If it knows no friction of a motor, or torques in another unit.
     """
-    unit = str(model.attributes.get(_UNIT, "N m"))
+    unit = str(model.attributes.get(_UNIT, _NEWTON_METRES))
     if unit != torque_unit:
         message = f"D164 fit `{fit}` knows friction in {unit}, but it is subtracted from torques in {torque_unit}"
         raise DataError(message, where=f"fits.{fit}", remedy="import both logs in the same unit")

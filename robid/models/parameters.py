@@ -1,15 +1,102 @@
-"""The parameters of a fit as every family shows them: rows for page and terminal, numbers for the summary."""
+"""What every family shows of a fit alike: its parameters, headline, verdict and summary."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from statistics import NormalDist
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.report.parameters import ParameterRow
+from robid.artifacts.results import grade_from_artifact
+from robid.report.page import FitReport, Headline, KeyNumber
+from robid.report.parameter_section import parameter_numbers, parameter_table
+from robid.report.parameters import Estimates, ParameterRow
+from robid.report.section import Section
 from robid.results.estimate import Estimate
+from robid.results.outcome import Outcome
 from robid.robot.parameters import PARAMETER_KINDS, name_of, owner_of
+
+if TYPE_CHECKING:
+    from robid.models.family import Shown
+
+MOST_POINTS = 1500
+"""Points of a curve that a page can draw."""
+
+
+def fit_report(
+    shown: Shown,
+    estimate: Estimate,
+    estimates: Estimates,
+    outcome: Outcome | None,
+    *,
+    found: str,
+    numbers: Iterable[KeyNumber],
+    sections: tuple[Section, ...],
+    summary: Mapping[str, float],
+    terminal: Estimates | None = None,
+) -> FitReport:
+    """Lays out a fit for page, terminal and summary.
+
+    Args:
+        shown: The fit.
+        estimate: Its parameters.
+        estimates: The same as rows.
+        outcome: What its validation found, where there is one.
+        found: What was found, in a sentence of the verdict.
+        numbers: Its own numbers at the top of the page.
+        sections: Its sections.
+        summary: Its own numbers in the summary.
+        terminal: The parameters that a terminal shows; all by default.
+    """
+    grade = grade_from_artifact(shown.model) if outcome is None else outcome.grade
+    if outcome is None:
+        named = shown.data.settings.validate_on is not None
+        held = "Not validated." if named else "Not validated: no campaign was named to hold it against."
+    else:
+        held = f"The model {outcome.verdict}." if outcome.ok else ""
+    common = {"grade": float(grade.value), "converged": float(estimate.status == "converged")}
+    return FitReport(
+        headline=Headline(
+            name=shown.data.name,
+            numbers=(*parameter_numbers(estimates, usable=grade.value > 0), *numbers),
+            doubts=tuple(doubt.sentence for doubt in grade.doubts),
+            status=estimate.status.replace("_", " "),
+            advice=estimate.advice,
+        ),
+        verdict=" ".join(text for text in (grade.sentence, found, held) if text),
+        grade=grade.value,
+        sections=sections,
+        parameters=estimates.rows,
+        summary={**common, **summary, **parameter_summary(estimates.rows)},
+        terminal=(parameter_table(estimates if terminal is None else terminal),),
+    )
+
+
+def estimates_of(
+    shown: Shown, estimate: Estimate, assumed: Collection[str] = (), torque_unit: str = "N m"
+) -> Estimates:
+    """Returns the parameters of a fit as rows, with what holds for all of them; arguments as of `parameter_rows`."""
+    return Estimates(
+        rows=parameter_rows(estimate, shown.true, assumed, torque_unit),
+        level=estimate.confidence,
+        torque_unit=torque_unit,
+        undetermined=estimate.undetermined,
+        identifiable_relative_std=estimate.identifiable_relative_std,
+        interval_rule=estimate.interval_rule,
+    )
+
+
+def quantile(confidence: float) -> float:
+    """Returns how many standard deviations lie on either side at a level of confidence."""
+    return NormalDist().inv_cdf(0.5 + 0.5 * confidence)
+
+
+def thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Returns as many of the points (n,) of a curve as a page can draw."""
+    step = max(1, -(-x.size // MOST_POINTS))
+    return x[::step], y[::step]
 
 
 def with_torque_unit(unit: str, torque_unit: str) -> str:

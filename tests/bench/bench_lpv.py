@@ -8,7 +8,7 @@ from lpv_systems import POSITIONS, basis, local_responses, problem
 from robid.models.lpv.fit import sparse as penalised
 from robid.models.lpv.fit.local import align_neighbours, fit_local_models, interpolate
 from robid.models.lpv.fit.options import SparsityOptions
-from robid.models.lpv.fit.problem import cost
+from robid.models.lpv.fit.responses import cost
 from robid.models.lpv.fit.sparse import fit_sparse
 
 _GAMMA = 100.0

@@ -7,7 +7,7 @@ import pytest
 from lpv_baseline import cvxpy_step
 from lpv_systems import POSITIONS, basis, local_responses, problem, true_parameters
 from robid.models.lpv.fit import sparse as penalised
-from robid.models.lpv.fit.problem import normal
+from robid.models.lpv.fit.responses import normal
 from robid.models.lpv.fit.sparse import Penalised, descend, minimise_model
 from robid.models.lpv.fit.state_space import list_blocks, measure
 

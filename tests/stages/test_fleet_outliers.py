@@ -127,7 +127,7 @@ def test_a_page_that_cannot_be_made_is_told_and_stops_nothing(done, monkeypatch)
     def broken(*_):
         raise KeyError("estimate")
 
-    monkeypatch.setattr("robid.fleet.pages.run_all", broken)
+    monkeypatch.setattr("robid.fleet.report.run_all", broken)
     answer = done.robid()
     assert answer.code == 0
     assert "row soft has no page, by a defect of ours: KeyError" in answer.err
@@ -140,7 +140,7 @@ def test_pages_that_end_their_worker_are_told_and_stop_nothing(done, monkeypatch
     def broken(*_):
         raise WorkerError("A worker process ended before its task was done.")
 
-    monkeypatch.setattr("robid.fleet.pages.make_page", broken)
+    monkeypatch.setattr("robid.fleet.report.make_page", broken)
     answer = done.robid()
     assert answer.code == 0
     assert "not all pages of single rows were made: A worker process ended" in answer.err

@@ -1,4 +1,4 @@
 """External models: transfer functions from commands to positions.
 
-Read `settings`, `fit/`, `judge/`, then `family`, and what goes out: `page/`, `writing`.
+Read `settings`, `fit/`, `judge/`, then `family`, and what goes out: `page/`, `files`.
 """

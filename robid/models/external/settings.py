@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import pydantic.dataclasses
 from pydantic import Field
@@ -13,7 +13,6 @@ from robid.settings.base import STRICT, Name
 from robid.settings.checks.experiment import output_names
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.fits import FitSettings, fit_of, part
-from robid.settings.load import LoadedExperiment
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
@@ -99,9 +98,3 @@ def _channel_names(campaign: Campaign, robot: RobotFile) -> tuple[tuple[str, ...
         return tuple(channel.name for channel in acquire.references or acquire.inputs), outputs
     # What is commanded comes first, then what else is measured.
     return outputs[: len(outputs) - len(campaign.outputs[1:])], outputs
-
-
-def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
-    """Returns what the model of a campaign is made of beside the fit's own settings: nothing of the robot."""
-    del loaded, campaign
-    return {}

@@ -1,4 +1,4 @@
 """Position-dependent models: one sparse state-space model from responses at several positions.
 
-Read `settings`, `fit/`, `judge/`, then `family`, and what goes out: `page/`, `writing`.
+Read `settings`, `fit/`, `judge`, then `family`, and what goes out: `page`, `files`.
 """

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 from robid.later import later
 from robid.models.family import Export, Family
-from robid.models.lpv.settings import LpvFit, model_settings, problems
+from robid.models.lpv.settings import LpvFit, problems
 
 if TYPE_CHECKING:
     from robid.models.lpv.fit.model import LpvModel
 
 with later(__name__):
+    from robid.models.lpv.files import read_model, write_hdf5, write_json, write_mat
     from robid.models.lpv.fitting import fit, misfits, phrase_of_model, validate
-    from robid.models.lpv.page.report import report
-    from robid.models.lpv.writing import read_model, write_hdf5, write_json, write_mat
+    from robid.models.lpv.page import report
 
 
 def evaluate(path: Path | str) -> LpvModel:
@@ -37,7 +37,7 @@ LPV = Family(
     settings=LpvFit,
     reads=("frf",),
     problems=problems,
-    decides=model_settings,
+    decides=lambda loaded, _campaign: {"robot.joints.name": [joint.name for joint in loaded.robot.joints]},
     fit=fit,
     validate=validate,
     phrase=phrase_of_model,

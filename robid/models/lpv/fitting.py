@@ -15,12 +15,12 @@ from robid.frf.frf import Frf
 from robid.frf.quality import saturated_signals
 from robid.models.family import Data, Work
 from robid.models.lpv.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
-from robid.models.lpv.fit.basis import is_outside
 from robid.models.lpv.fit.fitting import fit_lpv
+from robid.models.lpv.fit.model import is_outside
 from robid.models.lpv.fit.responses import LocalResponses
 from robid.models.lpv.fit.solution import Ports
 from robid.models.lpv.fit.state_space import block_names
-from robid.models.lpv.judge.validating import assess_lpv, validate_lpv
+from robid.models.lpv.judge import assess_lpv, validate_lpv
 from robid.models.lpv.settings import LpvFit, lpv_fit
 from robid.results.doubt import Doubt, saturation_doubts
 from robid.settings.load import LoadedExperiment

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import pydantic.dataclasses
 from pydantic import Field
@@ -14,7 +14,6 @@ from robid.settings.checks.configurations import configuration_count
 from robid.settings.checks.experiment import input_names, output_names
 from robid.settings.experiment import Experiment
 from robid.settings.fits import FitSettings, fit_of, part
-from robid.settings.load import LoadedExperiment
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
@@ -32,7 +31,7 @@ class LpvFit(FitSettings, LpvOptions):
     )
     choose_on: Name | Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = Field(
         description="What only chooses the structure: one of the campaigns of `from`, or indices, from 0, of the"
-        " configurations that the fit reads. No parameter is fitted to it.",
+        " configurations that the fit reads. No parameter is fitted to it."
     )
     inputs: tuple[str, ...] = Field(default=(), description="Inputs of the model; all when empty.")
     outputs: tuple[str, ...] = Field(default=(), description="Outputs of the model; all when empty.")
@@ -143,9 +142,3 @@ def _count(experiment: Experiment, fit: LpvFit) -> int | None:
     used = [experiment.campaigns.get(name) for name in fit.campaigns]
     counts = [None if one is None else configuration_count(experiment, one) for one in used]
     return None if None in counts else sum(each or 0 for each in counts)
-
-
-def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
-    """Returns what the model of a campaign is made of beside the fit's own settings: names of the joints."""
-    del campaign
-    return {"robot.joints.name": [joint.name for joint in loaded.robot.joints]}

@@ -1,4 +1,4 @@
 """Rigid models: inertias, first moments, friction and offsets from records.
 
-Read `settings`, `fit/`, `judge/`, then `family`, and what goes out: `page/`, `writing`.
+Read `settings`, `fit/`, `judge/`, then `family`, and what goes out: `page`, `files`.
 """

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.models.rigid.fit.solution import RowResiduals
-from robid.models.rigid.page.charts import course, histogram, weights
+from robid.models.rigid.page import course, histogram, weights
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Beside, Figure, Notes, Part, Table
 from robid.studies.janot2009.seeded import FILTERS, TESTS, Judged

@@ -9,8 +9,8 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.artifacts.artifact import Dataset
-from robid.models.lpv.fit.basis import Basis, polynomial_basis
 from robid.models.lpv.fit.fitting import LpvResult, estimate_lpv
+from robid.models.lpv.fit.model import Basis, polynomial_basis
 from robid.models.lpv.fit.options import LpvOptions
 from robid.models.lpv.fit.responses import LocalResponses
 from robid.models.lpv.fit.state_space import StateSpace, block_names, response, transform

@@ -15,8 +15,7 @@ from robid.errors import BackendError, WorkerError
 from robid.fleet import run as fleet_run
 from robid.fleet.folders import begin
 from robid.fleet.ledger import file_key, write_ledger
-from robid.fleet.manifest import Manifest
-from robid.fleet.robots import robots_of
+from robid.fleet.manifest import Manifest, robots_of
 from robid.fleet.row import Told
 from robid.fleet.rows import Fleet, PlannedRow
 from robid.fleet.run import Options, run_fleet

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from fabricated_fleets import KNOWN, SPREAD, entry, failed, found_in, ledger, sound, with_factor
-from robid.fleet.collected import collect
-from robid.fleet.page.outliers import drift_sections, outlier_sections
+from robid.fleet.comparison import collect
+from robid.fleet.sections import drift_sections, outlier_sections
 from robid.fleet.summary import check_summary, write_summary
 from robid.robot.parameters import LOGARITHMIC
 

@@ -8,8 +8,7 @@ from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.outliers_influence import OLSInfluence
 
 from robid.fleet.drift import find_drifts, followed
-from robid.fleet.outliers import FEWEST_ROBOTS, Trait, find_outliers, holm, populations
-from robid.fleet.population import Population, population
+from robid.fleet.population import FEWEST_ROBOTS, Population, Trait, find_outliers, holm, population, populations
 
 CUT = 0.973337  # variance of a standard normal distribution within three deviations
 

@@ -5,11 +5,9 @@ from dataclasses import replace
 import pytest
 
 from fabricated_fleets import entry, failed, found_in, ledger, sound, with_factor
-from robid.fleet.ledger import FileKey
-from robid.fleet.page.found import flagged
-from robid.fleet.page.report import report_content, write_report
-from robid.fleet.pages import failure_content
-from robid.fleet.summary import causes
+from robid.fleet.comparison import flagged
+from robid.fleet.ledger import FileKey, causes
+from robid.fleet.report import failure_content, report_content, write_report
 from robid.report.numbers import MISSING
 from robid.report.page import render
 from robid.report.section import Choice

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from robid.fleet.manifest import read_manifest
-from robid.fleet.robots import robots_of, wrong_times
+from robid.fleet.manifest import read_manifest, robots_of, wrong_times
 
 
 @pytest.fixture

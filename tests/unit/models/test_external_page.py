@@ -17,7 +17,7 @@ from robid.models.external.judge.plausible import assess_external
 from robid.models.external.judge.validating import validate_external
 from robid.models.external.page.charts import excitation_figures, locus_figure, response_figures, step_figure
 from robid.models.external.page.data import coupling_section, new_section, own_section
-from robid.models.external.page.sections import sections, transfer_text
+from robid.models.external.page.report import sections, transfer_text
 from robid.models.parameters import parameter_rows
 from robid.report.numbers import MINUS
 from robid.report.page import ReportContent, Verdict, render

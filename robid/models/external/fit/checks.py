@@ -18,17 +18,11 @@ from robid.signals.quantities import Channel, channel_names
 
 @dataclass(frozen=True)
 class Block:
-    """Channels with common poles and one delay; a single channel mostly.
+    """Channels with common poles and one delay; a single channel mostly."""
 
-    Attributes:
-        name: Its name, which those of its parameters begin with.
-        inputs: Indices of its commands.
-        outputs: Indices of its outputs.
-    """
-
-    name: str
-    inputs: tuple[int, ...]
-    outputs: tuple[int, ...]
+    name: str  # its name, which those of its parameters begin with
+    inputs: tuple[int, ...]  # indices of its commands
+    outputs: tuple[int, ...]  # indices of its outputs
 
     @property
     def is_single(self) -> bool:
@@ -101,21 +95,13 @@ _UNSTEADY, _TOO_UNSTEADY = 0.01, 0.05  # of an output's motion
 
 @dataclass(frozen=True)
 class Finding:
-    """Something about a channel's data that a reader must know.
-
-    Attributes:
-        kind: What it is.
-        channel: Name of the channel.
-        message: What was seen, a clause without a full stop.
-        decisive: Whether nothing that follows may be used while it stands.
-        strength: How far beyond what is normal.
-    """
+    """Something about a channel's data that a reader must know."""
 
     kind: FindingKind
     channel: str
-    message: str
-    decisive: bool
-    strength: float
+    message: str  # what was seen, a clause without a full stop
+    decisive: bool  # whether nothing that follows may be used while it stands
+    strength: float  # how far beyond what is normal
 
 
 def usable_blocks(

@@ -14,8 +14,8 @@ from robid.models.external.fit.problem import Structure
 
 if TYPE_CHECKING:
     from robid.models.external.fit.data import Shot
-    from robid.models.external.fit.hold import Hold
     from robid.models.external.fit.options import ExternalOptions
+    from robid.models.external.fit.transfer import Hold
 
 _ROUNDS = 4
 _IN_A_ROW = 2
@@ -26,21 +26,13 @@ STRONG_EVIDENCE = 10.0  # difference of the criterion that is very strong eviden
 
 @dataclass(frozen=True)
 class Choice:
-    """What structure was chosen, and why.
-
-    Attributes:
-        structure: The structure.
-        best: Its fit.
-        tried: All structures tried, by delay, poles and zeros.
-        reason: Why this one, a sentence.
-        messages: What to know about the choice, sentences with remedies.
-    """
+    """What structure was chosen, and why."""
 
     structure: Structure
-    best: Candidate
-    tried: tuple[Candidate, ...]
-    reason: str
-    messages: tuple[str, ...]
+    best: Candidate  # its fit
+    tried: tuple[Candidate, ...]  # all structures tried, by delay, poles and zeros
+    reason: str  # why this one, a sentence
+    messages: tuple[str, ...]  # what to know about the choice, sentences with remedies
 
 
 def choose_structure(
@@ -74,6 +66,22 @@ def choose_structure(
         shots, inputs, outputs, common, choose_on, hopeless if options.rule == "evidence" else np.inf
     )
     delays, orders = _delays(options), _orders(options)
+    best = _in_turn(candidates, orders, delays, hopeless, options)
+    if options.rule == "evidence":
+        best = _look_about(candidates, orders, best, options)
+        best = _simplest(candidates, orders, best, delays, hopeless)
+    messages = _about_delay(candidates, best, delays) + _about_order(best, options)
+    return Choice(best.structure, best, candidates.tried, _reason(best, options, len(choose_on)), messages)
+
+
+def _in_turn(
+    candidates: Candidates,
+    orders: Sequence[tuple[int, int]],
+    delays: Sequence[int],
+    hopeless: float,
+    options: ExternalOptions,
+) -> Candidate:
+    """Chooses the delay with the richest structure, then structure and delay in turn until they stay."""
     # Zeros of a rich structure stand in for delay; the longest that explains as much leaves them the least to do.
     rich = [candidates.fit(*orders[-1], each) for each in delays]
     near = min(one.bic for one in rich) + STRONG_EVIDENCE
@@ -84,11 +92,7 @@ def choose_structure(
         if again == delay:
             break
         delay = again
-    if options.rule == "evidence":
-        best = _look_about(candidates, orders, best, options)
-        best = _simplest(candidates, orders, best, delays, hopeless)
-    messages = _about_delay(candidates, best, delays) + _about_order(best, options)
-    return Choice(best.structure, best, candidates.tried, _reason(best, options, len(choose_on)), messages)
+    return best
 
 
 def _order(candidate: Candidate) -> tuple[int, int]:

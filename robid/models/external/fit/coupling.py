@@ -25,21 +25,13 @@ _RESPONSE = "frequency output input"
 
 @dataclass(frozen=True)
 class Pairs:
-    """Commands and outputs of a map.
+    """Commands and outputs of a map."""
 
-    Attributes:
-        inputs: Name of each command.
-        outputs: Name of each output.
-        input_resolution (n_in,): Resolution of each command, in its unit.
-        output_resolution (n_out,): The same of each output.
-        own (n_out, n_in): Which pairs are one channel and no coupling.
-    """
-
-    inputs: tuple[str, ...]
+    inputs: tuple[str, ...]  # name of each command
     outputs: tuple[str, ...]
-    input_resolution: FloatArray
-    output_resolution: FloatArray
-    own: BoolArray
+    input_resolution: FloatArray  # (n_in,): resolution of each command, in its unit
+    output_resolution: FloatArray  # (n_out,): the same of each output
+    own: BoolArray  # (n_out, n_in): which pairs are one channel and no coupling
 
     @property
     def per_resolution(self) -> FloatArray:
@@ -49,37 +41,27 @@ class Pairs:
 
 @dataclass(frozen=True)
 class CouplingMap:
-    """How far each output follows each command.
-
-    Attributes:
-        bands: Name of each shot, or of the first of those that were read together.
-        coherence: Root of the largest magnitude-squared coherence; NaN where a command rests.
-        limit: Root coherence that unrelated signals reach by chance alone.
-        ratio: Size of what of the output follows the command over that of the command, each in its resolutions.
-        crossing_hz: Lowest frequency at which the gain is above its threshold beyond doubt; infinite where it never is,
-            NaN where it was not examined.
-        examined_hz: Highest frequency that was examined [Hz].
-        decoupled_up_to_hz: Frequency up to which a command moves no other output, and its own outputs follow no other
-            command.
-        overall_hz: Frequency up to which this holds of all [Hz].
-        sentence: What couples, and what to do.
-    """
+    """How far each output follows each command."""
 
     bands: Annotated[tuple[str, ...], Quantity("1", "band", "Shots")]
     highest_hz: Annotated[FloatArray, Quantity("Hz", "band", "Highest excited frequency")]
+    # Root of the largest magnitude-squared coherence; NaN where a command rests.
     coherence: Annotated[FloatArray, Quantity("1", "band output input", "Root of the largest coherence")]
     limit: Annotated[FloatArray, Quantity("1", "band", "What chance alone reaches")]
+    # Size of what of the output follows the command over that of the command, each in its resolutions.
     ratio: Annotated[FloatArray, Quantity("1", "band output input", "Magnitude ratio in resolutions")]
     own: Annotated[BoolArray, Quantity("1", "output input", "Whether it is one channel and no coupling")]
     coupled: Annotated[BoolArray, Quantity("1", "band output input", "Whether both are above their thresholds")]
     frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency")]
     gain: Annotated[FloatArray, Quantity("1", _RESPONSE, "Magnitude of the empirical response in resolutions")]
     gain_radius: Annotated[FloatArray, Quantity("1", _RESPONSE, "Its confidence radius")]
+    # Lowest frequency at which the gain is above its threshold beyond doubt; infinite where it never is, NaN where it
+    # was not examined.
     crossing_hz: Annotated[FloatArray, Quantity("Hz", "output input", "Where the gain exceeds its threshold")]
-    examined_hz: float
+    examined_hz: float  # highest frequency that was examined [Hz]
     decoupled_up_to_hz: Annotated[FloatArray, Quantity("Hz", "input", "Up to where a channel is decoupled")]
-    overall_hz: float
-    sentence: str
+    overall_hz: float  # frequency up to which this holds of all [Hz]
+    sentence: str  # what couples, and what to do
 
 
 def map_coupling(
@@ -100,21 +82,20 @@ def map_coupling(
         Oliveira et al. (2019), sec. 3.2.1, Fig. 9.
     """
     groups = together(shots, floor)
-    found = [_band(group, floor, options) for group in groups]
-    root = np.array([one.coherence for one in found])
-    limit = np.array([one.limit for one in found])
-    ratio = np.array([one.ratio for one in found]) * pairs.per_resolution
+    found = zip(*(_band(group, floor, options) for group in groups), strict=True)
+    root, ratio, limit, highest_hz = (np.array(each) for each in found)
+    ratio = ratio * pairs.per_resolution
     high = root > np.maximum(options.coherence, limit[:, None, None])
     coupled = high & (ratio > options.ratio) & ~pairs.own
     gain, radius = np.abs(etfe.response) * pairs.per_resolution, etfe.radius * pairs.per_resolution
-    crossing = _first_coupled(etfe.frequency_hz, gain, radius, options.ratio, coupled)
-    crossing = np.where(pairs.own, np.nan, crossing)
+    first = _first_coupled(etfe.frequency_hz, gain, radius, options.ratio, coupled)
+    crossing = np.where(pairs.own, np.nan, first)
     seen = np.isfinite(gain - radius).any(axis=(1, 2))
     examined_hz = float(etfe.frequency_hz[seen][-1]) if seen.any() else 0.0
     upto = _decoupled(crossing, pairs.own, examined_hz)
     return CouplingMap(
         bands=tuple(group[0].name for group in groups),
-        highest_hz=np.array([one.highest_hz for one in found]),
+        highest_hz=highest_hz,
         coherence=root,
         limit=limit,
         ratio=ratio,
@@ -139,20 +120,16 @@ def coherence_limit(averages: float, frequencies: int, level: float) -> float:
         frequencies: Frequencies of which the largest is taken.
         level: Chance.
     """
+    # The largest of F independent coherences stays below x with (1 - p)^F, where one exceeds it with p = (1 - x^2)^(n -
+    # 1).
     each = 1 - (1 - level) ** (1 / max(frequencies, 1))
     return float(np.sqrt(1 - each ** (1 / max(averages - 1, 1e-9))))
 
 
-@dataclass(frozen=True)
-class _Band:
-    coherence: FloatArray  # (n_out, n_in)
-    ratio: FloatArray  # (n_out, n_in)
-    limit: float
-    highest_hz: float
-
-
-def _band(group: Sequence[Shot], floor: FloatArray, options: CouplingOptions) -> _Band:
-    """Coherence and size of what follows, of one group of shots."""
+def _band(
+    group: Sequence[Shot], floor: FloatArray, options: CouplingOptions
+) -> tuple[FloatArray, FloatArray, float, float]:
+    """Coherence and size of what follows (n_out, n_in), the chance coherence and the highest frequency of a group."""
     moved = np.flatnonzero(np.any([moved_inputs(shot, floor) for shot in group], axis=0))
     shape = group[0].outputs.shape[1], group[0].inputs.shape[1]
     root, ratio = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -162,13 +139,15 @@ def _band(group: Sequence[Shot], floor: FloatArray, options: CouplingOptions) ->
         told, cross, answer = _partial(spectra, place, len(moved))
         excited = told > _EXCITED * told.max()
         count, highest_hz = max(count, int(excited.sum())), max(highest_hz, float(frequency_hz[excited][-1]))
+        # |S_uy|^2 / S_uu is the power of the output that follows the command: over S_yy the coherence, over S_uu the
+        # squared gain.
         shared = np.abs(cross[excited]) ** 2 / told[excited, None]
         squared = np.divide(shared, answer[excited], out=np.zeros_like(shared), where=answer[excited] > 0)
         root[:, index] = np.sqrt(squared.max(axis=0))
         ratio[:, index] = np.sqrt(shared.sum(axis=0) / told[excited].sum())
     segments = options.segments * len(group)
     limit = coherence_limit(_INDEPENDENT * segments - (len(moved) - 1), count, options.level)
-    return _Band(root, ratio, limit, highest_hz)
+    return root, ratio, limit, highest_hz
 
 
 def _cross_spectra(group: Sequence[Shot], moved: IntArray, segments: int) -> tuple[FloatArray, ComplexArray]:
@@ -201,6 +180,7 @@ def _partial(spectra: ComplexArray, place: int, n_moved: int) -> tuple[FloatArra
     kept = [place, *range(n_moved, spectra.shape[1])]
     left = spectra[:, kept][:, :, kept]
     if rest:
+        # Conditioned spectra: S_kk - S_kr S_rr^-1 S_rk leave what the other commands do not explain.
         mixed = spectra[:, rest][:, :, kept]
         others = spectra[:, rest][:, :, rest]
         left = left - mixed.conj().swapaxes(1, 2) @ (np.linalg.pinv(others, rcond=1e-10, hermitian=True) @ mixed)

@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.models.external.fit.descent import Numerators, Point, columns_of, natural_steps, slopes_of
-from robid.models.external.fit.hold import Hold
+from robid.models.external.fit.problem import Problem
 from robid.models.external.fit.reduction import (
     Experiment,
     Reduced,
@@ -19,6 +19,7 @@ from robid.models.external.fit.reduction import (
     states_of,
     whiteness,
 )
+from robid.models.external.fit.transfer import Hold
 
 _EXCLUDED = 4.0  # standard deviations
 
@@ -28,51 +29,37 @@ WHITE = 0.01
 
 @dataclass(frozen=True)
 class Spread:
-    """Residuals of a block, and what they say of its coefficients.
+    """Residuals of a block, and what they say of its coefficients."""
 
-    Attributes:
-        residuals: Residual (n_sample, n_out) of each shot.
-        root (n_param, n_root): A root of the covariance of the coefficients, `[numerators, denominator]` highest
-            power first in powers of s over the reference frequency, without the denominator's first.
-        whiteness (n_shot, n_out): Chance of white noise to look as coloured as each residual.
-        n_taken (n_shot, n_out): Degrees of freedom that the fit took from each residual.
-    """
-
-    residuals: tuple[FloatArray, ...]
+    residuals: tuple[FloatArray, ...]  # residual (n_sample, n_out) of each shot
+    # (n_param, n_root): a root of the covariance of the coefficients, `[numerators, denominator]` highest power first
+    # in powers of s over the reference frequency, without the denominator's first.
     root: FloatArray
-    whiteness: FloatArray
-    n_taken: FloatArray
+    whiteness: FloatArray  # (n_shot, n_out): chance of white noise to look as coloured as each residual
+    n_taken: FloatArray  # (n_shot, n_out): degrees of freedom that the fit took from each residual
 
 
-def find_spread(
-    experiments: Sequence[Experiment],
-    point: Point,
-    sought: Numerators,
-    noise: FloatArray,
-    period: float,
-    hold: Hold,
-    unseen: float = np.pi,
-) -> Spread:
+def find_spread(problem: Problem, point: Point, noise: FloatArray, unseen: float = np.pi) -> Spread:
     """Computes residuals and the coefficients' covariance.
 
     For white residuals it is `sigma^2 (J'J)^-1`; where any is coloured, its smoothed spectrum takes the place of
     `sigma^2`, which keeps intervals honest when the model leaves something over.
 
     Args:
-        experiments: The experiments.
+        problem: Data and structure.
         point: The fit.
-        sought: Which numerators were sought.
         noise (n_shot, n_out): Weights' standard deviations.
-        period: Sampling period times the reference frequency.
-        hold: What commands do between samples.
         unseen: How fast, per sample, the fastest pole must be for samples not to tell it from an immediate answer.
 
     Source:
         White (1980), "A heteroskedasticity-consistent covariance matrix estimator"; Ljung (1999), eq. 9.42.
     """
-    rows = [_time_rows(each, point, period, hold) for each in experiments]
+    experiments, sought, period = problem.experiments, problem.sought, problem.period
+    rows = [_time_rows(each, point, period, problem.structure.hold) for each in experiments]
     ends = np.cumsum([0, *(each.n_sample for each in experiments)]).tolist()
     spans = [slice(first, last) for first, last in pairwise(ends)]
+    # The Jacobian of all outputs in two parts: what is linear in numerators and free responses belongs to one output
+    # each; what poles do beyond that is orthogonalised over all outputs, which share the poles.
     linear = [_linear_part(rows, point, sought, noise[:, output], output) for output in range(noise.shape[1])]
     projected, triangle = _orthogonal(np.concatenate([each.tilt for each in linear]), point, period, unseen)
     residuals = [np.zeros((each.n_sample, noise.shape[1])) for each in experiments]
@@ -83,15 +70,20 @@ def find_spread(
         pulls = np.concatenate([part.within, own], axis=1)
         meat = np.zeros((pulls.shape[1], pulls.shape[1]))
         for index, (each, span) in enumerate(zip(experiments, spans, strict=True)):
-            left, pull = part.residual[span], pulls[span]
-            residuals[index][:, output] = left * noise[index, output]
-            excited = excited_lines(each)
-            taken[index, output] = float(np.sum(pull**2)) + each.offset
-            chances[index, output] = whiteness(left, excited, taken[index, output] - each.offset)
-            meat += _meat(left, pull, excited, taken[index, output], white=chances[index, output] >= WHITE)
+            residuals[index][:, output] = part.residual[span] * noise[index, output]
+            added, chances[index, output], taken[index, output] = _judged(each, part.residual[span], pulls[span])
+            meat += added
         meats.append(meat)
-    root = _root(linear, triangle, meats, point, sought)
-    return Spread(tuple(residuals), root, chances, taken)
+    return Spread(tuple(residuals), _root(linear, triangle, meats, point, sought), chances, taken)
+
+
+def _judged(experiment: Experiment, residual: FloatArray, pull: FloatArray) -> tuple[FloatArray, float, float]:
+    """What a residual (n_sample,) adds to the covariance of its pulls, its whiteness, and what was taken from it."""
+    excited = excited_lines(experiment)
+    # The pulls are orthonormal over all shots: their squares in one are the degrees of freedom that it gave.
+    n_taken = float(np.sum(pull**2)) + experiment.offset
+    chance = whiteness(residual, excited, n_taken - experiment.offset)
+    return _meat(residual, pull, excited, n_taken, white=chance >= WHITE), chance, n_taken
 
 
 @dataclass(frozen=True)
@@ -131,10 +123,13 @@ def _linear_part(
 def _meat(residual: FloatArray, pull: FloatArray, excited: BoolArray, n_taken: float, *, white: bool) -> FloatArray:
     """Covariance (n_pull, n_pull) of the pulls (n_sample, n_pull) of noise that looks like the residual (n_sample,)."""
     n_sample = len(residual)
+    # Residuals are smaller than the noise by what the fit took of it.
     inflation = n_sample / max(n_sample - n_taken, 1.0)
     if white:
         return np.asarray(pull.T @ pull * (residual @ residual / n_sample * inflation))
     spectrum = smoothed_spectrum(residual, excited) * inflation
+    # J^T C J for a stationary C is diagonal in frequency: a sum over lines of |pull|^2 times the spectrum (Parseval);
+    # lines but the first and the last stand for two.
     lines = np.fft.rfft(pull, axis=0)
     share = np.full(len(lines), 2.0)
     share[0] = 1.0
@@ -144,16 +139,13 @@ def _meat(residual: FloatArray, pull: FloatArray, excited: BoolArray, n_taken: f
 
 
 def _root(
-    linear: Sequence[_LinearPart],
-    triangle: FloatArray,
-    meats: Sequence[FloatArray],
-    point: Point,
-    sought: Numerators,
+    linear: Sequence[_LinearPart], triangle: FloatArray, meats: Sequence[FloatArray], point: Point, sought: Numerators
 ) -> FloatArray:
     """Root of the covariance of numerators and denominator in powers of s over the reference frequency."""
     basis, n_pole = point.basis, point.basis.n_pole
     size = np.linalg.norm(triangle, axis=0)
     size[size == 0] = 1.0
+    # A noise e moves the poles by R^-1 Q^T e, where Q R is what they do beyond numerators and free responses.
     poles = np.linalg.pinv(triangle / size, rcond=1e-13) / size[:, None]
     to_numerators = [_to_numerators(point, sought, output) for output in range(len(linear))]
     n_each = point.weights.shape[1] * point.weights.shape[2]
@@ -165,6 +157,8 @@ def _root(
         change = poles @ half[n_within:]
         whole = np.zeros((len(linear) * n_each + n_pole, half.shape[1]))
         for other, part in enumerate(linear):
+            # The numerators follow the poles (what these do along the linear columns is undone), and the noise of their
+            # own output.
             moves = -part.to_weights @ (part.along @ change)
             if part is own:
                 moves = moves + part.to_weights @ half[:n_within]
@@ -186,6 +180,7 @@ def _orthogonal(tilts: FloatArray, point: Point, period: float, unseen: float) -
     sizes, stages = natural_steps(point), point.basis.single.stages
     beyond = [stage for stage in stages if abs(stage.pole) * period > np.pi]
     n_beyond = beyond[-1].states.stop if beyond else 0
+    # Poles beyond the Nyquist frequency come last, so that what is left to them is beyond all others.
     order = np.roll(np.arange(len(sizes)), -n_beyond)
     projected, triangle = np.linalg.qr((tilts * sizes)[:, order])
     if beyond:

@@ -1,4 +1,4 @@
-"""Records as shots: what was commanded in each experiment and what came of it, repeats averaged."""
+"""Records as shots, what was commanded and what came of it, repeats averaged; and how well a model agrees with them."""
 
 from __future__ import annotations
 
@@ -23,51 +23,35 @@ _OFF_GRID, _ON_GRID = 0.1, 0.95
 
 @dataclass(frozen=True)
 class Shot:
-    """One experiment, its repeats averaged.
+    """One experiment, its repeats averaged."""
 
-    Attributes:
-        inputs (n_sample, n_in): Commands, without delay or moving average, in SI units.
-        outputs (n_sample, n_out): What came of them, in SI units.
-        start: State at the first sample: `rest` where it is zero, `periodic` where it is that of a steady period,
-            `free` where it is estimated along.
-        noise_std (n_out,): Standard deviation of the averaged outputs, from the scatter of the repeats; None without.
-        repeats: How many were averaged.
-        sampling_period_s: Sampling period [s].
-        name: Campaign, and what else tells it from others, for messages.
-        offset: Whether a constant offset of each output is estimated along.
-        place: Campaign and configuration; shots of one place in which several commands move are read together.
-        quantum (n_out,): Step between values of a single repeat, 0 where they lie on no grid; None where unknown.
-        wander (n_out,): How far periods lie apart beyond noise from sample to sample; None without
-            several, and where commands are no positions.
-    """
-
-    inputs: FloatArray
-    outputs: FloatArray
+    inputs: FloatArray  # (n_sample, n_in): Commands, without delay or moving average, in SI units
+    outputs: FloatArray  # (n_sample, n_out): what came of them, in SI units
+    # State at the first sample: `rest` where it is zero, `periodic` where it is that of a steady period, `free` where
+    # it is estimated along.
     start: Literal["rest", "periodic", "free"]
+    # (n_out,): standard deviation of the averaged outputs, from the scatter of the repeats; None without.
     noise_std: FloatArray | None
-    repeats: int
+    repeats: int  # how many were averaged
     sampling_period_s: float
-    name: str
-    offset: bool = True
-    place: str = ""
+    name: str  # Campaign, and what else tells it from others, for messages
+    offset: bool = True  # whether a constant offset of each output is estimated along
+    place: str = ""  # campaign and configuration; shots of one place in which several commands move are read together
+    # (n_out,): step between values of a single repeat, 0 where they lie on no grid; None where unknown.
     quantum: FloatArray | None = None
+    # (n_out,): how far periods lie apart beyond noise from sample to sample; None without several, and where commands
+    # are no positions.
     wander: FloatArray | None = None
 
 
 @dataclass(frozen=True)
 class Commands:
-    """What a record's outputs are answers to.
+    """What a record's outputs are answers to."""
 
-    Attributes:
-        channels: What each command is.
-        values (n_conf, n_real, n_exp, n_period, n_sample, n_in): Commands, in SI units; one period where all are the
-            same.
-        hold: What they do between samples.
-    """
-
-    channels: tuple[Channel, ...]
+    channels: tuple[Channel, ...]  # what each command is
+    # (n_conf, n_real, n_exp, n_period, n_sample, n_in): Commands, in SI units; one period where all are the same.
     values: FloatArray
-    hold: Literal["zoh", "foh"]
+    hold: Literal["zoh", "foh"]  # what they do between samples
 
 
 def commands_of(record: Record, options: ExternalOptions) -> Commands:
@@ -196,6 +180,8 @@ def _wander(repeats: FloatArray) -> FloatArray | None:
         return None
     apart = (repeats - repeats.mean(axis=1, keepdims=True))[:, :, : length * _STRETCHES]
     stretches = apart.reshape(-1, _STRETCHES, length, apart.shape[3])
+    # Means over stretches keep what is slow; noise from sample to sample leaves 1/length of its variance in them, which
+    # is subtracted. One of n periods is taken by their mean.
     levels = stretches.mean(axis=2)
     alone = count / (count - 1) * (levels**2).mean(axis=(0, 1))
     by_noise = stretches.var(axis=2, ddof=1).mean(axis=(0, 1)) * count / (count - 1) / length
@@ -218,7 +204,73 @@ def _integrated(values: FloatArray, sampling_period_s: float, hold: str, *, peri
     """Integrates speeds (..., n_sample, n_in) from zero on; over a whole period they move nowhere."""
     if periodic:
         values = values - values.mean(axis=-2, keepdims=True)
+    # A held speed v adds T v until the next sample, one that moves in straight lines the trapezoid.
     ends = values[..., :-1, :]
     steps = ends if hold == "zoh" else 0.5 * (ends + values[..., 1:, :])
     start = np.zeros_like(values[..., :1, :])
     return np.concatenate([start, sampling_period_s * np.cumsum(steps, axis=-2)], axis=-2)
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How well one output is described in the shots of one campaign and configuration, taken together."""
+
+    output: str  # name of the channel, or of the output of a matrix
+    place: str  # campaign and configuration
+    nrmse: float  # normalised root mean square: 1 is perfect
+    r_squared: float  # coefficient of determination
+    error_std: float  # root mean square of the error, in the output's unit
+    motion_std: float  # root mean square of the output about its mean
+    noise_std: float  # standard deviation of the noise of the averaged output, from repeats; NaN without
+    amplitude: float  # largest deviation of a command from where it is counted from
+    single_noise_std: float = float("nan")  # standard deviation of the noise of a single repeat; NaN without repeats
+
+
+def agreements(
+    names: Sequence[str],
+    shots: Sequence[Shot],
+    outputs: Sequence[int],
+    measured: Sequence[FloatArray],
+    errors: Sequence[FloatArray],
+    inputs: Sequence[int],
+) -> tuple[Agreement, ...]:
+    """Compares a block's outputs with what was measured.
+
+    Args:
+        names: Name of each of its outputs.
+        shots: The shots.
+        outputs: Indices of its outputs.
+        measured: Outputs (n_sample, n_out) of each shot.
+        errors: Errors (n_sample, n_out) of each shot.
+        inputs: Indices of its commands.
+
+    Source:
+        Oliveira et al. (2019), Table 2.
+    """
+    found: list[Agreement] = []
+    for place in dict.fromkeys(shot.place for shot in shots):
+        chosen = [index for index, shot in enumerate(shots) if shot.place == place]
+        there = [shots[index] for index in chosen]
+        moved = [measured[index] - measured[index].mean(axis=0) for index in chosen]
+        error_std, motion_std = (
+            np.sqrt(np.mean(np.concatenate(each) ** 2, axis=0)) for each in ([errors[index] for index in chosen], moved)
+        )
+        # NRMSE = 1 - |error| / |motion|, and R^2 = 1 - |error|^2 / |motion|^2.
+        left = np.divide(error_std, motion_std, out=np.full(len(names), np.inf), where=motion_std > 0)
+        noise = _noise(there, outputs), _noise(there, outputs, single=True)
+        amplitude = max(float(np.abs(shot.inputs[:, list(inputs)]).max()) for shot in there)
+        columns = (each.tolist() for each in (left, error_std, motion_std, *noise))
+        found += [
+            Agreement(name, place, 1 - off, 1 - off**2, error, motion, scatter, amplitude, single)
+            for name, off, error, motion, scatter, single in zip(names, *columns, strict=True)
+        ]
+    return tuple(found)
+
+
+def _noise(shots: Sequence[Shot], outputs: Sequence[int], *, single: bool = False) -> FloatArray:
+    known = [
+        shot.noise_std[list(outputs)] * (np.sqrt(shot.repeats) if single else 1.0)
+        for shot in shots
+        if shot.noise_std is not None
+    ]
+    return np.sqrt(np.mean(np.square(known), axis=0)) if known else np.full(len(outputs), np.nan)

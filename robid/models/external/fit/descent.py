@@ -18,15 +18,10 @@ _DEPENDENT = 1e-13  # of the largest singular value
 
 @dataclass(frozen=True)
 class Numerators:
-    """Which numerators are sought, as weights of a cascade's last states.
+    """Which numerators are sought, as weights of a cascade's last states."""
 
-    Attributes:
-        n_zero: Their degree.
-        static_gain_one: Whether the channels on the block's diagonal have static gain one.
-    """
-
-    n_zero: int
-    static_gain_one: bool = False
+    n_zero: int  # their degree
+    static_gain_one: bool = False  # whether the channels on the block's diagonal have static gain one
 
     def fixed(self, basis: Basis, output: int, input_: int) -> FloatArray:
         """Weights (n_zero + 1,) that are not estimated."""
@@ -47,36 +42,29 @@ class Numerators:
         """Weights (2 n_pole, n_pole) of the derivative by the denominator's change along each state's numerator."""
         n_pole = basis.n_pole
         rows = np.zeros((n_pole, 2 * n_pole))
+        # d(B/A) = -B dA / A^2 at fixed B: a polynomial over the poles twice, one for each direction of A.
         for row, direction in zip(rows, basis.single.numerators, strict=True):
             product = np.convolve(numerator, direction)
             row[len(row) - len(product) :] = -product
             if self.static_gain_one and output == input_:
+                # With the static gain fixed b_0 follows a_0, which adds dA(0) A / A^2.
                 row[n_pole - 1 :] += direction[-1] * basis.denominator
         return basis.double.expand(rows).T
 
 
 @dataclass(frozen=True)
 class Point:
-    """The best that given poles can do.
+    """The best that given poles can do."""
 
-    Attributes:
-        basis: The poles and their states.
-        weights (n_out, n_in, n_zero + 1): Numerators as weights of the last states.
-        free: Weights (n_out, n_pole) of the free response of each shot with a free start.
-        cost: Weighted sum of squares of the rest.
-        residual (n_row,): The rest, reduced.
-        slope (n_row, n_pole): Its derivative, with the sign of the model's, by the denominator's change along each
-            state's numerator; what the linear part takes up is gone.
-        n_rows: Rows of each shot in one output's part of the two.
-    """
-
-    basis: Basis
-    weights: FloatArray
-    free: tuple[FloatArray, ...]
-    cost: float
-    residual: FloatArray
+    basis: Basis  # the poles and their states
+    weights: FloatArray  # (n_out, n_in, n_zero + 1): numerators as weights of the last states
+    free: tuple[FloatArray, ...]  # weights (n_out, n_pole) of the free response of each shot with a free start
+    cost: float  # weighted sum of squares of the rest
+    residual: FloatArray  # (n_row,): the rest, reduced
+    # (n_row, n_pole): its derivative, with the sign of the model's, by the denominator's change along each state's
+    # numerator; what the linear part takes up is gone.
     slope: FloatArray
-    n_rows: tuple[int, ...]
+    n_rows: tuple[int, ...]  # rows of each shot in one output's part of the two
 
 
 def natural_steps(point: Point) -> FloatArray:
@@ -220,19 +208,12 @@ _LARGEST_STEP = 0.5  # of a pole, about
 
 @dataclass(frozen=True)
 class Descent:
-    """Where a search of the poles ended.
+    """Where a search of the poles ended."""
 
-    Attributes:
-        point: The best poles and numerators.
-        iterations: Steps tried.
-        status: How it ended.
-        reflected: Whether unstable poles were met and reflected on the way.
-    """
-
-    point: Point
-    iterations: int
-    status: Status
-    reflected: bool
+    point: Point  # the best poles and numerators
+    iterations: int  # steps tried
+    status: Status  # how it ended
+    reflected: bool  # whether unstable poles were met and reflected on the way
 
 
 def descend(
@@ -310,6 +291,7 @@ class _Model:
     def step(self, damping: float) -> tuple[FloatArray, float]:
         """Returns the step (n_pole,) with at least that damping that changes no pole by too much, and its decrease."""
         while True:
+            # Levenberg-Marquardt in the singular vectors of the slope: d = v s (u^T r) / (s^2 + damping).
             curvature = np.maximum(self.values**2 + damping, np.finfo(float).tiny)
             along = self._pull * self.values / curvature
             step = self._turned.T @ along

@@ -26,14 +26,10 @@ _RESPONSE = "frequency output input"
 
 @dataclass(frozen=True)
 class Etfe:
-    """Empirical response of every output to every command.
-
-    Attributes:
-        response: Output over command; NaN where a command was not excited.
-        radius: Radius around it that holds the true response at the level of confidence.
-    """
+    """Empirical response of every output to every command."""
 
     frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency")]
+    # Output over command; NaN where a command was not excited.
     response: Annotated[ComplexArray, Quantity("output over input", _RESPONSE, "Empirical response")]
     radius: Annotated[FloatArray, Quantity("output over input", _RESPONSE, "Its confidence radius")]
 
@@ -83,6 +79,8 @@ def estimate_etfe(shots: Sequence[Shot], floor: FloatArray, confidence: float) -
                 freedom[index][:, group.moved] += left
     known = weight > 0
     response = np.divide(weighted, weight, out=np.full_like(weighted, np.nan), where=known)
+    # |G_hat - G|^2 over an estimated variance is F distributed with 2 and 2 nu degrees of freedom: the radius of a
+    # circle.
     quantile = f_distribution.ppf(confidence, 2, 2 * np.maximum(freedom, 1))
     radius = np.sqrt(np.divide(quantile, weight, out=np.full_like(weight, np.nan), where=known))
     return Etfe(grid, response, radius)
@@ -166,6 +164,8 @@ def _local(group: _Group, centre: float) -> tuple[ComplexArray, FloatArray, int]
     first = min(max(int(np.searchsorted(group.lines, centre)) - width // 2, 0), group.lines.size - width)
     window = group.lines[first : first + width]
     offset = (window - centre) / np.abs(window - centre).max()
+    # Y(k) = sum_i G_i(k) U_i(k) + T(k), G_i and the transient T each a polynomial of second order in the distance from
+    # the centre.
     regressor = _regressor(group, window, offset[:, None] ** np.arange(_ORDER + 1))
     measured = group.outputs[:, window].reshape(-1, group.outputs.shape[2])
     scale = np.linalg.norm(regressor, axis=0)
@@ -177,6 +177,8 @@ def _local(group: _Group, centre: float) -> tuple[ComplexArray, FloatArray, int]
     inverse = (right.conj().T / values) @ left.conj().T / scale[:, None]
     freedom = len(measured) - regressor.shape[1]
     found = inverse @ measured
+    # What is left over the degrees of freedom is the noise of a line; the constant terms of G_i are its responses at
+    # the centre.
     noise = (np.abs(measured - regressor @ found) ** 2).sum(axis=0) / freedom
     constant = np.arange(len(group.moved)) * (_ORDER + 1)
     gain = (np.abs(inverse[constant]) ** 2).sum(axis=1)
@@ -197,19 +199,15 @@ _SAMPLES = 2000
 
 @dataclass(frozen=True)
 class Excitation:
-    """Commands and their own outputs in the shots that move them.
-
-    Attributes:
-        time_s: Time since the shot began.
-        answer: Output, less its mean in a period, less its first value in a shot, where it has an offset.
-    """
+    """Commands and their own outputs in the shots that move them."""
 
     names: Annotated[tuple[str, ...], Quantity("1", "own_channel", "Channels, one a command")]
     shots: Annotated[tuple[str, ...], Quantity("1", "shot", "Names of the shots")]
     time_channel: Annotated[IntArray, Quantity("1", "sample", "Index into names")]
     time_shot: Annotated[IntArray, Quantity("1", "sample", "Index into shots")]
-    time_s: Annotated[FloatArray, Quantity("s", "sample")]
+    time_s: Annotated[FloatArray, Quantity("s", "sample")]  # time since the shot began
     command: Annotated[FloatArray, Quantity("as of the command", "sample", "What was commanded", compact=True)]
+    # Output, less its mean in a period, less its first value in a shot, where it has an offset.
     answer: Annotated[FloatArray, Quantity("as of the output", "sample", "What came of it", compact=True)]
     line_channel: Annotated[IntArray, Quantity("1", "component", "Index into names")]
     line_shot: Annotated[IntArray, Quantity("1", "component", "Index into shots")]
@@ -222,17 +220,11 @@ class Excitation:
 
 @dataclass(frozen=True)
 class OwnChannel:
-    """A command and the output that it is meant for.
+    """A command and the output that it is meant for."""
 
-    Attributes:
-        name: Name of the channel.
-        input: Index of the command.
-        output: Index of the output.
-    """
-
-    name: str
-    input: int
-    output: int
+    name: str  # name of the channel
+    input: int  # index of the command
+    output: int  # index of the output
 
 
 def show_excitation(

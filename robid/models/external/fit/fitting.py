@@ -23,11 +23,11 @@ from robid.models.external.fit.choice import choose_structure
 from robid.models.external.fit.coupling import Pairs, map_coupling
 from robid.models.external.fit.data import Shot, refuse_unlike
 from robid.models.external.fit.etfe import estimate_etfe, floors
-from robid.models.external.fit.hold import Hold
 from robid.models.external.fit.options import CouplingOptions, ExternalOptions
 from robid.models.external.fit.output_error import BlockFit, fit_block
 from robid.models.external.fit.result import FittedBlock, make_solution
 from robid.models.external.fit.solution import ExternalSolution, Ports
+from robid.models.external.fit.transfer import Hold
 from robid.signals.quantities import Channel, channel_names
 
 _NO_BETTER = 0.1  # of the criterion, of which 10 are strong evidence
@@ -73,11 +73,7 @@ def fit_external(
 
 
 def ports_of(
-    shots: Sequence[Shot],
-    inputs: Sequence[Channel],
-    outputs: Sequence[Channel],
-    hold: str,
-    options: CouplingOptions,
+    shots: Sequence[Shot], inputs: Sequence[Channel], outputs: Sequence[Channel], hold: str, options: CouplingOptions
 ) -> Ports:
     """Describes the commands and outputs of shots."""
     resolution = resolutions(inputs, options)

@@ -9,22 +9,16 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.models.external.fit.hold import Cascade, build_cascade, discretise, propagate
 from robid.models.external.fit.parameters import Root, poles_of, zeros_of
 from robid.models.external.fit.solution import Responses, RootLoci, StepResponses
-from robid.models.external.fit.transfer import TransferMatrix, delayed
+from robid.models.external.fit.transfer import Cascade, TransferMatrix, build_cascade, delayed, discretise, propagate
 
 
 @dataclass(frozen=True)
 class ResponseDeviation:
-    """Standard deviations of a response (n_freq, n_out, n_in).
+    """Standard deviations of a response (n_freq, n_out, n_in)."""
 
-    Attributes:
-        magnitude: Of the magnitude over itself.
-        phase_rad: Of the phase [rad].
-    """
-
-    magnitude: FloatArray
+    magnitude: FloatArray  # of the magnitude over itself
     phase_rad: FloatArray
 
     @property
@@ -52,6 +46,7 @@ def response_deviation(
     if sampled:
         held = discretise(cascade, model.sampling_period_s * scale, model.hold)
         z = np.exp(1j * omega * model.sampling_period_s)
+        # From x+ = A x + now u + slope (u+ - u): X(z) = (z - A)^-1 (now + slope (z - 1)) U(z).
         drive = held.now + held.slope * (z[:, None] - 1)
         states = np.linalg.solve(z[:, None, None] * np.eye(len(held.now)) - held.A, drive[..., None])[..., 0]
         powers = z[:, None] ** -(model.delay_samples + np.arange(model.moving_average))
@@ -67,6 +62,8 @@ def response_deviation(
 
 def _relative(moves: ComplexArray, whole: ComplexArray) -> ResponseDeviation:
     with np.errstate(divide="ignore", invalid="ignore"):
+        # To first order ln G moves by dG / G: its real part is the relative change of the magnitude, its imaginary part
+        # that of the phase.
         relative = moves / whole[..., None]
     return ResponseDeviation(np.linalg.norm(relative.real, axis=-1), np.linalg.norm(relative.imag, axis=-1))
 
@@ -104,6 +101,7 @@ def _derivatives(model: TransferMatrix, root: FloatArray) -> tuple[Cascade, Floa
     n_pole, (n_out, n_in, n_weight) = len(single.b), model.numerator.shape
     cascade = build_cascade(single.stages, 2)
     if root.shape[1] > root.shape[0]:
+        # Any root R with the same R R^T does: the triangular one has no more columns than there are coefficients.
         root = np.linalg.qr(root.T)[1].T
     above = scale ** (np.arange(n_weight - 1, -1.0, -1.0) - n_pole)
     below = scale ** -np.arange(n_pole + 1.0)
@@ -115,6 +113,8 @@ def _derivatives(model: TransferMatrix, root: FloatArray) -> tuple[Cascade, Floa
         numerator = model.numerator[output, input_] * above
         polynomials = np.zeros((root.shape[1], 2 * n_pole))
         for row, up, down in zip(polynomials, zero_moves[output, input_].T, pole_moves.T, strict=True):
+            # d(B/A) = (dB A - B dA) / A^2: a polynomial over the poles twice, expanded in the states of the double
+            # cascade.
             for product in (np.convolve(up, denominator), -np.convolve(down, numerator)):
                 row[len(row) - len(product) :] += product
         weights[output, input_] = cascade.expand(polynomials).T
@@ -134,15 +134,11 @@ _BELOW = 0.3  # of the lowest excited frequency
 
 @dataclass(frozen=True)
 class Fitted:
-    """A block's model with the uncertainty of its coefficients.
+    """A block's model with the uncertainty of its coefficients."""
 
-    Attributes:
-        model: Its transfer functions.
-        root (n_coefficient, n_root): A root of the covariance of its numerators, channel by channel, then of its
-            denominator without the first.
-    """
-
-    model: TransferMatrix
+    model: TransferMatrix  # its transfer functions
+    # (n_coefficient, n_root): a root of the covariance of its numerators, channel by channel, then of its denominator
+    # without the first.
     root: FloatArray
 
     @property
@@ -211,6 +207,7 @@ def root_loci(fitted: Sequence[Fitted]) -> RootLoci:
         own = _places(poles_of(one.model, one.root), n_pole)
         for place in np.ndindex(one.model.numerator.shape[:2]):
             numerator = one.model.numerator[place]
+            # Closed-loop poles are the roots of A(s) + k B(s); the gain is counted in those of static loop gain one.
             each = gain / _size(numerator, one.model.denominator)
             paths.append([_padded(np.roots(np.polyadd(one.model.denominator, k * numerator)), n_pole) for k in each])
             zeros.append(_places(zeros_of(one.model, one.root, *place), n_zero))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+
+from robid.models.options import group, option
 
 HoldName = Literal["recorded", "zoh", "foh"]
 StartName = Literal["auto", "rest", "periodic", "free"]
@@ -13,114 +15,57 @@ StartName = Literal["auto", "rest", "periodic", "free"]
 
 @dataclass(frozen=True)
 class CouplingOptions:
-    """When an output counts as coupled to a command of another channel.
+    """When an output counts as coupled to a command of another channel."""
 
-    Attributes:
-        coherence: Root of the magnitude-squared coherence from which on two signals are related.
-        ratio: Magnitude ratio, normalised by the resolutions, from which on this matters.
-        resolution_m: Resolution of translations [m].
-        resolution_rad: Resolution of rotations [rad].
-        segments: Segments of Welch's method, which overlap by half.
-        level: Chance of a false alarm of one pair.
-    """
-
-    coherence: float = field(
-        default=0.70,
-        metadata={"description": "Root of the coherence from which on signals are related.", "gt": 0, "lt": 1},
-    )
-    ratio: float = field(
-        default=0.15, metadata={"description": "Normalised magnitude ratio from which on coupling matters.", "gt": 0}
-    )
-    resolution_m: float = field(default=1e-5, metadata={"description": "Resolution of translations [m].", "gt": 0})
-    resolution_rad: float = field(
-        default=float(np.deg2rad(0.001)), metadata={"description": "Resolution of rotations [rad].", "gt": 0}
-    )
-    segments: int = field(
-        default=16, metadata={"description": "Segments of Welch's method, which overlap by half.", "ge": 2}
-    )
-    level: float = field(
-        default=0.01, metadata={"description": "Chance of a false alarm of one pair.", "gt": 0, "lt": 1}
-    )
+    coherence: float = option(0.70, "Root of the coherence from which on signals are related.", gt=0, lt=1)
+    ratio: float = option(0.15, "Normalised magnitude ratio from which on coupling matters.", gt=0)
+    resolution_m: float = option(1e-5, "Resolution of translations [m].", gt=0)
+    resolution_rad: float = option(float(np.deg2rad(0.001)), "Resolution of rotations [rad].", gt=0)
+    segments: int = option(16, "Segments of Welch's method, which overlap by half.", ge=2)
+    level: float = option(0.01, "Chance of a false alarm of one pair.", gt=0, lt=1)
 
 
 @dataclass(frozen=True)
 class ExternalOptions:
     """How transfer functions from commands to positions are estimated."""
 
-    matrix: Literal["diagonal", "full"] = field(
-        default="diagonal",
-        metadata={
-            "description": "One transfer function a channel, or the whole matrix of all channels with common poles."
-        },
+    matrix: Literal["diagonal", "full"] = option(
+        "diagonal", "One transfer function a channel, or the whole matrix of all channels with common poles."
     )
-    pairs: tuple[tuple[str, str], ...] = field(
-        default=(),
-        metadata={
-            "description": "Channels as input and output; when not given each input with the output of its name."
-        },
+    pairs: tuple[tuple[str, str], ...] = option(
+        (), "Channels as input and output; when not given each input with the output of its name."
     )
-    poles: int | None = field(
-        default=None, metadata={"description": "Number of poles; chosen from the data when not given.", "ge": 1}
+    poles: int | None = option(None, "Number of poles; chosen from the data when not given.", ge=1)
+    zeros: int | None = option(None, "Number of zeros, below that of poles; chosen when not given.", ge=0)
+    rule: Literal["evidence", "sufficient"] = option(
+        "evidence",
+        "How the order is chosen: by evidence against overfitting, or the smallest that reaches `sufficient_nrmse`.",
     )
-    zeros: int | None = field(
-        default=None, metadata={"description": "Number of zeros, below that of poles; chosen when not given.", "ge": 0}
+    sufficient_nrmse: float = option(0.9, "What the rule `sufficient` asks for.", gt=0, lt=1)
+    max_poles: int = option(5, "Poles that are tried at most.", ge=1, le=12)
+    delay_samples: int | None = option(None, "Transport delay in samples; searched when not given.", ge=0)
+    max_delay_samples: int = option(10, "Longest transport delay that is searched, in samples.", ge=0)
+    moving_average: int = option(1, "Samples of the command's moving average, known beforehand.", ge=1)
+    hold: HoldName = option(
+        "recorded", "What commands do between samples: `zoh`, `foh` (straight lines), or what the record says."
     )
-    rule: Literal["evidence", "sufficient"] = field(
-        default="evidence",
-        metadata={
-            "description": "How the order is chosen: by evidence against overfitting, or the"
-            " smallest that reaches `sufficient_nrmse`."
-        },
+    start: StartName = option(
+        "auto",
+        "State at the first sample: at rest, that of a steady period, free, or by the record (periodic, or free of one"
+        " shot).",
     )
-    sufficient_nrmse: float = field(
-        default=0.9, metadata={"description": "What the rule `sufficient` asks for.", "gt": 0, "lt": 1}
+    offset: Literal["auto", "none", "estimated"] = option(
+        "auto", "Whether a constant of each output is estimated, or signals are absolute (`none`)."
     )
-    max_poles: int = field(default=5, metadata={"description": "Poles that are tried at most.", "ge": 1, "le": 12})
-    delay_samples: int | None = field(
-        default=None, metadata={"description": "Transport delay in samples; searched when not given.", "ge": 0}
+    stable: bool = option(True, "Whether poles are kept in the left half plane.")
+    static_gain: Literal["free", "one"] = option("free", "Whether the static gain is estimated, or 1 by assumption.")
+    speed_references: Literal["integrated", "kept"] = option(
+        "integrated",
+        "Whether speed references to a position are integrated to position commands first, which takes the known"
+        " integrator out of the model.",
     )
-    max_delay_samples: int = field(
-        default=10, metadata={"description": "Longest transport delay that is searched, in samples.", "ge": 0}
-    )
-    moving_average: int = field(
-        default=1, metadata={"description": "Samples of the command's moving average, known beforehand.", "ge": 1}
-    )
-    hold: HoldName = field(
-        default="recorded",
-        metadata={
-            "description": "What commands do between samples: `zoh`, `foh` (straight lines), or what the record says."
-        },
-    )
-    start: StartName = field(
-        default="auto",
-        metadata={
-            "description": "State at the first sample: at rest, that of a steady period, free, or by the record"
-            " (periodic, or free of one shot)."
-        },
-    )
-    offset: Literal["auto", "none", "estimated"] = field(
-        default="auto",
-        metadata={"description": "Whether a constant of each output is estimated, or signals are absolute (`none`)."},
-    )
-    stable: bool = field(default=True, metadata={"description": "Whether poles are kept in the left half plane."})
-    static_gain: Literal["free", "one"] = field(
-        default="free", metadata={"description": "Whether the static gain is estimated, or 1 by assumption."}
-    )
-    speed_references: Literal["integrated", "kept"] = field(
-        default="integrated",
-        metadata={
-            "description": "Whether speed references to a position are integrated to position commands first, which"
-            " takes the known integrator out of the model."
-        },
-    )
-    coupling: CouplingOptions = field(
-        default_factory=CouplingOptions, metadata={"description": "When channels count as coupled."}
-    )
-    confidence: float = field(default=0.95, metadata={"description": "Level of the intervals.", "gt": 0, "lt": 1})
-    identifiable_relative_std: float = field(
-        default=0.2,
-        metadata={
-            "description": "Predicted relative standard deviation up to which a parameter counts as identifiable.",
-            "gt": 0,
-        },
+    coupling: CouplingOptions = group(CouplingOptions, "When channels count as coupled.")
+    confidence: float = option(0.95, "Level of the intervals.", gt=0, lt=1)
+    identifiable_relative_std: float = option(
+        0.2, "Predicted relative standard deviation up to which a parameter counts as identifiable.", gt=0
     )

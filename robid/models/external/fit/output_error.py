@@ -11,11 +11,10 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.models.external.fit.covariance import find_spread
 from robid.models.external.fit.descent import Descent, Point
-from robid.models.external.fit.hold import discretise, propagate, release
 from robid.models.external.fit.problem import Problem, Structure, count_free, log_likelihood, pose, squares_of
 from robid.models.external.fit.reduction import excited_lines, whiteness
 from robid.models.external.fit.search import search, settle, slowest_unseen
-from robid.models.external.fit.transfer import TransferMatrix, delayed, scaled
+from robid.models.external.fit.transfer import TransferMatrix, delayed, discretise, propagate, release, scaled
 from robid.results.levenberg import Status
 
 if TYPE_CHECKING:
@@ -24,40 +23,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BlockFit:
-    """An output-error fit of one block.
+    """An output-error fit of one block."""
 
-    Attributes:
-        model: The transfer functions.
-        structure: What was fitted.
-        parameters (n_param,): Numerators' coefficients [output, input, power], then the denominator's without the
-            first, highest power first, in powers of rad/s.
-        covariance_root (n_param, n_root): A root of their covariance, which has more digits than the covariance.
-        residuals: Residual (n_sample, n_out) of each shot.
-        noise_std (n_shot, n_out): Standard deviation of each output's noise that weights it.
-        whiteness (n_shot, n_out): Chance of white noise to look as coloured as each residual.
-        degrees_of_freedom: Samples less what was estimated.
-        n_free: Number of free parameters of the structure.
-        n_sample: Samples of all outputs.
-        log_likelihood: Of Gaussian white noise with the residuals' variances.
-        cost: Weighted sum of squares.
-        status: How the search ended.
-        reflected: Whether unstable poles were met and reflected into the left half plane.
-    """
-
-    model: TransferMatrix
-    structure: Structure
+    model: TransferMatrix  # the transfer functions
+    structure: Structure  # what was fitted
+    # (n_param,): numerators' coefficients [output, input, power], then the denominator's without the first, highest
+    # power first, in powers of rad/s.
     parameters: FloatArray
+    # (n_param, n_root): a root of their covariance, which has more digits than the covariance.
     covariance_root: FloatArray
-    residuals: tuple[FloatArray, ...]
-    noise_std: FloatArray
-    whiteness: FloatArray
-    degrees_of_freedom: float
-    n_free: int
-    n_sample: int
-    log_likelihood: float
-    cost: float
-    status: Status
-    reflected: bool
+    residuals: tuple[FloatArray, ...]  # residual (n_sample, n_out) of each shot
+    noise_std: FloatArray  # (n_shot, n_out): standard deviation of each output's noise that weights it
+    whiteness: FloatArray  # (n_shot, n_out): chance of white noise to look as coloured as each residual
+    degrees_of_freedom: float  # samples less what was estimated
+    n_free: int  # number of free parameters of the structure
+    n_sample: int  # samples of all outputs
+    log_likelihood: float  # of Gaussian white noise with the residuals' variances
+    cost: float  # weighted sum of squares
+    status: Status  # how the search ended
+    reflected: bool  # whether unstable poles were met and reflected into the left half plane
 
     @property
     def covariance(self) -> FloatArray:
@@ -105,7 +89,7 @@ def conclude(
     """Turns a search's end into a fit with its covariance."""
     structure, point = problem.structure, found.point
     unseen = slowest_unseen(problem, point, noise)
-    spread = find_spread(problem.experiments, point, problem.sought, noise, problem.period, structure.hold, unseen)
+    spread = find_spread(problem, point, noise, unseen)
     model = model_of(problem, point, names)
     powers = _powers(problem, len(names[1]))
     parameters = np.concatenate([model.numerator.ravel(), model.denominator[1:]])
@@ -208,25 +192,15 @@ _FAR = 10.0  # per sample, a pole is added that nearly answers at once
 
 @dataclass(frozen=True)
 class Candidate:
-    """One structure tried.
-
-    Attributes:
-        structure: The structure.
-        model: Its best transfer functions.
-        noise (n_shot, n_out): Standard deviations of the residuals that weighted them.
-        bic: Bayesian information criterion; the smaller the better.
-        nrmse: Least normalised fit of any output and shot held back, or of the shots of the fit where none was.
-        whiteness: Least chance of white noise to look as coloured as a residual of the fit, times their number.
-        status: How the search ended.
-    """
+    """One structure tried."""
 
     structure: Structure
-    model: TransferMatrix
-    noise: FloatArray
-    bic: float
-    nrmse: float
-    whiteness: float
-    status: Status
+    model: TransferMatrix  # its best transfer functions
+    noise: FloatArray  # (n_shot, n_out): standard deviations of the residuals that weighted them
+    bic: float  # Bayesian information criterion; the smaller the better
+    nrmse: float  # least normalised fit of any output and shot held back, or of the shots of the fit where none was
+    whiteness: float  # least chance of white noise to look as coloured as a residual of the fit, times their number
+    status: Status  # how the search ended
 
 
 class Candidates:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, norm
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray
+from robid.models.conclusions import Row, estimate_of_rows, root_rows
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.transfer import TransferMatrix
 from robid.results.estimate import Estimate
@@ -16,15 +17,10 @@ from robid.results.estimate import Estimate
 
 @dataclass(frozen=True)
 class Root:
-    """A real root, or that with positive imaginary part of a pair.
+    """A real root, or that with positive imaginary part of a pair."""
 
-    Attributes:
-        place: Where it is [rad/s].
-        moves (n_root,): What each column of the coefficients' covariance root moves it by [rad/s].
-    """
-
-    place: complex
-    moves: ComplexArray
+    place: complex  # where it is [rad/s]
+    moves: ComplexArray  # (n_root,): what each column of the coefficients' covariance root moves it by [rad/s]
 
     @property
     def relative_std(self) -> float:
@@ -52,6 +48,8 @@ class Root:
         if not np.isfinite(both).all():
             return False
         kept = np.linalg.norm(both, axis=1) > 0
+        # Roots of one fit are correlated, so the difference of their moves counts, not the two variances; a real root
+        # has no imaginary part to compare.
         covariance = (both @ both.T)[np.ix_(kept, kept)]
         return bool(value[kept] @ np.linalg.pinv(covariance) @ value[kept] > quantile**2)
 
@@ -78,41 +76,16 @@ def _roots(polynomial: FloatArray, root: FloatArray) -> tuple[Root, ...]:
     """Finds the roots of a polynomial (n_power,) with a covariance root (n_power, n_root) of its coefficients."""
     found = sorted(np.roots(polynomial).astype(complex).tolist(), key=lambda each: (abs(each), each.real))
     upper = [each for each in found if each.imag >= 0]
+    # At a root r of p(s) a change dp moves it by -dp(r) / p'(r); at a double root p' vanishes and nothing is told.
     slope = np.polyder(polynomial)
     with np.errstate(divide="ignore", invalid="ignore"):
         moves = [-(np.vander([each], len(polynomial))[0] @ root) / np.polyval(slope, each) for each in upper]
     return tuple(Root(place, np.asarray(move, dtype=complex)) for place, move in zip(upper, moves, strict=True))
 
 
-_LEAST_DAMPING = 0.05
-
-
-@dataclass(frozen=True)
-class Parameters:
-    """Parameters of a block.
-
-    Attributes:
-        names: Their names.
-        kinds: Their kinds.
-        units: Their units.
-        value (n_param,): Their values.
-        scale (n_param,): What relative deviations are related to.
-        rows (n_param, n_root): A root of their covariance.
-        reachable (n_param,): Whether each lies below half the sampling rate.
-    """
-
-    names: tuple[str, ...]
-    kinds: tuple[str, ...]
-    units: tuple[str, ...]
-    value: FloatArray
-    scale: FloatArray
-    rows: FloatArray
-    reachable: BoolArray
-
-
 def block_parameters(
     name: str, channels: Sequence[str], units: Sequence[str], model: TransferMatrix, root: FloatArray
-) -> Parameters:
+) -> list[Row]:
     """Turns the coefficients of a block into poles, zeros and static gains.
 
     A real root is given as its rate, positive in the left half plane, a pair as natural frequency and damping ratio.
@@ -129,43 +102,16 @@ def block_parameters(
     rows = _rows_of_roots(name, "pole", poles_of(model, root), nyquist)
     for channel, unit, place in zip(channels, units, np.ndindex(model.numerator.shape[:2]), strict=True):
         gain, slope = _gain(model, root, place)
-        rows.append(_Row(f"{channel}.gain", "gain", unit, gain, abs(gain), slope))
+        rows.append(Row(f"{channel}.gain", "gain", unit, gain, abs(gain), slope))
         rows += _rows_of_roots(channel, "zero", zeros_of(model, root, *place), nyquist)
-    return Parameters(
-        names=tuple(row.name for row in rows),
-        kinds=tuple(row.kind for row in rows),
-        units=tuple(row.unit for row in rows),
-        value=np.array([row.value for row in rows]),
-        scale=np.array([row.scale for row in rows]),
-        rows=np.array([row.moves for row in rows]),
-        reachable=np.array([row.reachable for row in rows], bool),
-    )
+    return rows
 
 
-@dataclass(frozen=True)
-class _Row:
-    name: str
-    kind: str
-    unit: str
-    value: float
-    scale: float
-    moves: FloatArray
-    reachable: bool = True
-
-
-def _rows_of_roots(owner: str, kind: str, found: Sequence[Root], nyquist: float) -> list[_Row]:
-    """Describes real roots by their rates, pairs by natural frequencies and damping ratios."""
+def _rows_of_roots(owner: str, kind: str, found: Sequence[Root], nyquist: float) -> list[Row]:
     rows = []
-    for number, each in enumerate(found, start=1):
-        name, size, reachable = f"{owner}.{kind}{number}", abs(each.place), bool(abs(each.place) < nyquist)
-        if each.place.imag == 0:
-            rows.append(_Row(name, kind, "rad/s", -each.place.real, size, -each.moves.real, reachable))
-            continue
-        along, damping = (np.conj(each.place) * each.moves).real / size, -each.place.real / size
-        turned = -(each.moves.real + damping * along) / size
-        natural = max(abs(damping), _LEAST_DAMPING)
-        rows.append(_Row(f"{name}.frequency", f"{kind}_frequency", "rad/s", size, size, along, reachable))
-        rows.append(_Row(f"{name}.damping", f"{kind}_damping", "1", damping, natural, turned, reachable))
+    for number, one in enumerate(found, start=1):
+        is_real, reachable = one.place.imag == 0, bool(abs(one.place) < nyquist)
+        rows += root_rows(f"{owner}.{kind}{number}", kind, one.place, one.moves, is_real=is_real, reachable=reachable)
     return rows
 
 
@@ -174,12 +120,13 @@ def _gain(model: TransferMatrix, root: FloatArray, place: tuple[int, ...]) -> tu
     n_power, level = model.numerator.shape[2], model.denominator[-1]
     last = int(np.ravel_multi_index(place, model.numerator.shape[:2])) * n_power + n_power - 1
     with np.errstate(divide="ignore", invalid="ignore"):
+        # G(0) = b_0 / a_0, so that dG(0) = (db_0 - G(0) da_0) / a_0.
         gain = model.numerator[place][-1] / level
         return float(gain), np.asarray((root[last] - gain * root[-1]) / level)
 
 
 def estimate_of(
-    blocks: Sequence[Parameters], options: ExternalOptions, undetermined: Sequence[str], status: str, advice: str
+    blocks: Sequence[Sequence[Row]], options: ExternalOptions, undetermined: Sequence[str], status: str, advice: str
 ) -> Estimate:
     """Puts the parameters of all blocks together; blocks are independent of each other.
 
@@ -190,34 +137,16 @@ def estimate_of(
         status: How the fit ended.
         advice: What to try next.
     """
-    value, scale = (np.concatenate([getattr(one, field) for one in blocks]) for field in ("value", "scale"))
-    covariance = _diagonal([one.rows @ one.rows.T for one in blocks])
-    std = np.sqrt(np.diag(covariance))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        relative = np.where(scale > 0, std / scale, np.inf)
-    half = norm.ppf(0.5 + 0.5 * options.confidence)
-    reachable = np.concatenate([one.reachable for one in blocks])
-    return Estimate(
-        names=tuple(name for one in blocks for name in one.names),
-        kinds=tuple(kind for one in blocks for kind in one.kinds),
-        units=tuple(unit for one in blocks for unit in one.units),
-        nominal=np.full(value.size, np.nan),
-        value=value,
-        lower=value - half * std,
-        upper=value + half * std,
-        covariance=covariance,
-        degrees_of_freedom=np.full(value.size, np.inf),
+    roots = [np.array([row.moves for row in rows]) for rows in blocks]
+    return estimate_of_rows(
+        [row for rows in blocks for row in rows],
+        _diagonal([root @ root.T for root in roots]),
+        "the residual, as coloured as it is",
+        status,
+        advice,
         confidence=options.confidence,
-        interval_rule="the residual, as coloured as it is",
-        relative_std=relative,
-        predicted_relative_std=relative,
-        prior_relative_std=np.full(value.size, np.inf),
-        relative_half_width=half * relative,
-        identifiable=(relative <= options.identifiable_relative_std) & reachable,
         identifiable_relative_std=options.identifiable_relative_std,
-        undetermined=tuple(undetermined),
-        status=status,
-        advice=advice,
+        undetermined=undetermined,
     )
 
 
@@ -237,23 +166,13 @@ _WITHIN_REACH = 0.5  # of the magnitude: farther apart, an insignificant distanc
 
 @dataclass(frozen=True)
 class Findings:
-    """What is to be known of one channel's poles and zeros.
+    """What is to be known of one channel's poles and zeros."""
 
-    Attributes:
-        undetermined: Poles and zeros that the data do not determine, a sentence each.
-        cancelling: Nearly cancelling pairs, a sentence each.
-        pairs: Pole and zero [rad/s] of each of them.
-        non_minimum_phase: Zeros in the right half plane, a sentence each.
-        non_minimum_phase_zeros: Those zeros [rad/s].
-        significant: Whether each of those is significantly there.
-    """
-
-    undetermined: tuple[str, ...]
-    cancelling: tuple[str, ...]
-    pairs: tuple[tuple[complex, complex], ...]
-    non_minimum_phase: tuple[str, ...]
-    non_minimum_phase_zeros: tuple[complex, ...]
-    significant: tuple[bool, ...]
+    undetermined: tuple[str, ...]  # poles and zeros that the data do not determine, a sentence each
+    cancelling: tuple[str, ...]  # nearly cancelling pairs, a sentence each
+    pairs: tuple[tuple[complex, complex], ...]  # pole and zero [rad/s] of each of them
+    non_minimum_phase: tuple[str, ...]  # zeros in the right half plane, a sentence each
+    significant: tuple[bool, ...]  # whether each of those is significantly there
 
 
 def find_findings(
@@ -292,7 +211,6 @@ def find_findings(
             f"the zero at {_written(each.place)} rad/s is not of minimum phase{'' if sure else ', not significantly'}"
             for each, sure in zip(right, significant, strict=True)
         ),
-        non_minimum_phase_zeros=tuple(each.place for each in right),
         significant=tuple(significant),
     )
 

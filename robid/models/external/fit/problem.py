@@ -12,8 +12,8 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.models.external.fit.descent import Numerators, Point, solve
-from robid.models.external.fit.hold import Hold
 from robid.models.external.fit.reduction import Experiment, build_basis, prepare, reduce_shots
+from robid.models.external.fit.transfer import Hold
 
 if TYPE_CHECKING:
     from robid.models.external.fit.data import Shot
@@ -77,43 +77,25 @@ _FASTEST = 20.0  # per sample: of what a pole beyond answers nothing is left aft
 
 @dataclass(frozen=True)
 class Structure:
-    """What is fitted.
+    """What is fitted."""
 
-    Attributes:
-        poles: Number of poles.
-        zeros: Number of zeros, below that of poles.
-        delay_samples: Transport delay in samples.
-        moving_average: Samples over which commands are averaged.
-        hold: What commands do between samples.
-        static_gain_one: Whether static gains are 1 by assumption.
-        stable: Whether poles are kept in the left half plane.
-    """
-
-    poles: int
-    zeros: int
-    delay_samples: int = 0
-    moving_average: int = 1
-    hold: Hold = "zoh"
-    static_gain_one: bool = False
-    stable: bool = True
+    poles: int  # number of poles
+    zeros: int  # number of zeros, below that of poles
+    delay_samples: int = 0  # transport delay in samples
+    moving_average: int = 1  # samples over which commands are averaged
+    hold: Hold = "zoh"  # what commands do between samples
+    static_gain_one: bool = False  # whether static gains are 1 by assumption
+    stable: bool = True  # whether poles are kept in the left half plane
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A block's data and structure, in time and frequency over those of a reference frequency.
-
-    Attributes:
-        experiments: The experiments.
-        structure: What is fitted.
-        n_in: Inputs.
-        scale: Reference frequency [rad/s].
-        sampling_period_s: Sampling period [s].
-    """
+    """A block's data and structure, in time and frequency over those of a reference frequency."""
 
     experiments: tuple[Experiment, ...]
-    structure: Structure
-    n_in: int
-    scale: float
+    structure: Structure  # what is fitted
+    n_in: int  # inputs
+    scale: float  # reference frequency [rad/s]
     sampling_period_s: float
 
     @property
@@ -162,6 +144,7 @@ def pose(shots: Sequence[Shot], inputs: Sequence[int], outputs: Sequence[int], s
 
 def _own_frequency(experiments: Sequence[Experiment]) -> float:
     """Root-mean-square frequency of the outputs in radians per sample."""
+    # The mean square of the differences over that of the signal is about omega^2 (radians per sample) of a slow one.
     shares = [
         np.sum(np.diff(each.outputs, axis=1) ** 2) / max(np.sum(each.outputs**2), np.finfo(float).tiny)
         for each in experiments
@@ -203,6 +186,7 @@ def squares_of(point: Point, noise: FloatArray) -> FloatArray:
 def count_free(problem: Problem, n_out: int) -> int:
     """Returns the number of free parameters, free responses included, offsets not."""
     structure = problem.structure
+    # A static gain that is fixed takes one coefficient of each channel on the diagonal.
     diagonal = min(n_out, problem.n_in) if structure.static_gain_one else 0
     loose = sum(each.start == "free" for each in problem.experiments) * n_out * structure.poles
     return n_out * problem.n_in * (structure.zeros + 1) - diagonal + structure.poles + loose
@@ -213,6 +197,7 @@ def log_likelihood(experiments: Sequence[Experiment], squares: FloatArray) -> fl
     total = 0.0
     for each, own in zip(experiments, squares, strict=True):
         floor = (1e-10 * output_size(each)) ** 2
+        # Gaussian noise whose variance is the residual's own mean square: -n/2 (ln(2 pi s^2) + 1).
         variance = np.maximum(own / each.n_sample, floor)
         total -= 0.5 * each.n_sample * float(np.sum(np.log(2 * np.pi * variance) + 1))
     return total

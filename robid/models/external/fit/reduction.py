@@ -12,17 +12,17 @@ from scipy.ndimage import uniform_filter1d
 from scipy.stats import chi2, f
 
 from robid.arrays import BoolArray, FloatArray
-from robid.models.external.fit.hold import (
+from robid.models.external.fit.transfer import (
     Cascade,
     Hold,
     Start,
     build_cascade,
+    delayed,
     discretise,
     find_stages,
     propagate,
     release,
 )
-from robid.models.external.fit.transfer import delayed
 
 if TYPE_CHECKING:
     from robid.models.external.fit.data import Shot
@@ -30,25 +30,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Experiment:
-    """One shot as a block sees it.
+    """One shot as a block sees it."""
 
-    Attributes:
-        commands (n_moved, n_sample): Commands that move, averaged and delayed.
-        moved: Which inputs of the block these are.
-        outputs (n_out, n_sample): Outputs, free of their mean where an offset is estimated along.
-        start: State at the first sample.
-        offset: Whether a constant of each output is estimated along.
-        noise (n_out,): Least standard deviation that the outputs' noise may have.
-        name: For messages.
-    """
-
-    commands: FloatArray
-    moved: tuple[int, ...]
-    outputs: FloatArray
-    start: Start
-    offset: bool
-    noise: FloatArray
-    name: str
+    commands: FloatArray  # (n_moved, n_sample): commands that move, averaged and delayed
+    moved: tuple[int, ...]  # which inputs of the block these are
+    outputs: FloatArray  # (n_out, n_sample): Outputs, free of their mean where an offset is estimated along
+    start: Start  # state at the first sample
+    offset: bool  # whether a constant of each output is estimated along
+    noise: FloatArray  # (n_out,): least standard deviation that the outputs' noise may have
+    name: str  # for messages
 
     @property
     def n_sample(self) -> int:
@@ -87,20 +77,14 @@ def _prepare(shot: Shot, inputs: Sequence[int], outputs: Sequence[int], delay: i
 
 @dataclass(frozen=True)
 class Reduced:
-    """One shot at given poles: its states' and outputs' triangular factor.
+    """One shot at given poles: its states' and outputs' triangular factor."""
 
-    Attributes:
-        moved: Inputs of the block that move.
-        triangle (n_row, n_moved n_state + n_free n_state + n_out): Factor of the states of each input, of those of
-            the free response where the start is free, and of the outputs.
-        n_state: States of each.
-        is_free: Whether there is a free response.
-    """
-
-    moved: tuple[int, ...]
+    moved: tuple[int, ...]  # inputs of the block that move
+    # (n_row, n_moved n_state + n_free n_state + n_out): factor of the states of each input, of those of the free
+    # response where the start is free, and of the outputs.
     triangle: FloatArray
     n_state: int
-    is_free: bool
+    is_free: bool  # whether there is a free response
 
     def states(self, index: int) -> FloatArray:
         """Columns (n_row, n_state) of the states of the moved input of that index; after the last the free response."""
@@ -124,17 +108,11 @@ def states_of(experiment: Experiment, cascade: Cascade, period: float, hold: Hol
 
 @dataclass(frozen=True)
 class Basis:
-    """States that span the outputs at given poles, and their derivatives.
+    """States that span the outputs at given poles, and their derivatives."""
 
-    Attributes:
-        denominator (n_pole + 1,): Denominator in powers of s over the reference frequency, highest first.
-        single: Cascade of the poles.
-        double: Cascade of the poles twice, whose first states are those of `single`.
-    """
-
-    denominator: FloatArray
-    single: Cascade
-    double: Cascade
+    denominator: FloatArray  # (n_pole + 1,): denominator in powers of s over the reference frequency, highest first
+    single: Cascade  # cascade of the poles
+    double: Cascade  # cascade of the poles twice, whose first states are those of `single`
 
     @property
     def n_pole(self) -> int:
@@ -177,6 +155,7 @@ _FEWEST_LINES = 4
 def excited_lines(experiment: Experiment) -> BoolArray:
     """Returns which lines (n_line,) of the discrete Fourier transform, zero left out, a shot's commands excite."""
     power = (np.abs(np.fft.rfft(experiment.commands, axis=1)) ** 2).sum(axis=0)[1:]
+    # Lines beside an excited one carry what a transient leaks there.
     smooth = uniform_filter1d(power, 3, mode="nearest")
     return np.asarray(smooth > _EXCITED * smooth.max(initial=0.0))
 
@@ -223,6 +202,7 @@ def smoothed_spectrum(residual: FloatArray, excited: BoolArray) -> FloatArray:
     White noise of variance one has the spectrum one.
     """
     power = np.abs(np.fft.rfft(residual)) ** 2 / len(residual)
+    # The mean has been taken out with the offset: its line would pull its neighbours down.
     power[0] = power[1] if len(power) > 1 else power[0]
     reach = int(np.clip(excited.sum() // 8, 2, np.sqrt(len(residual))))
     return np.asarray(uniform_filter1d(power, 2 * reach + 1, mode="reflect"))

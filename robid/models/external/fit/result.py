@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.models.external.fit.agreement import Agreement, agreements
 from robid.models.external.fit.checks import Block, Finding, is_own, pair_name
 from robid.models.external.fit.choice import Choice
 from robid.models.external.fit.coupling import CouplingMap
-from robid.models.external.fit.data import Shot
+from robid.models.external.fit.data import Agreement, Shot, agreements
 from robid.models.external.fit.etfe import Etfe, Excitation, OwnChannel, show_excitation
 from robid.models.external.fit.graphs import Fitted, frequency_responses, root_loci, step_responses
 from robid.models.external.fit.options import ExternalOptions

@@ -10,9 +10,9 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.models.external.fit.descent import Descent, Point, admit, descend, natural_steps
-from robid.models.external.fit.hold import Held, Hold, discretise, propagate, release
 from robid.models.external.fit.problem import Problem, first_noise, output_size, residual_noise
 from robid.models.external.fit.reduction import Experiment, build_basis
+from robid.models.external.fit.transfer import Held, discretise, propagate, release
 
 _PLAIN_PASSES = 3
 
@@ -23,34 +23,16 @@ def guess(n_pole: int, frequency: float) -> FloatArray:
     return np.real(np.poly(frequency * np.exp(1j * angles)))
 
 
-def refine(
-    experiments: Sequence[Experiment],
-    denominator: FloatArray,
-    n_zero: int,
-    n_in: int,
-    noise: FloatArray,
-    period: float,
-    hold: Hold,
-    *,
-    limit: float,
-    stable: bool,
-    passes: int = 8,
-) -> list[FloatArray]:
+def refine(problem: Problem, denominator: FloatArray, noise: FloatArray, passes: int = 8) -> list[FloatArray]:
     """Improves a denominator by linear least squares on filtered signals, again and again.
 
     Both sides of `a y = b u` are divided by the last denominator; later passes take the simulated output as
     instrument, which removes the bias that noise gives.
 
     Args:
-        experiments: The experiments.
+        problem: Data and structure.
         denominator (n_pole + 1,): The first, in powers of s over the reference frequency.
-        n_zero: Zeros.
-        n_in: Inputs of the block.
         noise (n_shot, n_out): Standard deviation of each output's noise in each shot.
-        period: Sampling period times the reference frequency.
-        hold: What commands do between samples.
-        limit: Largest magnitude of a pole.
-        stable: Whether unstable poles are reflected.
         passes: Number of passes.
 
     Returns:
@@ -59,21 +41,24 @@ def refine(
     Source:
         Young and Jakeman (1980), "Refined instrumental variable methods of recursive time-series analysis", III.
     """
-    found = []
+    structure, period, found = problem.structure, problem.period, []
     for index in range(passes):
+        # The prefilter 1 / a(s) of the last pass; as the denominator converges, the equation error becomes that of the
+        # output, as output-error fits have it.
         cascade = build_basis(denominator).single
-        told, answered = discretise(cascade, period, hold), discretise(cascade, period, "foh")
+        told, answered = discretise(cascade, period, structure.hold), discretise(cascade, period, "foh")
         # Poles far in the right half plane overflow: nothing of what follows from them would be of use.
         with np.errstate(over="ignore", invalid="ignore"):
             signals = [
-                _Filtered(each, told, answered, period, n_zero, scale)
-                for each, scale in zip(experiments, noise, strict=True)
+                _Filtered(each, told, answered, period, structure.zeros, scale)
+                for each, scale in zip(problem.experiments, noise, strict=True)
             ]
-            step = _solve(signals, n_in * (n_zero + 1), instruments=index >= _PLAIN_PASSES)
+            # Least squares first: a simulation by poles that are far off would be no instrument.
+            step = _solve(signals, problem.n_in * (structure.zeros + 1), instruments=index >= _PLAIN_PASSES)
         change = np.concatenate([[0.0], step @ cascade.numerators])
         if not np.isfinite(change).all():
             break
-        denominator, _ = admit(denominator + change, limit, stable=stable)
+        denominator, _ = admit(denominator + change, problem.limit, stable=structure.stable)
         found.append(denominator)
     return found
 
@@ -144,6 +129,8 @@ def _solve(signals: Sequence[_Filtered], n_told: int, *, instruments: bool) -> F
         pull[each.places] += each.told @ each.outputs.T
     if not np.isfinite(gram).all():
         return np.full(n_pole, np.nan)
+    # Numerators are linear and no unknowns of interest: the Schur complement leaves the normal equations of the
+    # denominator.
     inverse = np.linalg.pinv(gram, rcond=1e-14, hermitian=True)
     best = inverse @ pull
     matrix, right = np.zeros((n_pole, n_pole)), np.zeros(n_pole)
@@ -204,21 +191,33 @@ def search(
     # Commands tell poles at one level only: no shot may drown the others before the model is about right.
     soft = np.maximum(noise, _SOFT * np.array([output_size(each) for each in problem.experiments]))
     candidates = [*starts, *(linear_starts(problem, soft) if linear else [])]
-    points = [problem.evaluate(each, soft, slopes=False) for each in candidates]
-    usable = sorted((each for each in points if each is not None), key=lambda point: point.cost)
-    if not usable:
-        message = f"D155 no model with {problem.structure.poles} poles can be simulated over the shots"
-        raise DataError(message, where="fit", remedy="ask for stable poles, or cut the shots")
-    tries = [_descend(problem, each.basis.denominator, noise, 0.1, 15) for each in usable[:tried]]
+    first = _cheapest(problem, candidates, soft)[:tried]
+    tries = [_descend(problem, each.basis.denominator, noise, 0.1, 15) for each in first]
     best = min(tries, key=lambda descent: descent.point.cost)
     if is_hopeless is not None and is_hopeless(best, noise):
         return best, residual_noise(problem.experiments, best.point, noise)
+    # Weights are inverse variances of residuals, and residuals depend on weights: to the fixed point, as of maximum
+    # likelihood with an unknown variance of each output.
     for _ in range(_WEIGHT_PASSES):
         best = _descend(problem, best.point.basis.denominator, noise, tolerance, reflected=best.reflected)
         before, noise = noise, residual_noise(problem.experiments, best.point, noise)
         if np.abs(np.log(noise / before)).max() < _WEIGHT_TOLERANCE:
             break
     return best, noise
+
+
+def _cheapest(problem: Problem, denominators: Sequence[FloatArray], noise: FloatArray) -> list[Point]:
+    """The points at some denominators, that of the least cost first.
+
+    Raises:
+        DataError: If none can be simulated.
+    """
+    points = [problem.evaluate(each, noise, slopes=False) for each in denominators]
+    usable = sorted((each for each in points if each is not None), key=lambda point: point.cost)
+    if not usable:
+        message = f"no model with {problem.structure.poles} poles can be simulated over the shots"
+        raise DataError(message, where="fit", remedy="ask for stable poles, or cut the shots")
+    return usable
 
 
 def settle(problem: Problem, found: Descent, noise: FloatArray) -> Descent:
@@ -250,6 +249,7 @@ def slowest_unseen(problem: Problem, point: Point, noise: FloatArray) -> float:
         point: The fit.
         noise (n_shot, n_out): Weights' standard deviations.
     """
+    # Its column at the Nyquist frequency, what all others do taken out, says how well a pole there would be seen.
     seen = problem.evaluate(_with_fastest(point, np.pi / problem.period), noise)
     if seen is None:
         return float(np.pi)
@@ -303,15 +303,5 @@ def linear_starts(problem: Problem, noise: FloatArray) -> list[FloatArray]:
         found.append(first)
         if factor == _GUESSES[0]:
             continue
-        found += refine(
-            problem.experiments,
-            first,
-            structure.zeros,
-            problem.n_in,
-            noise,
-            problem.period,
-            structure.hold,
-            limit=problem.limit,
-            stable=structure.stable,
-        )[-2:]
+        found += refine(problem, first, noise)[-2:]
     return found

@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
-from robid.models.external.fit.agreement import Agreement
 from robid.models.external.fit.checks import Finding
 from robid.models.external.fit.coupling import CouplingMap
+from robid.models.external.fit.data import Agreement
 from robid.models.external.fit.etfe import Etfe, Excitation
 from robid.models.external.fit.transfer import TransferMatrix
 from robid.results.estimate import Estimate
@@ -18,12 +18,7 @@ from robid.results.estimate import Estimate
 
 @dataclass(frozen=True)
 class Ports:
-    """Commands and outputs of a fit's records.
-
-    Attributes:
-        sampling_period_s: Sampling period [s].
-        hold: What commands do between samples.
-    """
+    """Commands and outputs of a fit's records."""
 
     inputs: Annotated[tuple[str, ...], Quantity("1", "input", "Names of the commands")]
     input_units: Annotated[tuple[str, ...], Quantity("1", "input")]
@@ -37,27 +32,22 @@ class Ports:
         FloatArray, Quantity("as in input_units", "input", "Amplitude from which on a command counts as excited")
     ]
     sampling_period_s: float
-    hold: str
+    hold: str  # what commands do between samples
 
 
 @dataclass(frozen=True)
 class Transfers:
-    """Transfer functions; those of one block have common poles. Polynomials in s, highest power first, zeros in front.
-
-    Attributes:
-        moving_average: Samples of the commands' moving average.
-        denominator: Denominators, which begin with 1 (behind zeros).
-        covariance_root: A root of the covariance of the numerators' coefficients, channel by channel, then of the
-            denominator's without its first; zeros behind.
-    """
+    """Transfer functions; those of a block have common poles. Polynomials in s, highest power first, zeros in front."""
 
     blocks: Annotated[tuple[str, ...], Quantity("1", "block", "Names of the blocks, which have common poles")]
     poles: Annotated[IntArray, Quantity("1", "block", "Number of poles")]
     zeros: Annotated[IntArray, Quantity("1", "block", "Number of zeros")]
     delay_samples: Annotated[IntArray, Quantity("1", "block", "Transport delay in samples")]
     delay_estimated: Annotated[BoolArray, Quantity("1", "block", "Whether it was searched")]
-    moving_average: int
+    moving_average: int  # samples of the commands' moving average
     denominator: Annotated[FloatArray, Quantity("powers of rad/s", "block power", "Highest power first")]
+    # A root of the covariance of the numerators' coefficients, channel by channel, then of the denominator's without
+    # its first; zeros behind.
     covariance_root: Annotated[
         FloatArray, Quantity("powers of rad/s", "block coefficient root", "Root of the coefficients' covariance")
     ]
@@ -79,12 +69,7 @@ class Transfers:
 
 @dataclass(frozen=True)
 class FitQuality:
-    """How each block was fitted.
-
-    Attributes:
-        fpe: Akaike's final prediction error over the outputs' variance.
-        output_names: The outputs of all blocks: names of single channels, and of the outputs of matrices.
-    """
+    """How each block was fitted."""
 
     status: Annotated[tuple[str, ...], Quantity("1", "block", "How each fit ended")]
     reason: Annotated[tuple[str, ...], Quantity("1", "block", "Why its structure was chosen")]
@@ -94,6 +79,7 @@ class FitQuality:
     n_parameter: Annotated[IntArray, Quantity("1", "block", "Parameters")]
     lowest_hz: Annotated[FloatArray, Quantity("Hz", "block", "Lowest excited frequency")]
     highest_hz: Annotated[FloatArray, Quantity("Hz", "block", "Highest one")]
+    # The outputs of all blocks: names of single channels, and of the outputs of matrices.
     output_names: Annotated[tuple[str, ...], Quantity("1", "block_output", "Outputs of all blocks")]
     first_output: Annotated[IntArray, Quantity("1", "block", "First of them of each block")]
     nrmse: Annotated[FloatArray, Quantity("1", "block_output", "NRMSE where it is worst")]
@@ -101,38 +87,24 @@ class FitQuality:
 
 @dataclass(frozen=True)
 class Tried:
-    """A structure that was tried.
-
-    Attributes:
-        block: Name of the block.
-        poles: Number of poles.
-        zeros: Number of zeros.
-        delay_samples: Delay in samples.
-        bic: Bayesian information criterion.
-        nrmse: Normalised root mean square of the worst output.
-        whiteness_p: Chance of white residuals to look as correlated.
-        chosen: Whether it was taken.
-    """
+    """A structure that was tried."""
 
     block: str
-    poles: int
-    zeros: int
-    delay_samples: int
-    bic: float
-    nrmse: float
-    whiteness_p: float
-    chosen: bool
+    poles: int  # number of poles
+    zeros: int  # number of zeros
+    delay_samples: int  # delay in samples
+    bic: float  # Bayesian information criterion
+    nrmse: float  # normalised root mean square of the worst output
+    whiteness_p: float  # chance of white residuals to look as correlated
+    chosen: bool  # whether it was taken
 
 
 @dataclass(frozen=True)
 class Responses:
-    """Frequency responses of the models, with their deviations.
-
-    Attributes:
-        response: Responses with delay, without hold and moving average.
-    """
+    """Frequency responses of the models, with their deviations."""
 
     frequency_hz: Annotated[FloatArray, Quantity("Hz", "model_frequency")]
+    # Responses with delay, without hold and moving average.
     response: Annotated[
         ComplexArray, Quantity("output over input", "model_frequency channel", "Responses of the models with delay")
     ]
@@ -148,34 +120,25 @@ class Responses:
 
 @dataclass(frozen=True)
 class StepResponses:
-    """Responses to a unit step of each command.
-
-    Attributes:
-        undershoot: How far it goes the wrong way before it reaches a tenth of the final value, over that.
-        overshoot: How far it goes beyond the final value, over it; 0 where it never gets there.
-        rise_s: Time from 10 to 90 % of the final value; NaN where it never gets there.
-    """
+    """Responses to a unit step of each command."""
 
     time_s: Annotated[FloatArray, Quantity("s", "time channel")]
     value: Annotated[FloatArray, Quantity("output over input", "time channel", "Responses to unit steps")]
     std: Annotated[FloatArray, Quantity("output over input", "time channel", "Their deviations")]
+    # How far it goes the wrong way before it reaches a tenth of the final value, over that.
     undershoot: Annotated[FloatArray, Quantity("1", "channel", "Over the final value")]
+    # How far it goes beyond the final value, over it; 0 where it never gets there.
     overshoot: Annotated[FloatArray, Quantity("1", "channel", "Over the final value")]
     rise_s: Annotated[FloatArray, Quantity("s", "channel", "From 10 to 90 %")]
 
 
 @dataclass(frozen=True)
 class RootLoci:
-    """Poles of each channel, without its delay, in a proportional loop around it.
-
-    Attributes:
-        roots: Closed-loop poles; NaN where there are fewer.
-        zeros: Zeros; NaN where there are fewer.
-    """
+    """Poles of each channel, without its delay, in a proportional loop around it."""
 
     gain: Annotated[FloatArray, Quantity("1", "gain", "Loop gain, over that of static loop gain 1")]
     roots: Annotated[ComplexArray, Quantity("rad/s", "gain channel pole", "Closed-loop poles")]
-    zeros: Annotated[ComplexArray, Quantity("rad/s", "channel zero")]
+    zeros: Annotated[ComplexArray, Quantity("rad/s", "channel zero")]  # Zeros; NaN where there are fewer
     poles: Annotated[ComplexArray, Quantity("rad/s", "channel pole")]
     zero_std: Annotated[ComplexArray, Quantity("rad/s", "channel zero", "Deviations of real and imaginary parts")]
     pole_std: Annotated[ComplexArray, Quantity("rad/s", "channel pole", "Deviations of real and imaginary parts")]
@@ -183,16 +146,12 @@ class RootLoci:
 
 @dataclass(frozen=True)
 class Traces:
-    """Measured and simulated outputs, one below the other.
-
-    Attributes:
-        time_s: Time since the shot began.
-    """
+    """Measured and simulated outputs, one below the other."""
 
     output: Annotated[IntArray, Quantity("1", "row", "Index into quality/output_names")]
     shot: Annotated[IntArray, Quantity("1", "row", "Index into shots")]
     shots: Annotated[tuple[str, ...], Quantity("1", "shot", "Names of the shots")]
-    time_s: Annotated[FloatArray, Quantity("s", "row")]
+    time_s: Annotated[FloatArray, Quantity("s", "row")]  # time since the shot began
     measured: Annotated[
         FloatArray, Quantity("as of the output", "row", "Measured output less its offset", compact=True)
     ]
@@ -201,43 +160,28 @@ class Traces:
 
 @dataclass(frozen=True)
 class ExternalSolution:
-    """Transfer functions from commands to positions, and how far they are to be trusted.
+    """Transfer functions from commands to positions, and how far they are to be trusted."""
 
-    Attributes:
-        estimate: Poles, zeros and gains.
-        ports: Commands and outputs of the records.
-        transfers: The transfer functions.
-        quality: How they were fitted.
-        etfe: The empirical response.
-        coupling: The decoupling map.
-        responses: Frequency responses of the models.
-        steps: Step responses.
-        loci: Root loci.
-        traces: Measured and simulated outputs of the fit's shots.
-        findings: What is doubtful about the data.
-        remarks: What else is to be known of the models, a sentence each: zeros in the right half plane, poles kept
-            stable, how sure the choice of a structure is.
-        excitation: Commands and their own outputs in the fit's shots.
-        homes: Configurations that these were recorded in; none where they are unknown.
-    """
-
-    estimate: Estimate
-    ports: Ports
-    transfers: Transfers
-    quality: FitQuality
+    estimate: Estimate  # Poles, zeros and gains
+    ports: Ports  # commands and outputs of the records
+    transfers: Transfers  # the transfer functions
+    quality: FitQuality  # how they were fitted
     agreements: Annotated[
         tuple[Agreement, ...], Quantity("1, or as of the output", "agreement", "Agreement, place by place")
     ]
     tried: Annotated[tuple[Tried, ...], Quantity("1", "trial", "Structures that were tried")]
-    etfe: Etfe
-    coupling: CouplingMap
-    responses: Responses
+    etfe: Etfe  # the empirical response
+    coupling: CouplingMap  # the decoupling map
+    responses: Responses  # frequency responses of the models
     steps: StepResponses
     loci: RootLoci
-    traces: Traces
+    traces: Traces  # measured and simulated outputs of the fit's shots
     findings: Annotated[tuple[Finding, ...], Quantity("1", "finding", "What is doubtful about the data")]
+    # What else is to be known of the models, a sentence each: zeros in the right half plane, poles kept stable, how
+    # sure the choice of a structure is.
     remarks: Annotated[tuple[str, ...], Quantity("1", "remark", "What else is to be known of the models")]
-    excitation: Excitation
+    excitation: Excitation  # commands and their own outputs in the fit's shots
+    # Configurations that these were recorded in; none where they are unknown.
     homes: Annotated[FloatArray, Quantity("rad; m", "home joint", "Configurations of the fit's records")] = field(
         default_factory=lambda: np.zeros((0, 0))
     )

@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from robid.models.external.fit.agreement import Agreement
+from robid.models.conclusions import graded_alone
 from robid.models.external.fit.choice import STRONG_EVIDENCE
 from robid.models.external.fit.covariance import WHITE
+from robid.models.external.fit.data import Agreement
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.solution import ExternalSolution
 from robid.results.doubt import Doubt, two_digits
-from robid.results.grade import Grade, forbidding, grade_alone, grade_held, ordered, weakening
+from robid.results.grade import Grade
 from robid.results.scale import SCALES, Scale
 from robid.signals.pose import POSE
 
@@ -233,17 +234,4 @@ def _coupling(solution: ExternalSolution) -> Iterator[Doubt]:
 
 def assess_external(solution: ExternalSolution, options: ExternalOptions) -> Grade:
     """Gathers the doubts about an external fit and grades it by itself: it predicts at best."""
-    doubts = ordered(solution_doubts(solution, options))
-    return grade_alone(forbidding(doubts, solution.estimate.status), weakening(doubts), doubts)
-
-
-def grade_external(solution: ExternalSolution, doubts: Sequence[Doubt], failures: Sequence[str]) -> Grade:
-    """Grades an external fit that was held against motions that it never saw.
-
-    Args:
-        solution: What the fit found.
-        doubts: Doubts about it, the first to blame first.
-        failures: What the validation found beyond its limits, a clause each.
-    """
-    every = ordered(doubts)
-    return grade_held((*forbidding(every, solution.estimate.status), *failures), weakening(every), every)
+    return graded_alone(solution_doubts(solution, options), solution.estimate.status)

@@ -21,38 +21,23 @@ _ROUNDED = 12**-0.5  # of a step: repeats of what hardly moves are rounded alike
 
 @dataclass(frozen=True)
 class NewShots:
-    """Shots of a validation that concern one block.
+    """Shots of a validation that concern one block."""
 
-    Attributes:
-        block: Index of the block.
-        inputs: Indices of its commands.
-        outputs: Indices of its outputs.
-        names: Names of its outputs.
-        shots: The shots in which one of its commands moves.
-    """
-
-    block: int
-    inputs: tuple[int, ...]
-    outputs: tuple[int, ...]
-    names: tuple[str, ...]
-    shots: tuple[Shot, ...]
+    block: int  # index of the block
+    inputs: tuple[int, ...]  # indices of its commands
+    outputs: tuple[int, ...]  # indices of its outputs
+    names: tuple[str, ...]  # names of its outputs
+    shots: tuple[Shot, ...]  # the shots in which one of its commands moves
 
 
 @dataclass(frozen=True)
 class PredictedShot:
-    """One shot as a block predicts it.
+    """One shot as a block predicts it."""
 
-    Attributes:
-        measured (n_sample, n_out): Measured outputs less their mean.
-        predicted (n_sample, n_out): Predicted ones.
-        parameter_std (n_sample, n_out): Standard deviation of these by the model's parameters.
-        noise_std (n_out,): Standard deviation of the outputs' noise.
-    """
-
-    measured: FloatArray
-    predicted: FloatArray
-    parameter_std: FloatArray
-    noise_std: FloatArray
+    measured: FloatArray  # (n_sample, n_out): measured outputs less their mean
+    predicted: FloatArray  # (n_sample, n_out): predicted ones
+    parameter_std: FloatArray  # (n_sample, n_out): standard deviation of these by the model's parameters
+    noise_std: FloatArray  # (n_out,): standard deviation of the outputs' noise
 
     @property
     def std(self) -> FloatArray:
@@ -62,18 +47,13 @@ class PredictedShot:
 
 @dataclass(frozen=True)
 class PredictedTraces:
-    """Measured and predicted outputs, one below the other.
-
-    Attributes:
-        time_s: Time since the shot began.
-        std: Standard deviation of what is expected of measured less predicted, by parameters and noise.
-    """
+    """Measured and predicted outputs, one below the other."""
 
     names: Annotated[tuple[str, ...], Quantity("1", "output", "The outputs")]
     output: Annotated[IntArray, Quantity("1", "row", "Index into names")]
     shots: Annotated[tuple[str, ...], Quantity("1", "shot", "Names of the shots")]
     shot: Annotated[IntArray, Quantity("1", "row", "Index into shots")]
-    time_s: Annotated[FloatArray, Quantity("s", "row")]
+    time_s: Annotated[FloatArray, Quantity("s", "row")]  # time since the shot began
     measured: Annotated[
         FloatArray, Quantity("as of the output", "row", "Measured output less its offset", compact=True)
     ]
@@ -205,23 +185,14 @@ _DEVIATIONS = 3.0
 
 @dataclass(frozen=True)
 class HomeDifference:
-    """Where a channel differs most between two fits, in the band that both excited.
-
-    Attributes:
-        channel: Name of the channel.
-        relative: Largest distance of the responses over their mean magnitude.
-        at_hz: Frequency of it [Hz].
-        magnitude_db: Difference of the magnitudes there [dB].
-        phase_deg: Difference of the phases there [deg].
-        significant: Whether it is beyond three deviations of both.
-    """
+    """Where a channel differs most between two fits, in the band that both excited."""
 
     channel: str
-    relative: float
-    at_hz: float
-    magnitude_db: float
-    phase_deg: float
-    significant: bool
+    relative: float  # largest distance of the responses over their mean magnitude
+    at_hz: float  # frequency of it [Hz]
+    magnitude_db: float  # difference of the magnitudes there [dB]
+    phase_deg: float  # difference of the phases there [deg]
+    significant: bool  # whether it is beyond three deviations of both
 
 
 def compare_homes(one: ExternalSolution, other: ExternalSolution) -> Iterator[HomeDifference]:

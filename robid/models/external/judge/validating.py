@@ -11,11 +11,11 @@ from scipy.stats import norm
 
 from robid.arrays import Quantity
 from robid.errors import DataError
-from robid.models.external.fit.agreement import Agreement, agreements
-from robid.models.external.fit.data import Shot
+from robid.models.conclusions import outcome_of, refuse_other_rate
+from robid.models.external.fit.data import Agreement, Shot, agreements
 from robid.models.external.fit.reduction import whiteness
 from robid.models.external.fit.solution import ExternalSolution
-from robid.models.external.judge.plausible import NRMSE_LIMIT, excess_doubts, expected_std, grade_external
+from robid.models.external.judge.plausible import NRMSE_LIMIT, excess_doubts, expected_std
 from robid.models.external.judge.prediction import (
     NewShots,
     PredictedShot,
@@ -26,9 +26,8 @@ from robid.models.external.judge.prediction import (
     traces_of,
 )
 from robid.results.doubt import Doubt
-from robid.results.outcome import Outcome, recover
+from robid.results.outcome import Outcome
 
-_SAME_RATE = 1e-6
 _OUTSIDE = 3.0  # times as many samples outside the bounds as their level says
 _EXPLAINED = 1.2  # of the expected error
 _NOISE = ", which noise explains: move farther, or repeat more often"
@@ -36,48 +35,31 @@ _NOISE = ", which noise explains: move farther, or repeat more often"
 
 @dataclass(frozen=True)
 class Bounds:
-    """How an output's error compares with its bounds, in the order of the agreements.
+    """How an output's error compares with its bounds, in the order of the agreements."""
 
-    Attributes:
-        output: Name of the channel, or of the output of a matrix.
-        place: Campaign and configuration.
-        fpe: Akaike's final prediction error, over the output's variance.
-        own_nrmse: NRMSE of the fit on its own shots, in the place where it is worst.
-        parameter_std: Root mean square of the prediction's standard deviation by the parameters.
-        expected_std: Error that noise, parameters and the assumed model error give.
-        inside: Share of the samples inside the bounds of parameters and noise.
-        whiteness_p: Chance of a white error to look as coloured.
-    """
-
-    output: str
-    place: str
-    fpe: float
-    own_nrmse: float
-    parameter_std: float
-    expected_std: float
-    inside: float
-    whiteness_p: float
+    output: str  # name of the channel, or of the output of a matrix
+    place: str  # campaign and configuration
+    fpe: float  # Akaike's final prediction error, over the output's variance
+    own_nrmse: float  # NRMSE of the fit on its own shots, in the place where it is worst
+    parameter_std: float  # root mean square of the prediction's standard deviation by the parameters
+    expected_std: float  # error that noise, parameters and the assumed model error give
+    inside: float  # share of the samples inside the bounds of parameters and noise
+    whiteness_p: float  # chance of a white error to look as coloured
 
 
 @dataclass(frozen=True)
 class ExternalValidation:
-    """How well transfer functions predict other motions.
+    """How well transfer functions predict other motions."""
 
-    Attributes:
-        outcome: Whether they hold, their grade.
-        traces: Measured and predicted outputs.
-        confidence: Level of the bounds.
-    """
-
-    outcome: Outcome
+    outcome: Outcome  # whether they hold, their grade
     agreements: Annotated[
         tuple[Agreement, ...], Quantity("1, or as of the output", "agreement", "Agreement, place by place")
     ]
     bounds: Annotated[
         tuple[Bounds, ...], Quantity("1, or as of the output", "agreement", "The same against the bounds")
     ]
-    traces: PredictedTraces
-    confidence: float
+    traces: PredictedTraces  # measured and predicted outputs
+    confidence: float  # level of the bounds
     untested: Annotated[tuple[str, ...], Quantity("1", "block", "Channels that do not move in the validation")]
 
 
@@ -97,7 +79,7 @@ def validate_external(
     Raises:
         DataError: If the shots are sampled otherwise than those of the fit, or none of its commands moves.
     """
-    _refuse_other(solution, shots)
+    refuse_other_rate(solution.ports.sampling_period_s, [shot.sampling_period_s for shot in shots])
     found = new_shots(solution, shots)
     if not found:
         message = "D159 none of the fit's commands moves in the validation"
@@ -111,12 +93,7 @@ def validate_external(
     excess = excess_doubts(agreed, [one.expected_std for one in bounds])
     every = [*doubts, *novelty_doubts(solution, found), *excess, *_outside(bounds, solution), *_untested(untested)]
     return ExternalValidation(
-        outcome=Outcome(
-            ok=not failures,
-            verdict=_verdict(agreed, bounds, failures),
-            grade=grade_external(solution, every, failures),
-            recovery=recover(solution.estimate, {}),
-        ),
+        outcome=outcome_of(solution.estimate, every, failures, _verdict(agreed, bounds, failures)),
         agreements=agreed,
         bounds=bounds,
         traces=traces_of(solution, found, traces),
@@ -187,17 +164,6 @@ def _untested(names: Sequence[str]) -> tuple[Doubt, ...]:
         return ()
     told = f"{', '.join(names)} do not move in the validation: nothing was tested of them"
     return (Doubt("excitation", told, decisive=False, strength=2.0),)
-
-
-def _refuse_other(solution: ExternalSolution, shots: Sequence[Shot]) -> None:
-    period = solution.ports.sampling_period_s
-    other = [shot for shot in shots if abs(shot.sampling_period_s / period - 1) > _SAME_RATE]
-    if other:
-        message = (
-            f"D160 the validation is sampled every {other[0].sampling_period_s:g} s, the fit's record every "
-            f"{period:g} s"
-        )
-        raise DataError(message, where="validation", remedy="validate on a record of the same sampling period")
 
 
 def _verdict(agreed: Sequence[Agreement], bounds: Sequence[Bounds], failures: Sequence[str]) -> str:

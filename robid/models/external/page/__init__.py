@@ -1,1 +1,1 @@
-"""What of an external fit stands on page, terminal and summary. Read `report`, `sections`, `data`, then `charts`."""
+"""What of an external fit stands on page, terminal and summary. Read `report`, `data`, then `charts`."""

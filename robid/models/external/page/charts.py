@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
@@ -11,11 +10,11 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.models.external.fit.etfe import Excitation
 from robid.models.external.fit.solution import ExternalSolution, StepResponses
+from robid.models.parameters import MOST_POINTS, quantile, thinned
 from robid.report.section import Curve, Figure, Line
 
 MEASURED, MODEL, GREY, ERROR = 0, 1, 4, 3
 """Shades of what figures show: what was commanded or measured, what a model says, limits, and differences."""
-_MOST_POINTS = 1500
 _BEYOND = 4.0  # times the highest excited frequency
 _READABLE = {"m": (1e3, "mm"), "rad": (180 / np.pi, "°"), "m/s": (1e3, "mm/s"), "rad/s": (180 / np.pi, "°/s")}
 
@@ -23,11 +22,6 @@ _READABLE = {"m": (1e3, "mm"), "rad": (180 / np.pi, "°"), "m/s": (1e3, "mm/s"),
 def readable_factor(unit: str) -> tuple[float, str]:
     """Returns the factor to a unit that reads well, and that unit."""
     return _READABLE.get(unit, (1.0, unit))
-
-
-def quantile(confidence: float) -> float:
-    """Returns how many standard deviations lie on either side at a level of confidence."""
-    return NormalDist().inv_cdf(0.5 + 0.5 * confidence)
 
 
 def excitation_figures(found: Excitation, channel: int, shot: int, units: tuple[str, str]) -> tuple[Figure, Figure]:
@@ -44,8 +38,8 @@ def excitation_figures(found: Excitation, channel: int, shot: int, units: tuple[
     (to_command, unit), (to_answer, other) = (readable_factor(each) for each in units)
     title = f"[{unit}]" if unit == other else f"[{unit}; {other}]"
     time = (
-        curve("command", *_thinned(found.time_s[rows], to_command * found.command[rows]), MEASURED),
-        curve("output", *_thinned(found.time_s[rows], to_answer * found.answer[rows]), MODEL),
+        curve("command", *thinned(found.time_s[rows], to_command * found.command[rows]), MEASURED),
+        curve("output", *thinned(found.time_s[rows], to_answer * found.answer[rows]), MODEL),
     )
     spectra = (
         curve("command", found.frequency_hz[lines], to_command * found.command_amplitude[lines], MEASURED),
@@ -133,27 +127,20 @@ def locus_figure(solution: ExternalSolution, channel: int) -> Figure:
 
 @dataclass(frozen=True)
 class Trace:
-    """Measured and simulated output of one shot.
+    """Measured and simulated output of one shot."""
 
-    Attributes:
-        name: Name of the shot.
-        time_s (n_row,): Time since it began [s].
-        measured (n_row,): Measured output.
-        simulated (n_row,): Simulated one.
-        half (n_row,): Half the width of the region in which measured values are expected; None where it is unknown.
-    """
-
-    name: str
-    time_s: FloatArray
-    measured: FloatArray
-    simulated: FloatArray
+    name: str  # name of the shot
+    time_s: FloatArray  # (n_row,): time since it began [s]
+    measured: FloatArray  # (n_row,): measured output
+    simulated: FloatArray  # (n_row,): simulated one
+    # (n_row,): half the width of the region in which measured values are expected; None where it is unknown.
     half: FloatArray | None = None
 
 
 def trace_figures(trace: Trace, unit: str) -> tuple[Figure, Figure]:
     """Measured and simulated output of one shot, with bounds, and their difference."""
     to_unit, shown = readable_factor(unit)
-    kept = slice(None, None, max(1, -(-len(trace.time_s) // _MOST_POINTS)))
+    kept = slice(None, None, max(1, -(-len(trace.time_s) // MOST_POINTS)))
     time, measured, simulated = trace.time_s[kept], to_unit * trace.measured[kept], to_unit * trace.simulated[kept]
     half = np.zeros(0) if trace.half is None else to_unit * trace.half[kept]
     model = (
@@ -214,11 +201,6 @@ def _phase_range(model: FloatArray, measured: FloatArray) -> tuple[float, float]
     known = measured[np.isfinite(measured)]
     low = min(known.min(initial=0.0), max(model.min(), -720.0))
     return float(90 * np.floor(low / 90)), float(90 * np.ceil(max(model.max(), known.max(initial=model.max())) / 90))
-
-
-def _thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    step = max(1, -(-x.size // _MOST_POINTS))
-    return x[::step], y[::step]
 
 
 def _tuple(values: FloatArray) -> tuple[float, ...]:

@@ -8,12 +8,13 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import BoolArray, IntArray
-from robid.models.external.fit.agreement import Agreement
 from robid.models.external.fit.coupling import CouplingMap
+from robid.models.external.fit.data import Agreement
 from robid.models.external.fit.options import CouplingOptions
 from robid.models.external.fit.solution import ExternalSolution, Ports
 from robid.models.external.judge.validating import ExternalValidation
-from robid.models.external.page.charts import Trace, quantile, readable_factor, trace_figures
+from robid.models.external.page.charts import Trace, readable_factor, trace_figures
+from robid.models.parameters import quantile
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Beside, Cell, Choice, ColumnStyle, Curve, Figure, Line, Notes, Row, Section, Table
 
@@ -89,10 +90,10 @@ def _pairs(found: CouplingMap, ports: Ports) -> Table:
         Row((name, *(_pair(size, coupled=mark) for size, mark in zip(sizes, marks, strict=True))))
         for name, sizes, marks in zip(ports.outputs, largest, coupled, strict=True)
     )
-    styles: tuple[ColumnStyle, ...] = ("name", *_numbers(len(ports.inputs)))
+    numbers: list[ColumnStyle] = ["number"] * len(ports.inputs)
     caption = "Largest of all bands, in resolutions. Red: coupled in some band."
     heads = ("Output", *(f"command {name}" for name in ports.inputs))
-    return Table(heads, rows, title="Size of what follows", caption=caption, styles=styles, fit="compact")
+    return Table(heads, rows, title="Size of what follows", caption=caption, styles=("name", *numbers), fit="compact")
 
 
 def _pair(value: float, *, coupled: bool) -> Cell:
@@ -160,7 +161,7 @@ def own_table(solution: ExternalSolution) -> Table:
         " looks as coloured as the residual of the worst shot."
     )
     heads = ("Output", "Where", "R²", "NRMSE", "FPE", "Whiteness", "Error", "Motion", "Fit")
-    styles: tuple[ColumnStyle, ...] = ("name", "text", *_numbers(6), "text")
+    styles: tuple[ColumnStyle, ...] = ("name", "text", *("number",) * 6, "text")
     fit: Literal["wide", "tall"] = "tall" if len(rows) > _MANY else "wide"
     return Table(heads, tuple(rows), title="How well it fits", caption=caption, styles=styles, fit=fit)
 
@@ -180,7 +181,7 @@ def _new_table(solution: ExternalSolution, validation: ExternalValidation) -> Ta
         rows.append(Row((each.output, each.place, *cells)))
     heads = ("Output", "Where", "R²", "NRMSE", "of the fit", "FPE", "Error", "Motion", "Expected error", "In bounds")
     caption = f"{_CAPTION}Expected error: what noise, parameters and a model error of one per cent of the motion give."
-    return Table(heads, tuple(rows), caption=caption, styles=("name", "text", *_numbers(8)))
+    return Table(heads, tuple(rows), caption=caption, styles=("name", "text", *("number",) * 8))
 
 
 def _scores(each: Agreement) -> tuple[str, str]:
@@ -237,8 +238,3 @@ def _block_of(solution: ExternalSolution) -> dict[str, int]:
     first = solution.quality.first_output
     rows = enumerate(solution.quality.output_names)
     return {name: int(np.searchsorted(first, row, side="right")) - 1 for row, name in rows}
-
-
-def _numbers(count: int) -> tuple[ColumnStyle, ...]:
-    number: ColumnStyle = "number"
-    return (number,) * count

@@ -1,73 +1,262 @@
-"""What an external fit adds to page, terminal and summary."""
+"""What an external fit adds to page, terminal and summary, section by section."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from robid.artifacts.results import grade_from_artifact
+import numpy as np
+
+from robid.arrays import FloatArray
 from robid.models.external.files import solution_from_artifact, validation_from_artifact
-from robid.models.external.fit.agreement import Agreement
+from robid.models.external.fit.data import Agreement
+from robid.models.external.fit.options import CouplingOptions
 from robid.models.external.fit.solution import ExternalSolution
 from robid.models.external.judge.validating import ExternalValidation
-from robid.models.external.page.data import new_section, own_section
-from robid.models.external.page.sections import sections
+from robid.models.external.page.charts import excitation_figures, locus_figure, response_figures, step_figure
+from robid.models.external.page.data import coupling_section, new_section, own_section, own_table
 from robid.models.external.settings import external_fit
 from robid.models.family import Shown
-from robid.models.parameters import parameter_rows, parameter_summary
-from robid.report.numbers import significant
-from robid.report.page import FitReport, Headline, KeyNumber
-from robid.report.parameter_section import parameter_numbers, parameter_table
+from robid.models.parameters import estimates_of, fit_report
+from robid.report.numbers import MINUS, MISSING, duration, percent, significant
+from robid.report.page import FitReport, KeyNumber
+from robid.report.parameter_section import parameter_section
 from robid.report.parameters import Estimates
-from robid.results.grade import Grade
+from robid.report.section import Beside, Choice, Folded, Notes, Part, Row, Section, Table
+
+_SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+_DIGITS = 5
+
+
+def transfer_text(numerator: FloatArray, denominator: FloatArray) -> str:
+    """Writes a transfer function as `(0.2 s + 3) / (s² + 4 s + 3)`.
+
+    Args:
+        numerator (n_power,): Coefficients, highest power first; zeros in front are left out.
+        denominator (n_power,): The same of the denominator.
+    """
+    above, below = polynomial_text(numerator), polynomial_text(denominator)
+    return f"{_wrapped(above)} / {_wrapped(below)}"
+
+
+def polynomial_text(coefficients: FloatArray) -> str:
+    """Writes a polynomial in s, highest power first."""
+    degree = len(coefficients) - 1
+    text = ""
+    for place, value in enumerate(np.asarray(coefficients, float).tolist()):
+        if value == 0:
+            continue
+        sign = "" if not text and value > 0 else MINUS if not text else f" {MINUS} " if value < 0 else " + "
+        text += sign + _term(abs(value), degree - place)
+    return text or "0"
+
+
+def _term(value: float, power: int) -> str:
+    variable = "" if power == 0 else "s" if power == 1 else f"s{str(power).translate(_SUPERSCRIPTS)}"
+    if value == 1 and variable:
+        return variable
+    return f"{significant(value, _DIGITS)} {variable}".strip()
+
+
+def _wrapped(text: str) -> str:
+    return f"({text})" if " + " in text or MINUS in text else text
+
+
+_MOST_SHOTS = 4
+_HELD = {"zoh": "held for a sample", "foh": "in straight lines between samples"}
+_VISIBLE = 1e-3  # of the final value
+
+
+def sections(
+    solution: ExternalSolution, estimates: Estimates, data: Section, options: CouplingOptions
+) -> tuple[Section, ...]:
+    """Lays out a fit.
+
+    Args:
+        solution: What it found.
+        estimates: Its parameters as rows.
+        data: Measured against simulated outputs.
+        options: When channels count as coupled.
+    """
+    return (
+        _transfers(solution),
+        data,
+        *_parameters(solution, estimates),
+        _responses(solution),
+        _dynamics(solution),
+        *coupling_section(solution.coupling, solution.ports, options),
+        _excitation(solution),
+    )
+
+
+def _transfers(solution: ExternalSolution) -> Section:
+    transfers, quality, ports = solution.transfers, solution.quality, solution.ports
+    rows = []
+    for channel, name in enumerate(transfers.names):
+        block = int(transfers.block_of[channel])
+        samples = int(transfers.delay_samples[block])
+        delay = f"{samples} ({duration(samples * ports.sampling_period_s)})" if samples else "0"
+        text = transfer_text(transfers.numerator[channel], transfers.denominator[block])
+        rows.append((name, f"{transfers.zeros[block]} / {transfers.poles[block]}", delay, text))
+    sampled = f"Sampled every {duration(ports.sampling_period_s)}, commands {_HELD.get(ports.hold, ports.hold)}"
+    averaged = f", averaged over {transfers.moving_average} samples" if transfers.moving_average > 1 else ""
+    table = Table(
+        ("Channel", "Zeros / poles", "Delay in samples", "Transfer function, s in rad/s"),
+        tuple(rows),
+        caption=f"{sampled}{averaged}: hold, average and delay come on top of these functions.",
+        styles=("name", "number", "number", "code"),
+    )
+    lead = "From command to output, strictly proper, without delay, hold and moving average."
+    parts: list[Part] = [table, own_table(solution), Folded("Structures that were tried", (_tried(solution),))]
+    told = (f"{finding.channel}: {finding.message}." for finding in solution.findings)
+    notes = [*_behaviour(solution), *solution.remarks, *told]
+    if notes:
+        parts.append(Notes(tuple(notes)))
+    reasons = zip(transfers.blocks, quality.reason, strict=True)
+    parts.append(Folded("Why these structures", (Notes(tuple(f"{name}: {reason}" for name, reason in reasons)),)))
+    return Section("Transfer functions", lead, tuple(parts), "transfers")
+
+
+def _tried(solution: ExternalSolution) -> Table:
+    rows = tuple(
+        Row(
+            (
+                str(each.poles),
+                str(each.zeros),
+                str(each.delay_samples),
+                f"{each.bic:.1f}" if np.isfinite(each.bic) else MISSING,
+                f"{each.nrmse:.4f}",
+                percent(each.whiteness_p),
+                "chosen" if each.chosen else "",
+            ),
+            group=each.block,
+            faint=not each.chosen,
+            choice=each.block,
+        )
+        for each in solution.tried
+    )
+    caption = "BIC: Bayesian information criterion, the smaller the better."
+    heads = ("Poles", "Zeros", "Delay", "BIC", "NRMSE", "Whiteness", "")
+    return Table(heads, rows, caption=caption, styles=("name", *("number",) * 5, "text"), choice="Channel", fit="tall")
+
+
+def _behaviour(solution: ExternalSolution) -> list[str]:
+    """Says which channels go the wrong way first."""
+    return [
+        f"{name}: a step goes the wrong way first, by {percent(share)} of its final value (a zero in the right half"
+        " plane)."
+        for name, share, own in zip(
+            solution.transfers.names, solution.steps.undershoot.tolist(), _own(solution), strict=True
+        )
+        if own and share > _VISIBLE
+    ]
+
+
+def _own(solution: ExternalSolution) -> list[bool]:
+    """Whether each channel leads from a command to its own output; others may end anywhere near zero."""
+    transfers = solution.transfers
+    return [bool(own) for own in solution.coupling.own[transfers.outputs, transfers.inputs]]
+
+
+def _parameters(solution: ExternalSolution, estimates: Estimates) -> tuple[Section, ...]:
+    del solution
+    conventions = (
+        "A real root is given as its rate, positive in the left half plane; a pair as natural frequency and damping"
+        " ratio. Zeros with a negative rate or damping lie in the right half plane."
+    )
+    return parameter_section(estimates, conventions)
+
+
+def _responses(solution: ExternalSolution) -> Section:
+    options = tuple(
+        (name, (Beside(response_figures(solution, channel), 2),))
+        for channel, name in enumerate(solution.transfers.names)
+    )
+    lead = (
+        "The empirical response with the region that holds the true one, over the band that was excited, and the model"
+        " with its bounds, both from samples to samples: with delay, hold and moving average."
+    )
+    return Section("Frequency response", lead, (Choice("Channel", options),), "response")
+
+
+def _dynamics(solution: ExternalSolution) -> Section:
+    steps, confidence = solution.steps, solution.estimate.confidence
+    options = tuple(
+        (
+            name,
+            (
+                Beside(
+                    (
+                        locus_figure(solution, channel),
+                        step_figure(steps, channel, _final(solution, channel), confidence),
+                    ),
+                    2,
+                ),
+            ),
+        )
+        for channel, name in enumerate(solution.transfers.names)
+    )
+    rows = tuple(
+        (
+            name,
+            percent(float(steps.undershoot[channel])),
+            percent(float(steps.overshoot[channel])),
+            duration(float(steps.rise_s[channel])) if np.isfinite(steps.rise_s[channel]) else MISSING,
+        )
+        for channel, (name, own) in enumerate(zip(solution.transfers.names, _own(solution), strict=True))
+        if own
+    )
+    heads = ("Channel", "Undershoot", "Overshoot", "Rise, 10 to 90 %")
+    table = Table(heads, rows, title="Steps", styles=("name", *("number",) * 3), fit="compact")
+    lead = (
+        "Poles and zeros with bounds on their real and imaginary parts, and where the poles go in a proportional loop"
+        " around the channel without its delay; roots beyond half the sampling rate are left out. Beside them what the"
+        " model does after a step of one unit, delay included, with bounds."
+    )
+    return Section("Poles, zeros and steps", lead, (Choice("Channel", options), table), "dynamics")
+
+
+def _final(solution: ExternalSolution, channel: int) -> float:
+    """Static gain of a channel, where it is stable."""
+    names, found = solution.estimate.names, solution.transfers.names[channel]
+    stable = bool((solution.loci.poles[channel].real[np.isfinite(solution.loci.poles[channel])] < 0).all())
+    return float(solution.estimate.value[names.index(f"{found}.gain")]) if stable else float("nan")
+
+
+def _excitation(solution: ExternalSolution) -> Section:
+    found, ports, transfers = solution.excitation, solution.ports, solution.transfers
+    options = []
+    for channel, name in enumerate(found.names):
+        place = transfers.names.index(name)
+        units = ports.input_units[transfers.inputs[place]], ports.output_units[transfers.outputs[place]]
+        shots = np.unique(found.time_shot[found.time_channel == channel])[:_MOST_SHOTS]
+        rows = tuple(Beside(excitation_figures(found, channel, int(shot), units), 2) for shot in shots)
+        options.append((name, rows))
+    lead = "What was commanded, and what came of it: over time, and component by component against the resolution."
+    return Section("Excitation", lead, (Choice("Channel", tuple(options)),), "excitation")
 
 
 def report(shown: Shown) -> FitReport:
     """Lays out an external fit for page, terminal and summary."""
     solution = solution_from_artifact(shown.model)
+    estimate, count = solution.estimate, len(solution.transfers.names)
     validation = None if shown.validation is None else validation_from_artifact(shown.validation)
-    grade = grade_from_artifact(shown.model) if validation is None else validation.outcome.grade
-    estimates = _estimates(shown, solution)
+    estimates = estimates_of(shown, estimate)
     data = own_section(solution) if validation is None else new_section(solution, validation)
     options = external_fit(shown.data.loaded.experiment, shown.data.name).coupling
-    return FitReport(
-        headline=_headline(shown.data.name, solution, estimates, validation, grade),
-        verdict=_verdict(solution, validation, grade, named=shown.data.settings.validate_on is not None),
-        grade=grade.value,
+    return fit_report(
+        shown,
+        estimate,
+        estimates,
+        None if validation is None else validation.outcome,
+        found=f"{count} transfer function{'s' if count > 1 else ''}, {int(estimate.identified.sum())} of"
+        f" {len(estimate.names)} parameters are identified.",
+        numbers=_key_numbers(solution, validation),
         sections=sections(solution, estimates, data, options),
-        parameters=estimates.rows,
-        summary=_summary(solution, estimates, validation, grade),
-        terminal=(parameter_table(estimates),),
+        summary=_summary(solution, validation),
     )
 
 
-def _estimates(shown: Shown, solution: ExternalSolution) -> Estimates:
-    estimate = solution.estimate
-    return Estimates(
-        rows=parameter_rows(estimate, shown.true),
-        level=estimate.confidence,
-        undetermined=estimate.undetermined,
-        identifiable_relative_std=estimate.identifiable_relative_std,
-        interval_rule=estimate.interval_rule,
-    )
-
-
-def _headline(
-    name: str,
-    solution: ExternalSolution,
-    estimates: Estimates,
-    validation: ExternalValidation | None,
-    grade: Grade,
-) -> Headline:
-    return Headline(
-        name=name,
-        numbers=(*parameter_numbers(estimates, usable=grade.value > 0), *_numbers(solution, validation)),
-        doubts=tuple(doubt.sentence for doubt in grade.doubts),
-        status=solution.estimate.status.replace("_", " "),
-        advice=solution.estimate.advice,
-    )
-
-
-def _numbers(solution: ExternalSolution, validation: ExternalValidation | None) -> Iterator[KeyNumber]:
+def _key_numbers(solution: ExternalSolution, validation: ExternalValidation | None) -> Iterator[KeyNumber]:
     yield _worst("NRMSE, own data", solution.agreements)
     if validation is not None:
         yield _worst("NRMSE, new data", validation.agreements)
@@ -80,31 +269,10 @@ def _worst(label: str, every: Sequence[Agreement]) -> KeyNumber:
     return KeyNumber(label, f"{worst.nrmse:.3f}", f"worst: {worst.output}" if len(every) > 1 else "")
 
 
-def _verdict(solution: ExternalSolution, validation: ExternalValidation | None, grade: Grade, *, named: bool) -> str:
-    estimate = solution.estimate
-    count = len(solution.transfers.names)
-    found = [
-        grade.sentence,
-        f"{count} transfer function{'s' if count > 1 else ''}, {int(estimate.identified.sum())} of"
-        f" {len(estimate.names)} parameters are identified.",
-    ]
-    if validation is None:
-        found.append("Not validated: no campaign was named to hold it against." if not named else "Not validated.")
-    elif validation.outcome.ok:
-        found.append(f"The model {validation.outcome.verdict}.")
-    return " ".join(found)
-
-
-def _summary(
-    solution: ExternalSolution, estimates: Estimates, validation: ExternalValidation | None, grade: Grade
-) -> dict[str, float]:
-    estimate = solution.estimate
+def _summary(solution: ExternalSolution, validation: ExternalValidation | None) -> dict[str, float]:
     found = {
-        "grade": float(grade.value),
-        "converged": float(estimate.status == "converged"),
-        "identifiable": float(estimate.identifiable.sum()),
+        "identifiable": float(solution.estimate.identifiable.sum()),
         "decoupled_up_to_hz": solution.coupling.overall_hz,
-        **parameter_summary(estimates.rows),
     }
     for row, name in enumerate(solution.quality.output_names):
         found[f"{name}.nrmse"] = float(solution.quality.nrmse[row])

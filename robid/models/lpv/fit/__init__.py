@@ -1,5 +1,5 @@
 """Linear models whose dynamics change with position, from frequency responses at rest.
 
-Read `fitting` and `options` from above; then `state_space`, `basis`, `model` and `responses`; `problem` and `local`;
-`sparse` and `path`; last `uncertainty` and `solution`.
+Read `fitting` and `options` from above; then `state_space`, `model` and `responses`; `local`; `sparse` and
+`path`; last `uncertainty` and `solution`.
 """

@@ -8,7 +8,6 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.errors import DataError
-from robid.models.lpv.fit.basis import Basis, different_positions, make_basis
 from robid.models.lpv.fit.local import (
     LocalModels,
     align_neighbours,
@@ -17,11 +16,25 @@ from robid.models.lpv.fit.local import (
     interpolate,
     middle_position,
 )
-from robid.models.lpv.fit.model import LpvModel, Stability, add_integrators, check_stability
+from robid.models.lpv.fit.model import (
+    Basis,
+    LpvModel,
+    add_integrators,
+    different_positions,
+    largest_pole,
+    make_basis,
+)
 from robid.models.lpv.fit.options import BasisOptions, LpvOptions
 from robid.models.lpv.fit.path import Path, find_sparse_bases, follow_path
-from robid.models.lpv.fit.problem import Problem, solve
-from robid.models.lpv.fit.responses import LocalResponses, agree, make_problem, output_scales, remove_integrators
+from robid.models.lpv.fit.responses import (
+    LocalResponses,
+    Problem,
+    agree,
+    make_problem,
+    output_scales,
+    remove_integrators,
+    solve,
+)
 from robid.models.lpv.fit.solution import (
     BlockTable,
     Core,
@@ -48,31 +61,18 @@ _FIRST_STEPS = 10
 
 @dataclass(frozen=True)
 class LpvResult:
-    """What a fit found.
+    """What a fit found."""
 
-    Attributes:
-        local: The local models, outputs in units of `scales`, each in its balanced basis.
-        smile: Their interpolation without integrators, in the outputs' own units.
-        core: The chosen model without integrators, in the outputs' own units.
-        model: The chosen model with its integrators.
-        path: The regularisation path, outputs in units of `scales`.
-        kept (4, n_function): Blocks of A, B, C and D that the chosen model has.
-        scales (n_out,): Units of the outputs during the fit.
-        parameters: How far the chosen model's parameters may be off, outputs in units of `scales`.
-        stability: Of the chosen model over the range, integrators not counted.
-        integrators: How often each output integrates.
-    """
-
-    local: LocalModels
-    smile: LpvModel
-    core: LpvModel
-    model: LpvModel
-    path: Path
-    kept: BoolArray
-    scales: FloatArray
-    parameters: ParameterUncertainty
-    stability: Stability
-    integrators: tuple[int, ...]
+    local: LocalModels  # the local models, outputs in units of `scales`, each in its balanced basis
+    smile: LpvModel  # their interpolation without integrators, in the outputs' own units
+    core: LpvModel  # the chosen model without integrators, in the outputs' own units
+    model: LpvModel  # the chosen model with its integrators
+    path: Path  # the regularisation path, outputs in units of `scales`
+    kept: BoolArray  # (4, n_function): blocks of A, B, C and D that the chosen model has
+    scales: FloatArray  # (n_out,): units of the outputs during the fit
+    parameters: ParameterUncertainty  # how far the chosen model's parameters may be off, outputs in units of `scales`
+    largest_pole: tuple[float, FloatArray]  # of the chosen model over the range, integrators not counted; and where
+    integrators: tuple[int, ...]  # how often each output integrates
 
     def uncertainty(self, points: FloatArray, frequency_hz: FloatArray) -> ResponseUncertainty:
         """Returns the response, integrators included, with its deviations.
@@ -122,6 +122,7 @@ def estimate_lpv(responses: LocalResponses, validation: LocalResponses, basis: B
         options.path,
         options.sparsity,
     )
+    # The problem is posed in units of the outputs' scales, so variances are, too.
     variance = None if reduced.variance is None else reduced.variance / scales[:, None] ** 2
     free = spread(path.best.kept, problem.sizes)
     smile, core = (
@@ -137,7 +138,7 @@ def estimate_lpv(responses: LocalResponses, validation: LocalResponses, basis: B
         kept=path.best.kept,
         scales=scales,
         parameters=parameter_uncertainty(problem, path.best.parameters, free, variance),
-        stability=check_stability(core),
+        largest_pole=largest_pole(core),
         integrators=integrators,
     )
 
@@ -209,8 +210,8 @@ def fit_lpv(
         own=_held(found, own, degrees_of_freedom),
         choosing=_held(found, choosing, degrees_of_freedom),
         misfit=found.parameters.misfit,
-        largest_pole=found.stability.radius,
-        largest_pole_at=found.stability.point,
+        largest_pole=found.largest_pole[0],
+        largest_pole_at=found.largest_pole[1],
     )
 
 

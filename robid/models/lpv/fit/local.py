@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
-from robid.models.lpv.fit.problem import Problem, solve
+from robid.models.lpv.fit.responses import Problem, solve
 from robid.models.lpv.fit.state_space import StateSpace, balance, pack, remap, resolvent, stack, transform, unpack
 from robid.results.levenberg import Status
 
@@ -107,6 +107,7 @@ def align_neighbours(systems: StateSpace, points: FloatArray) -> StateSpace:
         DataError: If a model has nothing in common with its neighbour.
     """
     reduced = (points - points.mean(axis=0)) / np.maximum(np.ptp(points, axis=0), np.finfo(float).tiny)
+    # Nearest first, as in a minimum spanning tree: no model is compared with one that is much unlike it.
     distance = np.linalg.norm(reduced[:, None] - reduced, axis=2)
     middle = middle_position(points)
     balanced = [balance(systems[index])[0] for index in range(len(points))]
@@ -131,11 +132,7 @@ def _like(system: StateSpace, other: StateSpace, index: int) -> StateSpace:
     eye = np.eye(n)
     # Row by row, vec(T A) = kron(1, A^T) vec(T) and vec(A' T) = kron(A', 1) vec(T): one linear least-squares problem in
     # T.
-    rows = [
-        np.kron(eye, system.A.T) - np.kron(other.A, eye),
-        np.kron(eye, system.B.T),
-        np.kron(other.C, eye),
-    ]
+    rows = [np.kron(eye, system.A.T) - np.kron(other.A, eye), np.kron(eye, system.B.T), np.kron(other.C, eye)]
     right = [np.zeros(n * n), other.B.ravel(), system.C.ravel()]
     T = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0].reshape(n, n)
     values = np.linalg.svd(T, compute_uv=False)
@@ -194,17 +191,11 @@ def interpolate(systems: StateSpace, values: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class LocalModels:
-    """Linear models at the positions, each in a basis of its own.
+    """Linear models at the positions, each in a basis of its own."""
 
-    Attributes:
-        systems: One model per position.
-        cost (n_pos,): What each leaves of its response.
-        status: How each fit ended.
-    """
-
-    systems: StateSpace
-    cost: FloatArray
-    status: tuple[Status, ...]
+    systems: StateSpace  # one model per position
+    cost: FloatArray  # (n_pos,): what each leaves of its response
+    status: tuple[Status, ...]  # how each fit ended
 
 
 def fit_local_models(problem: Problem, *, max_iterations: int = 100) -> LocalModels:

@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.models.lpv.fit.options import PathOptions, SparseBasisOptions, SparsityOptions
-from robid.models.lpv.fit.problem import Problem, cost, solve
+from robid.models.lpv.fit.responses import Problem, cost, solve
 from robid.models.lpv.fit.sparse import SparseFit, fit_sparse
 from robid.models.lpv.fit.state_space import Norms, StateSpace, measure, pack, similarity_tangent, spread, transform
 from robid.results.levenberg import Normal, Status, minimise
@@ -16,27 +16,16 @@ from robid.results.levenberg import Normal, Status, minimise
 
 @dataclass(frozen=True)
 class PathPoint:
-    """What one price gives.
+    """What one price gives."""
 
-    Attributes:
-        gamma: The price of a block, in units of the cost.
-        kept (4, n_function): Blocks of A, B, C and D that are left.
-        relative (4, n_function): Their relative norms before the refit.
-        parameters (n_function + 1, n_local): The model fitted again on this structure, without prices.
-        refit_cost: Its cost.
-        validation_cost: Its cost on the validation data.
-        status: How the refit ended.
-        steps: Cone programs solved.
-    """
-
-    gamma: float
-    kept: BoolArray
-    relative: FloatArray
-    parameters: FloatArray
+    gamma: float  # the price of a block, in units of the cost
+    kept: BoolArray  # (4, n_function): blocks of A, B, C and D that are left
+    relative: FloatArray  # (4, n_function): their relative norms before the refit
+    parameters: FloatArray  # (n_function + 1, n_local): the model fitted again on this structure, without prices
     refit_cost: float
-    validation_cost: float
-    status: Status
-    steps: int
+    validation_cost: float  # its cost on the validation data
+    status: Status  # how the refit ended
+    steps: int  # cone programs solved
 
 
 @dataclass(frozen=True)
@@ -73,6 +62,7 @@ def follow_path(
         sparsity: The penalised fit.
     """
     n_free = starts[0].size
+    # One unit of price is what a complex element costs on average; parameters take half an element each.
     unit = cost(problem, starts[0]) / max(problem.n_data - n_free / 2, 1.0)
     gammas = unit * np.geomspace(options.smallest, options.largest, options.count)
     known: dict[bytes, tuple[FloatArray, float, Status]] = {}
@@ -175,6 +165,7 @@ class _Search:
         """Derivative of the packed models (n_pos, n_local, n_state^2) by their transformations."""
         T = self.transformations(point)
         n = self.systems.sizes.n_state
+        # A small change (I + G) T of the transformation has G = dT T^-1.
         by_change = similarity_tangent(transform(self.systems, T)).reshape(len(T), -1, n, n)
         return np.asarray(np.einsum("qeac,qbc->qeab", by_change, np.linalg.inv(T)).reshape(len(T), -1, n * n))
 
@@ -232,5 +223,7 @@ def _descend(search: _Search, first: FloatArray, options: SparseBasisOptions) ->
     for level, share in zip(levels, np.linspace(1, 0, options.passes), strict=True):
         rows = search.row_weights(search.norms(point), weights, 1 / options.smallest)
         point = search.descend(point, rows)
+        # Reweighted least squares: divided by its last norm a block costs about one if it is there and nothing if it is
+        # not. The level keeps small ones apart, ever less.
         weights = first[:, None] ** share / np.hypot(search.norms(point).relative, level)
     return point

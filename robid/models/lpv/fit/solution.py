@@ -8,8 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
-from robid.models.lpv.fit.basis import Basis, Polynomials, Splines
-from robid.models.lpv.fit.model import LpvModel, add_integrators
+from robid.models.lpv.fit.model import Basis, LpvModel, Polynomials, Splines, add_integrators
 from robid.models.lpv.fit.responses import Agreement
 from robid.models.lpv.fit.state_space import Sizes
 from robid.models.lpv.fit.uncertainty import ResponseUncertainty, model_response
@@ -43,20 +42,15 @@ class Ports:
 
 @dataclass(frozen=True)
 class BasisTable:
-    """The basis functions in numbers.
-
-    Attributes:
-        kind: `polynomials` or `splines`.
-        degree: Of the splines' pieces.
-    """
+    """The basis functions in numbers."""
 
     names: Annotated[tuple[str, ...], Quantity("1", "function", "Basis functions, the constant one not counted")]
-    kind: str
+    kind: str  # `polynomials` or `splines`
     exponents: Annotated[IntArray, Quantity("1", "power scheduling", "Exponents of the powers")]
     center: Annotated[FloatArray, Quantity("as of scheduling", "scheduling", "What powers are counted from")]
     scale: Annotated[FloatArray, Quantity("as of scheduling", "scheduling", "What they are counted in")]
     knots: Annotated[FloatArray, Quantity("as of scheduling", "scheduling knot", "Knots of the splines")]
-    degree: int
+    degree: int  # of the splines' pieces
     lower: Annotated[FloatArray, Quantity("as of scheduling", "scheduling", "Lower end of the range")]
     upper: Annotated[FloatArray, Quantity("as of scheduling", "scheduling", "Upper end of the range")]
 
@@ -104,11 +98,7 @@ class Matrices:
 
 @dataclass(frozen=True)
 class Core:
-    """What the fit estimated: the model without integrators.
-
-    Attributes:
-        n_state: States without integrators.
-    """
+    """What the fit estimated: the model without integrators."""
 
     parameters: Annotated[FloatArray, Quantity("1", _ELEMENTS, "Matrices without integrators, row by row")]
     covariance: Annotated[
@@ -116,7 +106,7 @@ class Core:
     ]
     scales: Annotated[FloatArray, Quantity("as of the output", "output", "Units of the outputs")]
     integrators: Annotated[tuple[int, ...], Quantity("1", "output", "How often each output integrates")]
-    n_state: int
+    n_state: int  # states without integrators
 
 
 @dataclass(frozen=True)
@@ -154,56 +144,35 @@ class PathTable:
 
 @dataclass(frozen=True)
 class Held:
-    """Responses that a model was held against.
-
-    Attributes:
-        std: Its deviation; NaN where that is unknown, infinite where it is left out.
-        modelled_std: Root of `E|error|^2` of the model's by its parameters.
-        degrees_of_freedom: Behind the measured deviations.
-        agreement: How well they agree.
-    """
+    """Responses that a model was held against."""
 
     points: Annotated[FloatArray, Quantity("as of scheduling", "position scheduling", "Scheduling parameters")]
     frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency", "Lines")]
     response: Annotated[ComplexArray, Quantity("output over input", _RESPONSE, "Measured response")]
     std: Annotated[FloatArray, Quantity("output over input", _RESPONSE, "Its deviation, NaN where it is unknown")]
     modelled: Annotated[ComplexArray, Quantity("output over input", _RESPONSE, "The model's response")]
+    # Root of `E|error|^2` of the model's by its parameters.
     modelled_std: Annotated[FloatArray, Quantity("output over input", _RESPONSE, "Its deviation by the parameters")]
-    degrees_of_freedom: float
-    agreement: Agreement
+    degrees_of_freedom: float  # behind the measured deviations
+    agreement: Agreement  # how well they agree
 
 
 @dataclass(frozen=True)
 class LpvSolution:
-    """What a fit found.
+    """What a fit found."""
 
-    Attributes:
-        estimate: Poles of the frozen models at the fitted positions.
-        ports: Channels and scheduling parameters.
-        basis: The basis functions.
-        matrices: The model with its integrators.
-        core: The model without, with its covariance.
-        dense: The models that it was made sparse from.
-        blocks: Which blocks it has.
-        path: How they were chosen.
-        own: The responses that were fitted.
-        choosing: Those that chose the structure.
-        misfit: Mean weighted square error of an element; near 1 where the model is right.
-        largest_pole: Largest absolute value of a pole over the range, integrators not counted.
-    """
-
-    estimate: Estimate
-    ports: Ports
-    basis: BasisTable
-    matrices: Matrices
-    core: Core
-    dense: Dense
-    blocks: BlockTable
-    path: PathTable
-    own: Held
-    choosing: Held
-    misfit: float
-    largest_pole: float
+    estimate: Estimate  # poles of the frozen models at the fitted positions
+    ports: Ports  # channels and scheduling parameters
+    basis: BasisTable  # the basis functions
+    matrices: Matrices  # the model with its integrators
+    core: Core  # the model without, with its covariance
+    dense: Dense  # the models that it was made sparse from
+    blocks: BlockTable  # which blocks it has
+    path: PathTable  # how they were chosen
+    own: Held  # the responses that were fitted
+    choosing: Held  # those that chose the structure
+    misfit: float  # mean weighted square error of an element; near 1 where the model is right
+    largest_pole: float  # largest absolute value of a pole over the range, integrators not counted
     largest_pole_at: Annotated[
         FloatArray, Quantity("as of scheduling", "scheduling", "Where the largest pole of the range is")
     ]

@@ -10,7 +10,7 @@ from scipy import sparse
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.models.lpv.fit.options import SparsityOptions
-from robid.models.lpv.fit.problem import Problem, cost, normal
+from robid.models.lpv.fit.responses import Problem, cost, normal
 from robid.models.lpv.fit.state_space import Blocks, list_blocks, measure, similarity_tangent, spread, unpack
 
 
@@ -103,17 +103,11 @@ _SMALL_DAMPING = 1e-2  # a small decrease under more damping ends nothing
 
 @dataclass(frozen=True)
 class Penalised:
-    """Cost plus prices times norms of blocks.
+    """Cost plus prices times norms of blocks."""
 
-    Attributes:
-        problem: What the model is held against.
-        blocks: Elements that may move, and those that have a price together.
-        price (4, n_function): What a block's norm costs.
-    """
-
-    problem: Problem
-    blocks: Blocks
-    price: FloatArray
+    problem: Problem  # what the model is held against
+    blocks: Blocks  # elements that may move, and those that have a price together
+    price: FloatArray  # (4, n_function): what a block's norm costs
 
     @property
     def prices(self) -> FloatArray:
@@ -146,34 +140,21 @@ class Penalised:
 
 @dataclass(frozen=True)
 class Descent:
-    """Where a descent at fixed prices ended.
+    """Where a descent at fixed prices ended."""
 
-    Attributes:
-        parameters (n_function + 1, n_local): The model.
-        objective: Cost and penalty there.
-        steps: Cone programs solved.
-    """
-
-    parameters: FloatArray
-    objective: float
-    steps: int
+    parameters: FloatArray  # (n_function + 1, n_local): the model
+    objective: float  # cost and penalty there
+    steps: int  # cone programs solved
 
 
 @dataclass(frozen=True)
 class Quadratic:
-    """The cost about one point.
+    """The cost about one point."""
 
-    Attributes:
-        cost: The cost there.
-        gradient (n_free,): Half its gradient by the free elements.
-        hessian (n_free, n_free): Half its Gauss-Newton Hessian.
-        held (n_free, n_held): Directions that take no part in a step.
-    """
-
-    cost: float
-    gradient: FloatArray
-    hessian: FloatArray
-    held: FloatArray
+    cost: float  # the cost there
+    gradient: FloatArray  # (n_free,): half its gradient by the free elements
+    hessian: FloatArray  # (n_free, n_free): half its Gauss-Newton Hessian
+    held: FloatArray  # (n_free, n_held): directions that take no part in a step
 
     def value(self, step: FloatArray) -> float:
         """Returns the quadratic model after a step."""
@@ -219,23 +200,18 @@ def _expand(priced: Penalised, point: FloatArray) -> Quadratic:
 
 def take_step(priced: Penalised, point: FloatArray, here: Quadratic, damping: float) -> FloatArray:
     """Returns the step (n_free,) from a point (n_free,) under a damping relative to the Hessian's diagonal."""
+    # Marquardt's damping by the diagonal does not depend on the units of parameters.
     curved = here.hessian + np.diag(damping * np.diag(here.hessian))
     return minimise_model(curved, here.gradient, point, priced.blocks.members, priced.prices, here.held)
 
 
 @dataclass(frozen=True)
 class SparseFit:
-    """Where a penalised fit ended.
+    """Where a penalised fit ended."""
 
-    Attributes:
-        parameters (n_function + 1, n_local): The model, vanished blocks exactly zero.
-        kept (4, n_function): Which blocks are left.
-        steps: Cone programs solved.
-    """
-
-    parameters: FloatArray
-    kept: BoolArray
-    steps: int
+    parameters: FloatArray  # (n_function + 1, n_local): the model, vanished blocks exactly zero
+    kept: BoolArray  # (4, n_function): which blocks are left
+    steps: int  # cone programs solved
 
 
 def fit_sparse(

@@ -42,19 +42,12 @@ class Sizes:
 
 @dataclass(frozen=True)
 class StateSpace:
-    """Models `x(t+1) = A x + B u`, `y = C x + D u`; all axes but the last two count models.
+    """Models `x(t+1) = A x + B u`, `y = C x + D u`; all axes but the last two count models."""
 
-    Attributes:
-        A (..., n_state, n_state): State matrix.
-        B (..., n_state, n_in): Input matrix.
-        C (..., n_out, n_state): Output matrix.
-        D (..., n_out, n_in): Feedthrough.
-    """
-
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
-    D: FloatArray
+    A: FloatArray  # (..., n_state, n_state): state matrix
+    B: FloatArray  # (..., n_state, n_in): input matrix
+    C: FloatArray  # (..., n_out, n_state): output matrix
+    D: FloatArray  # (..., n_out, n_in): feedthrough
 
     @property
     def sizes(self) -> Sizes:
@@ -145,6 +138,8 @@ def balance(system: StateSpace) -> tuple[StateSpace, FloatArray]:
     Raises:
         DataError: If a state can neither be moved nor seen.
     """
+    # Gramians P = A P A^T + B B^T and Q = A^T Q A + C^T C; with P = L L^T, Q = R R^T and R^T L = U S V^T, the states T
+    # x of T = S^-1/2 U^T R^T have both equal to S.
     reached = solve_discrete_lyapunov(system.A, system.B @ system.B.T)
     seen = solve_discrete_lyapunov(system.A.T, system.C.T @ system.C)
     left, right = _root(reached), _root(seen)
@@ -157,6 +152,8 @@ def balance(system: StateSpace) -> tuple[StateSpace, FloatArray]:
 
 def remap(system: StateSpace, a: float, b: float, c: float, d: float) -> StateSpace:
     """Returns the model in `z` of one in `w = (a z + b) / (c z + d)`."""
+    # w x = A x + B u with w = (a z + b) / (c z + d): (a - c A) z x = (d A - b) x + (c z + d) B u; the part z u goes
+    # into the states.
     E = a * np.eye(system.A.shape[-1]) - c * system.A
     A = np.linalg.solve(E, d * system.A - b * np.eye(system.A.shape[-1]))
     B = np.linalg.solve(E, system.B)
@@ -170,15 +167,11 @@ def _root(gramian: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Norms:
-    """How large each block is.
+    """How large each block is."""
 
-    Attributes:
-        absolute (4, n_function + 1): Euclidean norm of each of the matrices A, B, C, D of each function.
-        scale (4, n_function): What a block's norm is multiplied by to be relative to the constant block: the largest
-            value of its function over the norm of the constant block.
-    """
-
-    absolute: FloatArray
+    absolute: FloatArray  # (4, n_function + 1): Euclidean norm of each of the matrices A, B, C, D of each function
+    # (4, n_function): what a block's norm is multiplied by to be relative to the constant block: the largest value of
+    # its function over the norm of the constant block.
     scale: FloatArray
 
     @property
@@ -218,17 +211,11 @@ def block_names(kept: BoolArray) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Blocks:
-    """Which elements a penalty puts together.
+    """Which elements a penalty puts together."""
 
-    Attributes:
-        free (n_free,): Places of the elements that may differ from zero, in the model row by row.
-        members: Places of each penalised block's elements among the free ones.
-        where (n_block, 2): Matrix and function (counted from 0, without the constant one) of each block.
-    """
-
-    free: IntArray
-    members: tuple[IntArray, ...]
-    where: IntArray
+    free: IntArray  # (n_free,): places of the elements that may differ from zero, in the model row by row
+    members: tuple[IntArray, ...]  # places of each penalised block's elements among the free ones
+    where: IntArray  # (n_block, 2): matrix and function (counted from 0, without the constant one) of each block
 
 
 def list_blocks(kept: BoolArray, sizes: Sizes) -> Blocks:

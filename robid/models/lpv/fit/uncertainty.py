@@ -9,9 +9,9 @@ import numpy as np
 from scipy.stats import norm
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.models.conclusions import Row, estimate_of_rows, root_rows
 from robid.models.lpv.fit.model import LpvModel
-from robid.models.lpv.fit.problem import Problem, local_jacobian
-from robid.models.lpv.fit.responses import LocalResponses, make_problem
+from robid.models.lpv.fit.responses import LocalResponses, Problem, local_jacobian, make_problem
 from robid.models.lpv.fit.state_space import Sizes, StateSpace, pack, unpack
 from robid.results.estimate import Estimate
 
@@ -20,30 +20,20 @@ _SINGULAR = 1e-11  # of the largest eigenvalue: a direction that moves no respon
 
 @dataclass(frozen=True)
 class ParameterUncertainty:
-    """How far the parameters may be off, the states' basis apart.
+    """How far the parameters may be off, the states' basis apart."""
 
-    Attributes:
-        covariance (n_param, n_param): Of all parameters, zero where one is fixed.
-        n_determined: Combinations of parameters that the responses determine.
-        misfit: Mean weighted square error of an element, less what those take: near 1 with right weights `1/sigma^2`.
-    """
-
-    covariance: FloatArray
-    n_determined: int
+    covariance: FloatArray  # (n_param, n_param): of all parameters, zero where one is fixed
+    n_determined: int  # combinations of parameters that the responses determine
+    # Mean weighted square error of an element, less what those take: near 1 with right weights `1/sigma^2`.
     misfit: float
 
 
 @dataclass(frozen=True)
 class ResponseUncertainty:
-    """A response and how far it may be off, linearised.
+    """A response and how far it may be off, linearised."""
 
-    Attributes:
-        response (n_pos, n_freq, n_out, n_in): The model's response.
-        total (n_pos, n_freq, n_out, n_in): Root of `E|error|^2`.
-    """
-
-    response: ComplexArray
-    total: FloatArray
+    response: ComplexArray  # (n_pos, n_freq, n_out, n_in): the model's response
+    total: FloatArray  # (n_pos, n_freq, n_out, n_in): root of `E|error|^2`
 
 
 def parameter_uncertainty(
@@ -62,18 +52,24 @@ def parameter_uncertainty(
             unknown, then the residual stands for it, alike in all weighted elements.
     """
     error, slope = local_jacobian(problem, parameters)
+    # J of all parameters: each position's derivative by its local matrices, times the basis functions there.
     full = np.einsum("qk,qrl->qrkl", problem.values, slope).reshape(-1, parameters.size)[:, free.ravel()]
     bread = np.real(full.conj().T @ full)
     null, root = _null_directions(bread)
+    # Adding one along the null directions makes the matrix regular; subtracted again, its inverse is the
+    # pseudo-inverse.
     scaled = bread / np.outer(root, root) + null @ null.T
     inverse = np.linalg.inv(scaled) - null @ null.T
     inverse = inverse / np.outer(root, root)
     n_determined = bread.shape[0] - null.shape[1]
+    # A complex element has two real degrees of freedom, so that each parameter takes half an element.
     misfit = float(np.sum(np.abs(error) ** 2)) / max(problem.n_data - n_determined / 2, 1.0)
     if variance is None:
         inner = 0.5 * misfit * inverse
     else:
         weighted = np.where(problem.root_weight > 0, variance, 0.0) * problem.root_weight**2
+        # The sandwich H^-1 J^H C J H^-1, as weights were smoothed and are no inverse variances; one half, as E|e|^2 of
+        # a complex error is twice the variance of each part.
         filling = np.real(full.conj().T @ (weighted.reshape(-1, 1) * full))
         inner = 0.5 * inverse @ filling @ inverse
     covariance = np.zeros((parameters.size, parameters.size))
@@ -94,6 +90,7 @@ def response_uncertainty(problem: Problem, parameters: FloatArray, covariance: F
     here, slope = local_jacobian(plain, parameters)
     n_function, n_local = parameters.shape
     blocks = covariance.reshape(n_function, n_local, n_function, n_local)
+    # Covariance of the local matrices at a position: psi(p)^T C psi(p).
     local = np.einsum("qk,kiml,qm->qil", problem.values, blocks, problem.values)
     squared = np.einsum("qri,qil,qrl->qr", slope.conj(), local, slope).real
     return ResponseUncertainty(here.reshape(shape), np.sqrt(np.maximum(squared, 0)).reshape(shape))
@@ -110,18 +107,7 @@ def _null_directions(hessian: FloatArray) -> tuple[FloatArray, FloatArray]:
     return vectors[:, values < _SINGULAR * values[-1]], root
 
 
-_LEAST_DAMPING = 0.05
 _REAL = 1e-9  # of a pole's absolute value, an imaginary part that counts as none
-
-
-@dataclass(frozen=True)
-class _Row:
-    name: str
-    kind: str
-    unit: str
-    value: float
-    scale: float
-    slope: FloatArray
 
 
 def estimate_poles(
@@ -146,33 +132,19 @@ def estimate_poles(
         identifiable_relative_std: Relative deviation up to which a parameter counts as identifiable.
     """
     rows = [row for index in range(len(points)) for row in _rows(core, points[index : index + 1], f"p{index + 1}")]
-    slopes = np.array([row.slope for row in rows]).reshape(len(rows), core.parameters.size)
-    value, scale = (np.array([getattr(row, key) for row in rows], float) for key in ("value", "scale"))
+    slopes = np.array([row.moves for row in rows]).reshape(len(rows), core.parameters.size)
     whole = slopes @ covariance @ slopes.T
-    whole = 0.5 * (whole + whole.T)
-    std, half = np.sqrt(np.maximum(np.diag(whole), 0)), norm.ppf(0.5 + 0.5 * confidence)
-    return Estimate(
-        names=tuple(row.name for row in rows),
-        kinds=tuple(row.kind for row in rows),
-        units=tuple(row.unit for row in rows),
-        nominal=np.full(len(rows), np.nan),
-        value=value,
-        lower=value - half * std,
-        upper=value + half * std,
-        covariance=whole,
-        degrees_of_freedom=np.full(len(rows), np.inf),
+    found = estimate_of_rows(
+        rows,
+        0.5 * (whole + whole.T),
+        "the covariance of the responses, or the residual where it is larger",
+        status,
+        "" if status == "converged" else "try another `order` or fewer basis functions",
         confidence=confidence,
-        interval_rule="the covariance of the responses, or the residual where it is larger",
-        relative_std=std / scale,
-        predicted_relative_std=std / scale,
-        prior_relative_std=np.full(len(rows), np.inf),
-        relative_half_width=half * std / scale,
-        identifiable=std / scale <= identifiable_relative_std,
         identifiable_relative_std=identifiable_relative_std,
-        undetermined=(),
-        status=status,
-        advice="" if status == "converged" else "try another `order` or fewer basis functions",
     )
+    std, half = np.sqrt(np.maximum(np.diag(found.covariance), 0)), norm.ppf(0.5 + 0.5 * confidence)
+    return replace(found, relative_half_width=half * std / np.array([row.scale for row in rows], float))
 
 
 def continuous_poles(A: FloatArray, sampling_period_s: float) -> ComplexArray:
@@ -180,7 +152,7 @@ def continuous_poles(A: FloatArray, sampling_period_s: float) -> ComplexArray:
     return np.asarray(np.log(np.linalg.eigvals(A).astype(complex)) / sampling_period_s)
 
 
-def _rows(core: LpvModel, point: FloatArray, place: str) -> Iterator[_Row]:
+def _rows(core: LpvModel, point: FloatArray, place: str) -> Iterator[Row]:
     """Yields the poles at one point, slow ones first, with their slopes by all parameters."""
     A = core.at(point).A[0]
     values, right = np.linalg.eig(A)
@@ -193,21 +165,11 @@ def _rows(core: LpvModel, point: FloatArray, place: str) -> Iterator[_Row]:
             continue
         number += 1
         local = np.zeros(core.sizes.n_local, complex)
+        # d lambda = v^T dA u with left and right eigenvectors, v^T u = 1; s = log(lambda) / T, so that ds = d lambda /
+        # (lambda T).
         local[parts[0]] = np.outer(left[index], right[:, index]).ravel()
         moves = np.outer(core.basis.values(point)[0], local).ravel() / (values[index] * core.sampling_period_s)
-        yield from _described(f"{place}.pole{number}", complex(s[index]), moves, is_real=is_real)
-
-
-def _described(name: str, s: complex, moves: ComplexArray, *, is_real: bool) -> Iterator[_Row]:
-    """Describes a real pole by its rate, a pair by natural frequency and damping ratio."""
-    size = abs(s)
-    if is_real:
-        yield _Row(name, "pole", "rad/s", -s.real, size, -moves.real)
-        return
-    along, damping = (np.conj(s) * moves).real / size, -s.real / size
-    turned = -(moves.real + damping * along) / size
-    yield _Row(f"{name}.frequency", "pole_frequency", "rad/s", size, size, along)
-    yield _Row(f"{name}.damping", "pole_damping", "1", damping, max(abs(damping), _LEAST_DAMPING), turned)
+        yield from root_rows(f"{place}.pole{number}", "pole", complex(s[index]), moves, is_real=is_real)
 
 
 def rescaled(parameters: FloatArray, sizes: Sizes, scales: FloatArray) -> FloatArray:
@@ -241,6 +203,7 @@ def model_response(
     asked = LocalResponses(points, frequency_hz, empty, None, core.sampling_period_s)
     problem = make_problem(asked, core.basis, core.sizes.n_state, scales, weighted=False)
     scaled = response_uncertainty(problem, rescaled(core.parameters, core.sizes, 1 / scales), covariance)
+    # An integrator T / (z - 1) for each time that an output integrates.
     behind = ((asked.z[:, None] - 1) / asked.sampling_period_s) ** np.array(integrators)
     factor = (scales / behind)[..., None]
     return ResponseUncertainty(scaled.response * factor, scaled.total * np.abs(factor))

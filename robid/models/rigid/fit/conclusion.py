@@ -107,6 +107,8 @@ def solve_instruments(rows: RowSource, weights: FloatArray) -> tuple[Regression,
     Raises:
         ValueError: If the rows have no instruments or these do not determine the parameters.
     """
+    # x = (Z^T W)^-1 Z^T y with the weights of the joints; each column is scaled by the norm of its instrument, so that
+    # the condition number says what the motion is worth.
     cross, right, square = _products(rows)
     scale = 1 / np.sqrt(np.diag(np.einsum("j,jab->ab", weights, square)))
     matrix = scale[:, None] * np.einsum("j,jab->ab", weights, cross) * scale
@@ -118,7 +120,9 @@ def solve_instruments(rows: RowSource, weights: FloatArray) -> tuple[Regression,
     residual = residuals(rows, parameters)
     n_row = np.sum(np.isfinite(residual), axis=0)
     share = len(parameters) / n_row.sum()
+    # Parameters take degrees of freedom from each joint in proportion to its rows.
     deviation = np.sqrt(np.nansum(residual**2, axis=0) / (n_row * (1 - share)))
+    # The sandwich: (Z^T W)^-1 Z^T S Z (Z^T W)^-T with the residual variance of each joint in S.
     covariance = bread @ np.einsum("j,jab->ab", (weights * deviation) ** 2, square) @ bread.T
     found = Regression(parameters, covariance, deviation, n_row, weights, condition)
     return found, Influence(parameters, bread, weights, np.full(len(weights), np.inf), instrumented=True)
@@ -131,6 +135,7 @@ def _products(source: RowSource) -> tuple[FloatArray, FloatArray, FloatArray]:
         if rows.instruments is None:
             raise ValueError("The rows have no instruments: simulate the model along the same reference.")
         columns, torque = rows.columns.swapaxes(0, 1), rows.torque.T[..., None]
+        # Rows that do not count have instruments of zero: they drop out of all three products.
         counted = np.where(rows.used[..., None], rows.instruments, 0.0).transpose(1, 2, 0)
         parts = [counted @ columns, (counted @ torque)[..., 0], counted @ counted.swapaxes(1, 2)]
         sums = [old + new for old, new in zip(sums, parts, strict=True)] if sums else parts
@@ -142,44 +147,27 @@ _UNTESTED = "Do not trust: too few rows are left to test the residuals; record l
 
 @dataclass(frozen=True)
 class Variation:
-    """Difference of two estimates.
+    """Difference of two estimates."""
 
-    Attributes:
-        relative (n_param,): Magnitude of the difference over max(|X|, 3 sd), a first moment's over its vector's.
-        p_value (n_param,): Chance of estimators of the same thing to differ as much.
-        alarm: Whether a difference both matters and cannot be chance.
-    """
-
+    # (n_param,): magnitude of the difference over max(|X|, 3 sd), a first moment's over its vector's.
     relative: FloatArray
-    p_value: FloatArray
-    alarm: bool
+    p_value: FloatArray  # (n_param,): chance of estimators of the same thing to differ as much
+    alarm: bool  # whether a difference both matters and cannot be chance
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether least squares is to be trusted.
+    """Whether least squares is to be trusted."""
 
-    Attributes:
-        trust: The verdict.
-        sentence: It in words, with what to do.
-        huber: Difference from Huber's estimate (eq. 22).
-        instruments: Difference from the instrumental variables; None where there are none.
-        normality: Shape of each joint's residuals.
-        whiteness: Correlation of each joint's residuals.
-        normality_alarm: Whether a joint's residuals are far from a Gaussian.
-        whiteness_alarm: Whether a joint's residuals are far from white.
-        untested: Whether a joint has too few rows for these tests.
-    """
-
-    trust: bool
-    sentence: str
-    huber: Variation
-    instruments: Variation | None
-    normality: tuple[Normality, ...]
-    whiteness: tuple[Whiteness, ...]
-    normality_alarm: bool
-    whiteness_alarm: bool
-    untested: bool = False
+    trust: bool  # the verdict
+    sentence: str  # it in words, with what to do
+    huber: Variation  # difference from Huber's estimate (eq. 22)
+    instruments: Variation | None  # difference from the instrumental variables; None where there are none
+    normality: tuple[Normality, ...]  # shape of each joint's residuals
+    whiteness: tuple[Whiteness, ...]  # correlation of each joint's residuals
+    normality_alarm: bool  # whether a joint's residuals are far from a Gaussian
+    whiteness_alarm: bool  # whether a joint's residuals are far from white
+    untested: bool = False  # whether a joint has too few rows for these tests
 
 
 def judge(
@@ -211,6 +199,8 @@ def judge(
         Janot et al. (2009), eq. 22 and sec. IV; Hausman (1978); docs/methods, sec. 7.
     """
     chosen = options or VerdictOptions()
+    # Bonferroni: the level of all alarms together is shared by differences, shape and whiteness, and within each by its
+    # single tests.
     share = chosen.level / (3 if instruments is None else 4)
     size = scale_of(least_squares.parameters, np.sqrt(np.diag(long_run.of(0))), vectors)
     compared = [
@@ -248,6 +238,7 @@ def _vary(
     difference: FloatArray, size: FloatArray, long_run: LongRun, index: int, share: float, options: VerdictOptions
 ) -> Variation:
     deviation = np.sqrt(np.diag(long_run.difference(0, index)))
+    # The variances have few degrees of freedom (see the long-run covariance), so that Student's t decides.
     chance = 2 * student.sf(np.abs(difference) / np.maximum(deviation, np.finfo(float).tiny), long_run.freedom)
     relative = np.abs(difference) / size
     alarm = bool(np.any((relative > options.variation) & (chance < share / len(difference))))
@@ -285,25 +276,15 @@ LEAST_SQUARES, HUBER, INSTRUMENTS = range(3)
 
 @dataclass(frozen=True)
 class Conclusion:
-    """What the rows say.
+    """What the rows say."""
 
-    Attributes:
-        reduction: The rows, reduced.
-        least_squares: Plain or weighted least squares.
-        huber: Huber's estimate.
-        instruments: Instrumental variables, or None.
-        long_run: Their joint covariance that respects correlated residuals, in this order.
-        residual (n_row, n_joint): Residuals of least squares, NaN where a row is not used [N m, or N].
-        verdict: Whether to trust least squares.
-    """
-
-    reduction: Reduction
-    least_squares: Regression
-    huber: HuberRegression
-    instruments: Regression | None
-    long_run: LongRun
-    residual: FloatArray
-    verdict: Verdict
+    reduction: Reduction  # the rows, reduced
+    least_squares: Regression  # plain or weighted least squares
+    huber: HuberRegression  # Huber's estimate
+    instruments: Regression | None  # instrumental variables, or None
+    long_run: LongRun  # their joint covariance that respects correlated residuals, in this order
+    residual: FloatArray  # (n_row, n_joint): residuals of least squares, NaN where a row is not used [N m, or N]
+    verdict: Verdict  # whether to trust least squares
 
 
 def conclude(

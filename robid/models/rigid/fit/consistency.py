@@ -23,21 +23,14 @@ _UPPER = tuple((row, column) for column in range(4) for row in range(column + 1)
 
 @dataclass(frozen=True)
 class Consistent:
-    """A physically consistent set of standard parameters.
+    """A physically consistent set of standard parameters."""
 
-    Attributes:
-        standard (n_std,): The parameters.
-        base (n_base,): Their base parameters.
-        moved (n_base,): How far these are from the estimate, in standard deviations.
-        gain (n_std, n_base): Change of the standard parameters with the estimate, where no constraint binds.
-        status: `estimated` where a real body has the estimated base parameters, `moved` where only the nearest ones
-            could be had, `failed` where the solver found none.
-    """
-
-    standard: FloatArray
-    base: FloatArray
-    moved: FloatArray
-    gain: FloatArray
+    standard: FloatArray  # (n_std,): the parameters
+    base: FloatArray  # (n_base,): their base parameters
+    moved: FloatArray  # (n_base,): how far these are from the estimate, in standard deviations
+    gain: FloatArray  # (n_std, n_base): change of the standard parameters with the estimate, where no constraint binds
+    # `estimated` where a real body has the estimated base parameters, `moved` where only the nearest ones could be had,
+    # `failed` where the solver found none.
     status: Literal["estimated", "moved", "failed"]
 
 
@@ -76,6 +69,7 @@ def make_consistent(
     check_shape("bodies", bodies, "n_body n_moment", n_moment=10)
     chosen = options or ConsistencyOptions()
     scale = parameter_scale(nominal, bodies) if scale is None else scale
+    # Changes are measured by the size of their body, base parameters by their deviations: all numbers near one.
     deviation = np.sqrt(np.diag(covariance))
     short = combination * scale
     inverse = np.linalg.pinv(short)
@@ -86,6 +80,8 @@ def make_consistent(
     change = _solve(cone, rows)
     status: Literal["estimated", "moved", "failed"] = "estimated"
     if change is None:
+        # No real body has the estimate: minimise the distance to it, white by its own covariance, plus a weak pull to
+        # the nominal ones.
         white = _whitening(covariance / np.outer(deviation, deviation)) @ rows
         axes = _unit_axes(np.vstack([white, chosen.pull * np.eye(len(nominal))]))
         found = _solve(replace(cone, rows=cone.rows @ axes), None)
@@ -103,6 +99,8 @@ def pseudo_inertia(moments: FloatArray) -> FloatArray:
     xx, xy, xz, yy, yz, zz = moments[:6]
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     first = moments[6:9]
+    # Second moments: the integral of r r^T dm is tr(I)/2 - I. With first moments and mass they are positive definite
+    # for a body of positive density anywhere, and only then.
     second = 0.5 * np.trace(inertia) * np.eye(3) - inertia
     return np.block([[second, first[:, None]], [first[None], moments[9:10][None]]])
 
@@ -151,6 +149,7 @@ def _real_bodies(
     offset: list[FloatArray] = [start[numbers] / scale[numbers]]
     for body in bodies:
         mass, radius = _size(nominal[body])
+        # In units of the nominal mass and radius of gyration eigenvalues are near one, and the margin is relative.
         unit = np.diag([1 / radius] * 3 + [1.0]) / np.sqrt(mass)
         parts = np.stack([_triangle(unit @ pseudo_inertia(part) @ unit) for part in np.diag(scale[body])], axis=1)
         own = np.zeros((10, len(nominal)))
@@ -211,6 +210,7 @@ def against_nominal(
         estimate: Their estimates.
         reduction: The rows.
     """
+    # Rotors that are grouped with links count as the file has them: they are known better than what drives them.
     rotors = base.combination @ np.where(np.isin(np.array(model.kinds), _ROTORS), model.nominal, 0.0)
     both, kinds = np.stack([estimate.value, estimate.nominal], axis=1), np.array(estimate.kinds)
     links, bodies = np.isin(kinds, _LINKS), np.isin(kinds, (*_LINKS, *_ROTORS))

@@ -12,7 +12,6 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.models.rigid.fit.conclusion import conclude, instrumental_variables
-from robid.models.rigid.fit.cutoff import CutOffChoice, choose_cut_off, excited_band, fewest_rows, row_count
 from robid.models.rigid.fit.options import ConclusionOptions, PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.regression import (
     Regression,
@@ -21,10 +20,18 @@ from robid.models.rigid.fit.regression import (
     sweep_bend,
     weighted_least_squares,
 )
-from robid.models.rigid.fit.residuals import FEWEST_TESTED, Influence
+from robid.models.rigid.fit.residuals import (
+    FEWEST_TESTED,
+    CutOffChoice,
+    Influence,
+    choose_cut_off,
+    excited_band,
+    fewest_rows,
+    row_count,
+)
 from robid.models.rigid.fit.result import Found, first_moments, make_solution
-from robid.models.rigid.fit.rows import Motion, Reading, Remembered, RowSource, prepare
-from robid.models.rigid.fit.shots import Shot, refuse_unusable, travel_of
+from robid.models.rigid.fit.rows import Motion, Reading, Remembered, RowSource
+from robid.models.rigid.fit.shots import Shot, motion_of, refuse_unusable, travel_of
 from robid.models.rigid.fit.solution import RigidSolution
 from robid.robot.description import Robot
 from robid.robot.regressor.base import BaseParameters, find_base_parameters, label, select_base
@@ -99,16 +106,7 @@ class _Problem:
 
     def _motion(self, shot: Shot, instrument: FloatArray | None) -> Motion:
         try:
-            return prepare(
-                shot.position,
-                shot.torque,
-                shot.sampling_period_s,
-                self.filters,
-                instrument=instrument,
-                held=shot.held,
-                load_dependent=self.model.needs_torque,
-                loaded=shot.loaded,
-            )
+            return motion_of(shot, self.model, self.filters, instrument)
         except ValueError as error:
             remedy = "record longer, or state a higher `filters.position_cut_hz`"
             raise DataError(f"D255 {error}", where="record", remedy=remedy) from error
@@ -186,6 +184,8 @@ def _refuse_few(robot: Robot, problem: _Problem) -> None:
 def _without_dependent(problem: _Problem, base: BaseParameters) -> tuple[_Problem, BaseParameters]:
     """Regroups base parameters that this motion cannot tell apart."""
     reduction = reduce_rows(problem.measured)
+    # Base parameters are independent on any motion; on this one, filtered, some columns may be nearly combinations of
+    # others.
     factor = reduction.weighted(np.ones(len(reduction.n_row)))[:-1, :-1]
     again = select_base(factor, problem.model, _DEPENDENT)
     if len(again.columns) == len(problem.model.names):

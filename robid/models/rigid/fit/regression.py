@@ -20,27 +20,16 @@ _TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class Regression:
-    """Parameters of the inverse dynamics and how certain they are.
+    """Parameters of the inverse dynamics and how certain they are."""
 
-    Attributes:
-        parameters (n_param,): Estimates.
-        covariance (n_param, n_param): Their covariance by the estimator's own formula.
-        deviation (n_joint,): Standard deviation of each joint's residual [N m, or N].
-        n_row (n_joint,): Rows of each joint.
-        weights (n_joint,): Weight of each joint's rows.
-        condition: Condition number of the weighted rows' columns, each divided by its norm.
-        iterations: Passes that the estimator took.
-        status: How it ended.
-    """
-
-    parameters: FloatArray
-    covariance: FloatArray
-    deviation: FloatArray
-    n_row: IntArray
-    weights: FloatArray
-    condition: float
-    iterations: int = 1
-    status: Literal["converged", "iteration_limit"] = "converged"
+    parameters: FloatArray  # (n_param,): estimates
+    covariance: FloatArray  # (n_param, n_param): their covariance by the estimator's own formula
+    deviation: FloatArray  # (n_joint,): standard deviation of each joint's residual [N m, or N]
+    n_row: IntArray  # (n_joint,): rows of each joint
+    weights: FloatArray  # (n_joint,): weight of each joint's rows
+    condition: float  # condition number of the weighted rows' columns, each divided by its norm
+    iterations: int = 1  # passes that the estimator took
+    status: Literal["converged", "iteration_limit"] = "converged"  # how it ended
 
     @property
     def standard_deviation(self) -> FloatArray:
@@ -117,15 +106,11 @@ _GAUSSIAN = 0.6745  # median of a standard Gaussian's magnitude
 
 @dataclass(frozen=True)
 class HuberRegression(Regression):
-    """Huber's estimate.
+    """Huber's estimate."""
 
-    Attributes:
-        scale (n_joint,): Robust deviation of each joint's residual.
-        share_down_weighted: Share of the rows that lost weight.
-    """
-
+    # (n_joint,): robust deviation of each joint's residual.
     scale: FloatArray = field(default_factory=lambda: np.zeros(0))
-    share_down_weighted: float = 0.0
+    share_down_weighted: float = 0.0  # share of the rows that lost weight
 
 
 def robust_scale(residual: FloatArray) -> FloatArray:
@@ -239,15 +224,10 @@ def _asymptotic_factor(mean_square_score: float, share_down: float, param_per_ro
 
 @dataclass(frozen=True)
 class Reduction:
-    """Rows of each joint reduced by QR.
+    """Rows of each joint reduced by QR."""
 
-    Attributes:
-        factors (n_joint, n_param + 1, n_param + 1): Factor F of each joint, `F' F = [W y]' [W y]`.
-        n_row (n_joint,): Rows that went into it.
-    """
-
-    factors: FloatArray
-    n_row: IntArray
+    factors: FloatArray  # (n_joint, n_param + 1, n_param + 1): factor F of each joint, `F' F = [W y]' [W y]`
+    n_row: IntArray  # (n_joint,): rows that went into it
 
     @property
     def n_param(self) -> int:

@@ -11,9 +11,9 @@ from scipy.stats import norm, t
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.models.rigid.fit.conclusion import HUBER, INSTRUMENTS, LEAST_SQUARES, Conclusion, Verdict, scale_of
 from robid.models.rigid.fit.consistency import against_nominal, make_consistent, parameter_scale, pseudo_inertia
-from robid.models.rigid.fit.cutoff import CutOffChoice
 from robid.models.rigid.fit.options import EstimatorName, PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.regression import HuberRegression, Regression, huber_weights
+from robid.models.rigid.fit.residuals import CutOffChoice
 from robid.models.rigid.fit.solution import (
     Base,
     Checks,
@@ -34,23 +34,14 @@ _BODY = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
 
 @dataclass(frozen=True)
 class Found:
-    """What all estimators found on the same rows.
+    """What all estimators found on the same rows."""
 
-    Attributes:
-        ordinary: Least squares with equal weights.
-        conclusion: Least squares, Huber's estimator and instrumental variables with their joint uncertainty.
-        swept: Huber's estimator at the bends of the sweep.
-        torque (n_row, n_joint): Filtered torques, NaN where a row does not count.
-        filters: Filters of the rows.
-        sampling_period_s: Period of the samples [s].
-    """
-
-    ordinary: Regression
-    conclusion: Conclusion
-    swept: tuple[HuberRegression, ...]
-    torque: FloatArray
-    filters: PreprocessingOptions
-    sampling_period_s: float
+    ordinary: Regression  # least squares with equal weights
+    conclusion: Conclusion  # least squares, Huber's estimator and instrumental variables with their joint uncertainty
+    swept: tuple[HuberRegression, ...]  # Huber's estimator at the bends of the sweep
+    torque: FloatArray  # (n_row, n_joint): filtered torques, NaN where a row does not count
+    filters: PreprocessingOptions  # filters of the rows
+    sampling_period_s: float  # period of the samples [s]
 
     @property
     def by_name(self) -> dict[EstimatorName, Regression]:
@@ -167,12 +158,11 @@ def _estimate(
     freedom = np.full(std.size, float(found.conclusion.long_run.freedom))
     reach = t.ppf(0.5 + 0.5 * options.confidence, freedom) * std
     size = scale_of(chosen.parameters, std, first_moments(reduced.names))
-    nominal = base.values(model.nominal)
+    nominal, limit = base.values(model.nominal), options.identifiable_relative_std
+    # What the file has as zero is related to what was found, so that it can be identifiable at all.
     stated = np.where(nominal == 0, size, np.abs(nominal))
-    limit = options.identifiable_relative_std
     identifiable = std / stated <= limit
-    quantile = norm.ppf(0.5 + 0.5 * options.confidence)
-    status = chosen.status
+    quantile, status = norm.ppf(0.5 + 0.5 * options.confidence), chosen.status
     return Estimate(
         names=tuple(reduced.names),
         kinds=tuple(reduced.kinds),

@@ -54,18 +54,12 @@ class Regressor(Protocol):
 
 @dataclass(frozen=True)
 class Rows:
-    """A block of rows, one for each joint at each kept sample.
+    """A block of rows, one for each joint at each kept sample."""
 
-    Attributes:
-        columns (n_row, n_joint, n_param): Regressor, in the torque's unit over the parameters'.
-        torque (n_row, n_joint): What it explains [N m, or N].
-        used (n_row, n_joint): Which rows count.
-        instruments (n_row, n_joint, n_param): Regressor along a motion without noise; None where there is none.
-    """
-
-    columns: FloatArray
-    torque: FloatArray
-    used: BoolArray
+    columns: FloatArray  # (n_row, n_joint, n_param): Regressor, in the torque's unit over the parameters'
+    torque: FloatArray  # (n_row, n_joint): what it explains [N m, or N]
+    used: BoolArray  # (n_row, n_joint): which rows count
+    # (n_row, n_joint, n_param): regressor along a motion without noise; None where there is none.
     instruments: FloatArray | None = None
 
     @property
@@ -86,17 +80,6 @@ class RowSource(Protocol):
 
     def __iter__(self) -> Iterator[Rows]:
         """Makes all blocks, one after the other."""
-
-
-def rows_of(columns: FloatArray, torque: FloatArray, instruments: FloatArray | None = None) -> RowSource:
-    """Makes a source of rows that are whole in memory, for small problems.
-
-    Args:
-        columns (n_row, n_joint, n_param): Regressor.
-        torque (n_row, n_joint): Torques.
-        instruments (n_row, n_joint, n_param): Instruments, if any.
-    """
-    return (Rows(columns, torque, np.ones(torque.shape, dtype=bool), instruments),)
 
 
 class Remembered:
@@ -133,29 +116,17 @@ _MARGIN = 4  # reaches after which a filter's beginning is forgotten to rounding
 
 @dataclass(frozen=True)
 class Motion:
-    """One uninterrupted record and what is to be done with it; its samples are those of the caller, not copies.
-
-    Attributes:
-        sampling_period_s: Sampling period [s].
-        position (n_sample, n_joint): Measured positions [rad, or m].
-        torque (n_sample, n_joint): Motor torques [N m, or N].
-        options: The filters.
-        instrument (n_sample, n_joint): Positions of a simulation without noise, or None.
-        slow (n_joint,): Speeds below which rows are dropped [rad/s, or m/s]; 0 drops none.
-        held: Whether each torque is a command held until the next sample; its mean about a sample is then taken.
-        load_dependent: Whether friction grows with the torque.
-        loaded: Whether a payload with parameters of its own is there.
-    """
+    """One uninterrupted record and what is to be done with it; its samples are those of the caller, not copies."""
 
     sampling_period_s: float
-    position: FloatArray
-    torque: FloatArray
-    options: PreprocessingOptions
-    instrument: FloatArray | None
-    slow: FloatArray
-    held: bool
-    load_dependent: bool
-    loaded: bool
+    position: FloatArray  # (n_sample, n_joint): measured positions [rad, or m]
+    torque: FloatArray  # (n_sample, n_joint): motor torques [N m, or N]
+    options: PreprocessingOptions  # the filters
+    instrument: FloatArray | None  # (n_sample, n_joint): positions of a simulation without noise, or None
+    slow: FloatArray  # (n_joint,): speeds below which rows are dropped [rad/s, or m/s]; 0 drops none
+    held: bool  # whether each torque is a command held until the next sample; its mean about a sample is then taken
+    load_dependent: bool  # whether friction grows with the torque
+    loaded: bool  # whether a payload with parameters of its own is there
 
     @property
     def reach(self) -> int:
@@ -176,6 +147,7 @@ class Motion:
         """Returns the mean torques about the samples from `first`, the second one at least, to before `end`."""
         if not self.held:
             return self.torque[first:end]
+        # A command that is held from t to t + T has, about t, half of the one before.
         return np.asarray(0.5 * (self.torque[first:end] + self.torque[first - 1 : end - 1]))
 
 
@@ -230,6 +202,8 @@ def speed_noise(removed: FloatArray, sampling_period_s: float, options: Preproce
         options: The filters.
     """
     angle, gain = low_pass_gain(sampling_period_s, options.cut_hz, options.position_order)
+    # White noise of positions passes the filter and the central difference, i sin(angle) / T; what the filter removed,
+    # 1 - gain, tells its size.
     kept = np.mean((gain * np.sin(angle) / sampling_period_s) ** 2)
     return np.asarray(np.std(removed, axis=0) * np.sqrt(kept / np.mean((1 - gain) ** 2)))
 
@@ -249,11 +223,7 @@ class Reading:
     """
 
     def __init__(
-        self,
-        motions: Sequence[Motion],
-        regressor: Regressor,
-        decimator: Decimator,
-        block_samples: int = _BLOCK_SAMPLES,
+        self, motions: Sequence[Motion], regressor: Regressor, decimator: Decimator, block_samples: int = _BLOCK_SAMPLES
     ) -> None:
         self._regressor = regressor
         self._decimator = decimator
@@ -296,6 +266,8 @@ class Reading:
         ok = np.ones((len(kept), speed.shape[1]), dtype=bool)
         if not np.any(slow > 0):
             return ok
+        # A kept row is a mean over the decimator's reach; one slow sample near its centre would bring another friction
+        # into it.
         nearest = min(self._decimator.factor, self._decimator.reach)
         window = kept[:, None] + np.arange(-nearest, nearest + 1)
         return np.asarray(np.all(np.abs(speed[window]) >= slow, axis=1))
@@ -305,5 +277,6 @@ def _differentiated(
     motion: Motion, position: FloatArray, first: int, end: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Returns low-passed positions, speeds and accelerations of some samples."""
+    # Filter first, then differentiate: both commute, and the differences of what is smooth have no noise to speak of.
     around = motion.smooth(position, first - 1, end + 1)
     return around[1:-1], *central_differences(around, motion.sampling_period_s)

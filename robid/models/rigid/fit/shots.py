@@ -9,8 +9,11 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import DataError
+from robid.models.rigid.fit.options import PreprocessingOptions
+from robid.models.rigid.fit.rows import Motion, prepare
 from robid.models.rigid.fit.solution import Travel
 from robid.robot.description import Robot
+from robid.robot.regressor.model import RigidModel
 from robid.signals.quantities import Channel, describe
 from robid.signals.record import Record
 from robid.simulate.controller import angle_reference
@@ -22,42 +25,25 @@ _DRIVES, _POSITIONS = ("torque", "current", "force"), ("angle", "position")
 
 @dataclass(frozen=True)
 class Command:
-    """What a controller was told to do; motor side.
+    """What a controller was told to do; motor side."""
 
-    Attributes:
-        angle (n_sample, n_joint): Motor angles [rad].
-        speed (n_sample, n_joint): Feed-forward speeds [rad/s].
-        periodic: Whether it goes on as it began, from before the first sample on.
-    """
-
-    angle: FloatArray
-    speed: FloatArray
-    periodic: bool
+    angle: FloatArray  # (n_sample, n_joint): motor angles [rad]
+    speed: FloatArray  # (n_sample, n_joint): feed-forward speeds [rad/s]
+    periodic: bool  # whether it goes on as it began, from before the first sample on
 
 
 @dataclass(frozen=True)
 class Shot:
-    """What one experiment recorded, without a gap; on the motor side, but for joints that have no motor.
+    """What one experiment recorded, without a gap; on the motor side, but for joints that have no motor."""
 
-    Attributes:
-        position (n_sample, n_joint): Motor angles [rad].
-        torque (n_sample, n_joint): Motor torques, or currents [N m, or A].
-        sampling_period_s: Sampling period [s].
-        held: Whether each torque is a command that is held until the next sample.
-        command: What the controller was told; None where that is unknown.
-        late_samples: Samples by which the command begins before the first position.
-        loaded: Whether a payload with parameters of its own is there.
-        torque_unit: What stands for N m: A where torques are currents.
-    """
-
-    position: FloatArray
-    torque: FloatArray
+    position: FloatArray  # (n_sample, n_joint): motor angles [rad]
+    torque: FloatArray  # (n_sample, n_joint): motor torques, or currents [N m, or A]
     sampling_period_s: float
-    held: bool
-    command: Command | None = None
-    late_samples: int = 0
-    loaded: bool = True
-    torque_unit: str = "N m"
+    held: bool  # whether each torque is a command that is held until the next sample
+    command: Command | None = None  # what the controller was told; None where that is unknown
+    late_samples: int = 0  # samples by which the command begins before the first position
+    loaded: bool = True  # whether a payload with parameters of its own is there
+    torque_unit: str = "N m"  # what stands for N m: A where torques are currents
 
 
 def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: bool = True) -> tuple[Shot, ...]:
@@ -89,6 +75,26 @@ def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: boo
     return tuple(
         Shot(each[late_samples:], drive[:end], period_s, held, told, late_samples, loaded, unit)
         for each, drive, told in zip(positions, torques, commands, strict=True)
+    )
+
+
+def motion_of(
+    shot: Shot, model: RigidModel, filters: PreprocessingOptions, instrument: FloatArray | None = None
+) -> Motion:
+    """Returns a shot as the rows of a model are made of it, with the positions (n_sample, n_joint) of an instrument.
+
+    Raises:
+        ValueError: If it is too short for the filters.
+    """
+    return prepare(
+        shot.position,
+        shot.torque,
+        shot.sampling_period_s,
+        filters,
+        instrument=instrument,
+        held=shot.held,
+        load_dependent=model.needs_torque,
+        loaded=shot.loaded,
     )
 
 

@@ -13,15 +13,9 @@ from robid.results.estimate import Estimate
 
 @dataclass(frozen=True)
 class Base:
-    """What the parameters of a rigid fit are: combinations of standard parameters.
+    """What the parameters of a rigid fit are: combinations of standard parameters."""
 
-    Attributes:
-        labels: Each as its combination, such as `joint_1.ZZ + joint_2.YY`.
-        gap: Smallest singular value that counts over the largest one that does not, of the model alone.
-        condition: Condition number of the weighted rows' columns, each of norm 1.
-        unscaled_condition: The same of the columns as they are.
-    """
-
+    # Each as its combination, such as `joint_1.ZZ + joint_2.YY`.
     labels: Annotated[tuple[str, ...], Quantity("1", "parameter", "Each base parameter as its combination")]
     standard: Annotated[tuple[str, ...], Quantity("1", "standard", "Names of the standard parameters")]
     combination: Annotated[
@@ -29,19 +23,16 @@ class Base:
     ]
     silent: Annotated[tuple[str, ...], Quantity("1", "silent", "Standard parameters without any effect")]
     mixed: Annotated[tuple[str, ...], Quantity("1", "mixed", "Standard parameters known only together with others")]
-    gap: float
-    condition: float
-    unscaled_condition: float
+    gap: float  # smallest singular value that counts over the largest one that does not, of the model alone
+    condition: float  # condition number of the weighted rows' columns, each of norm 1
+    unscaled_condition: float  # the same of the columns as they are
 
 
 @dataclass(frozen=True)
 class Estimators:
-    """Several estimators beside each other.
+    """Several estimators beside each other."""
 
-    Attributes:
-        names: `ordinary`, `weighted`, `huber` and, where the loop is known, `instruments`.
-    """
-
+    # `ordinary`, `weighted`, `huber` and, where the loop is known, `instruments`.
     names: Annotated[tuple[str, ...], Quantity("1", "estimator")]
     values: Annotated[FloatArray, Quantity("as in units", "estimator parameter", "Estimates")]
     std: Annotated[FloatArray, Quantity("as in units", "estimator parameter", "As if residuals were independent")]
@@ -56,20 +47,10 @@ class Estimators:
 
 @dataclass(frozen=True)
 class Checks:
-    """The verdict on least squares, and what it rests on.
+    """The verdict on least squares, and what it rests on."""
 
-    Attributes:
-        trust: Whether least squares is to be trusted.
-        sentence: The verdict in words, with what to do.
-        odd: Whether residuals are far from a Gaussian.
-        coloured: Whether residuals are far from white.
-        huber_differs: Whether Huber's estimate differs by more than chance and by more than matters.
-        instruments_differ: The same of the instrumental variables.
-        untested: Whether a joint has too few rows for the tests of its residuals.
-    """
-
-    trust: bool
-    sentence: str
+    trust: bool  # whether least squares is to be trusted
+    sentence: str  # the verdict in words, with what to do
     huber_variation: Annotated[FloatArray, Quantity("1", "parameter", "Relative difference from Huber's estimate")]
     huber_p: Annotated[FloatArray, Quantity("1", "parameter", "Chance of it")]
     instrument_variation: Annotated[
@@ -82,33 +63,26 @@ class Checks:
     normality_p: Annotated[FloatArray, Quantity("1", "joint", "Chance of a Gaussian to look as odd")]
     correlation: Annotated[FloatArray, Quantity("1", "joint lag", "Autocorrelation, less the filter's own")]
     whiteness_p: Annotated[FloatArray, Quantity("1", "joint", "Chance of white noise to look as correlated")]
-    odd: bool
-    coloured: bool
-    huber_differs: bool
-    instruments_differ: bool
-    untested: bool
+    odd: bool  # whether residuals are far from a Gaussian
+    coloured: bool  # whether residuals are far from white
+    huber_differs: bool  # whether Huber's estimate differs by more than chance and by more than matters
+    instruments_differ: bool  # the same of the instrumental variables
+    untested: bool  # whether a joint has too few rows for the tests of its residuals
 
 
 @dataclass(frozen=True)
 class Filtered:
-    """How the record was filtered, and why.
+    """How the record was filtered, and why."""
 
-    Attributes:
-        cut_hz: Cut-off of the positions' low pass [Hz].
-        decimation: Samples per row.
-        sampling_period_s: Period of the samples [s].
-        white: Whether the chosen one leaves white residuals.
-    """
-
-    cut_hz: float
-    decimation: int
-    sampling_period_s: float
+    cut_hz: float  # cut-off of the positions' low pass [Hz]
+    decimation: int  # samples per row
+    sampling_period_s: float  # period of the samples [s]
     excited_hz: Annotated[FloatArray, Quantity("Hz", "joint", "Below it lies 99 % of the acceleration")]
     trial_hz: Annotated[FloatArray, Quantity("Hz", "trial", "Cut-offs that were tried")]
     trial_correlation: Annotated[
         FloatArray, Quantity("1", "trial joint", "Correlation of the residuals that each left")
     ]
-    white: bool
+    white: bool  # whether the chosen one leaves white residuals
 
 
 @dataclass(frozen=True)
@@ -135,13 +109,10 @@ class RowResiduals:
 
 @dataclass(frozen=True)
 class NominalTorques:
-    """Torques of the estimated links beside those of the robot file's, without motors, friction and offsets.
-
-    Attributes:
-        ratio: Norm of the estimated ones over that of the robot file's; NaN where either has none.
-    """
+    """Torques of the estimated links beside those of the robot file's, without motors, friction and offsets."""
 
     share: Annotated[FloatArray, Quantity("1", "joint", "Torque of the links over the measured one")]
+    # Norm of the estimated ones over that of the robot file's; NaN where either has none.
     ratio: Annotated[FloatArray, Quantity("1", "joint", "The same over that by the robot file")]
     likeness: Annotated[FloatArray, Quantity("1", "joint", "Correlation of these two")]
     whole_ratio: Annotated[FloatArray, Quantity("1", "joint", "The ratio of links and motors together")]
@@ -162,12 +133,7 @@ class Travel:
 
 @dataclass(frozen=True)
 class StandardSet:
-    """Standard parameters of real bodies, nearest to the robot file's, with the estimated base parameters.
-
-    Attributes:
-        covariance: Their covariance by what was estimated; what was not stays as the file has it.
-        status: `estimated`, `moved` or `failed`.
-    """
+    """Standard parameters of real bodies, nearest to the robot file's, with the estimated base parameters."""
 
     names: Annotated[tuple[str, ...], Quantity("1", "standard")]
     units: Annotated[tuple[str, ...], Quantity("1", "standard")]
@@ -176,35 +142,22 @@ class StandardSet:
     covariance: Annotated[FloatArray, Quantity("products of units", "standard standard", "By what was estimated")]
     moved: Annotated[FloatArray, Quantity("1", "parameter", "How far base parameters moved, in deviations")]
     real: Annotated[BoolArray, Quantity("1", "body", "Which of the robot file's bodies are real ones")]
-    status: str
+    status: str  # `estimated`, `moved` or `failed`
 
 
 @dataclass(frozen=True)
 class RigidSolution:
-    """Estimated base parameters of a rigid model, and how far they are to be trusted.
+    """Estimated base parameters of a rigid model, and how far they are to be trusted."""
 
-    Attributes:
-        estimate: The base parameters by the chosen estimator.
-        base: What they are.
-        estimators: Several estimators beside each other.
-        checks: The verdict on least squares.
-        filtered: How the record was filtered.
-        residuals: Torques and residuals row by row.
-        against_nominal: Torques of the links beside those of the robot file's.
-        travel: Where the arm was.
-        standard: The standard parameters of real bodies that are handed on; None where none were found.
-        chosen: Name of the estimator whose result it is.
-        torque_unit: What stands for N m: A where torques are currents.
-    """
-
-    estimate: Estimate
-    base: Base
-    estimators: Estimators
-    checks: Checks
-    filtered: Filtered
-    residuals: RowResiduals
-    against_nominal: NominalTorques
-    travel: Travel
+    estimate: Estimate  # the base parameters by the chosen estimator
+    base: Base  # what they are
+    estimators: Estimators  # several estimators beside each other
+    checks: Checks  # the verdict on least squares
+    filtered: Filtered  # how the record was filtered
+    residuals: RowResiduals  # torques and residuals row by row
+    against_nominal: NominalTorques  # torques of the links beside those of the robot file's
+    travel: Travel  # where the arm was
+    # The standard parameters of real bodies that are handed on; None where none were found.
     standard: StandardSet | None
-    chosen: str
-    torque_unit: str = "N m"
+    chosen: str  # name of the estimator whose result it is
+    torque_unit: str = "N m"  # what stands for N m: A where torques are currents

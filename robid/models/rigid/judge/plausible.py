@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from robid.models.conclusions import graded_alone
 from robid.models.rigid.fit.solution import RigidSolution, Travel
 from robid.results.doubt import Doubt, two_digits
 from robid.results.estimate import Estimate
-from robid.results.grade import Grade, forbidding, grade_alone, grade_held, ordered, weakening
+from robid.results.grade import Grade
 
 _FRICTION = ("viscous", "coulomb", "load_friction", "coupling_viscous", "coupling_coulomb")
 _INERTIAL = ("inertia", "first_moment", "mass", "motor_inertia", "coupling_inertia")
@@ -185,17 +186,4 @@ def assess_rigid(solution: RigidSolution, scales: Sequence[Doubt] = ()) -> Grade
         solution: What the fit found.
         scales: Wrong units and other scales of its record; nothing else is looked for beside them.
     """
-    doubts = ordered(scales or parameter_doubts(solution))
-    return grade_alone(forbidding(doubts, solution.estimate.status), weakening(doubts), doubts)
-
-
-def grade_rigid(solution: RigidSolution, doubts: Sequence[Doubt], failures: Sequence[str]) -> Grade:
-    """Grades a rigid fit that was held against a motion that it never saw.
-
-    Args:
-        solution: What the fit found.
-        doubts: Doubts about it, the first to blame first.
-        failures: What the validation found beyond its limits, a clause each.
-    """
-    every = ordered(doubts)
-    return grade_held((*forbidding(every, solution.estimate.status), *failures), weakening(every), every)
+    return graded_alone(scales or parameter_doubts(solution), solution.estimate.status)

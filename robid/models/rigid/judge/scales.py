@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
-from robid.models.rigid.fit.cutoff import excited_band
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
+from robid.models.rigid.fit.residuals import excited_band
 from robid.models.rigid.fit.rows import prepare
 from robid.models.rigid.fit.shots import Shot, positions_of
 from robid.results.doubt import Doubt, two_digits
@@ -41,17 +41,11 @@ _LEAST_LIKENESS = 0.5
 
 @dataclass(frozen=True)
 class Motions:
-    """What a record says of the joints' motions.
+    """What a record says of the joints' motions."""
 
-    Attributes:
-        channels: All channels of motions of the joints.
-        used (n_joint,): Which of them the fit reads.
-        pairs: Those that measure the same motion, compared; indices of `channels`.
-    """
-
-    channels: tuple[Channel, ...]
-    used: IntArray
-    pairs: tuple[Pair, ...]
+    channels: tuple[Channel, ...]  # all channels of motions of the joints
+    used: IntArray  # (n_joint,): which of them the fit reads
+    pairs: tuple[Pair, ...]  # those that measure the same motion, compared; indices of `channels`
 
 
 def motions_of(record: Record, robot: Robot) -> Motions:
@@ -187,35 +181,29 @@ class _Scene:
         values = solved(whole / scale[:, None], torque / scale)
         error = whole @ values - torque
         share = float(np.linalg.norm(error / scale) / np.linalg.norm((torque - torque.mean(axis=0)) / scale))
-        rows, seen, parts = [self._row({})], [share / _ERROR_STD], [False]
         travel, reach = self._travel()
         beyond = np.log(np.maximum(np.where(np.isfinite(reach), travel / motion / reach, 1.0), 1.0))
+        # What each row's value goes with, the value in deviations or as a logarithm, and whether it is one.
+        found: list[tuple[dict[int, float], float, bool]] = [({}, share / _ERROR_STD, False)]
         for joint in range(self._n_joint):
-            rows.append(self._row({}))
-            seen.append(float(beyond[joint]) / _BEYOND_STD)
-            parts.append(False)
-            place = int(self._places[joint])
-            for columns, exponents in (
-                (still, {joint: 1.0}),
-                (whole - still, {joint: 1.0, place: -1.0, -1: 2.0}),
-            ):
+            found.append(({}, float(beyond[joint]) / _BEYOND_STD, False))
+            # Gravity goes with the torque alone, inertia with torque time^2 / motion.
+            inertial = {joint: 1.0, int(self._places[joint]): -1.0, -1: 2.0}
+            for columns, exponents in ((still, {joint: 1.0}), (whole - still, inertial)):
                 own = columns[:, joint, self._bodies]
-                ratio, likeness = _compare(
-                    own @ values[self._bodies], own @ self._nominal[self._bodies], torque[:, joint]
-                )
+                both = own @ values[self._bodies], own @ self._nominal[self._bodies]
+                ratio, likeness = _compare(*both, torque[:, joint])
                 if np.isnan(likeness):
                     continue
-                rows.append(self._row({}))
-                seen.append((1 - likeness) / _UNLIKE_STD)
-                parts.append(False)
+                found.append(({}, (1 - likeness) / _UNLIKE_STD, False))
                 if likeness > _LEAST_LIKENESS and self._shots[0].torque_unit == "N m":
-                    rows.append(self._row(exponents))
-                    seen.append(float(np.log(ratio)))
-                    parts.append(True)
-        levels = np.array(parts)
+                    found.append((exponents, float(np.log(ratio)), True))
+        levels = np.array([is_level for *_, is_level in found])
+        # All levels share an error: the robot file's masses may be off alike.
         covariance = np.where(levels[:, None] & levels, _COMMON_STD**2, 0.0)
         covariance += np.diag(np.where(levels, _PART_STD**2, 1.0))
-        return Seen(np.array(rows), np.array(seen), covariance)
+        rows = np.array([self._row(exponents) for exponents, *_ in found])
+        return Seen(rows, np.array([value for _, value, _ in found]), covariance)
 
 
 def thinned(shots: Sequence[Shot], options: RigidFitOptions) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

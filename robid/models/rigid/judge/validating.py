@@ -10,15 +10,16 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray, Quantity
 from robid.errors import DataError
+from robid.models.conclusions import outcome_of, refuse_other_rate
 from robid.models.rigid.fit.fitting import Simulate
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.residuals import FEWEST_TESTED
-from robid.models.rigid.fit.rows import Reading, prepare
-from robid.models.rigid.fit.shots import Shot, repeats
+from robid.models.rigid.fit.rows import Reading
+from robid.models.rigid.fit.shots import Shot, motion_of, repeats
 from robid.models.rigid.fit.solution import RigidSolution
-from robid.models.rigid.judge.plausible import TOTAL_ERROR_LIMIT, grade_rigid
+from robid.models.rigid.judge.plausible import TOTAL_ERROR_LIMIT
 from robid.results.doubt import Doubt
-from robid.results.outcome import Outcome, recover
+from robid.results.outcome import Outcome
 from robid.robot.description import Robot
 from robid.robot.regressor.model import RigidModel, build_rigid_model
 
@@ -72,18 +73,7 @@ def predict(
         ValueError: If a shot is too short for its filters.
     """
     decimator = filters.decimator(shots[0].sampling_period_s)
-    motions = [
-        prepare(
-            shot.position,
-            shot.torque,
-            shot.sampling_period_s,
-            filters,
-            held=shot.held,
-            load_dependent=model.needs_torque,
-            loaded=shot.loaded,
-        )
-        for shot in shots
-    ]
+    motions = [motion_of(shot, model, filters) for shot in shots]
     measured, predicted = [], []
     for rows in Reading(motions, model, decimator):
         measured.append(np.where(rows.used, rows.torque, np.nan))
@@ -98,29 +88,21 @@ def predict(
 MOTOR_ERROR_LIMIT = 0.3
 _WORSE = 2.0  # times what the fit left
 _MATTERS = 0.05  # of the torque
-_SAME_RATE = 1e-6
 
 
 @dataclass(frozen=True)
 class RigidValidation:
-    """How well a rigid model predicts the torques of another motion.
+    """How well a rigid model predicts the torques of another motion."""
 
-    Attributes:
-        outcome: Whether it holds, its grade, and its parameters against the truth.
-        prediction: Measured and predicted torques.
-        total_error: The same of all joints together.
-        same_motion: Whether the fit has seen this motion already.
-        forward_error: Root mean square of simulated less measured positions over that of the measured ones about their
-            mean, the model in the robot's loop under the recorded commands; None where the loop or the commands are
-            unknown, NaN where the simulation is lost.
-    """
-
-    outcome: Outcome
-    prediction: Prediction
+    outcome: Outcome  # whether it holds, its grade, and its parameters against the truth
+    prediction: Prediction  # measured and predicted torques
     relative_error: Annotated[FloatArray, Quantity("1", "joint", "Norm of the error over that of the torque")]
-    total_error: float
+    total_error: float  # the same of all joints together
     error_ratio: Annotated[FloatArray, Quantity("1", "joint", "Error over what the fit left")]
-    same_motion: bool
+    same_motion: bool  # whether the fit has seen this motion already
+    # Root mean square of simulated less measured positions over that of the measured ones about their mean, the model
+    # in the robot's loop under the recorded commands; None where the loop or the commands are unknown, NaN where the
+    # simulation is lost.
     forward_error: Annotated[
         FloatArray | None, Quantity("1", "joint", "Error of simulated positions over the motion")
     ] = None
@@ -171,12 +153,7 @@ def validate_rigid(
     same = any(repeats(solution.travel, robot, shot) for shot in shots)
     every = [*doubts, *_seen_already(same), *_worse(robot, prediction, ratio), *_untested(robot, prediction)]
     return RigidValidation(
-        outcome=Outcome(
-            ok=not failures,
-            verdict=_verdict(prediction, ratio, failures, same=same),
-            grade=grade_rigid(solution, every, failures),
-            recovery=recover(solution.estimate, truth or {}),
-        ),
+        outcome=outcome_of(solution.estimate, every, failures, _verdict(prediction, ratio, failures, same=same), truth),
         prediction=prediction,
         relative_error=prediction.relative_error,
         total_error=prediction.total_error,
@@ -235,14 +212,7 @@ def _untested(robot: Robot, prediction: Prediction) -> tuple[Doubt, ...]:
 
 def _refuse_other(solution: RigidSolution, shots: Sequence[Shot]) -> None:
     """Refuses records that are sampled otherwise, or in other units, than those of the fit."""
-    period = solution.filtered.sampling_period_s
-    other = [shot for shot in shots if abs(shot.sampling_period_s / period - 1) > _SAME_RATE]
-    if other:
-        message = (
-            f"D192 the validation is sampled every {other[0].sampling_period_s:g} s, the fit's record every "
-            f"{period:g} s"
-        )
-        raise DataError(message, where="validation", remedy="validate on a record of the same sampling period")
+    refuse_other_rate(solution.filtered.sampling_period_s, [shot.sampling_period_s for shot in shots])
     units = {shot.torque_unit for shot in shots} - {solution.torque_unit}
     if units:
         message = f"D193 the validation's torques are in {units.pop()}, the fit's in {solution.torque_unit}"

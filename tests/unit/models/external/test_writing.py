@@ -20,6 +20,7 @@ from robid.models.external.family import EXTERNAL
 from robid.models.external.files import (
     model_of,
     solution_from_artifact,
+    transfer_functions,
     validation_from_artifact,
     validation_of,
 )
@@ -27,7 +28,6 @@ from robid.models.external.fit.fitting import fit_external
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.judge.plausible import assess_external
 from robid.models.external.judge.validating import validate_external
-from robid.models.external.writing import transfer_functions
 from robid.models.family import ExportTask
 
 PLANTS = [linear([3.0, 400.0], [1.0, 22.0, 400.0], 3), linear([900.0], [1.0, 40.0, 900.0], 3)]

@@ -112,8 +112,7 @@ def test_a_start_whose_signals_overflow_leads_nowhere():
     problem = pose([shot(model, sweep(3.0, 1500), noise=1e-3)], [0], [0], structure_of(model, stable=False))
     denominator = np.poly([15.0 / problem.period, 10.0 / problem.period])
     noise = first_noise(problem.experiments)
-    assert refine(problem.experiments, denominator, 0, 1, noise, problem.period, "zoh",
-                  limit=problem.limit, stable=False) == []  # fmt: skip
+    assert refine(problem, denominator, noise) == []
 
 
 def test_common_poles_of_a_matrix():

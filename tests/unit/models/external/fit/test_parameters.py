@@ -34,7 +34,7 @@ def parameters_of(coefficients, root):
 
 def test_values_are_rates_frequencies_and_dampings():
     found = parameters_of(COEFFICIENTS, np.zeros((10, 10)))
-    known = dict(zip(found.names, found.value, strict=True))
+    known = {row.name: row.value for row in found}
     assert known == pytest.approx(
         {
             "matrix.pole1": 4.0,
@@ -49,18 +49,19 @@ def test_values_are_rates_frequencies_and_dampings():
             "Y.zero2": 4.0,
         }
     )
-    assert found.units[found.names.index("Y.gain")] == "m/rad"
-    assert found.reachable.tolist() == [True, True, True, False, *[True] * 6]
+    assert [row.unit for row in found if row.name == "Y.gain"] == ["m/rad"]
+    assert [row.reachable for row in found] == [True, True, True, False, *[True] * 6]
 
 
 def test_rows_are_the_slopes_by_the_coefficients():
-    found = parameters_of(COEFFICIENTS, np.eye(10))
+    found = np.array([row.moves for row in parameters_of(COEFFICIENTS, np.eye(10))])
     for index, value in enumerate(COEFFICIENTS):
         step = 1e-6 * abs(value)
-        ends = [parameters_of(COEFFICIENTS + sign * step * np.eye(10)[index], np.eye(10)).value for sign in (1, -1)]
+        moved = [parameters_of(COEFFICIENTS + sign * step * np.eye(10)[index], np.eye(10)) for sign in (1, -1)]
+        ends = [np.array([row.value for row in rows]) for rows in moved]
         slope = (ends[0] - ends[1]) / (2 * step)
-        scale = np.abs(found.rows * np.abs(COEFFICIENTS)).max(axis=1) / abs(value)
-        np.testing.assert_allclose(found.rows[:, index] / scale, slope / scale, atol=10 * FINITE_DIFFERENCE)
+        scale = np.abs(found * np.abs(COEFFICIENTS)).max(axis=1) / abs(value)
+        np.testing.assert_allclose(found[:, index] / scale, slope / scale, atol=10 * FINITE_DIFFERENCE)
 
 
 def test_an_estimate_has_the_intervals_of_its_covariance():

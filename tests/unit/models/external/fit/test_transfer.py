@@ -2,8 +2,14 @@ import numpy as np
 import pytest
 
 from external_shots import CHANNELS, PERIOD_S, answer, sweep, transfer
-from robid.models.external.fit.hold import build_cascade, discretise, find_stages, propagate
-from robid.models.external.fit.transfer import TransferMatrix, delayed
+from robid.models.external.fit.transfer import (
+    TransferMatrix,
+    build_cascade,
+    delayed,
+    discretise,
+    find_stages,
+    propagate,
+)
 from tolerances import IDENTITY
 
 HARD = CHANNELS | {

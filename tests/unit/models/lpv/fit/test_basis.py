@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.models.lpv.fit.basis import different_positions, make_basis, polynomial_basis, spline_basis
+from robid.models.lpv.fit.model import different_positions, make_basis, polynomial_basis, spline_basis
 from robid.models.lpv.fit.options import BasisOptions
 from tolerances import IDENTITY
 
@@ -36,7 +36,7 @@ def test_splines_and_the_constant_span_polynomials_of_their_degree(points):
     target = np.prod(1 + grid + grid**2, axis=1)
     left = target - values @ np.linalg.lstsq(values, target, rcond=None)[0]
     assert np.abs(left).max() < 1e-9 * np.abs(target).max()
-    assert np.linalg.matrix_rank(values) == basis.n_function + 1 == 4 ** points.shape[1]
+    assert np.linalg.matrix_rank(values) == len(basis.functions.names) + 1 == 4 ** points.shape[1]
 
 
 def test_a_position_outside_the_range_is_refused_by_its_value():
@@ -66,7 +66,7 @@ def test_options_make_each_kind_of_basis():
 @pytest.mark.parametrize("n_scheduling", [1, 2, 3])
 def test_options_count_the_functions_that_they_make(options, n_scheduling):
     points = np.random.default_rng(1).uniform(size=(5, n_scheduling))
-    assert options.count(n_scheduling) == make_basis(points, options).n_function + 1
+    assert options.count(n_scheduling) == len(make_basis(points, options).functions.names) + 1
 
 
 def test_positions_that_differ_by_noise_are_one():

@@ -7,8 +7,8 @@ import pytest
 
 from lpv_systems import LEFT_OUT, POSITIONS, STRUCTURE, basis, local_responses, true_systems
 from robid.errors import DataError
-from robid.models.lpv.fit.basis import Basis, Polynomials, polynomial_basis
 from robid.models.lpv.fit.fitting import estimate_lpv
+from robid.models.lpv.fit.model import Basis, Polynomials, polynomial_basis
 from robid.models.lpv.fit.options import LpvOptions, PathOptions
 from robid.models.lpv.fit.responses import LocalResponses
 from robid.models.lpv.fit.state_space import StateSpace, block_names, response

@@ -7,8 +7,8 @@ import pytest
 
 from lpv_systems import LEFT_OUT, POSITIONS, local_responses, true_systems
 from robid.errors import DataError
-from robid.models.lpv.fit.basis import polynomial_basis, spline_basis
 from robid.models.lpv.fit.fitting import fit_lpv
+from robid.models.lpv.fit.model import polynomial_basis, spline_basis
 from robid.models.lpv.fit.options import BasisOptions, LpvOptions, PathOptions
 from robid.models.lpv.fit.responses import LocalResponses, agree, expected_share, hidden_error
 from robid.models.lpv.fit.solution import Ports, tabulate_basis

@@ -5,11 +5,11 @@ import pytest
 
 from lpv_systems import POSITIONS, SIZES, basis, local_responses, problem, true_parameters, true_systems
 from robid.errors import DataError
-from robid.models.lpv.fit.basis import polynomial_basis
 from robid.models.lpv.fit.local import align_neighbours, check_positions, fit_local_models, interpolate, middle_position
+from robid.models.lpv.fit.model import polynomial_basis
 from robid.models.lpv.fit.options import SparseBasisOptions
 from robid.models.lpv.fit.path import _Search, find_sparse_bases
-from robid.models.lpv.fit.problem import normal
+from robid.models.lpv.fit.responses import normal
 from robid.models.lpv.fit.state_space import StateSpace, balance, measure, pack, response, stack, transform, unpack
 from tolerances import FINITE_DIFFERENCE
 

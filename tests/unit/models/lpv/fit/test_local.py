@@ -6,7 +6,7 @@ import pytest
 from lpv_systems import POSITIONS, SIZES, local_responses, problem, true_systems
 from robid.errors import DataError
 from robid.models.lpv.fit.local import _rank, balanced_or_refused, fit_local_models, subspace_model
-from robid.models.lpv.fit.problem import Problem
+from robid.models.lpv.fit.responses import Problem
 from robid.models.lpv.fit.state_space import Sizes, StateSpace, response
 from tolerances import RECOVERY
 

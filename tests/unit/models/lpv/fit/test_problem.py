@@ -4,14 +4,19 @@ import numpy as np
 import pytest
 
 from lpv_systems import POSITIONS, SIZES, local_responses, problem, true_parameters
-from robid.models.lpv.fit.basis import polynomial_basis
-from robid.models.lpv.fit.problem import cost, errors, local_jacobian, normal, reduce_rows, solve
+from robid.models.lpv.fit.model import polynomial_basis
 from robid.models.lpv.fit.responses import (
     LocalResponses,
+    cost,
+    errors,
+    local_jacobian,
     make_problem,
+    normal,
     output_scales,
+    reduce_rows,
     remove_integrators,
     smooth_variance,
+    solve,
 )
 from tolerances import FINITE_DIFFERENCE
 

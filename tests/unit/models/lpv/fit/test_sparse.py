@@ -9,7 +9,7 @@ from lpv_systems import LEFT_OUT, POSITIONS, SIZES, STRUCTURE, basis, local_resp
 from robid.models.lpv.fit import sparse as penalised
 from robid.models.lpv.fit.options import PathOptions, SparsityOptions
 from robid.models.lpv.fit.path import PathPoint, choose_point, follow_path
-from robid.models.lpv.fit.problem import cost, normal, solve
+from robid.models.lpv.fit.responses import cost, normal, solve
 from robid.models.lpv.fit.sparse import Penalised, descend, fit_sparse, minimise_model
 from robid.models.lpv.fit.state_space import block_names, list_blocks, measure, spread
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from lpv_systems import LEFT_OUT, POSITIONS, SIZES, local_responses, problem, true_parameters, true_systems
-from robid.models.lpv.fit.basis import polynomial_basis
-from robid.models.lpv.fit.problem import solve
-from robid.models.lpv.fit.responses import make_problem
+from robid.models.lpv.fit.model import polynomial_basis
+from robid.models.lpv.fit.responses import make_problem, solve
 from robid.models.lpv.fit.state_space import pack, response, transform, unpack
 from robid.models.lpv.fit.uncertainty import parameter_uncertainty, response_uncertainty
 

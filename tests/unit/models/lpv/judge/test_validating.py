@@ -10,7 +10,7 @@ from robid.errors import DataError
 from robid.models.lpv.fit.fitting import fit_lpv
 from robid.models.lpv.fit.options import BasisOptions, LpvOptions, PathOptions
 from robid.models.lpv.fit.solution import Ports
-from robid.models.lpv.judge.validating import assess_lpv, validate_lpv
+from robid.models.lpv.judge import assess_lpv, validate_lpv
 from robid.results.doubt import Doubt
 
 PORTS = Ports(("u",), ("N m",), ("y1", "y2"), ("rad", "m"), ("slide",), ("m",), 1.0)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robid.models.rigid.fit.cutoff import choose_cut_off, excited_band
 from robid.models.rigid.fit.options import PreprocessingOptions
+from robid.models.rigid.fit.residuals import choose_cut_off, excited_band
 from robid.studies.janot2009.haptic import Bench, Device, record
 
 BENCH = Bench()

@@ -5,9 +5,9 @@ import pytest
 from scipy.io import loadmat
 
 from rigid_models import Slide, stacked
-from robid.models.rigid.fit.cutoff import choose_cut_off
 from robid.models.rigid.fit.options import PreprocessingOptions
 from robid.models.rigid.fit.regression import huber, ordinary_least_squares, reduce_rows
+from robid.models.rigid.fit.residuals import choose_cut_off
 from robid.models.rigid.fit.rows import Reading, prepare
 
 OPTIONS = PreprocessingOptions(position_cut_hz=100.0, decimation=10)

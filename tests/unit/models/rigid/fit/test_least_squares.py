@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rigid_models import random_rows, stacked
+from rigid_models import random_rows, stacked, whole_rows
 from robid.models.rigid.fit.regression import ordinary_least_squares, reduce_rows, residuals, weighted_least_squares
-from robid.models.rigid.fit.rows import Rows, rows_of
+from robid.models.rigid.fit.rows import Rows
 from tolerances import IDENTITY, RECOVERY
 
 
@@ -58,9 +58,9 @@ def test_columns_that_depend_on_each_other_are_refused():
     (rows,) = random_rows()
     twice = np.concatenate([rows.columns, rows.columns[..., :1] - rows.columns[..., 1:2]], axis=2)
     with pytest.raises(ValueError, match="base parameters"):
-        ordinary_least_squares(reduce_rows(rows_of(twice, rows.torque)))
+        ordinary_least_squares(reduce_rows(whole_rows(twice, rows.torque)))
     with pytest.raises(ValueError, match="moves no torque"):
-        ordinary_least_squares(reduce_rows(rows_of(rows.columns * [1, 0, 1], rows.torque)))
+        ordinary_least_squares(reduce_rows(whole_rows(rows.columns * [1, 0, 1], rows.torque)))
     with pytest.raises(ValueError, match="no rows"):
         reduce_rows((Rows(rows.columns, rows.torque, np.zeros_like(rows.used)),))
 
@@ -70,4 +70,4 @@ def test_a_joint_without_a_residual_has_no_weight():
     columns, torque = rows.columns.copy(), rows.torque.copy()
     columns[:, 1], torque[:, 1] = 0.0, 0.0
     with pytest.raises(ValueError, match="no weight"):
-        weighted_least_squares(reduce_rows(rows_of(columns, torque)))
+        weighted_least_squares(reduce_rows(whole_rows(columns, torque)))

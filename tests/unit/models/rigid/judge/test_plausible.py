@@ -163,7 +163,7 @@ def test_real_bodies_are_found_for_a_record_with_fewer_independent_moments_than_
 
 def test_torques_of_links_are_compared_as_the_regressor_has_them(robot, shot):
     from robid.models.rigid.fit.regression import reduce_rows
-    from robid.models.rigid.fit.rows import rows_of
+    from robid.models.rigid.fit.rows import Rows
     from robid.robot.regressor.base import find_base_parameters
 
     robot = with_masses(robot, (2.0, 2.0, 2.0))  # of links and rotors, the links are as in the shot times two
@@ -178,7 +178,7 @@ def test_torques_of_links_are_compared_as_the_regressor_has_them(robot, shot):
     rotors = base.combination @ np.where(np.array(model.kinds) == "motor_inertia", model.nominal, 0.0)
     estimate = replace(solution.estimate, value=base.values(model.nominal) * 3 - 2 * rotors)
     torque = columns @ estimate.value
-    found = against_nominal(model, base, estimate, reduce_rows(rows_of(columns, torque)))
+    found = against_nominal(model, base, estimate, reduce_rows((Rows(columns, torque, np.ones(torque.shape, bool)),)))
     np.testing.assert_allclose(found.ratio, 3, rtol=1e-8)
     np.testing.assert_allclose(found.likeness, 1, rtol=1e-8)
     assert np.all((found.share > 0) & (found.share < 1.5))

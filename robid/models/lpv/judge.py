@@ -10,12 +10,13 @@ import numpy as np
 
 from robid.arrays import BoolArray, Quantity
 from robid.errors import DataError
+from robid.models.conclusions import graded_alone, outcome_of
 from robid.models.lpv.fit.fitting import hold
 from robid.models.lpv.fit.responses import LocalResponses, expected_share, hidden_error
 from robid.models.lpv.fit.solution import Held, LpvSolution, Ports
 from robid.results.doubt import Doubt
-from robid.results.grade import Grade, forbidding, grade_alone, grade_held, ordered, weakening
-from robid.results.outcome import Outcome, recover
+from robid.results.grade import Grade
+from robid.results.outcome import Outcome
 
 UNUSABLE = 0.3
 """Error beyond noise, over the response, from which on a model must not be used."""
@@ -36,20 +37,9 @@ def assess_lpv(solution: LpvSolution, told: Sequence[Doubt] = ()) -> Grade:
     """
     own = error_doubts(solution.own, solution.ports, "the fit's own data")
     choosing = error_doubts(solution.choosing, solution.ports, "what chooses the structure")
-    doubts = ordered([*_unstable(solution), *_unexplained(solution.own), *told, *own, *choosing])
-    return grade_alone(forbidding(doubts, solution.estimate.status), weakening(doubts), doubts)
-
-
-def grade_lpv(solution: LpvSolution, doubts: Sequence[Doubt], failures: Sequence[str]) -> Grade:
-    """Grades a fit that was held against responses that it never saw.
-
-    Args:
-        solution: What the fit found.
-        doubts: Doubts about it, the first to blame first.
-        failures: What the validation found beyond its limits, a clause each.
-    """
-    every = ordered(doubts)
-    return grade_held((*forbidding(every, solution.estimate.status), *failures), weakening(every), every)
+    return graded_alone(
+        [*_unstable(solution), *_unexplained(solution.own), *told, *own, *choosing], solution.estimate.status
+    )
 
 
 def error_doubts(held: Held, ports: Ports, where: str) -> Iterator[Doubt]:
@@ -94,15 +84,10 @@ _ALIKE = "validate on a campaign with the same channels, units and sampling peri
 
 @dataclass(frozen=True)
 class LpvValidation:
-    """How well a model predicts other responses.
+    """How well a model predicts other responses."""
 
-    Attributes:
-        outcome: Whether it holds, its grade.
-        held: The responses, and how well they agree; the deviations of both count.
-    """
-
-    outcome: Outcome
-    held: Held
+    outcome: Outcome  # whether it holds, its grade
+    held: Held  # the responses, and how well they agree; the deviations of both count
     new: Annotated[BoolArray, Quantity("1", "position", "Whether the fit has not seen it")]
 
 
@@ -142,14 +127,7 @@ def validate_lpv(
     found = [doubt for doubt in error_doubts(held, ports, "new data") if not doubt.decisive]
     every = [*doubts, *found, *_seen(new), *_hidden(held)]
     return LpvValidation(
-        outcome=Outcome(
-            ok=not failures,
-            verdict=_verdict(held, failures),
-            grade=grade_lpv(solution, every, failures),
-            recovery=recover(solution.estimate, {}),
-        ),
-        held=held,
-        new=new,
+        outcome=outcome_of(solution.estimate, every, failures, _verdict(held, failures)), held=held, new=new
     )
 
 

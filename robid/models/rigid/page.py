@@ -1,25 +1,101 @@
-"""What a rigid fit adds to page, terminal and summary."""
+"""What a rigid fit adds to page, terminal and summary; figures after Figs 2 to 5 of Janot et al. (2009)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from robid.artifacts.results import grade_from_artifact
+from robid.arrays import FloatArray
 from robid.models.family import Shown
-from robid.models.parameters import parameter_rows, parameter_summary
+from robid.models.parameters import estimates_of, fit_report, thinned
 from robid.models.rigid.files import solution_from_artifact, validation_from_artifact
-from robid.models.rigid.fit.solution import RigidSolution
-from robid.models.rigid.judge.validating import RigidValidation
-from robid.models.rigid.page.charts import correlations, course, histogram, torques, trials, weights
+from robid.models.rigid.fit.solution import Checks, Filtered, RigidSolution, RowResiduals
+from robid.models.rigid.judge.validating import Prediction, RigidValidation
 from robid.report.numbers import MISSING, percent, significant
-from robid.report.page import FitReport, Headline, KeyNumber
-from robid.report.parameter_section import parameter_numbers, parameter_section, parameter_table
+from robid.report.page import FitReport, KeyNumber
+from robid.report.parameter_section import parameter_section
 from robid.report.parameters import Estimates
-from robid.report.section import Beside, ColumnStyle, Folded, Notes, Part, Section, Table
-from robid.results.grade import Grade
+from robid.report.section import Beside, ColumnStyle, Curve, Figure, Folded, Notes, Part, Section, Table
+
+_BINS = 40
+_OUTLIER = 3.0
+
+
+def histogram(found: RowResiduals, joint: int, name: str, unit: str) -> Figure:
+    """The distribution of one motor's residuals against the Gaussian of the same deviation."""
+    residual = found.residual[:, joint]
+    residual = residual[np.isfinite(residual)]
+    deviation = float(residual.std())
+    edges = np.linspace(-4 * deviation, 4 * deviation, _BINS + 1)
+    density, _ = np.histogram(np.clip(residual, edges[0], edges[-1]), edges, density=True)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    gaussian = np.exp(-0.5 * (middle / deviation) ** 2) / (np.sqrt(2 * np.pi) * deviation)
+    curves = (_curve("residual", middle, density), _curve("Gaussian", middle, gaussian))
+    return Figure(name, f"Residual [{unit}]", "Density", curves, log_x=False, log_y=False, height=260)
+
+
+def weights(found: RowResiduals, joint: int, name: str, unit: str) -> Figure:
+    """Huber's weight of each row over its residual."""
+    residual, weight = _thinned(found.residual[:, joint], found.weight[:, joint])
+    order = np.argsort(residual)
+    curve = Curve("weight", tuple(residual[order].tolist()), tuple(weight[order].tolist()), points=True)
+    return Figure(
+        name, f"Residual [{unit}]", "Weight", (curve,), log_x=False, log_y=False, y_range=(0.0, 1.05), height=260
+    )
+
+
+def course(found: RowResiduals, joint: int, name: str, unit: str) -> Figure:
+    """One motor's residuals over time, with three deviations on either side."""
+    deviation = float(np.nanstd(found.residual[:, joint]))
+    time, residual = _thinned(found.time_s, found.residual[:, joint])
+    ends = np.array([time[0], time[-1]])
+    curves = (
+        _curve("residual", time, residual),
+        _curve("3 deviations", ends, np.full(2, _OUTLIER * deviation)),
+        _curve("-3 deviations", ends, np.full(2, -_OUTLIER * deviation)),
+    )
+    return Figure(name, "Time [s]", f"Residual [{unit}]", curves, log_x=False, log_y=False, height=260)
+
+
+def correlations(checks: Checks, names: Sequence[str]) -> Figure:
+    """Autocorrelation of the residuals, less what the filter gives white noise."""
+    lags = np.arange(1, checks.correlation.shape[1] + 1, dtype=float)
+    curves = tuple(_curve(name, lags, row) for name, row in zip(names, checks.correlation, strict=True))
+    return Figure(
+        "Correlation in time", "Lag [rows]", "Autocorrelation beyond the filter's", curves, log_x=False, log_y=False
+    )
+
+
+def trials(filtered: Filtered) -> Figure:
+    """What each cut-off that was tried leaves correlated."""
+    worst = filtered.trial_correlation.max(axis=1)
+    curve = Curve("worst motor", tuple(filtered.trial_hz.tolist()), tuple(worst.tolist()))
+    return Figure(
+        "Choice of the cut-off", "Cut-off [Hz]", "Largest autocorrelation", (curve,), log_y=False, legend=False
+    )
+
+
+def torques(found: Prediction, joint: int, name: str, unit: str) -> Figure:
+    """One motor's measured and predicted torque over time."""
+    time, measured = _thinned(found.time_s, found.measured[:, joint])
+    again, predicted = _thinned(found.time_s, found.predicted[:, joint])
+    rest, error = _thinned(found.time_s, found.measured[:, joint] - found.predicted[:, joint])
+    curves = (_curve("measured", time, measured), _curve("predicted", again, predicted), _curve("error", rest, error))
+    quantity = "Force" if unit == "N" else "Torque"
+    return Figure(name, "Time [s]", f"{quantity} [{unit}]", curves, log_x=False, log_y=False)
+
+
+def _curve(name: str, x: FloatArray, y: FloatArray) -> Curve:
+    return Curve(name, tuple(x.tolist()), tuple(y.tolist()))
+
+
+def _thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rows that count, no more than a page can draw."""
+    known = np.isfinite(x) & np.isfinite(y)
+    return thinned(x[known], y[known])
+
 
 _TITLES = {
     "ordinary": "Least squares",
@@ -48,11 +124,7 @@ def sections(
         pushed: Names of those among them that slide, whose force it is.
     """
     units = [estimates.torque_unit if name not in pushed else "N" for name in joints]
-    found = [
-        *_parameters(solution, estimates, sensed),
-        _trust(solution, joints),
-        _residuals(solution, joints, units),
-    ]
+    found = [*_parameters(solution, estimates, sensed), _trust(solution, joints), _residuals(solution, joints, units)]
     if validation is not None:
         found.append(_prediction(validation, joints, units))
     return tuple(found)
@@ -132,8 +204,8 @@ def _estimator_table(solution: RigidSolution) -> Table:
         " least squares from the others (eq. 22 of the paper, over at least three deviations, first moments over their"
         " vector's length)."
     )
-    styles: tuple[ColumnStyle, ...] = ("name", *_numbers(len(heads) - 1))
-    return Table(heads, rows, title="Estimators beside each other", caption=caption, styles=styles)
+    styles: list[ColumnStyle] = ["number"] * len(heads[1:])
+    return Table(heads, rows, title="Estimators beside each other", caption=caption, styles=("name", *styles))
 
 
 def _pairs(solution: RigidSolution) -> list[tuple[list[float], list[float]]]:
@@ -158,7 +230,7 @@ def _test_table(solution: RigidSolution, joints: Sequence[str]) -> Table:
     caption = (
         "Residuals of weighted least squares over the torque's size. Of a Gaussian 0.27 % lie beyond 3 deviations."
     )
-    return Table(heads, rows, title="Residuals", caption=caption, styles=("name", *_numbers(5)))
+    return Table(heads, rows, title="Residuals", caption=caption, styles=("name", *("number",) * 5))
 
 
 def _bend_table(solution: RigidSolution) -> Table:
@@ -166,8 +238,8 @@ def _bend_table(solution: RigidSolution) -> Table:
     heads = ("Parameter", *(f"H = {bend:g}" for bend in found.bends.tolist()))
     columns = [[f"{value:.4g}" for value in row] for row in found.bent.tolist()]
     rows = tuple(zip(solution.estimate.names, *columns, strict=True))
-    styles: tuple[ColumnStyle, ...] = ("name", *_numbers(len(columns)))
-    return Table(heads, rows, styles=styles)
+    styles: list[ColumnStyle] = ["number"] * len(columns)
+    return Table(heads, rows, styles=("name", *styles))
 
 
 def _residuals(solution: RigidSolution, joints: Sequence[str], units: Sequence[str]) -> Section:
@@ -200,97 +272,51 @@ def _prediction(validation: RigidValidation, joints: Sequence[str], units: Seque
     )
     heads = ("Motor", "Error over torque", "Error over the fit's own", "Simulated position off")
     caption = "Positions are simulated in the robot's loop under the recorded commands, where these are known."
-    table = Table(heads, rows, caption=caption, styles=("name", *_numbers(3)))
+    table = Table(heads, rows, caption=caption, styles=("name", *("number",) * 3))
     curves = tuple(torques(validation.prediction, joint, name, units[joint]) for joint, name in enumerate(joints))
     lead = f"The model {validation.outcome.verdict}."
     return Section("Predicted torques", lead, (table, *curves), "prediction")
 
 
-def _numbers(count: int) -> tuple[ColumnStyle, ...]:
-    number: ColumnStyle = "number"
-    return (number,) * count
-
-
 def report(shown: Shown) -> FitReport:
     """Lays out a rigid fit for page, terminal and summary."""
     solution = solution_from_artifact(shown.model)
+    estimate, robot = solution.estimate, shown.data.loaded.robot
     validation = None if shown.validation is None else validation_from_artifact(shown.validation)
-    grade = grade_from_artifact(shown.model) if validation is None else validation.outcome.grade
-    estimates = _estimates(shown, solution)
-    robot = shown.data.loaded.robot
+    estimates = estimates_of(shown, estimate, robot.to_robot(0.0).assumed, solution.torque_unit)
     joints, sensed = tuple(joint.name for joint in robot.joints), robot.without_motor
     pushed = tuple(joint.name for joint in robot.joints if joint.slides and joint.name in sensed)
-    return FitReport(
-        headline=_headline(shown.data.name, solution, estimates, validation, grade),
-        verdict=_verdict(solution, validation, grade, named=shown.data.settings.validate_on is not None),
-        grade=grade.value,
+    return fit_report(
+        shown,
+        estimate,
+        estimates,
+        None if validation is None else validation.outcome,
+        found=f"{int(estimate.identified.sum())} of {len(estimate.names)} base parameters are identified.",
+        numbers=_key_numbers(solution, validation),
         sections=sections(solution, estimates, joints, validation, sensed, pushed),
-        parameters=estimates.rows,
-        summary=_summary(solution, estimates, validation, grade),
-        terminal=(parameter_table(_identified(estimates)),),
+        summary=_summary(solution, estimates, validation),
+        # What is not identified is told in one sentence.
+        terminal=replace(estimates, rows=tuple(row for row in estimates.rows if row.identified)),
     )
 
 
-def _estimates(shown: Shown, solution: RigidSolution) -> Estimates:
-    estimate = solution.estimate
-    assumed = shown.data.loaded.robot.to_robot(0.0).assumed
-    return Estimates(
-        rows=parameter_rows(estimate, shown.true, assumed, solution.torque_unit),
-        level=estimate.confidence,
-        torque_unit=solution.torque_unit,
-        undetermined=estimate.undetermined,
-        identifiable_relative_std=estimate.identifiable_relative_std,
-        interval_rule=estimate.interval_rule,
-    )
+def _key_numbers(solution: RigidSolution, validation: RigidValidation | None) -> Iterator[KeyNumber]:
+    yield KeyNumber("Torques explained to", percent(solution.residuals.total_error), "of their size, own motion")
+    if validation is not None:
+        yield KeyNumber("Torques predicted to", percent(validation.total_error), "of their size, another motion")
+    yield KeyNumber("Condition number", significant(solution.base.condition, 3), "of the scaled columns")
 
 
-def _identified(estimates: Estimates) -> Estimates:
-    """Those that a terminal shows: what is not identified is told in one sentence."""
-    return replace(estimates, rows=tuple(row for row in estimates.rows if row.identified))
-
-
-def _headline(
-    name: str, solution: RigidSolution, estimates: Estimates, validation: RigidValidation | None, grade: Grade
-) -> Headline:
-    own = KeyNumber("Torques explained to", percent(solution.residuals.total_error), "of their size, own motion")
-    new = () if validation is None else (
-        KeyNumber("Torques predicted to", percent(validation.total_error), "of their size, another motion"),
-    )  # fmt: skip
-    condition = KeyNumber("Condition number", significant(solution.base.condition, 3), "of the scaled columns")
-    return Headline(
-        name=name,
-        numbers=(*parameter_numbers(estimates, usable=grade.value > 0), own, *new, condition),
-        doubts=tuple(doubt.sentence for doubt in grade.doubts),
-        status=solution.estimate.status.replace("_", " "),
-        advice=solution.estimate.advice,
-    )
-
-
-def _verdict(solution: RigidSolution, validation: RigidValidation | None, grade: Grade, *, named: bool) -> str:
-    known = int(solution.estimate.identified.sum())
-    found = [grade.sentence, f"{known} of {len(solution.estimate.names)} base parameters are identified."]
-    if validation is None:
-        found.append("Not validated: no campaign was named to hold it against." if not named else "Not validated.")
-    elif validation.outcome.ok:
-        found.append(f"The model {validation.outcome.verdict}.")
-    return " ".join(found)
-
-
-def _summary(
-    solution: RigidSolution, estimates: Estimates, validation: RigidValidation | None, grade: Grade
-) -> dict[str, float]:
-    checks, estimate = solution.checks, solution.estimate
+def _summary(solution: RigidSolution, estimates: Estimates, validation: RigidValidation | None) -> dict[str, float]:
+    checks = solution.checks
     found = {
-        "grade": float(grade.value),
-        "converged": float(estimate.status == "converged"),
         "trust": float(checks.trust),
         "condition": solution.base.condition,
         "unscaled_condition": solution.base.unscaled_condition,
         "relative_error": solution.residuals.total_error,
         "largest_variation_from_huber": float(checks.huber_variation.max()),
         "cut_hz": solution.filtered.cut_hz,
-        "identifiable": float(estimate.identifiable.sum()),
-        **parameter_summary(estimates.rows),
+        "identifiable": float(solution.estimate.identifiable.sum()),
     }
     if checks.instrument_variation is not None:
         found["largest_variation_from_instruments"] = float(checks.instrument_variation.max())

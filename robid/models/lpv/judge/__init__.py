@@ -1,1 +1,0 @@
-"""What a position-dependent model is worth, in `validating`."""
