@@ -12,6 +12,8 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.frf.frf import Frf
 from robid.frf.quality import saturated_signals
 from robid.robot.description import Robot
+from robid.robot.linearize import solve_statics
+from robid.robot.model import build_model
 from robid.signals.quantities import ACCELERATION, MOTOR_TORQUE, QUANTITIES, Channel
 
 CLEAR = 10.0
@@ -217,3 +219,47 @@ def _signal_to_noise(frf: Frf) -> FloatArray | None:
         return None
     power, variance = np.abs(frf.response) ** 2, frf.element_variance()
     return np.asarray(np.divide(power, variance, out=np.full_like(power, np.inf), where=variance > 0))
+
+
+@dataclass(frozen=True)
+class Carrier:
+    """A robot, and what its torques are recorded as.
+
+    Attributes:
+        robot: The robot, with its campaign's payload.
+        torque_factor (n_joint,): Recorded over true torques.
+    """
+
+    robot: Robot
+    torque_factor: FloatArray
+
+    def holds(self, configurations: FloatArray, motors: IntArray) -> FloatArray:
+        """Returns true torques (n_conf, n_motor) with which motors hold configurations (n_conf, n_joint) [N m]."""
+        model = build_model(self.robot, balanced=True)
+        return np.asarray(solve_statics(model, configurations).motor_torque[:, motors])
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """What a fit found, and how far it may be off.
+
+    Attributes:
+        found: The robot as the fit has it.
+        off: The robot off by a share of a standard deviation along each independent direction.
+        share: That share.
+    """
+
+    found: Carrier
+    off: tuple[Carrier, ...]
+    share: float
+
+    def scatter(self, configurations: FloatArray, motors: IntArray) -> FloatArray:
+        """Returns the covariance (n_motor, n_conf, n_conf) of true torques that this leaves open [N^2 m^2]."""
+        factor = self.found.torque_factor[motors]
+        own = self.found.holds(configurations, motors)
+        total = np.zeros((len(motors), len(configurations), len(configurations)))
+        for other in self.off:
+            changed = other.holds(configurations, motors) * other.torque_factor[motors] / factor
+            column = (changed - own) / self.share
+            total += np.einsum("cm,dm->mcd", column, column)
+        return total

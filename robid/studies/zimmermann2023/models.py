@@ -16,11 +16,10 @@ from robid.design.configurations.information import ConfigurationDesign
 from robid.design.configurations.measured import measured_information
 from robid.design.configurations.options import ALONG
 from robid.frf.frf import Frf
-from robid.models.elastic.fit.fitted_robot import fitted_robot
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import make_problem
-from robid.models.elastic.fit.solution import ElasticSolution
+from robid.models.elastic.fit.solution import ElasticSolution, fitted_robot
 from robid.models.elastic.fit.uncertainty import sandwich
 from robid.models.elastic.judge.extrema import first_resonances
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model

@@ -10,9 +10,8 @@ from scipy.stats import norm, t
 from robid.arrays import FloatArray
 from robid.clusters.evidence import group_places
 from robid.clusters.pooling import Pooled
-from robid.models.elastic.fit.effective import LONGEST_STEP, Settled, lean, settle, weigh_few
 from robid.models.elastic.fit.nuisance.named import Named, Suspicion, name_doubts
-from robid.models.elastic.fit.physical import find_physical
+from robid.models.elastic.fit.physical import LONGEST_STEP, Settled, find_physical, lean, settle, weigh_few
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.solution import Between, NamedDoubts
 from robid.models.elastic.fit.uncertainty import Influence, influence, load_doubt, structured_covariance

@@ -13,11 +13,10 @@ from robid.frf.frf import Frf
 from robid.models.elastic.fit.fitting import without_coefficients
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import ElasticSolution
-from robid.models.elastic.judge.carried import fitted_carrier
 from robid.models.elastic.judge.causes import misfit_doubts
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model
 from robid.models.elastic.judge.grading import grade_fit, is_unexplained, measure
-from robid.models.elastic.judge.plausible_parameters import parameter_doubts
+from robid.models.elastic.judge.plausible_parameters import fitted_carrier, parameter_doubts
 from robid.results.doubt import Doubt, two_digits
 from robid.results.estimate import Estimate
 from robid.results.grade import Grade, ordered

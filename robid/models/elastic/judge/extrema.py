@@ -21,8 +21,8 @@ from robid.models.elastic.judge.local_model import (
     interpolated_mode,
     line_scatter,
     parabola_mode,
+    rational_mode,
 )
-from robid.models.elastic.judge.rational_model import rational_mode
 from robid.robot.response import response
 
 _MIN_PROMINENCE = np.log(1.1)

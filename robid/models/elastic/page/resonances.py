@@ -11,7 +11,7 @@ from rich.text import Text
 
 from robid.frf.frf import Frf
 from robid.models.elastic.judge.resonances import SAME_CONFIGURATION
-from robid.models.elastic.page.content import FitContent, RepeatRow, ResonanceRow
+from robid.models.elastic.page.gather import FitContent, RepeatRow, ResonanceRow
 from robid.report.charts import configuration_label
 from robid.report.numbers import MISSING, number_of, percent, significant
 from robid.report.page import KeyNumber

@@ -16,9 +16,8 @@ from typing import ClassVar, Literal, TypeAlias
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.models.elastic.fit.nuisance import moves
-from robid.models.elastic.fit.nuisance.moves import MM, PERCENT, Change
-from robid.models.elastic.fit.nuisance.springs import missing_springs
+from robid.models.elastic.fit.nuisance import springs as moves
+from robid.models.elastic.fit.nuisance.springs import MM, PERCENT, Change, missing_springs
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.description import Inertial, Joint, Robot, Spring
 from robid.robot.doubts import Doubts

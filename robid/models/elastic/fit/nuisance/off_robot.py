@@ -9,7 +9,6 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.models.elastic.fit.nuisance.kinds import Compliance, GearShare, MotorFriction, Nuisance, RobotMove, ValueOff
-from robid.models.elastic.fit.nuisance.moves import PERCENT
 from robid.models.elastic.fit.nuisance.response import (
     Scene,
     clinging_stiffness,
@@ -18,7 +17,7 @@ from robid.models.elastic.fit.nuisance.response import (
     value_of_one,
     with_estimated_links,
 )
-from robid.models.elastic.fit.nuisance.springs import stiffened
+from robid.models.elastic.fit.nuisance.springs import PERCENT, stiffened
 from robid.models.elastic.fit.options import BY_SPRING, ElasticOptions
 from robid.models.elastic.fit.parameters import map_parameters
 from robid.models.elastic.fit.problem import Problem

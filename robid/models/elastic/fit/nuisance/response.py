@@ -26,8 +26,7 @@ from robid.models.elastic.fit.nuisance.kinds import (
     TorqueScale,
     ValueOff,
 )
-from robid.models.elastic.fit.nuisance.moves import PERCENT
-from robid.models.elastic.fit.nuisance.springs import stiffened
+from robid.models.elastic.fit.nuisance.springs import PERCENT, stiffened
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.rest_model import rest_model, spring_load

@@ -10,12 +10,10 @@ from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.nuisance.kinds import list_nuisances
 from robid.models.elastic.fit.nuisance.response import Scene
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.judge.causes import _doubt, _wrong_ratio, explain
-from robid.models.elastic.judge.explanations import of_signs
+from robid.models.elastic.judge.causes import _doubt, _wrong_ratio, explain, of_signs
 from robid.models.elastic.judge.fitted import fitted_model
-from robid.models.elastic.judge.ratios import Backlash, candidates, try_ratios, with_gear_ratio
+from robid.models.elastic.judge.ratios import Backlash, candidates, score, try_ratios, with_gear_ratio
 from robid.models.elastic.judge.reversals import try_signs, turned
-from robid.models.elastic.judge.scores import score
 
 FREQUENCY_HZ = np.geomspace(1, 60, 20)
 PLACES = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3]])
