@@ -13,7 +13,7 @@ from robid.errors import DataError
 from robid.models.elastic.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot
-from robid.models.elastic.fit.nuisance.springs import with_freed_springs
+from robid.models.elastic.fit.nuisance.moves import with_freed_springs
 from robid.models.elastic.fit.nuisance.wording import options_of
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.fit.uncertainty import bootstrap_tasks

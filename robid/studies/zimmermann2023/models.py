@@ -275,7 +275,7 @@ def _judgement(one: Fitting, solution: ElasticSolution) -> dict[str, Dataset]:
     fitted = fitted_model(one.robots[1], solution, frf, options, one.delay_s)
     # Weights of the measured response, the same for all models, a motor's own response at 1.
     problem, dropped = make_problem(frf, fitted.problem.model, fitted.problem.parameters, options)
-    fitted = FittedModel(problem, fitted.internal, dropped)
+    fitted = replace(fitted, problem=problem, dropped=dropped)
     costs = weighted_costs(one.robots[1], fitted)
     per_element = 1 / (problem.weight.max() * costs.elements)
     measured_hz, model_hz = first_resonances(fitted, one.axes)
@@ -288,7 +288,7 @@ def _judgement(one: Fitting, solution: ElasticSolution) -> dict[str, Dataset]:
 
     return {
         "cost": Dataset(costs.cost * per_element, "1", configuration, "Weighted log-amplitude error per element"),
-        "expected": Dataset(costs.expected * per_element, "1", configuration, "What noise alone gives"),
+        "expected": Dataset(costs.expected_cost * per_element, "1", configuration, "What noise alone gives"),
         "measured_hz": Dataset(measured_hz, "Hz", resonance, "First resonance of each axis' own response"),
         "model_hz": Dataset(model_hz, "Hz", resonance, "The model's"),
         "frequency_hz": Dataset(frf.frequency_hz, "Hz", ("frequency",)),

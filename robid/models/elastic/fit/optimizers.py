@@ -51,25 +51,20 @@ def optimise(
     if optimizer == "scipy":
         return _scipy(problem, np.clip(start, lower, upper), max_iterations, cost_tolerance)
     if optimizer == "nlopt":
-        tool = nlopt.opt(nlopt.LD_SLSQP, start.size)
-        tool.set_lower_bounds(lower)
-        tool.set_upper_bounds(upper)
-        tool.set_maxeval(max_iterations)
-        return _nlopt(tool, problem, np.clip(start, lower, upper), cost_tolerance)
-    before = 0
+        return _nlopt(nlopt.LD_SLSQP, problem, start, (lower, upper), max_iterations, cost_tolerance)
+    before = Minimum(start, np.inf, 0, "converged")
     if optimizer == "nlopt_global":
-        found = _global(problem, start, max_iterations)
-        start, before = found.parameters, found.evaluations
+        before = _global(problem, start, max_iterations)
     end = minimise(
         problem.cost,
         problem.normal,
-        start,
+        before.parameters,
         max_iterations=max_iterations,
         cost_tolerance=cost_tolerance,
         lower=lower,
         upper=upper,
     )
-    return Minimum(end.parameters, end.cost, end.iterations + before, end.status, end.evaluations + before)
+    return _after(before, end)
 
 
 def _scipy(problem: Problem, start: FloatArray, max_iterations: int, cost_tolerance: float) -> Minimum:
@@ -90,9 +85,24 @@ def _scipy(problem: Problem, start: FloatArray, max_iterations: int, cost_tolera
     return Minimum(found.x, problem.cost(found.x), int(found.njev), status, int(found.nfev))
 
 
-def _nlopt(tool: nlopt.opt, problem: Problem, start: FloatArray, cost_tolerance: float) -> Minimum:
+def _nlopt(
+    method: int,
+    problem: Problem,
+    start: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    evaluations: int,
+    cost_tolerance: float,
+    local: nlopt.opt | None = None,
+) -> Minimum:
+    tool = nlopt.opt(method, start.size)
+    if local is not None:
+        tool.set_local_optimizer(local)
+    tool.set_lower_bounds(bounds[0])
+    tool.set_upper_bounds(bounds[1])
+    tool.set_maxeval(evaluations)
     tool.set_ftol_rel(max(cost_tolerance, _TOLERANCE))
     tool.set_xtol_abs(_STEP_TOLERANCE)
+    start = np.clip(start, *bounds)
     tool.set_min_objective(_objective(problem, _unit(problem, start)))
     status: Status = "stalled"
     try:
@@ -106,17 +116,13 @@ def _nlopt(tool: nlopt.opt, problem: Problem, start: FloatArray, cost_tolerance:
 
 def _global(problem: Problem, start: FloatArray, max_iterations: int) -> Minimum:
     parameters = problem.parameters
+    # Multistart needs a box: as wide as what is known beforehand allows, and some scales where nothing is known.
     reach = np.where(np.isfinite(parameters.prior_std), _GLOBAL_PRIORS * parameters.prior_std, _GLOBAL_SCALES)
-    low, high = np.maximum(parameters.lower, -reach), np.minimum(parameters.upper, reach)
+    bounds = np.maximum(parameters.lower, -reach), np.minimum(parameters.upper, reach)
     local = nlopt.opt(nlopt.LD_SLSQP, start.size)
     local.set_ftol_rel(1e-3)
     local.set_maxeval(max_iterations)
-    tool = nlopt.opt(nlopt.G_MLSL_LDS, start.size)
-    tool.set_local_optimizer(local)
-    tool.set_lower_bounds(low)
-    tool.set_upper_bounds(high)
-    tool.set_maxeval(_GLOBAL_EVALUATIONS * max_iterations)
-    return _nlopt(tool, problem, np.clip(start, low, high), 0.0)
+    return _nlopt(nlopt.G_MLSL_LDS, problem, start, bounds, _GLOBAL_EVALUATIONS * max_iterations, 0.0, local)
 
 
 def _unit(problem: Problem, start: FloatArray) -> float:
@@ -198,6 +204,8 @@ class Strategy:
             small = lost.sum() == 1 and (lost & dampers).any()
             if not lost.any() or (small and not paid):
                 break
+            # What is lost begins on the other side of its start; the others where they are, halfway back, or at their
+            # start.
             across = own - decades * _DECADE * np.sign(best.parameters - own)
             point = np.where(lost, across, own + share * (best.parameters - own))
             again = _coarsely(coarse, point) if share == 1 else _heavy_to_true(coarse, point)
@@ -246,6 +254,7 @@ def _lost(problem: Problem, point: FloatArray) -> BoolArray:
     """
     here = problem.normal(point)
     influence = np.diag(here.hessian) - 0.5 / problem.parameters.prior_std**2
+    # To second order, a change by a factor of two costs H log(2)^2, H being half the Hessian.
     lost = influence * np.log(2) ** 2 < _LOST_INFLUENCE * here.cost
     open_beforehand = problem.parameters.prior_std > np.log(2)
     return np.asarray(lost & open_beforehand & problem.parameters.logarithmic)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import FloatArray
 from robid.clusters.evidence import Evidence, group_places, summarise
 from robid.clusters.pooling import Pooled, estimate_between, pool
 from robid.errors import DataError
@@ -15,7 +15,6 @@ from robid.models.elastic.fit.nuisance.joint import Joint, descend
 from robid.models.elastic.fit.nuisance.named import Listed, Named, Suspicion, name_doubts, suspect
 from robid.models.elastic.fit.nuisance.placed import (
     SettledSprings,
-    Told,
     UnseenSpring,
     leave_room,
     settle_springs,
@@ -23,12 +22,10 @@ from robid.models.elastic.fit.nuisance.placed import (
 )
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.problem import Problem, make_problem
-from robid.models.elastic.fit.solution import NamedDoubts
+from robid.models.elastic.fit.solution import LONGEST_STEP, NamedDoubts, Spread
 from robid.models.elastic.fit.uncertainty import Influence, influence, load_doubt, score_covariance
 
 _STEPS = 10
-LONGEST_STEP = 0.5
-"""Of an internal parameter; beyond, nothing is linear, and what is known no better stays."""
 _ARRIVED = 1e-2  # of a deviation
 
 
@@ -69,6 +66,8 @@ def place_evidence(
         error, derivative = doubts.error, np.concatenate([derivative, doubts.columns], axis=-1)
         variance = np.concatenate([variance, doubts.common_std**2])
         middle = np.concatenate([internal, doubts.amounts])
+    # Information and score of each configuration, summed over those of a place, whose parameters are the same. What is
+    # known beforehand is one more observation, which lies at zero.
     n_conf, n_param = len(error), derivative.shape[-1]
     adjoint = problem.fully_weighted(derivative).reshape(n_conf, -1, n_param).conj().swapaxes(1, 2)
     bread = 2 * np.real(adjoint @ derivative.reshape(n_conf, -1, n_param))
@@ -102,6 +101,8 @@ def settle(problem: Problem, internal: FloatArray, found: Influence, doubts: Nam
     best, now = np.inf, internal
     for step in range(_STEPS if doubts is None else 1):
         here = influence(problem, now) if step else found
+        # Variances between places by restricted likelihood, then the step to where the places agree with these: each
+        # weighed by (I^-1 + T)^-1 (docs/methods, sec. 11).
         evidence = place_evidence(problem, now, score_covariance(problem, here), doubts)
         there = pool(evidence, estimate_between(evidence, given).variance, least)
         std = np.sqrt(np.maximum(np.diag(there.covariance), np.diag(there.assumed))[:size])
@@ -169,6 +170,8 @@ def lean(problem: Problem, internal: FloatArray, found: Influence, near: Settled
     Source:
         Power likelihood of a misspecified model, as in Holmes and Walker (2017), with the weight by the places.
     """
+    # Half the inverse of half the Hessian is the covariance by noise. A prior that is narrower by sqrt(times) is the
+    # same as data that count as much less.
     noise = 0.5 * np.diag(found.inverse)
     times = max(1.0, float(np.median(np.diag(near.pooled.assumed)[: noise.size] / noise)))
     known = replace(problem.parameters, prior_std=problem.parameters.prior_std / np.sqrt(times))
@@ -181,33 +184,12 @@ _PERCENT = 100.0
 _EXPLAINED = 0.5  # of the cost, where what fits best does not rest
 
 
-@dataclass(frozen=True)
-class Physical:
-    """The parameters themselves.
-
-    Attributes:
-        values (n_param,): Internal parameters of the fit.
-        covariance (n_param, n_param): Their covariance, without any quantile.
-        degrees_of_freedom (n_param,): What the quantile of each interval follows.
-        doubts: What places say of the doubts, springs that were put in place first.
-        rigid: Whether a rigid fit says how far masses may be off.
-        further: How many times as far off as known beforehand the doubts are, at least 1: what is known was taken to be
-            known so much worse.
-        model_error: Whether an error of the model was allowed for.
-    """
-
-    values: FloatArray
-    covariance: FloatArray
-    degrees_of_freedom: FloatArray
-    doubts: NamedDoubts
-    rigid: bool
-    further: float = 1.0
-    model_error: bool = True
+_BEYOND = 1.5  # times what was known of doubts beforehand: of many, chance makes a tenth of it
 
 
 def find_physical(
     problem: Problem, points: Sequence[FloatArray], suspicion: Suspicion, confidence: float
-) -> Physical | None:
+) -> tuple[Spread, NamedDoubts] | None:
     """Estimates parameters and doubts together, from what is known of the doubts beforehand on.
 
     Springs that the file lacks are put in place where the data call for them: to first order nothing can be said of a
@@ -221,7 +203,8 @@ def find_physical(
         confidence: Level of the intervals.
 
     Returns:
-        The parameters; None where there are no doubts, or the robot rests nowhere with what is found.
+        How far the parameters (n_param,) may be off, and what is said of the doubts, springs that were put in place
+        first; None where there are no doubts, or the robot rests nowhere with what is found.
     """
     problem, suspicion = _allowing_for_error(problem, points[-1], suspicion)
     near = points if suspicion.rested else (np.zeros_like(points[-1]),)
@@ -235,14 +218,20 @@ def find_physical(
     named = name_doubts(problem, near, suspicion)
     if named is None:
         return None
-    robot, options = suspicion.robot, suspicion.options
-    found = settle_springs(problem, named.point, robot, options, named.doubts, named.columns)
+    found = settle_springs(problem, named.point, suspicion.robot, suspicion.options, named.doubts, named.columns)
     extended = _extended(found, suspicion) if found.springs else None
     if extended is None:
         named = named if alone is None else alone.named
         return _estimated(problem, named, (), (), confidence) if suspicion.rested else None
     if not suspicion.rested and found.cost > _EXPLAINED * left:
         return None
+    return _with_springs(problem, found, extended, suspicion, confidence)
+
+
+def _with_springs(
+    problem: Problem, found: SettledSprings, extended: Named, suspicion: Suspicion, confidence: float
+) -> tuple[Spread, NamedDoubts]:
+    """The parameters of a robot with springs put in place, others that may be there as soft as these."""
     unseen = unseen_springs(found, extended)
     soft = _as_soft(extended, unseen)
     given = replace(suspicion, robot=found.robot, options=found.options)
@@ -265,33 +254,38 @@ def _allowing_for_error(problem: Problem, internal: FloatArray, suspicion: Suspi
 
 
 def _estimated(
-    problem: Problem,
-    named: Named,
-    springs: Sequence[str],
-    unseen: Sequence[UnseenSpring],
-    confidence: float,
-) -> Physical:
+    problem: Problem, named: Named, springs: Sequence[str], unseen: Sequence[UnseenSpring], confidence: float
+) -> tuple[Spread, NamedDoubts]:
     """The problem's own parameters among those of a robot with springs put in place, and others that may be there."""
     found = influence(named.problem, named.point)
     far = settle(named.problem, named.point, found, named)
+    # Doubts that come out farther off than stated show that what is known of them was taken for too sure: all are
+    # given as much more room, and the places are weighed once more.
     further = _how_much_further(named, far)
     if further > 1:
         far = settle(named.problem, named.point, found, _less_sure(named, further))
-    told = Told(np.concatenate([far.values, far.amounts]), *far.pooled.spread(confidence))
+    told = Spread(np.concatenate([far.values, far.amounts]), *far.pooled.spread(confidence))
     rows = {doubt.name: far.values.size + number for number, doubt in enumerate(named.doubts)}
     for spring in unseen:
         told = leave_room(told, spring, rows[spring.name])
+    doubts = _estimates(named, told, springs, confidence)
     names = named.problem.parameters.names
     own = np.array([names.index(name) for name in problem.parameters.names])
-    return Physical(
-        values=told.values[own],
-        covariance=told.covariance[np.ix_(own, own)],
-        degrees_of_freedom=told.degrees_of_freedom[own],
-        doubts=_estimates(named, told, springs, confidence),
-        rigid=named.rigid,
-        further=further,
-        model_error=bool(problem.model_error.any()),
-    )
+    beyond = f", which are {further:.1f} times as far off as stated" if further > _BEYOND else ""
+    errors = assumed_errors(model_error=bool(problem.model_error.any()))
+    rule = f"{errors}, what {len(named.places)} places differ by, and {told_doubts(named, len(springs))}{beyond}"
+    return Spread(told.values[own], told.covariance[np.ix_(own, own)], told.degrees_of_freedom[own], rule), doubts
+
+
+def assumed_errors(*, model_error: bool) -> str:
+    """Names the errors that a covariance holds."""
+    return "noise and assumed model error" if model_error else "noise"
+
+
+def told_doubts(named: Named, more: int = 0) -> str:
+    """Says how many doubts widen an interval, with some more than those that were named."""
+    source = "what the rigid fit leaves open among " if named.rigid else ""
+    return f"{source}{len(named.doubts) + more} doubts of the robot file"
 
 
 def _descended(listed: Listed, given: Suspicion, left: float, placed: Sequence[str] = ()) -> Joint | None:
@@ -312,6 +306,8 @@ def _how_much_further(named: Named, far: Settled) -> float:
     Where all is as the file says it may be, it is 1 as far as the doubts are many. Where something is off that nobody
     named, doubts stand for it that are right, and nothing is known so well.
     """
+    # What the data tell of an amount is 1 - posterior over prior variance; these sum to the effective number of amounts
+    # that were estimated, each of which should have a square of about its prior variance.
     known = named.common_std**2
     told = np.maximum(1 - np.diag(far.pooled.assumed)[named.point.size :] / known, 0.0).sum()
     return float(np.sqrt(max(1.0, (far.amounts**2 / known).sum() / told))) if told >= 1 else 1.0
@@ -343,24 +339,20 @@ def _extended(found: SettledSprings, suspicion: Suspicion) -> Named | None:
     return name_doubts(found.problem, points, Suspicion(found.robot, found.options, doubtful))
 
 
-def _estimates(named: Named, told: Told, springs: Sequence[str], confidence: float) -> NamedDoubts:
-    every, reach, size = named.doubts, told.reach(confidence), named.point.size
-    names = named.problem.parameters.names
-    placed = np.array([names.index(f"{spring}.stiffness") for spring in springs], int)
-    value, half = _compliance(told.values, reach, placed)
-    nothing = np.zeros(len(springs))
+def _estimates(named: Named, told: Spread, springs: Sequence[str], confidence: float) -> NamedDoubts:
+    """What is said of the doubts; of springs put in place their compliance over that of their gear, in percent."""
+    reach, size, names = told.reach(confidence), named.point.size, named.problem.parameters.names
+    found = named.estimated(told.values[size:], reach[size:])
+    placed, count = np.array([names.index(f"{spring}.stiffness") for spring in springs], int), len(springs)
+    value, half = told.values[placed], reach[placed]
+    # A logarithm of stiffness is one of compliance the other way around: its interval's ends are turned into percent.
+    lower, upper = (_PERCENT * np.exp(-value + side * half) for side in (-1, 1))
     return NamedDoubts(
-        names=(*(f"{spring}.compliance" for spring in springs), *(doubt.name for doubt in every)),
-        causes=(*("missing_spring" for _ in springs), *(doubt.cause for doubt in every)),
-        units=(*("% of its gear's compliance" for _ in springs), *(doubt.unit for doubt in every)),
-        prior_std=np.concatenate([nothing + np.inf, named.common_std]),
-        place_std=np.concatenate([nothing, named.place_std]),
-        value=np.concatenate([value, told.values[size:]]),
-        half_width=np.concatenate([half, reach[size:]]),
+        names=(*(f"{spring}.compliance" for spring in springs), *found.names),
+        causes=("missing_spring",) * count + found.causes,
+        units=("% of its gear's compliance",) * count + found.units,
+        prior_std=np.concatenate([np.full(count, np.inf), found.prior_std]),
+        place_std=np.concatenate([np.zeros(count), found.place_std]),
+        value=np.concatenate([_PERCENT * np.exp(-value), found.value]),
+        half_width=np.concatenate([0.5 * (upper - lower), found.half_width]),
     )
-
-
-def _compliance(values: FloatArray, reach: FloatArray, placed: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Compliance of springs put in place over what they were listed with, and half its interval, in percent."""
-    lower, upper = (_PERCENT * np.exp(-values[placed] + side * reach[placed]) for side in (-1, 1))
-    return _PERCENT * np.exp(-values[placed]), 0.5 * (upper - lower)

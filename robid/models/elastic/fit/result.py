@@ -10,13 +10,22 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.clusters.evidence import group_places
-from robid.models.elastic.fit.intervals import FEWEST_PLACES, LEARNT_SHARE, Spread, Spreads, find_spreads
+from robid.models.elastic.fit.intervals import FEWEST_PLACES, Spreads, find_spreads
 from robid.models.elastic.fit.model_error import ModelError, estimate_model_error
 from robid.models.elastic.fit.nuisance.named import Suspicion
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.parameters import ParameterMap
 from robid.models.elastic.fit.problem import Problem
-from robid.models.elastic.fit.solution import Costs, ElasticSolution, Internal, Resampled, Responses, Starts
+from robid.models.elastic.fit.solution import (
+    LEARNT_SHARE,
+    Costs,
+    ElasticSolution,
+    Internal,
+    Resampled,
+    Responses,
+    Spread,
+    Starts,
+)
 from robid.models.elastic.fit.uncertainty import (
     Influence,
     Map,
@@ -46,7 +55,7 @@ class _Found:
     identified: bool
 
 
-def untold(problem: Problem, estimate: Estimate) -> tuple[str, ...]:
+def undetermined_gears(problem: Problem, estimate: Estimate) -> tuple[str, ...]:
     """Says what of load-dependent damping and hysteresis stays open, a sentence each without its full stop.
 
     Args:
@@ -110,6 +119,10 @@ def _of_bristles(found: _Found, bristle: BristleTable, unit: str) -> Iterator[st
         yield f"{found.name} is hardly told from dampers: average more realizations, {_OR_FIX}"
 
 
+_NO_REST = (
+    "the springs that would fit best give way under gravity: these are on the way to them, as far as the robot rests;"
+    " look for wrong data or a wrong robot file before anything else"
+)
 _SAME_MINIMUM = 1e-3
 _NEEDLESS_FACTOR = 1e3
 _MANY_DROPPED = 0.2
@@ -140,34 +153,23 @@ def make_solution(
         parallel_map: Ordered map that runs the bootstrap.
         suspicion: What the robot file may have wrong; nothing when not given.
     """
-    parameters, internal = problem.parameters, best.parameters
+    internal = best.parameters
     modelled = problem.model_response(internal)
     excess = misfit(problem, modelled, best.cost)
     found = influence(problem, internal)
     error = estimate_model_error(problem, internal, found)
     spreads = find_spreads(problem, internal, found, excess, options.confidence, suspicion)
-    costs = np.array([end.cost for end in ends])
-    estimate = _estimate(
-        parameters, internal, spreads, predicted, options, _ending(problem, best, dropped, excess, error)
-    )
+    lost = _NO_REST if suspicion is not None and not suspicion.rested else ""
+    ending = best.status, "; ".join(filter(None, (lost, _advice(problem, best, dropped, excess, error))))
+    estimate = _estimate(problem.parameters, internal, spreads, predicted, options, ending)
+    undetermined = *estimate.undetermined, *undetermined_gears(problem, estimate)
+    own, expected = problem.configuration_cost(modelled, internal), expected_cost(problem, modelled)
     return ElasticSolution(
-        estimate=replace(estimate, undetermined=(*estimate.undetermined, *untold(problem, estimate))),
+        estimate=replace(estimate, undetermined=undetermined),
         internal=_internal(problem, internal, spreads.effective),
-        costs=Costs(
-            best.cost,
-            problem.configuration_cost(modelled, internal),
-            expected_cost(problem, modelled),
-            dropped,
-            _told(problem),
-        ),
+        costs=Costs(best.cost, own, expected, dropped, _excited(problem)),
         misfit=excess,
-        starts=Starts(
-            cost=costs,
-            iterations=np.array([end.iterations for end in ends]),
-            evaluations=np.array([end.evaluations for end in ends]),
-            status=tuple(end.status for end in ends),
-            minimum=distinct_minima(costs),
-        ),
+        starts=_starts(ends),
         responses=Responses(problem.frf.configurations, problem.frf.frequency_hz, problem.measured(internal), modelled),
         model_error=error,
         effective=spreads.between,
@@ -176,8 +178,11 @@ def make_solution(
     )
 
 
-def _ending(problem: Problem, best: Minimum, dropped: int, excess: float, error: ModelError | None) -> tuple[str, str]:
-    return best.status, _advice(problem, best, dropped, excess, error)
+def _starts(ends: list[Minimum]) -> Starts:
+    costs, iterations, evaluations = (
+        np.array([getattr(end, name) for end in ends]) for name in ("cost", "iterations", "evaluations")
+    )
+    return Starts(costs, iterations, evaluations, tuple(end.status for end in ends), distinct_minima(costs))
 
 
 def _estimate(
@@ -190,13 +195,13 @@ def _estimate(
 ) -> Estimate:
     """The parameters at the minimum, with status and advice of the fit."""
     spread, predicting = spreads.physical, spreads.effective
-    reach = spread.reach(options.confidence)
     ends, near = (each.ends(options.confidence, parameters.prior_std) for each in (spread, predicting))
     relative, slopes = _relative(parameters, internal), parameters.slopes(internal)
-    predicted_relative = predicted * _predicted_relative(parameters)
-    told = (np.array(parameters.kind_of) != "friction") & ~_is_amount(parameters)
-    structural = np.minimum(relative, 1.0) * told
-    limit = options.identifiable_relative_std
+    # Identifiable is what the prediction before the fit determines well enough, and better than what was known.
+    per_internal, limit = _predicted_relative(parameters), options.identifiable_relative_std
+    identifiable = (predicted * per_internal <= limit) & (predicted <= LEARNT_SHARE * parameters.prior_std)
+    # Friction scales and amounts are relative errors: combinations of them with others mean nothing.
+    structural = np.minimum(relative, 1.0) * (np.array(parameters.kind_of) != "friction") * ~_is_amount(parameters)
     return Estimate(
         names=parameters.names,
         kinds=parameters.kind_of,
@@ -210,10 +215,10 @@ def _estimate(
         confidence=options.confidence,
         interval_rule=spread.rule,
         relative_std=spread.std * relative,
-        predicted_relative_std=predicted_relative,
-        prior_relative_std=parameters.prior_std * _predicted_relative(parameters),
-        relative_half_width=reach * _judged_relative(parameters, internal),
-        identifiable=(predicted_relative <= limit) & (predicted <= LEARNT_SHARE * parameters.prior_std),
+        predicted_relative_std=predicted * per_internal,
+        prior_relative_std=parameters.prior_std * per_internal,
+        relative_half_width=spread.reach(options.confidence) * _judged_relative(parameters, internal),
+        identifiable=identifiable,
         identifiable_relative_std=limit,
         undetermined=undetermined_combinations(parameters.names, spreads.assumed, structural, limit),
         status=ending[0],
@@ -232,14 +237,11 @@ def _is_amount(parameters: ParameterMap) -> BoolArray:
 
 
 def _internal(problem: Problem, internal: FloatArray, spread: Spread) -> Internal:
-    values = _singular_values(problem, internal)
+    # Scaled to a unit diagonal, the information's singular values do not depend on units: their ratio is a condition.
+    information = problem.normal(internal).hessian
+    root = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values = np.asarray(np.linalg.svd(information / np.outer(root, root), compute_uv=False))
     return Internal(internal, spread.covariance, values, spread.degrees_of_freedom)
-
-
-def _singular_values(problem: Problem, internal: FloatArray) -> FloatArray:
-    scaled = problem.normal(internal).hessian
-    root = np.sqrt(np.maximum(np.diag(scaled), 1e-300))
-    return np.asarray(np.linalg.svd(scaled / np.outer(root, root), compute_uv=False))
 
 
 class _Realized(TypedDict, total=False):
@@ -282,6 +284,7 @@ def _predicted_relative(parameters: ParameterMap) -> FloatArray:
     """The same at the nominal values; of what may be zero there, related to what it could be beforehand."""
     start, nominal = np.zeros(len(parameters.names)), parameters.nominal_values()
     friction = np.array(parameters.kind_of) == "friction"
+    # A predicted deviation is compared with the file's value; what may be zero, with the size from which it matters.
     natural = 1.0 if parameters.natural is None else parameters.natural
     size = np.where(friction | (nominal == 0), natural, np.abs(nominal))
     kinds = np.array(parameters.kind_of)
@@ -303,6 +306,7 @@ def expected_cost(problem: Problem, modelled: ComplexArray) -> FloatArray:
     """Cost (n_conf,) that the measured response's covariance alone gives around the modelled response."""
     kind = problem.residual_kind
     variance = 0.5 * kind.parts * problem.frf.element_variance() / np.abs(kind.divisor(modelled)) ** 2
+    # Of the residual log(G_hat / G) the variance is that of G over |G|^2; of magnitudes alone, half of it.
     counted = np.multiply(problem.weight, variance, out=np.zeros_like(variance), where=problem.weight > 0)
     return np.asarray(counted.sum(axis=(1, 2, 3)))
 
@@ -327,7 +331,7 @@ def distinct_minima(costs: FloatArray) -> IntArray:
     return labels
 
 
-def _told(problem: Problem) -> int:
+def _excited(problem: Problem) -> int:
     """Number of elements that their lines tell of; a line that was not excited says nothing of its noise."""
     return int(np.isfinite(problem.frf.element_variance()).sum())
 
@@ -348,7 +352,7 @@ def _advice(problem: Problem, best: Minimum, dropped: int, excess: float, error:
     held = parameters.at_bound(best.parameters)
     if held:
         advice.append(f"parameters ended at a bound, where their intervals do not hold: {', '.join(held)}")
-    dropped_share = dropped / _told(problem)
+    dropped_share = dropped / _excited(problem)
     if dropped_share > _MANY_DROPPED:
         advice.append(f"{100 * dropped_share:.0f} % of the response lies below 10 dB: excite more, or average more")
     if excess > _POOR_MODEL:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
+from scipy.stats import norm, t
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
 from robid.clusters.pooling import ALONE
@@ -116,6 +117,60 @@ class NamedDoubts:
     place_std: Annotated[FloatArray, Quantity("as in units", "doubt", "Deviation of what each place adds")]
     value: Annotated[FloatArray, Quantity("as in units", "doubt", "Estimated amount, zero where the file is right")]
     half_width: Annotated[FloatArray, Quantity("as in units", "doubt", "Half width of its interval")]
+
+
+LONGEST_STEP = 0.5
+"""Of an internal parameter; beyond, nothing is linear, and what is known no better stays."""
+LEARNT_SHARE = 0.5
+"""Of what was known of a parameter beforehand, as much may stay unknown."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Internal parameters and how far they may be off.
+
+    Attributes:
+        values (n_param,): Middle of their intervals.
+        covariance (n_param, n_param): Their covariance, without any quantile.
+        degrees_of_freedom (n_param,): What the quantile of each interval follows, infinite for the normal one.
+        rule: What set the width, in words.
+        beside: The same from where data say as good as the same; intervals hold both.
+    """
+
+    values: FloatArray
+    covariance: FloatArray
+    degrees_of_freedom: FloatArray
+    rule: str = ""
+    beside: Spread | None = None
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard deviation (n_param,) of each."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def reach(self, confidence: float) -> FloatArray:
+        """Half width (n_param,) of the intervals of a level."""
+        return np.asarray(t.ppf(0.5 + 0.5 * confidence, self.degrees_of_freedom) * self.std)
+
+    def ends(self, confidence: float, prior_std: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper ends (n_param,) of the intervals of a level.
+
+        Where a parameter has run off to where data say no more of it than was known beforehand, around zero, its
+        interval holds what was known as well: there, nothing leads back.
+
+        Args:
+            confidence: The level.
+            prior_std (n_param,): Deviation known beforehand, infinite where nothing is known.
+        """
+        reach, known = self.reach(confidence), norm.ppf(0.5 + 0.5 * confidence) * prior_std
+        lower, upper = self.values - reach, self.values + reach
+        untold = self.std > np.maximum(LONGEST_STEP, LEARNT_SHARE * prior_std)
+        lower = np.where(untold, np.minimum(lower, -known), lower)
+        upper = np.where(untold, np.maximum(upper, known), upper)
+        if self.beside is None:
+            return lower, upper
+        least, most = self.beside.ends(confidence, prior_std)
+        return np.minimum(lower, least), np.maximum(upper, most)
 
 
 @dataclass(frozen=True)

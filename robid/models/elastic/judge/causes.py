@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,16 +12,25 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.models.elastic.fit.gear_motion import swings_known
 from robid.models.elastic.fit.nuisance.kinds import list_nuisances
+from robid.models.elastic.fit.nuisance.moves import FurtherSpring, further_springs
 from robid.models.elastic.fit.nuisance.off_robot import carry_over, extend_options, extend_problem
-from robid.models.elastic.fit.nuisance.springs import FurtherSpring, further_springs
 from robid.models.elastic.fit.nuisance.wording import free_with, remedy
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.judge.fitted import FittedModel
-from robid.models.elastic.judge.ratios import CHANCE, RatioTrial, Scores, candidates, gain, score, try_ratios
-from robid.models.elastic.judge.reversals import Reversal, SamplesTrial, try_samples, try_signs
+from robid.models.elastic.judge.ratios import (
+    CHANCE,
+    Explanation,
+    RatioTrial,
+    Scores,
+    candidates,
+    gain,
+    score,
+    try_ratios,
+)
+from robid.models.elastic.judge.reversals import try_samples, try_signs
 from robid.results.doubt import CAUSES, Doubt, two_digits
 from robid.results.estimate import Estimate
 from robid.results.levenberg import Minimum
@@ -32,53 +41,34 @@ _FIRST_STEPS, _STEPS, _KEPT = 4, 25, 5
 _ALONG = 0.9  # cosine above which two axes are one
 
 
-@dataclass(frozen=True)
-class SpringTrial:
-    """What one more spring does to a fit.
-
-    Attributes:
-        spring: The spring, with the stiffness that it ended at.
-        title: What it is, for a sentence.
-        share: Share of the residual's cost that it takes away.
-        moved (n_param,): How far it moves the internal parameters.
-    """
-
-    spring: Spring
-    title: str
-    share: float
-    moved: FloatArray
-
-
-def try_springs(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[SpringTrial]:
+def try_springs(fitted: FittedModel) -> list[Explanation]:
     """Tries every spring that a robot file may lack, the most telling first.
 
     Args:
-        robot: The robot file that the fit started from, with its campaign's payload.
         fitted: The fitted model in the configurations of the fit's own response.
-        options: Options of the fit.
     """
-    begun = []
+    robot, begun = fitted.robot, []
     for further in further_springs(robot):
         spring = further.spring
         try:
             more = replace(robot, springs=(*robot.springs, spring))
-            extended = extend_options(options, more, (spring,), holding=True)
+            extended = extend_options(fitted.options, more, (spring,), holding=True)
             problem = extend_problem(fitted.problem, fitted.internal, more, extended)
         except DataError:  # a spring under which the robot finds no rest explains nothing
             continue
-        starts = _starts(robot, problem, spring, fitted)
+        starts = _starts(problem, spring, fitted)
         first = min((_descend(problem, start, _FIRST_STEPS) for start in starts), key=lambda end: end.cost)
         begun.append((first, problem, further))
     begun.sort(key=lambda each: each[0].cost)
     ends = [(further, problem, _descend(problem, end.parameters, _STEPS)) for end, problem, further in begun[:_KEPT]]
-    return sorted((_trial(*end, fitted) for end in ends), key=lambda trial: -trial.share)
+    return sorted((_of_spring(*end, fitted) for end in ends), key=lambda trial: -trial.share)
 
 
 def _descend(problem: Problem, start: FloatArray, steps: int) -> Minimum:
     return optimise(problem, start, max_iterations=steps)
 
 
-def _starts(robot: Robot, problem: Problem, spring: Spring, fitted: FittedModel) -> Iterator[FloatArray]:
+def _starts(problem: Problem, spring: Spring, fitted: FittedModel) -> Iterator[FloatArray]:
     """Where a trial starts: stiff beside the fitted values, and as one of two springs that share a gear's compliance.
 
     A fitted gear that stands for two springs in series is stiffer by itself: from its fitted value the trial's spring
@@ -87,8 +77,10 @@ def _starts(robot: Robot, problem: Problem, spring: Spring, fitted: FittedModel)
     names = problem.parameters.names
     start = carry_over(problem, fitted.problem, fitted.internal)
     yield start
-    stiffness = dict(zip((each.name for each in robot.springs), fitted.parameters.stiffness.tolist(), strict=True))
-    for gear in _gears_in_series(robot, spring):
+    stiffness = dict(
+        zip((each.name for each in fitted.robot.springs), fitted.parameters.stiffness.tolist(), strict=True)
+    )
+    for gear in _gears_in_series(fitted.robot, spring):
         own = f"{gear}.stiffness"
         if own in names:
             shared = start.copy()
@@ -111,66 +103,24 @@ def _gears_in_series(robot: Robot, spring: Spring) -> Iterator[str]:
             yield each.name
 
 
-def _trial(further: FurtherSpring, problem: Problem, end: Minimum, fitted: FittedModel) -> SpringTrial:
+def _of_spring(further: FurtherSpring, problem: Problem, end: Minimum, fitted: FittedModel) -> Explanation:
+    """What a spring would explain that the robot file lacks, as stiff as it ended."""
     spring, after = further.spring, dict(zip(problem.parameters.names, end.parameters.tolist(), strict=True))
     stiffness = spring.stiffness * float(np.exp(after[f"{spring.name}.stiffness"]))
     before = zip(fitted.problem.parameters.names, fitted.internal.tolist(), strict=True)
-    return SpringTrial(
-        replace(spring, stiffness=stiffness),
-        further.title,
-        1 - end.cost / fitted.problem.cost(fitted.internal),
+    return Explanation(
+        "missing_spring",
+        (further.title,),
+        np.array([_MEGA * stiffness]),
+        ("MN/m" if fitted.robot.is_linear(spring) else "MN m/rad",),
+        1 - end.cost / fitted.cost,
         np.array([after[name] - value for name, value in before]),
+        free=(spring.name,),
     )
 
 
 _MOST_OF_IT = 0.9  # of what all doubts of a cause explain
-_MOST_NAMED = 3
 _MEGA = 1e-6
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """What freeing something that the robot file states would do to a fit.
-
-    Attributes:
-        cause: The cause, of `robid.results.doubt.CAUSES`.
-        names: What would be free, the one that explains most first.
-        amounts (n_name,): How much of each.
-        units: Units of the amounts.
-        share: Share of the residual's cost that it explains, beyond what as many random columns would.
-        moved (n_param,): How far the internal parameters would move.
-        stated: What the robot file says of each; zero where only amounts are.
-        free: Names that free it; none where no fit can estimate it.
-        fixed: Names that the options keep at the file's value, though their kind is estimated.
-        correct: What to correct in the robot file or where logs are described, where no fit can estimate it.
-    """
-
-    cause: str
-    names: tuple[str, ...]
-    amounts: FloatArray
-    units: tuple[str, ...]
-    share: float
-    moved: FloatArray
-    stated: tuple[float, ...] = ()
-    free: tuple[str, ...] = ()
-    fixed: tuple[str, ...] = ()
-    correct: tuple[str, ...] = ()
-
-    @property
-    def what(self) -> str:
-        """What would be free and how much of it, the first few."""
-        stated = self.stated or (0.0,) * len(self.names)
-        signed = "" if self.cause == "missing_spring" else "+"
-        named = zip(self.names, self.amounts.tolist(), self.units, stated, strict=True)
-        told = [_told(*each, signed) for each in named]
-        more = f" and {len(told) - _MOST_NAMED} more" if len(told) > _MOST_NAMED else ""
-        return ", ".join(told[:_MOST_NAMED]) + more
-
-
-def _told(name: str, amount: float, unit: str, stated: float, signed: str) -> str:
-    if stated:
-        return f"a {name} of {stated + float(two_digits(amount)):.6g} instead of {stated:.6g} {unit}".rstrip()
-    return f"{name} {two_digits(amount, signed)} {unit}" if unit else f"a {name}"
 
 
 def of_doubts(scores: Scores, group: list[int], options: ElasticOptions, *, swings_known: bool) -> Explanation | None:
@@ -207,14 +157,6 @@ def of_doubts(scores: Scores, group: list[int], options: ElasticOptions, *, swin
     )
 
 
-def of_spring(robot: Robot, trial: SpringTrial) -> Explanation:
-    """What a spring would explain that the robot file lacks."""
-    size = np.array([_MEGA * trial.spring.stiffness])
-    units = ("MN/m" if robot.is_linear(trial.spring) else "MN m/rad",)
-    free = (trial.spring.name,)
-    return Explanation("missing_spring", (trial.title,), size, units, trial.share, trial.moved, free=free)
-
-
 def of_ratio(robot: Robot, trial: RatioTrial) -> Explanation:
     """What another gear ratio would explain."""
     joint, slides = robot.joints[trial.joint], robot.prismatic[trial.joint]
@@ -232,34 +174,6 @@ def of_ratio(robot: Robot, trial: RatioTrial) -> Explanation:
     )
 
 
-def of_samples(trial: SamplesTrial) -> Explanation:
-    """What other samples of the speeds would explain."""
-    words = {"instants": "values at their instants", "difference": "differences from the sample before"}
-    what = words.get(trial.sampled, "differences across both neighbours")
-    told = f"reading of the speed of {', '.join(trial.names)} as {what}"
-    correct = (f"`sampled: {trial.sampled}` for the speeds where their log is described",)
-    return Explanation("samples", (told,), np.zeros(1), ("",), trial.share, trial.moved, correct=correct)
-
-
-def of_signs(robot: Robot, found: Reversal) -> Explanation:
-    """What other signs of torques and angles would explain."""
-    ratios = {joint.name: (joint.type, joint.motor.gear_ratio) for joint in robot.joints}
-    kinds = (("torque", found.torques), ("angle", found.angles))
-    named = [(f"reversed {kind} of {name}", _by_sign(kind, name)) for kind, names in kinds for name in names]
-    for name in found.joints:
-        slides, ratio = ratios[name][0] == "prismatic", ratios[name][1]
-        setting = f"{'gear_ratio_rad_m' if slides else 'gear_ratio'}: {-ratio:.6g}"
-        named.append((f"motor of {name} that turns against its joint", f"`{setting}` for {name} in the robot file"))
-    cause = "torque_sign" if found.torques else "angle_sign" if found.angles else "gear_ratio"
-    names, correct = zip(*named, strict=True)
-    nothing = np.zeros(len(names))
-    return Explanation(cause, names, nothing, ("",) * len(names), found.share, found.moved, correct=correct)
-
-
-def _by_sign(kind: str, name: str) -> str:
-    return f"`sign: -1` for the {kind} of {name} where its log is described"
-
-
 _TELLING = 0.1
 _RUINED = 0.2  # relative error of a spring
 _MOSTLY = 0.5  # of the misfit
@@ -268,26 +182,22 @@ _LEAST_RATIO_ERROR = 0.01
 _SIGNS = ("torque_sign", "angle_sign")
 
 
-def misfit_doubts(
-    robot: Robot, solution: ElasticSolution, fitted: FittedModel, options: ElasticOptions
-) -> tuple[Doubt, ...]:
+def misfit_doubts(solution: ElasticSolution, fitted: FittedModel) -> tuple[Doubt, ...]:
     """Names what would explain a fit's residual, the most telling first.
 
     Args:
-        robot: The robot file that the fit started from, with its campaign's payload.
         solution: What the fit found.
         fitted: The fitted model in the configurations of the fit's own response.
-        options: Options of the fit.
 
     Returns:
         Doubts whose strength is how many half widths of its interval some parameter would move. The first is decisive
         where it explains most of the residual and is a sign, or a spring that leaves another one far from its estimate.
     """
-    found = [each for each in explain(robot, fitted, options) if each.share > _TELLING]
-    return tuple(_doubt(solution.estimate, each, found if each is found[0] else (), options) for each in found)
+    found = [each for each in explain(fitted) if each.share > _TELLING]
+    return tuple(_doubt(solution.estimate, each, found if each is found[0] else (), fitted.options) for each in found)
 
 
-def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[Explanation]:
+def explain(fitted: FittedModel) -> list[Explanation]:
     """Ranks what a robot file may have wrong by how much of a fit's residual it explains.
 
     Each doubt is a column beside the parameters' own, which are at liberty to follow. Those of one cause are freed
@@ -296,19 +206,18 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[
     goes on for some steps.
 
     Args:
-        robot: The robot file that the fit started from, with its campaign's payload.
         fitted: The fitted model in the configurations of the fit's own response.
-        options: Options of the fit.
 
     Source:
         Rao's score test; docs/methods, sec. 11.
     """
-    signs = try_signs(robot, fitted, options)
-    reversed_ = [] if signs is None else [of_signs(robot, signs)]
+    robot, options = fitted.robot, fitted.options
+    signs = try_signs(fitted)
+    reversed_ = [] if signs is None else [signs]
     if signs is not None and signs.share > _MOSTLY:
         return reversed_  # a fit to reversed data says nothing of anything else
     doubts = [each for each in list_nuisances(robot, options) if each.cause != "missing_spring" and each.common_std > 0]
-    scores = score(robot, fitted, options, (*doubts, *candidates(robot, fitted.problem.frf)))
+    scores = score(fitted, (*doubts, *candidates(robot, fitted.problem.frf)))
     groups: dict[str, list[int]] = defaultdict(list)
     for index, doubt in enumerate(scores.doubts):
         groups[doubt.cause].append(index)
@@ -316,21 +225,20 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[
     known = swings_known(fitted.problem.frf)
     each_cause = (of_doubts(scores, group, options, swings_known=known) for group in groups.values())
     found = [each for each in each_cause if each is not None]
-    found += [of_spring(robot, trial) for trial in try_springs(robot, fitted, options)[:1]]
-    found += _wrong_ratio(robot, fitted, options, scores, ratios)
+    found += try_springs(fitted)[:1]
+    found += _wrong_ratio(fitted, scores, ratios)
     samples = try_samples(fitted)
-    found += [] if samples is None else [of_samples(samples)]
+    found += [] if samples is None else [samples]
     return sorted([*found, *reversed_], key=lambda each: -each.share)
 
 
-def _wrong_ratio(
-    robot: Robot, fitted: FittedModel, options: ElasticOptions, scores: Scores, listed: Sequence[int]
-) -> list[Explanation]:
+def _wrong_ratio(fitted: FittedModel, scores: Scores, listed: Sequence[int]) -> list[Explanation]:
     """The gear ratio that explains most, if it is off by more than ratios are rounded."""
+    robot = fitted.robot
     names = [f"{joint.name}.gear_ratio" for joint in robot.joints]
     likely = sorted(listed, key=lambda index: -gain(scores, (index,))[0])
     joints = [names.index(scores.doubts[index].name) for index in likely]
-    trials = try_ratios(robot, fitted, options, joints)
+    trials = try_ratios(fitted, joints)
     stated = robot.gear_ratio
     return [
         of_ratio(robot, trial)

@@ -26,18 +26,16 @@ _PAYLOAD_MASS = "payload.mass"
 
 
 @dataclass(frozen=True)
-class FittedModel:
-    """A fitted model in the configurations of a frequency response.
+class ModelAt:
+    """A model in the configurations of a frequency response.
 
     Attributes:
         problem: The least-squares problem of this response, weighted as the fit's own.
-        internal (n_param,): The fitted internal parameters, in the problem's order.
-        dropped: Elements that the logarithm drops.
+        internal (n_param,): Internal parameters, in the problem's order.
     """
 
     problem: Problem
     internal: FloatArray
-    dropped: int
 
     @property
     def parameters(self) -> ElasticParameters:
@@ -51,8 +49,28 @@ class FittedModel:
 
     @property
     def measured(self) -> ComplexArray:
-        """Measured response (n_conf, n_freq, n_out, n_in), compensated with the fitted friction scales."""
+        """Measured response (n_conf, n_freq, n_out, n_in), compensated with the estimated friction scales."""
         return self.problem.measured(self.internal)
+
+    @property
+    def cost(self) -> float:
+        """Cost, with what is known beforehand."""
+        return self.problem.cost(self.internal)
+
+
+@dataclass(frozen=True)
+class FittedModel(ModelAt):
+    """A fitted model in the configurations of a frequency response.
+
+    Attributes:
+        dropped: Elements that the logarithm drops.
+        robot: The robot file that the fit started from, with the payload of the response's campaign.
+        options: Options of the fit.
+    """
+
+    dropped: int
+    robot: Robot
+    options: ElasticOptions
 
 
 def fitted_model(
@@ -81,18 +99,12 @@ def fitted_model(
     parameters = _parameters(robot, model, frf, options, delay_s)
     internal = _internal(robot, solution, parameters)
     problem, dropped = make_problem(frf, model, parameters, options, internal, _level(solution, frf))
-    return FittedModel(problem, internal, dropped)
+    return FittedModel(problem, internal, dropped, robot, options)
 
 
 def _parameters(robot: Robot, model: LinearModel, frf: Frf, options: ElasticOptions, delay_s: float) -> ParameterMap:
-    return map_parameters(
-        robot,
-        nominal_parameters(robot, model, delay_s),
-        options,
-        frf.coefficient_names,
-        frf.coefficient_relative_std,
-        frf.coefficient_offset,
-    )
+    known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
+    return map_parameters(robot, nominal_parameters(robot, model, delay_s), options, *known)
 
 
 def _level(solution: ElasticSolution, frf: Frf) -> FloatArray | None:

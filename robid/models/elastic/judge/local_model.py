@@ -39,7 +39,8 @@ class LocalMode:
 
 
 Estimator: TypeAlias = Callable[[FloatArray, ComplexArray, FloatArray, int, Kind], LocalMode | None]
-"""What finds the mode around a line: of frequencies, a response, its variance, the line's index, and the kind."""
+"""What finds the mode around a line: of frequencies (n_freq,) [Hz], a response (n_freq,) in continuous time, hold and
+delay removed, its variance (n_freq,), the line's index, not at an edge, and whether a pole or a zero is wanted."""
 
 
 def interpolated_mode(
@@ -49,12 +50,7 @@ def interpolated_mode(
 
     Makes no use of the form of a mechanical response, so that it also holds where friction distorts it.
 
-    Args:
-        frequency_hz (n_freq,): Frequencies [Hz].
-        response (n_freq,): Response in continuous time, hold and delay removed.
-        variance (n_freq,): Its variance.
-        extremum: Index of the line with the extremum, not at an edge.
-        kind: Whether the pole or the zero is wanted.
+    Arguments as of `Estimator`.
 
     Returns:
         The pole or zero, or None when it does not lie between the extremum's neighbours, or grows in time.
@@ -145,12 +141,7 @@ def parabola_mode(
 
     Where several modes share the lines next to the extremum, this is all that they show.
 
-    Args:
-        frequency_hz (n_freq,): Frequencies [Hz].
-        response (n_freq,): Response in continuous time, hold and delay removed.
-        variance (n_freq,): Its variance.
-        extremum: Index of the line with the extremum, not at an edge.
-        kind: Whether a peak or a dip is wanted.
+    Arguments as of `Estimator`.
 
     Returns:
         The extremum, without damping, or None when no extremum of this kind lies between the neighbours.
@@ -219,12 +210,12 @@ def leaving_out(
     """Finds an extremum again with each realization left out.
 
     Args:
-        estimate: The local model that found it.
+        estimate: The local model that found it, whose arguments the others are.
         frequency_hz (n_freq,): Frequencies [Hz].
-        response (n_freq,): Response in continuous time.
+        response (n_freq,): Response.
         variance (n_freq,): Its variance, which weighs the lines.
-        errors (n_real, n_freq): What each realization adds to it.
-        extremum: Index of the line with the extremum, not at an edge.
+        errors (n_real, n_freq): What each realization adds to the response.
+        extremum: Index of the line with the extremum.
         kind: Whether a peak or a dip is wanted.
 
     Returns:
@@ -295,13 +286,7 @@ def rational_mode(
     lines serve only where their noise is above the error that is allowed of the form: there a flat peak has its
     highest line anywhere, and its root lies somewhere in the window.
 
-    Args:
-        frequency_hz (n_freq,): Frequencies [Hz].
-        response (n_freq,): Response in continuous time, hold and delay removed.
-        variance (n_freq,): Its variance.
-        extremum: Index of the line with the extremum.
-        kind: Whether the pole or the zero is wanted.
-        half_width_lines: Lines on either side.
+    Arguments as of `Estimator`, and the number of lines on either side.
 
     Returns:
         The pole or zero, or None when the data are not of this form (misfit above 10 % and five deviations; of

@@ -117,29 +117,31 @@ def tabulate_resonances(
     for configuration in range(frf.response.shape[0]):
         free = _own_modes(fitted, covariance, poles(*fitted.linear, configuration), configuration, own_factor)
         for motor, name in enumerate(frf.input_names):
-            if name not in frf.output_names:
-                continue
-            locked = zeros(*fitted.linear, configuration, motor)
-            own = {
-                "resonance": free,
-                "antiresonance": _own_modes(fitted, covariance, locked, configuration, own_factor),
-            }
-            element = elements.at(configuration, frf.output_names.index(name), motor)
-            found = [
-                _Row(
-                    configuration,
-                    name,
-                    kind,
-                    pair,
-                    float(element.freedom[pair.line]),
-                    _realizations(element, pair, kind),
-                    _nearest(own[kind], pair),
-                )
-                for kind in KINDS
-                for pair in pair_extrema(element, kind)
-            ]
-            rows += sorted(found, key=lambda row: row.pair.measured_hz)
+            if name in frf.output_names:
+                # With its motor locked, a motor's own response has its zeros where the rest of the robot has poles.
+                locked = zeros(*fitted.linear, configuration, motor)
+                fixed = _own_modes(fitted, covariance, locked, configuration, own_factor)
+                element = elements.at(configuration, frf.output_names.index(name), motor)
+                rows += _rows(element, configuration, name, {"resonance": free, "antiresonance": fixed})
     return _table(rows, _half_widths(rows, frf, options.confidence))
+
+
+def _rows(element: Element, configuration: int, name: str, own: dict[Kind, list[_Mode]]) -> list[_Row]:
+    """Pairs of one element by frequency, each with the model's own mode next to it."""
+    pairs = ((kind, pair) for kind in KINDS for pair in pair_extrema(element, kind))
+    found = [
+        _Row(
+            configuration,
+            name,
+            kind,
+            pair,
+            float(element.freedom[pair.line]),
+            _realizations(element, pair, kind),
+            _nearest(own[kind], pair),
+        )
+        for kind, pair in pairs
+    ]
+    return sorted(found, key=lambda row: row.pair.measured_hz)
 
 
 def _realizations(element: Element, pair: ExtremumPair, kind: Kind) -> tuple[tuple[float, float], float] | None:

@@ -27,22 +27,8 @@ from robid.models.family import Shown
 from robid.models.parameters import parameter_rows
 from robid.report.costs import CostRow, StartRow
 from robid.report.parameters import Estimates, ParameterRow
+from robid.results.grade import Grade
 from robid.settings.experiment import payload_kg
-
-
-@dataclass(frozen=True)
-class GradeRow:
-    """How far to trust a fit.
-
-    Attributes:
-        value: 2 to trust, 1 predicts but single parameters may be off, 0 not to be used.
-        sentence: The grade and why it is no better.
-        doubts: Everything that speaks against the fit with its likely cause, a clause each.
-    """
-
-    value: int
-    sentence: str
-    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -176,7 +162,7 @@ class FitContent:
     status: str = ""
     advice: str = ""
     element_errors: ElementErrors | None = None
-    grade: GradeRow | None = None
+    grade: Grade | None = None
     file_doubts: tuple[DoubtRow, ...] = ()
     validation_campaign: str = ""
     validation_frf: Frf | None = None
@@ -282,15 +268,7 @@ def fit_content(shown: Shown) -> FitContent:
         campaign=" + ".join(settings.campaigns),
         frf=replace(frf, response=solution.responses.measured),
         model_response=solution.responses.modelled,
-        estimates=Estimates(
-            rows=_parameters(solution, frf.input_unit, shown.true, robot.assumed),
-            level=estimate.confidence,
-            torque_unit=frf.input_unit,
-            misfit=solution.misfit,
-            undetermined=estimate.undetermined,
-            identifiable_relative_std=settings.identifiable_relative_std,
-            interval_rule=estimate.interval_rule,
-        ),
+        estimates=_estimates(solution, frf.input_unit, shown.true, robot.assumed),
         resonances=resonance_rows(shown, estimate.confidence),
         estimation_costs=_costs(" + ".join(settings.campaigns), shown.data.configurations, *costs),
         starts=_starts(solution.starts),
@@ -298,7 +276,7 @@ def fit_content(shown: Shown) -> FitContent:
         advice=estimate.advice,
         element_errors=None if solution.model_error is None else _element_errors(solution.model_error),
         file_doubts=() if solution.doubts is None else file_doubts(solution.doubts, limits, estimate.confidence),
-        grade=GradeRow(grade.value, grade.sentence, tuple(doubt.sentence for doubt in grade.doubts)),
+        grade=grade,
     )
     if validation is None or settings.validate_on is None or shown.new is None:
         return content
@@ -347,6 +325,21 @@ def _starts(starts: Starts) -> tuple[StartRow, ...]:
         strict=True,
     )
     return tuple(StartRow(index, *end) for index, end in enumerate(ends))
+
+
+def _estimates(
+    solution: ElasticSolution, torque_unit: str, truth: Mapping[str, float], assumed: tuple[str, ...]
+) -> Estimates:
+    found = solution.estimate
+    return Estimates(
+        rows=_parameters(solution, torque_unit, truth, assumed),
+        level=found.confidence,
+        torque_unit=torque_unit,
+        misfit=solution.misfit,
+        undetermined=found.undetermined,
+        identifiable_relative_std=found.identifiable_relative_std,
+        interval_rule=found.interval_rule,
+    )
 
 
 def _parameters(

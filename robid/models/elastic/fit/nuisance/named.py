@@ -17,6 +17,7 @@ from robid.models.elastic.fit.nuisance.off_robot import are_put_in, may_differ, 
 from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import Problem
+from robid.models.elastic.fit.solution import NamedDoubts
 from robid.robot.description import Robot
 from robid.robot.linearize import Shifts
 
@@ -79,6 +80,11 @@ class Named(Listed):
         for place, own in zip(self.places, without, strict=True):
             error[place] += self.columns[place] @ own
         return error
+
+    def estimated(self, value: FloatArray, half_width: FloatArray) -> NamedDoubts:
+        """Returns what a fit says of the amounts (n_doubt,) that it estimated along."""
+        names, causes, units = zip(*((each.name, each.cause, each.unit) for each in self.doubts), strict=True)
+        return NamedDoubts(names, causes, units, self.common_std, self.place_std, value, half_width)
 
     @property
     def least_shift(self) -> FloatArray:

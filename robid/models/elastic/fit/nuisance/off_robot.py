@@ -9,6 +9,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.models.elastic.fit.nuisance.kinds import Compliance, GearShare, MotorFriction, Nuisance, RobotMove, ValueOff
+from robid.models.elastic.fit.nuisance.moves import PERCENT, stiffened
 from robid.models.elastic.fit.nuisance.response import (
     Scene,
     clinging_stiffness,
@@ -17,7 +18,6 @@ from robid.models.elastic.fit.nuisance.response import (
     value_of_one,
     with_estimated_links,
 )
-from robid.models.elastic.fit.nuisance.springs import PERCENT, stiffened
 from robid.models.elastic.fit.options import BY_SPRING, ElasticOptions
 from robid.models.elastic.fit.parameters import map_parameters
 from robid.models.elastic.fit.problem import Problem
@@ -178,6 +178,8 @@ def put_in(
     """
     frf, delay_s = problem.frf, float(problem.parameters.nominal.delay[0])
     statics, further = options.statics, []
+    # What changes masses and geometry is put into the description, and a spring that the file lacks joins its
+    # springs; values, gears and friction follow below, where the model is linear.
     for doubt, amount in zip(doubts, amounts.tolist(), strict=True):
         if isinstance(doubt.effect, RobotMove) and amount:
             robot = doubt.effect.moved(robot, amount)
@@ -198,6 +200,7 @@ def put_in(
         lower=own.lower,
         upper=own.upper,
     )
+    # Scales and bounds are those of the problem without doubts, so that its internal values mean the same.
     resting = replace(problem, model=model, parameters=parameters)
     off = amounts + (np.zeros((len(frf.configurations), 1)) if added is None else added)
     scene = Scene(resting, point, robot, options)

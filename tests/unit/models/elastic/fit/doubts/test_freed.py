@@ -15,7 +15,7 @@ from robid.models.elastic.fit.nuisance.kinds import (
     list_nuisances,
     moved_robot,
 )
-from robid.models.elastic.fit.nuisance.springs import further_springs, with_freed_springs
+from robid.models.elastic.fit.nuisance.moves import further_springs, with_freed_springs
 from robid.models.elastic.fit.nuisance.wording import free_with
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import fitted_robot

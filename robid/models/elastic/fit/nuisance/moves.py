@@ -1,4 +1,7 @@
-"""Springs that a robot file may lack: those that every fit allows for, and those that a fit can free or try."""
+"""Robots whose files say something else, off by an amount, and the springs that a file may lack.
+
+Every fit allows for missing bearings and base springs; a fit can free, and a search for causes try, further ones.
+"""
 
 from __future__ import annotations
 
