@@ -1,4 +1,4 @@
-"""The parameters of all places together, and how far they may be off by what differs between places."""
+"""How much parameters differ between places, those of all places together, and how far they may be off."""
 
 from __future__ import annotations
 

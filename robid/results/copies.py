@@ -1,4 +1,4 @@
-"""Whether new data hold samples that the fit has seen: the same recording, scaled, cut or begun elsewhere."""
+"""Whether new data hold samples that the fit has seen: the same recording, scaled, cut, stored or begun otherwise."""
 
 from __future__ import annotations
 
@@ -246,7 +246,7 @@ def find_copy(old: Record, excerpt: Excerpt, read: Callable[[], Record]) -> Copy
     if not _SHORTEST <= count <= before.samples.shape[2]:
         return None
     after: Stored | None = None
-    for window, source, at in _suspicions(before, excerpt):
+    for window, source, at in _candidates(before, excerpt):
         after = after or Stored(read())
         found = _confirmed(before, after, window, source, at, count)
         if found is not None:
@@ -276,7 +276,7 @@ class _Search:
         return [int(at) for at in np.argpartition(like, len(like) - most)[-most:]]
 
 
-def _suspicions(before: Stored, excerpt: Excerpt) -> Iterator[tuple[_Window, tuple[int, int], int]]:
+def _candidates(before: Stored, excerpt: Excerpt) -> Iterator[tuple[_Window, tuple[int, int], int]]:
     """Windows that come back in the old record, where, and from which sample on."""
     channel, length = excerpt.channel, min((len(one.samples) for one in excerpt.windows), default=0)
     if not 0 < length <= before.samples.shape[2]:

@@ -1,4 +1,4 @@
-"""What an export holds: tables of parameters, arrays, state spaces, MJCF."""
+"""What an export holds (tables of parameters, arrays, state spaces, MJCF), and how it is written in each format."""
 
 from __future__ import annotations
 
@@ -87,8 +87,7 @@ class FittedExport:
         if not gears:
             return {}
         fit = elastic_fit(self.loaded.experiment, self.name)
-        nominal_s = delay_s(self.loaded, self.loaded.experiment.campaigns[fit.campaign])
-        fitted = fitted_model(self.nominal, self.solution, self.frf, fit.options(), nominal_s)
+        fitted = fitted_model(self.nominal, self.solution, self.frf, fit.options(), self.stated_delay_s)
         effects = fitted.problem.model.effects
         if effects is None:
             return {}
@@ -103,12 +102,15 @@ class FittedExport:
         return {n.removesuffix(f".{kind}"): value for n, k, value in rows if k == DOUBT and n.endswith(f".{kind}")}
 
     @property
+    def stated_delay_s(self) -> float:
+        """Returns the delay that the fit started from [s]."""
+        fit = self.loaded.experiment.fits[self.name]
+        return delay_s(self.loaded, self.loaded.experiment.campaigns[fit.campaign])
+
+    @property
     def delay_s(self) -> float:
         """Returns the delay from commanded to applied torque [s]."""
-        fit = self.loaded.experiment.fits[self.name]
-        return fitted_delay_s(
-            self.solution.estimate, delay_s(self.loaded, self.loaded.experiment.campaigns[fit.campaign])
-        )
+        return fitted_delay_s(self.solution.estimate, self.stated_delay_s)
 
     @property
     def units(self) -> list[str]:

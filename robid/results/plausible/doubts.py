@@ -1,4 +1,4 @@
-"""Plausibility: what of data cannot be, each with its likely cause."""
+"""Plausibility: what of data cannot be, each with its likely cause, signs at low lines among it."""
 
 from __future__ import annotations
 

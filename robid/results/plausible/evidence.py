@@ -1,4 +1,4 @@
-"""What the checks of plausibility look at: signs, means and noise of the motors alone, small enough to be sent."""
+"""What the checks of plausibility look at: signs, means and noise of the motors alone, and what carries the weight."""
 
 from __future__ import annotations
 
@@ -174,41 +174,19 @@ def _rms(amplitude: ComplexArray) -> FloatArray:
     return np.asarray(np.sqrt(power / np.maximum(np.isfinite(amplitude).all(axis=1).sum(axis=-1), 1)))
 
 
+_OF_CONFIGURATIONS = ("configurations", "response", "clear", "driving", "spread", "uncompensated", "spread_clear")
+_IF_KNOWN = ("signal_to_noise", "mean_angle", "mean_torque", "motion_rms", "torque_rms")
+
+
 def join_evidence(parts: Sequence[Evidence]) -> Evidence:
     """Joins the evidence of single configurations of one campaign."""
-    first = parts[0]
-
-    def joined(name: str) -> FloatArray | None:
+    first, joined = parts[0], dict[str, Any]()
+    for name in (*_OF_CONFIGURATIONS, *_IF_KNOWN):
         values = [getattr(part, name) for part in parts]
-        return None if any(value is None for value in values) else np.concatenate(values)
-
-    return Evidence(
-        names=first.names,
-        configurations=np.concatenate([part.configurations for part in parts]),
-        frequency_hz=first.frequency_hz,
-        response=np.concatenate([part.response for part in parts]),
-        clear=np.concatenate([part.clear for part in parts]),
-        signal_to_noise=joined("signal_to_noise"),
-        mean_angle=joined("mean_angle"),
-        mean_torque=joined("mean_torque"),
-        motion_rms=joined("motion_rms"),
-        torque_unit=first.torque_unit,
-        lines_hz=first.lines_hz,
-        driving=np.concatenate([part.driving for part in parts]),
-        sampling_period_s=first.sampling_period_s,
-        hold_period_s=first.hold_period_s,
-        saturated={
-            signal: np.concatenate([part.saturated[signal] for part in parts])
-            for signal in first.saturated
-            if all(signal in part.saturated for part in parts)
-        },
-        moved=first.moved,
-        spread_hz=first.spread_hz,
-        spread=np.concatenate([part.spread for part in parts]),
-        uncompensated=np.concatenate([part.uncompensated for part in parts]),
-        spread_clear=np.concatenate([part.spread_clear for part in parts]),
-        torque_rms=joined("torque_rms"),
-    )
+        joined[name] = None if any(value is None for value in values) else np.concatenate(values)
+    shared = [signal for signal in first.saturated if all(signal in part.saturated for part in parts)]
+    saturated = {signal: np.concatenate([part.saturated[signal] for part in parts]) for signal in shared}
+    return replace(first, **joined, saturated=saturated)
 
 
 def _signal_to_noise(frf: Frf) -> FloatArray | None:

@@ -1,4 +1,4 @@
-"""Wrong scales that a campaign may have, and which of them its data name."""
+"""Wrong scales that data may have, which of them the data name, and channels that measure the same motion."""
 
 from __future__ import annotations
 
@@ -27,46 +27,18 @@ _EXACT = 0.05
 _RECOUNTED = (2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 10.0, 10000 / 4096)
 """Counts of a turn over those that were stated: quadrature, other encoders."""
 
+
+def _both(rare: float, *factors: str) -> tuple[tuple[str, int, float], ...]:
+    return tuple((factor, sign, rare) for factor in factors for sign in (1, -1))
+
+
 _FACTORS: dict[str, tuple[tuple[str, int, float], ...]] = {
-    "torque": (("1000", 1, 0.0), ("1000", -1, 0.0), ("9.81", -1, 1.0), ("9.81", 1, 1.0), ("1e6", 1, _VERY_RARE)),
-    "angle": (
-        ("180/pi", 1, 0.0),
-        ("180/pi", -1, 0.0),
-        ("1000", 1, 0.0),
-        ("1000", -1, 0.0),
-        ("2pi", -1, 1.0),
-        ("2pi", 1, 1.0),
-        ("1e6", 1, _VERY_RARE),
-        ("1e6", -1, _VERY_RARE),
-    ),
-    "position": (("1000", 1, 0.0), ("1000", -1, 0.0), ("1e6", 1, _RARE), ("1e6", -1, _RARE)),
-    "speed": (
-        ("60/2pi", 1, 0.0),
-        ("60/2pi", -1, 0.0),
-        ("180/pi", 1, 0.0),
-        ("180/pi", -1, 0.0),
-        ("1000", 1, 1.0),
-        ("1000", -1, 1.0),
-        ("6", 1, _RARE),
-        ("6", -1, _RARE),
-        ("2pi", -1, _RARE),
-    ),
-    "acceleration": (
-        ("180/pi", 1, 0.0),
-        ("180/pi", -1, 0.0),
-        ("9.81", -1, 0.0),
-        ("9.81", 1, 0.0),
-        ("1000", 1, 0.0),
-        ("1000", -1, 0.0),
-    ),
-    "time": (
-        ("1000", 1, 0.0),
-        ("1000", -1, 0.0),
-        ("1e6", 1, 1.0),
-        ("1e6", -1, 1.0),
-        ("60", 1, _RARE),
-        ("60", -1, _RARE),
-    ),
+    "torque": (*_both(0.0, "1000"), ("9.81", -1, 1.0), ("9.81", 1, 1.0), ("1e6", 1, _VERY_RARE)),
+    "angle": (*_both(0.0, "180/pi", "1000"), ("2pi", -1, 1.0), ("2pi", 1, 1.0), *_both(_VERY_RARE, "1e6")),
+    "position": (*_both(0.0, "1000"), *_both(_RARE, "1e6")),
+    "speed": (*_both(0.0, "60/2pi", "180/pi"), *_both(1.0, "1000"), *_both(_RARE, "6"), ("2pi", -1, _RARE)),
+    "acceleration": (*_both(0.0, "180/pi"), ("9.81", -1, 0.0), ("9.81", 1, 0.0), *_both(0.0, "1000")),
+    "time": (*_both(0.0, "1000"), *_both(1.0, "1e6"), *_both(_RARE, "60")),
 }
 """Factors by quantity: which, whether values come out too large (1) or too small (-1), and how rare the mistake is."""
 

@@ -1,4 +1,4 @@
-"""What may change the torque with which a robot carries its weight, and how it is told."""
+"""What may change the torque with which a robot carries its weight, counterbalances among it, and how it is told."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The elastic family: springs, dampers, inertias and delay from frequency responses."""
+"""The elastic fit: what it refuses, its starts, descents and updates, up to its solution."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from robid.frf.frf import Frf
 from robid.frf.passivity import driving_points, undeclared_delay
 from robid.models.elastic.fit.model_error import element_level
 from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot
-from robid.models.elastic.fit.nuisance.named import Suspicion
+from robid.models.elastic.fit.nuisance.named import Basis
 from robid.models.elastic.fit.optimizers import Strategy, make_strategy, optimise, other_side
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.parameters import ParameterMap, map_parameters
-from robid.models.elastic.fit.problem import Problem, make_problem
+from robid.models.elastic.fit.problem import Problem, make_problem, without_coefficients
 from robid.models.elastic.fit.rest_model import rest_model
 from robid.models.elastic.fit.result import make_solution
 from robid.models.elastic.fit.solution import ElasticSolution
@@ -176,7 +176,7 @@ def fit_elastic(
     best = min(ends, key=lambda end: end.cost)
     begun = _Reached(problem, dropped, best, options, partial(set_up, robot, frf, options, delay_s))
     reached = _on_better_sides(_update(begun, np.zeros(predicted.size)))
-    given = Suspicion(robot, options, doubtful, reached.rests)
+    given = Basis(robot, options, doubtful, reached.rests)
     endings = reached.best, ends, predicted, reached.dropped
     return make_solution(reached.problem, options, *endings, parallel_map, given)
 
@@ -311,11 +311,7 @@ def _with_delay(parameters: ParameterMap, starts: list[FloatArray], delay_s: flo
 
 
 def set_up(
-    robot: Robot,
-    frf: Frf,
-    options: ElasticOptions,
-    delay_s: float,
-    before: tuple[Problem, Minimum] | None = None,
+    robot: Robot, frf: Frf, options: ElasticOptions, delay_s: float, before: tuple[Problem, Minimum] | None = None
 ) -> tuple[Problem, int]:
     """Sets up the problem and counts the elements that it drops.
 
@@ -333,17 +329,6 @@ def set_up(
     internal = before[1].parameters
     level = element_level(before[0], internal) if options.weights.kind == "estimated" else None
     return make_problem(frf, model, parameters, options, internal, level)
-
-
-def without_coefficients(frf: Frf) -> Frf:
-    """Returns a response whose compensated torques are taken for granted."""
-    return replace(
-        frf,
-        sensitivity=frf.sensitivity[:, :0],
-        coefficient_names=(),
-        coefficient_relative_std=np.zeros(0),
-        coefficient_offset=None,
-    )
 
 
 def draw_starts(parameters: ParameterMap, options: ElasticOptions) -> list[FloatArray]:

@@ -9,14 +9,13 @@ from scipy.stats import norm
 
 from robid.arrays import FloatArray
 from robid.clusters.evidence import group_places
-from robid.clusters.pooling import Pooled
-from robid.models.elastic.fit.nuisance.named import Named, Suspicion, name_doubts
+from robid.models.elastic.fit.nuisance.named import Basis, name_doubts
 from robid.models.elastic.fit.physical import (
     Settled,
     assumed_errors,
     find_physical,
-    lean,
     settle,
+    shrink,
     told_doubts,
     weigh_few,
 )
@@ -53,7 +52,7 @@ def find_spreads(
     found: Influence,
     excess: float,
     confidence: float,
-    suspicion: Suspicion | None = None,
+    basis: Basis | None = None,
 ) -> Spreads:
     """Finds how far a fit's parameters may be off.
 
@@ -63,21 +62,20 @@ def find_spreads(
         found: The estimator linearised there.
         excess: Cost over what noise and the assumed model error give; above 1 it widens the covariance of few places.
         confidence: Level of the intervals.
-        suspicion: What the robot file may have wrong; nothing when not given.
+        basis: What the fit started from, for what the robot file may have wrong; nothing of that when not given.
     """
     places = len(group_places(problem.frf.configurations))
     rule = assumed_errors(model_error=bool(problem.model_error.any()))
     if places < FEWEST_PLACES:
-        return _of_few_places(problem, internal, found, (excess, rule), confidence, suspicion)
+        return _of_few_places(problem, internal, found, (excess, rule), confidence, basis)
     differing = f"what {places} places differ by"
     near = settle(problem, internal, found)
     differ = f"{rule}, and {differing}"
-    leaning = _spread(lean(problem, internal, found, near), differ, confidence)
-    effective = replace(_spread(near, differ, confidence), beside=leaning)
-    between = between_places(near.pooled)
-    found_physical = (
-        None if suspicion is None else find_physical(problem, (near.values, internal), suspicion, confidence)
-    )
+    shrunk = _spread(shrink(problem, internal, found, near), differ, confidence)
+    effective = replace(_spread(near, differ, confidence), beside=shrunk)
+    pooled = near.pooled
+    between = Between(np.sqrt(pooled.between), pooled.degrees_of_freedom, pooled.dependence)
+    found_physical = None if basis is None else find_physical(problem, (near.values, internal), basis, confidence)
     if found_physical is None:
         return Spreads(effective, effective, near.pooled.assumed, between)
     return Spreads(effective, found_physical[0], near.pooled.assumed, between, found_physical[1])
@@ -89,7 +87,7 @@ def _of_few_places(
     found: Influence,
     widened: tuple[float, str],
     confidence: float,
-    suspicion: Suspicion | None,
+    basis: Basis | None,
 ) -> Spreads:
     """What noise and assumed errors give, widened by the misfit: too few places to see what they differ by."""
     excess, rule = widened
@@ -97,28 +95,18 @@ def _of_few_places(
     covariance *= max(1.0, excess)
     told = rule if excess <= 1 else f"{rule}, widened by the misfit"
     spread = Spread(internal, covariance, np.full(internal.size, np.inf), told)
-    doubts = None if suspicion is None or not suspicion.rested else name_doubts(problem, (internal,), suspicion)
+    doubts = None if basis is None or not basis.rested else name_doubts(problem, (internal,), basis)
     if doubts is None:
         return Spreads(spread, spread, covariance)
     far = weigh_few(doubts, influence(doubts.problem, internal), max(1.0, excess))
     told = f"{told}, and {told_doubts(doubts)}"
     size = internal.size
+    half = norm.ppf(0.5 + 0.5 * confidence) * np.sqrt(np.diag(far.pooled.assumed))[size:]
     physical = Spread(far.values, far.pooled.assumed[:size, :size], spread.degrees_of_freedom, told)
-    return Spreads(spread, physical, covariance, doubts=_carried(doubts, far, confidence))
-
-
-def _carried(named: Named, far: Settled, confidence: float) -> NamedDoubts:
-    """What few places say of the doubts, by the covariance that carries them along."""
-    std = np.sqrt(np.diag(far.pooled.assumed))[far.values.size :]
-    return named.estimated(far.amounts, np.asarray(norm.ppf(0.5 + 0.5 * confidence) * std))
+    return Spreads(spread, physical, covariance, doubts=doubts.estimated(far.amounts, np.asarray(half)))
 
 
 def _spread(settled: Settled, rule: str, confidence: float) -> Spread:
     size = settled.values.size
     covariance, freedom = settled.pooled.spread(confidence)
     return Spread(settled.values, covariance[:size, :size], freedom[:size], rule)
-
-
-def between_places(pooled: Pooled) -> Between:
-    """Takes what places say of each parameter's differences."""
-    return Between(np.sqrt(pooled.between), pooled.degrees_of_freedom, pooled.dependence)

@@ -76,7 +76,7 @@ def estimate_model_error(problem: Problem, internal: FloatArray, found: Influenc
     square = np.where(used, np.abs(residual) ** 2, 0.0)
     kept, freedom = _expected(problem, internal, found, np.where(used, 1 / variance, 0.0), shown)
     # The inverse of an estimated variance is too large in the mean, by n / (n - 1) of n complex degrees of freedom.
-    bias = _inverse_bias(frf.degrees_of_freedom)
+    bias = (frf.degrees_of_freedom - 1) / frf.degrees_of_freedom if frf.degrees_of_freedom > 1 else 1.0
     ratio = bias * _ratio(square, variance, kept)
     n_line = used.sum(axis=1)
     known = frf.degrees_of_freedom if frf.realization_error is None else n_line * (frf.realization_error.shape[1] - 1)
@@ -135,10 +135,6 @@ def element_level(problem: Problem, internal: FloatArray) -> FloatArray | None:
 
 def _share(above: BoolArray, known: BoolArray) -> float:
     return float(above[known].mean()) if known.any() else 0.0
-
-
-def _inverse_bias(freedom: float) -> float:
-    return (freedom - 1) / freedom if freedom > 1 else 1.0
 
 
 def _ratio(square: FloatArray, variance: FloatArray, kept: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The parameters themselves: what a fit says of them once what the robot file may have wrong is estimated along."""
+"""What places agree on, and the parameters themselves, once what the robot file may have wrong is estimated along."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from robid.clusters.evidence import Evidence, group_places, summarise
 from robid.clusters.pooling import Pooled, estimate_between, pool
 from robid.errors import DataError
 from robid.models.elastic.fit.nuisance.joint import Joint, descend
-from robid.models.elastic.fit.nuisance.named import Listed, Named, Suspicion, name_doubts, suspect
+from robid.models.elastic.fit.nuisance.named import Basis, Listed, Named, list_at_rest, name_doubts
 from robid.models.elastic.fit.nuisance.placed import (
     SettledSprings,
-    UnseenSpring,
+    UnexcludedSpring,
     leave_room,
     settle_springs,
-    unseen_springs,
+    unexcluded_springs,
 )
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.problem import Problem, make_problem
@@ -154,7 +154,7 @@ _ITERATIONS = 60
 _NEAR = 1.5  # of an internal logarithm: nothing leads back to the file's values from far beyond
 
 
-def lean(problem: Problem, internal: FloatArray, found: Influence, near: Settled) -> Settled:
+def shrink(problem: Problem, internal: FloatArray, found: Influence, near: Settled) -> Settled:
     """Settles places once more from where what is known beforehand counts for more.
 
     A model that lacks something is contradicted by the places far more than noise would make them; then a plain
@@ -188,7 +188,7 @@ _BEYOND = 1.5  # times what was known of doubts beforehand: of many, chance make
 
 
 def find_physical(
-    problem: Problem, points: Sequence[FloatArray], suspicion: Suspicion, confidence: float
+    problem: Problem, points: Sequence[FloatArray], basis: Basis, confidence: float
 ) -> tuple[Spread, NamedDoubts] | None:
     """Estimates parameters and doubts together, from what is known of the doubts beforehand on.
 
@@ -199,62 +199,62 @@ def find_physical(
         problem: The fit's problem.
         points: Internal parameters (n_param,) to linearise at: the first where the robot and those near it rest. The
             last is the minimum.
-        suspicion: What the robot file may have wrong.
+        basis: What the fit started from, for what the robot file may have wrong.
         confidence: Level of the intervals.
 
     Returns:
         How far the parameters (n_param,) may be off, and what is said of the doubts, springs that were put in place
         first; None where there are no doubts, or the robot rests nowhere with what is found.
     """
-    problem, suspicion = _allowing_for_error(problem, points[-1], suspicion)
-    near = points if suspicion.rested else (np.zeros_like(points[-1]),)
-    listed = suspect(problem, near, suspicion)
+    problem, basis = _allowing_for_error(problem, points[-1], basis)
+    near = points if basis.rested else (np.zeros_like(points[-1]),)
+    listed = list_at_rest(problem, near, basis)
     if listed is None:
         return None
     left = problem.cost(points[-1])
-    alone = _descended(listed, suspicion, left)
+    alone = _descended(listed, basis, left)
     if alone is not None and alone.explains and not alone.lacks_springs:
         return _estimated(problem, alone.named, (), (), confidence)
-    named = name_doubts(problem, near, suspicion)
+    named = name_doubts(problem, near, basis)
     if named is None:
         return None
-    found = settle_springs(problem, named.point, suspicion.robot, suspicion.options, named.doubts, named.columns)
-    extended = _extended(found, suspicion) if found.springs else None
+    found = settle_springs(problem, named.point, basis.robot, basis.options, named.doubts, named.columns)
+    extended = _extended(found, basis) if found.springs else None
     if extended is None:
         named = named if alone is None else alone.named
-        return _estimated(problem, named, (), (), confidence) if suspicion.rested else None
-    if not suspicion.rested and found.cost > _EXPLAINED * left:
+        return _estimated(problem, named, (), (), confidence) if basis.rested else None
+    if not basis.rested and found.cost > _EXPLAINED * left:
         return None
-    return _with_springs(problem, found, extended, suspicion, confidence)
+    return _with_springs(problem, found, extended, basis, confidence)
 
 
 def _with_springs(
-    problem: Problem, found: SettledSprings, extended: Named, suspicion: Suspicion, confidence: float
+    problem: Problem, found: SettledSprings, extended: Named, basis: Basis, confidence: float
 ) -> tuple[Spread, NamedDoubts]:
     """The parameters of a robot with springs put in place, others that may be there as soft as these."""
-    unseen = unseen_springs(found, extended)
-    soft = _as_soft(extended, unseen)
-    given = replace(suspicion, robot=found.robot, options=found.options)
+    unexcluded = unexcluded_springs(found, extended)
+    soft = _as_soft(extended, unexcluded)
+    given = replace(basis, robot=found.robot, options=found.options)
     together = _descended(soft, given, found.cost, found.springs)
-    return _estimated(problem, soft if together is None else together.named, found.springs, unseen, confidence)
+    return _estimated(problem, soft if together is None else together.named, found.springs, unexcluded, confidence)
 
 
-def _allowing_for_error(problem: Problem, internal: FloatArray, suspicion: Suspicion) -> tuple[Problem, Suspicion]:
+def _allowing_for_error(problem: Problem, internal: FloatArray, basis: Basis) -> tuple[Problem, Basis]:
     """The problem with weights that allow for an error of the model, whatever those of the fit.
 
     Weights without one let the data outweigh all that is known beforehand: what no doubt names then takes masses and
     torque constants far off, and with them all springs by a factor that no response tells.
     """
-    weights = suspicion.options.weights
+    weights = basis.options.weights
     if weights.kind in ("inflated", "estimated") or (weights.kind == "user" and weights.off_diagonal == 0):
-        return problem, suspicion
-    options = replace(suspicion.options, weights=replace(weights, kind="inflated"))
+        return problem, basis
+    options = replace(basis.options, weights=replace(weights, kind="inflated"))
     allowing, _ = make_problem(problem.frf, problem.model, problem.parameters, options, internal)
-    return allowing, replace(suspicion, options=options)
+    return allowing, replace(basis, options=options)
 
 
 def _estimated(
-    problem: Problem, named: Named, springs: Sequence[str], unseen: Sequence[UnseenSpring], confidence: float
+    problem: Problem, named: Named, springs: Sequence[str], unexcluded: Sequence[UnexcludedSpring], confidence: float
 ) -> tuple[Spread, NamedDoubts]:
     """The problem's own parameters among those of a robot with springs put in place, and others that may be there."""
     found = influence(named.problem, named.point)
@@ -266,7 +266,7 @@ def _estimated(
         far = settle(named.problem, named.point, found, _less_sure(named, further))
     told = Spread(np.concatenate([far.values, far.amounts]), *far.pooled.spread(confidence))
     rows = {doubt.name: far.values.size + number for number, doubt in enumerate(named.doubts)}
-    for spring in unseen:
+    for spring in unexcluded:
         told = leave_room(told, spring, rows[spring.name])
     doubts = _estimates(named, told, springs, confidence)
     names = named.problem.parameters.names
@@ -288,7 +288,7 @@ def told_doubts(named: Named, more: int = 0) -> str:
     return f"{source}{len(named.doubts) + more} doubts of the robot file"
 
 
-def _descended(listed: Listed, given: Suspicion, left: float, placed: Sequence[str] = ()) -> Joint | None:
+def _descended(listed: Listed, given: Basis, left: float, placed: Sequence[str] = ()) -> Joint | None:
     """Where parameters and doubts fit best together.
 
     None where no robot rests, a rigid fit knows the masses, or doubts explain little of what is left.
@@ -320,23 +320,22 @@ def _less_sure(named: Named, times: float) -> Named:
     return replace(named, doubts=tuple(doubts))
 
 
-def _as_soft(named: Named, unseen: Sequence[UnseenSpring]) -> Named:
+def _as_soft(named: Named, unexcluded: Sequence[UnexcludedSpring]) -> Named:
     """The doubts, those of springs that others can stand for as large as they may be."""
-    known = {spring.name: spring.std for spring in unseen}
+    known = {spring.name: spring.std for spring in unexcluded}
     doubts = (replace(each, common_std=known.get(each.name, each.common_std)) for each in named.doubts)
     return replace(named, doubts=tuple(doubts))
 
 
-def _extended(found: SettledSprings, suspicion: Suspicion) -> Named | None:
+def _extended(found: SettledSprings, basis: Basis) -> Named | None:
     """The doubts of the robot with springs put in place, linearised where places agree on it."""
-    extra = found.robot.springs[len(suspicion.robot.springs) :]
+    extra = found.robot.springs[len(basis.robot.springs) :]
     doubtful = [
-        replace(other, robot=replace(other.robot, springs=(*other.robot.springs, *extra)))
-        for other in suspicion.doubtful
+        replace(other, robot=replace(other.robot, springs=(*other.robot.springs, *extra))) for other in basis.doubtful
     ]
     near = settle(found.problem, found.internal, influence(found.problem, found.internal))
     points = near.values, found.internal
-    return name_doubts(found.problem, points, Suspicion(found.robot, found.options, doubtful))
+    return name_doubts(found.problem, points, Basis(found.robot, found.options, doubtful))
 
 
 def _estimates(named: Named, told: Spread, springs: Sequence[str], confidence: float) -> NamedDoubts:

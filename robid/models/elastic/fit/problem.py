@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -338,3 +338,14 @@ def make_problem(
         whitening = make_whitening(frf, weight > 0, options.residual, fitted)
     model_error = assumed_error(options.weights, level, known=bool(frf.element_variance().any()))
     return Problem(frf, model, parameters, options.residual, weight, model_error, whitening), dropped
+
+
+def without_coefficients(frf: Frf) -> Frf:
+    """Returns a response whose compensated torques are taken for granted."""
+    return replace(
+        frf,
+        sensitivity=frf.sensitivity[:, :0],
+        coefficient_names=(),
+        coefficient_relative_std=np.zeros(0),
+        coefficient_offset=None,
+    )

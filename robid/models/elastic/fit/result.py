@@ -12,7 +12,7 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.clusters.evidence import group_places
 from robid.models.elastic.fit.intervals import FEWEST_PLACES, Spreads, find_spreads
 from robid.models.elastic.fit.model_error import ModelError, estimate_model_error
-from robid.models.elastic.fit.nuisance.named import Suspicion
+from robid.models.elastic.fit.nuisance.named import Basis
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.parameters import ParameterMap
 from robid.models.elastic.fit.problem import Problem
@@ -139,7 +139,7 @@ def make_solution(
     predicted: FloatArray,
     dropped: int,
     parallel_map: Map,
-    suspicion: Suspicion | None,
+    basis: Basis | None,
 ) -> ElasticSolution:
     """Puts together what a fit found.
 
@@ -151,15 +151,15 @@ def make_solution(
         predicted (n_param,): Deviations of the internal parameters, predicted before the fit.
         dropped: Response elements that the logarithm dropped.
         parallel_map: Ordered map that runs the bootstrap.
-        suspicion: What the robot file may have wrong; nothing when not given.
+        basis: What the fit started from, for what the robot file may have wrong; nothing of that when not given.
     """
     internal = best.parameters
     modelled = problem.model_response(internal)
     excess = misfit(problem, modelled, best.cost)
     found = influence(problem, internal)
     error = estimate_model_error(problem, internal, found)
-    spreads = find_spreads(problem, internal, found, excess, options.confidence, suspicion)
-    lost = _NO_REST if suspicion is not None and not suspicion.rested else ""
+    spreads = find_spreads(problem, internal, found, excess, options.confidence, basis)
+    lost = _NO_REST if basis is not None and not basis.rested else ""
     ending = best.status, "; ".join(filter(None, (lost, _advice(problem, best, dropped, excess, error))))
     estimate = _estimate(problem.parameters, internal, spreads, predicted, options, ending)
     undetermined = *estimate.undetermined, *undetermined_gears(problem, estimate)
@@ -349,9 +349,9 @@ def _advice(problem: Problem, best: Minimum, dropped: int, excess: float, error:
     ]
     if needless:
         advice.append(f"springs that ran to infinity are not needed: {', '.join(needless)}")
-    held = parameters.at_bound(best.parameters)
-    if held:
-        advice.append(f"parameters ended at a bound, where their intervals do not hold: {', '.join(held)}")
+    bound = parameters.at_bound(best.parameters)
+    if bound:
+        advice.append(f"parameters ended at a bound, where their intervals do not hold: {', '.join(bound)}")
     dropped_share = dropped / _excited(problem)
     if dropped_share > _MANY_DROPPED:
         advice.append(f"{100 * dropped_share:.0f} % of the response lies below 10 dB: excite more, or average more")

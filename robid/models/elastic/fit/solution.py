@@ -1,4 +1,4 @@
-"""What an elastic fit returns."""
+"""What an elastic fit returns, and the robot that it found: the robot file with its estimates in place."""
 
 from __future__ import annotations
 
@@ -164,9 +164,9 @@ class Spread:
         """
         reach, known = self.reach(confidence), norm.ppf(0.5 + 0.5 * confidence) * prior_std
         lower, upper = self.values - reach, self.values + reach
-        untold = self.std > np.maximum(LONGEST_STEP, LEARNT_SHARE * prior_std)
-        lower = np.where(untold, np.minimum(lower, -known), lower)
-        upper = np.where(untold, np.maximum(upper, known), upper)
+        undetermined = self.std > np.maximum(LONGEST_STEP, LEARNT_SHARE * prior_std)
+        lower = np.where(undetermined, np.minimum(lower, -known), lower)
+        upper = np.where(undetermined, np.maximum(upper, known), upper)
         if self.beside is None:
             return lower, upper
         least, most = self.beside.ends(confidence, prior_std)

@@ -14,11 +14,7 @@ _MIN_SNR = 10.0
 
 
 def make_weights(
-    frf: Frf,
-    weights: Weights,
-    residual: Residual,
-    size: FloatArray | None = None,
-    level: FloatArray | None = None,
+    frf: Frf, weights: Weights, residual: Residual, size: FloatArray | None = None, level: FloatArray | None = None
 ) -> tuple[FloatArray, int]:
     """Weights of the squared residuals.
 

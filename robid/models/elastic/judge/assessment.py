@@ -10,8 +10,8 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.frf.frf import Frf
-from robid.models.elastic.fit.fitting import without_coefficients
 from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.problem import without_coefficients
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.judge.causes import misfit_doubts
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model

@@ -52,7 +52,7 @@ def try_springs(fitted: FittedModel) -> list[Explanation]:
         spring = further.spring
         try:
             more = replace(robot, springs=(*robot.springs, spring))
-            extended = extend_options(fitted.options, more, (spring,), holding=True)
+            extended = extend_options(fitted.options, more, (spring,), fixing=True)
             problem = extend_problem(fitted.problem, fitted.internal, more, extended)
         except DataError:  # a spring under which the robot finds no rest explains nothing
             continue

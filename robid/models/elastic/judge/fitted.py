@@ -1,4 +1,4 @@
-"""A fitted elastic model set against frequency responses, whether the fit saw them or not."""
+"""A fitted elastic model set against frequency responses, whether the fit saw them or not, and its poles and zeros."""
 
 from __future__ import annotations
 

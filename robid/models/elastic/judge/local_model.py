@@ -1,4 +1,4 @@
-"""Local models of extrema of a response, and how the measured extrema scatter."""
+"""Local models of extrema of a response, a rational one among them, and how the measured extrema scatter."""
 
 from __future__ import annotations
 
@@ -82,10 +82,7 @@ def moved_data(data: ComplexArray, variance: FloatArray) -> ComplexArray:
 
 
 def located_mode(
-    roots: ComplexArray,
-    magnitude: Callable[[FloatArray], FloatArray],
-    ends_hz: tuple[float, float],
-    kind: Kind,
+    roots: ComplexArray, magnitude: Callable[[FloatArray], FloatArray], ends_hz: tuple[float, float], kind: Kind
 ) -> LocalMode | None:
     """Judges the first root, finds the extremum of the magnitude beside it, and takes deviations from moved data.
 

@@ -1,4 +1,4 @@
-"""Fitted parameters that no robot can have."""
+"""Fitted parameters that no robot can have, and what a fit freed of what a robot carries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Resonances and antiresonances of the motors' own responses, measured against the model."""
+"""Resonances and antiresonances of the motors' own responses against the model, and what repeated measurements pool."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the page of a fit shows, gathered from its artifacts, resonances among it."""
+"""What the page of a fit shows, as plain values, and how it is gathered from artifacts, resonances among it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of a fit, its figures for the summary, and the comparison of fits."""
+"""What of an elastic fit stands on its page and at the end of a run, its figures, and the comparison of fits."""
 
 from __future__ import annotations
 

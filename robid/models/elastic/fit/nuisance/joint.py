@@ -12,7 +12,7 @@ from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.clusters.evidence import spread_over
 from robid.errors import DataError
 from robid.models.elastic.fit.nuisance.kinds import Compliance, RobotMove
-from robid.models.elastic.fit.nuisance.named import Listed, Named, Suspicion, linearise
+from robid.models.elastic.fit.nuisance.named import Basis, Listed, Named, linearise
 from robid.models.elastic.fit.nuisance.off_robot import LEAST_COMPLIANCE, OffRobot, are_put_in, may_differ, put_in
 from robid.models.elastic.fit.nuisance.placed import expected_cost
 from robid.models.elastic.fit.nuisance.response import Scene, find_shifts, moves_matrices_alone, nuisance_columns
@@ -52,7 +52,7 @@ class Joint:
         return bool((self.named.amounts > _SURPRISING * self.named.common_std)[missing].any())
 
 
-def descend(listed: Listed, given: Suspicion, placed: Sequence[str] = ()) -> Joint:
+def descend(listed: Listed, given: Basis, placed: Sequence[str] = ()) -> Joint:
     """Estimates parameters and doubts together, places with what each adds to the doubts that differ between them.
 
     A robot's resonances are narrow: some percent of a spring, a mass or a bristle move them by more than their width,
@@ -189,7 +189,7 @@ class Descent:
         shifts: How the robot's matrices move with its doubts; None before the first derivative, or without moves.
     """
 
-    def __init__(self, listed: Listed, given: Suspicion, space: Space) -> None:
+    def __init__(self, listed: Listed, given: Basis, space: Space) -> None:
         """Begins a descent.
 
         Args:

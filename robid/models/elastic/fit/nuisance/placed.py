@@ -18,8 +18,8 @@ from robid.models.elastic.fit.nuisance.off_robot import (
     carry_over,
     extend_options,
     extend_problem,
+    fix_options,
     freeze_friction,
-    hold_options,
     problem_at,
 )
 from robid.models.elastic.fit.optimizers import make_strategy, optimise
@@ -107,10 +107,7 @@ def settle_springs(
 
 
 def _pruned(
-    before: SettledSprings,
-    found: SettledSprings,
-    listed: Sequence[Spring],
-    beside: tuple[ComplexArray, FloatArray],
+    before: SettledSprings, found: SettledSprings, listed: Sequence[Spring], beside: tuple[ComplexArray, FloatArray]
 ) -> SettledSprings:
     """The fit without those springs of pairs that no longer matter since others are in place."""
     cost = cost_beside(found, *beside)
@@ -166,7 +163,7 @@ def _put_in_place(
 ) -> SettledSprings | None:
     """The fit some steps on with further springs, from near another one; None where the robot does not rest so."""
     robot = replace(now.robot, springs=(*now.robot.springs, *springs))
-    options = extend_options(now.options, robot, springs, holding=False)
+    options = extend_options(now.options, robot, springs, fixing=False)
     try:
         problem = extend_problem(now.problem, now.internal, robot, options)
     except DataError:
@@ -235,7 +232,7 @@ def _rested(now: SettledSprings) -> SettledSprings:
 
 
 @dataclass(frozen=True)
-class UnseenSpring:
+class UnexcludedSpring:
     """A spring that the data neither call for nor exclude.
 
     Attributes:
@@ -249,7 +246,7 @@ class UnseenSpring:
     shift: FloatArray
 
 
-def unseen_springs(found: SettledSprings, named: Named) -> tuple[UnseenSpring, ...]:
+def unexcluded_springs(found: SettledSprings, named: Named) -> tuple[UnexcludedSpring, ...]:
     """Tries for each spring still missing whether it could be there, as soft as those that were put in place.
 
     One that others can stand for costs next to nothing, whatever its compliance: it does not save the share that a
@@ -266,19 +263,19 @@ def unseen_springs(found: SettledSprings, named: Named) -> tuple[UnseenSpring, .
     missing = np.array([isinstance(doubt.effect, Compliance) for doubt in named.doubts], bool)
     beside = named.columns[..., ~missing], named.common_std[~missing]
     most = _EXCLUDED * cost_beside(found, *beside)
-    unseen = []
+    unexcluded = []
     for doubt in named.doubts:
         if isinstance(doubt.effect, Compliance):
             there = _with_one(found, stiffened(doubt.effect.spring, _PERCENT / std))
             if there is not None and cost_beside(there, *beside) <= most:
-                unseen.append(UnseenSpring(doubt.name, std, there.internal - found.internal))
-    return tuple(unseen)
+                unexcluded.append(UnexcludedSpring(doubt.name, std, there.internal - found.internal))
+    return tuple(unexcluded)
 
 
 def _with_one(found: SettledSprings, spring: Spring) -> SettledSprings | None:
     """The fit with one spring more, which stays as it is; None where the robot does not rest so."""
     robot = replace(found.robot, springs=(*found.robot.springs, spring))
-    options = hold_options(found.options, found.robot, spring)
+    options = fix_options(found.options, found.robot, spring)
     try:
         problem = extend_problem(found.problem, found.internal, robot, options)
     except DataError:
@@ -290,7 +287,7 @@ def _with_one(found: SettledSprings, spring: Spring) -> SettledSprings | None:
     return SettledSprings(problem, optimise(problem, near, max_iterations=_STEPS).parameters, robot, options)
 
 
-def leave_room(told: Spread, spring: UnseenSpring, row: int) -> Spread:
+def leave_room(told: Spread, spring: UnexcludedSpring, row: int) -> Spread:
     """Mixes what the data say of a spring's compliance, to equal parts, with what was known of it beforehand.
 
     Where others can stand for it, an error that no doubt names moves what the data say by many of their deviations.

@@ -160,13 +160,9 @@ class Scene:
 
 def extended_values(values: ElasticParameters, springs: Sequence[Spring]) -> ElasticParameters:
     """Returns values of parameters with those of further springs."""
-    return replace(
-        values,
-        stiffness=np.append(values.stiffness, [spring.stiffness for spring in springs]),
-        damping=np.append(values.damping, [spring.damping for spring in springs]),
-        cubic=np.append(values.cubic, [spring.cubic for spring in springs]),
-        location=np.append(values.location, [spring.point_m for spring in springs]),
-    )
+    own = {"stiffness": "stiffness", "damping": "damping", "cubic": "cubic", "location": "point_m"}
+    more = {kind: [getattr(spring, name) for spring in springs] for kind, name in own.items()}
+    return replace(values, **{kind: np.append(getattr(values, kind), each) for kind, each in more.items()})
 
 
 def with_estimated_links(model: LinearModel, problem: Problem) -> LinearModel:

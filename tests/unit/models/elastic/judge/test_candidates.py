@@ -8,7 +8,7 @@ import pytest
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.nuisance.kinds import list_nuisances
-from robid.models.elastic.fit.nuisance.response import Scene
+from robid.models.elastic.fit.nuisance.response import Scene, column
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.causes import _doubt, _wrong_ratio, explain
 from robid.models.elastic.judge.fitted import fitted_model
@@ -121,8 +121,8 @@ def test_a_backlash_is_the_share_of_time_that_a_swinging_gear_is_in_its_gap(soun
     moving = replace(frf, input_amplitude=np.full((*frf.response.shape[:2], 2, 1), 0.05 + 0j))
     model = fitted_model(two_joint_robot(), sound, moving, OPTIONS, DELAY_S)
     scene = Scene(model.problem, model.internal, two_joint_robot(), OPTIONS)
-    column = Backlash(1).column(scene)
-    ratio = column / scene.stiffness_slopes[..., 1]
+    found = column(Backlash(1), scene)
+    ratio = found / scene.gear_slopes[..., 1]
     np.testing.assert_allclose(ratio.imag, 0, atol=1e-12)
     gap = 1e-3
     draws = np.random.default_rng(1).standard_normal(400_000)
@@ -132,7 +132,7 @@ def test_a_backlash_is_the_share_of_time_that_a_swinging_gear_is_in_its_gap(soun
         inside = np.mean(np.abs(load + swing * draws) < 0.05 * swing) / (0.1 * swing)
         np.testing.assert_allclose(-ratio[place].real, gap * inside, rtol=0.05, atol=1e-4 * gap / swing)
     still = fitted_model(two_joint_robot(), sound, frf, OPTIONS, DELAY_S)
-    assert not Backlash(1).column(Scene(still.problem, still.internal, two_joint_robot(), OPTIONS)).any()
+    assert not column(Backlash(1), Scene(still.problem, still.internal, two_joint_robot(), OPTIONS)).any()
 
 
 def test_no_candidate_is_ever_a_doubt_that_widens_intervals(frf):
