@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from place_systems import gather
-from robid.clusters.between import estimate_between
 from robid.clusters.evidence import Evidence
-from robid.clusters.pooling import Pooled, pool
+from robid.clusters.pooling import Pooled, estimate_between, pool
 
 _S = 2j * np.pi * np.geomspace(2.0, 60.0, 40)
 _STIFFNESS = 0.6 * (2 * np.pi * 12) ** 2

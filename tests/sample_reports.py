@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from robid.frf.frf import Frf
-from robid.models.elastic.page.content import FitContent, ResonanceRow
+from robid.models.elastic.page.gather import FitContent, ResonanceRow
 from robid.models.elastic.page.report import fit_report
 from robid.report.costs import CostRow, StartRow
 from robid.report.experiment import (

@@ -23,8 +23,8 @@ from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.frf.realization_subsets import by_realizations
 from robid.models.elastic.files import solution_from_artifact
-from robid.models.elastic.fit.fitted_robot import fitted_delay_s, fitted_robot
 from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.solution import fitted_delay_s, fitted_robot
 from robid.models.elastic.fit.weights import assumed_error, make_weights, make_whitening
 from robid.pipeline.configurations import campaign_lines, campaign_sampling_s, configurations_of
 from robid.pipeline.plans import about_options, fit_options

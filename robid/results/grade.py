@@ -13,11 +13,7 @@ from robid.results.doubt import CAUSES, Doubt
 from robid.results.scale import Scale
 
 TRUST, PREDICTS, DO_NOT_USE = 2, 1, 0
-WORDS = {
-    TRUST: "trust",
-    PREDICTS: "predicts, but single parameters may be off",
-    DO_NOT_USE: "do not use",
-}
+WORDS = {TRUST: "trust", PREDICTS: "predicts, but single parameters may be off", DO_NOT_USE: "do not use"}
 
 
 @dataclass(frozen=True)

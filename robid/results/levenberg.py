@@ -86,20 +86,44 @@ def minimise(
     """
     low = np.full(start.size, -np.inf) if lower is None else lower
     high = np.full(start.size, np.inf) if upper is None else upper
-    point = np.clip(start, low, high)
+    return _descend(cost, normal, np.clip(start, low, high), _Box(low, high, max_step), max_iterations, cost_tolerance)
+
+
+@dataclass(frozen=True)
+class _Box:
+    """Where a descent may go: bounds of the parameters, and of their changes in a step."""
+
+    low: FloatArray
+    high: FloatArray
+    max_step: float
+
+    def within(self, point: FloatArray, step: FloatArray) -> FloatArray:
+        """What of a step is allowed."""
+        return np.clip(point + np.clip(step, -self.max_step, self.max_step), self.low, self.high) - point
+
+    def free(self, point: FloatArray, gradient: FloatArray) -> BoolArray:
+        """Which parameters the cost does not push against a bound."""
+        return ~(((point <= self.low) & (gradient > 0)) | ((point >= self.high) & (gradient < 0)))
+
+
+def _descend(
+    cost: Callable[[FloatArray], float],
+    normal: Callable[[FloatArray], Normal],
+    point: FloatArray,
+    box: _Box,
+    max_iterations: int,
+    cost_tolerance: float,
+) -> Minimum:
     here = normal(point)
     damping, growth, steps = _FIRST_DAMPING, 2.0, 0
     status: Status = "iteration_limit"
-
-    def undamped(here: Normal, free: BoolArray) -> FloatArray:
-        """The step without damping: heavy damping makes any step small."""
-        return np.clip(point + np.clip(_gauss_newton(here, free), -max_step, max_step), low, high) - point
-
     while steps < max_iterations:
-        free = ~(((point <= low) & (here.gradient > 0)) | ((point >= high) & (here.gradient < 0)))
-        step = np.clip(_step(here, damping, free), -max_step, max_step)
-        step = np.clip(point + step, low, high) - point
-        if _cosine(here, free) <= _GRADIENT_TOLERANCE or (_is_small(step) and _is_small(undamped(here, free))):
+        free = box.free(point, here.gradient)
+        step = box.within(point, _step(here, damping, free))
+        # Heavy damping makes any step small: only where the one without damping is small too, the descent has ended.
+        if _cosine(here, free) <= _GRADIENT_TOLERANCE or (
+            _is_small(step) and _is_small(box.within(point, _gauss_newton(here, free)))
+        ):
             status = "converged"
             break
         steps += 1
@@ -108,14 +132,15 @@ def minimise(
         # A clipped step may leave the region of the model and still go down.
         gain = (here.cost - trial) / predicted if predicted > 0 else 0.5 * np.sign(here.cost - trial)
         if np.isfinite(trial) and gain > 0:
+            # Damping falls smoothly with the ratio of true to predicted decrease.
             damping, growth = max(damping * max(1 / 5, 1 - (2 * gain - 1) ** 3), 1e-12), 2.0
             finished = here.cost - trial <= cost_tolerance * here.cost
             point = point + step
             here = normal(point)
         else:
             damping, growth = damping * growth, growth * 2
-            finished = 0 <= predicted <= _ROUNDING * here.cost and _decrease(here, undamped(here, free)) <= (
-                _ROUNDING * here.cost
+            finished = 0 <= predicted <= _ROUNDING * here.cost and (
+                _decrease(here, box.within(point, _gauss_newton(here, free))) <= _ROUNDING * here.cost
             )
         if finished or damping > _DAMPING_LIMIT:
             status = "converged" if finished else "stalled"

@@ -53,7 +53,7 @@ def test_its_lack_goes_into_the_dampers_and_is_named():
     solution = fit_elastic(nominal, frf, options, 5e-4)
     assert solution.estimate.found["coupling.damping"] > 3 * 0.01
     fitted = fitted_model(nominal, solution, frf, options, 5e-4)
-    first = explain(nominal, fitted, options)[0]
+    first = explain(fitted)[0]
     assert first.cause == "arm_friction"
     assert first.share > 0.3
     # What is explained of an arm is the estimate that freeing it gives, to first order.
@@ -61,7 +61,7 @@ def test_its_lack_goes_into_the_dampers_and_is_named():
     assert "which `arm_viscous` in `free` estimates" in assess_fit(nominal, solution, frf, options, 5e-4).sentence
     solution = fit_elastic(nominal, frf, WIDE, 5e-4)
     fitted = fitted_model(nominal, solution, frf, WIDE, 5e-4)
-    assert "arm_friction" not in {each.cause for each in explain(nominal, fitted, WIDE)}
+    assert "arm_friction" not in {each.cause for each in explain(fitted)}
 
 
 def test_a_motor_alone_at_low_frequencies_does_not_tell_them_apart():

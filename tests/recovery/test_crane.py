@@ -10,8 +10,7 @@ from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.logs.importing import import_log
 from robid.logs.mapping import LogMapping
-from robid.models.elastic.judge.local_model import line_scatter
-from robid.models.elastic.judge.rational_model import rational_mode
+from robid.models.elastic.judge.local_model import line_scatter, rational_mode
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.log_options import TimeChannel
 from robid.signals.quantities import describe

@@ -37,7 +37,7 @@ def test_a_payload_that_is_off_by_a_thirtieth_is_named_and_found(name):
     heavier = Inertial(load.mass_kg * 31 / 30, load.com_m, load.inertia_kgm2 * 31 / 30)
     frf = exact_frf(replace(stated, payload=heavier), PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=5e-4)
     before = fit_elastic(stated, frf, OPTIONS, DELAY_S)
-    first = explain(stated, fitted_model(stated, before, frf, OPTIONS, DELAY_S), OPTIONS)[0]
+    first = explain(fitted_model(stated, before, frf, OPTIONS, DELAY_S))[0]
     assert (first.cause, first.free) == ("payload", ("payload",))
     near = dict(zip(before.estimate.names, before.internal.values.tolist(), strict=True))
     after = fit_elastic(stated, frf, replace(OPTIONS, free=first.free), DELAY_S, near=near)
@@ -52,7 +52,7 @@ def test_a_gear_ratio_that_is_off_by_a_tenth_is_named_and_found(name, joint):
     frf = exact_frf(robot, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=2e-3)
     stated = with_gear_ratio(joint, robot, 0.1 * right)
     before = fit_elastic(stated, frf, OPTIONS, DELAY_S)
-    first = explain(stated, fitted_model(stated, before, frf, OPTIONS, DELAY_S), OPTIONS)[0]
+    first = explain(fitted_model(stated, before, frf, OPTIONS, DELAY_S))[0]
     assert first.cause == "gear_ratio"
     told = float(first.correct[0].partition("gear_ratio: ")[2].partition("`")[0])
     assert told == pytest.approx(right, rel=0.01)
@@ -68,6 +68,6 @@ def test_a_torque_that_is_reversed_is_named_alone(name, joint):
     frf = exact_frf(robot, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=2e-3)
     told = turned(frf, np.ones(6), np.where(np.arange(6) == joint, -1.0, 1.0))
     before = fit_elastic(robot, told, OPTIONS, DELAY_S)
-    (found,) = explain(robot, fitted_model(robot, before, told, OPTIONS, DELAY_S), OPTIONS)
+    (found,) = explain(fitted_model(robot, before, told, OPTIONS, DELAY_S))
     assert (found.cause, found.names) == ("torque_sign", (f"reversed torque of {robot.joints[joint].name}",))
     assert found.share > 0.99

@@ -12,9 +12,9 @@ from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.measured import measured_information
 from robid.models.elastic.files import solution_from_artifact
-from robid.models.elastic.fit.fitted_robot import fitted_delay_s, fitted_robot
 from robid.models.elastic.fit.fitting import set_up
 from robid.models.elastic.fit.options import ElasticOptions, Weights
+from robid.models.elastic.fit.solution import fitted_delay_s, fitted_robot
 from robid.models.elastic.fit.uncertainty import sandwich
 from robid.models.elastic.fit.weights import make_weights
 from robid.models.known import load_experiment

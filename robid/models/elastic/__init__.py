@@ -1,4 +1,4 @@
 """Elastic models: springs and dampers from frequency responses.
 
-Read `settings`, `fit/`, `judge/`, then `family`, and what goes out: `page/`, `exports`, `writing`, `mechanics`.
+Read `settings`, `fit/`, `judge/`, then `family`, and what goes out: `page/`, `files`, `mechanics`.
 """

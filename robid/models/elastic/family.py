@@ -28,8 +28,8 @@ with later(__name__):
         verdict_of_validation,
     )
     from robid.models.elastic.freed import free_too, freed_names, freed_problems
+    from robid.models.elastic.mechanics import write_csv, write_json, write_mat, write_mjcf, write_state_space
     from robid.models.elastic.page.report import compare, report
-    from robid.models.elastic.writing import write_csv, write_json, write_mat, write_mjcf, write_state_space
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
 

@@ -13,9 +13,8 @@ from robid.errors import DataError
 from robid.models.elastic.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot
-from robid.models.elastic.fit.nuisance.springs import with_freed_springs
+from robid.models.elastic.fit.nuisance.moves import with_freed_springs
 from robid.models.elastic.fit.nuisance.wording import options_of
-from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.fit.uncertainty import bootstrap_tasks
 from robid.models.elastic.judge.assessment import assess_fit
 from robid.models.elastic.judge.resonances import tabulate_resonances
@@ -24,7 +23,7 @@ from robid.models.elastic.settings import elastic_fit
 from robid.models.family import Data, Work
 from robid.models.handed_on import RigidSource, rigid_source
 from robid.results.doubt import blamed
-from robid.results.outcome import Outcome, recovery_sentence
+from robid.results.outcome import recovery_sentence
 from robid.results.plausible.doubts import data_doubts
 from robid.robot.description import HarmonicBalance, Joint, Robot
 from robid.robot.linearize import axial_inertia
@@ -86,8 +85,9 @@ def values_in(loaded: LoadedExperiment, name: str, true: TrueRobot) -> dict[str,
     return true_values(loaded.robot.to_robot(campaign.payload_kg), true)
 
 
-def fit_phrase(solution: ElasticSolution) -> str:
-    """Says how the fit ended, in a phrase."""
+def phrase_of_model(model: Artifact) -> str:
+    """Says how the fit ended, in a phrase, from its artifact."""
+    solution = solution_from_artifact(model)
     best = int(np.sum(solution.starts.minimum == 0))
     estimate = solution.estimate
     count = _counted(len(estimate.names), "parameter")
@@ -109,12 +109,6 @@ def fit_phrase(solution: ElasticSolution) -> str:
     )
 
 
-def verdict(outcome: Outcome) -> str:
-    """Says whether the model holds, in a sentence or two."""
-    known = recovery_sentence(outcome.recovery)
-    return f"{outcome.verdict}. {known}" if known else outcome.verdict
-
-
 def misfits(model: Artifact, validation: Artifact | None) -> dict[str, float]:
     """Cost over what noise and the assumed model error allow, of the fit and of its validation."""
     found = {"misfit": solution_from_artifact(model).misfit}
@@ -123,14 +117,11 @@ def misfits(model: Artifact, validation: Artifact | None) -> dict[str, float]:
     return found
 
 
-def phrase_of_model(model: Artifact) -> str:
-    """Says how the fit ended, from its artifact."""
-    return fit_phrase(solution_from_artifact(model))
-
-
 def verdict_of_validation(validation: Artifact) -> str:
     """Says whether the model holds, from its artifact."""
-    return verdict(outcome_from_artifact(validation))
+    outcome = outcome_from_artifact(validation)
+    known = recovery_sentence(outcome.recovery)
+    return f"{outcome.verdict}. {known}" if known else outcome.verdict
 
 
 def _campaign(data: Data) -> Campaign:

@@ -8,7 +8,7 @@ from typing import Any
 
 from robid.errors import SettingsError
 from robid.models.elastic.fit.nuisance.kinds import freeable_nuisances, freed_nuisances
-from robid.models.elastic.fit.nuisance.springs import with_freed_springs
+from robid.models.elastic.fit.nuisance.moves import with_freed_springs
 from robid.models.elastic.fit.nuisance.wording import free_with, unknown_names
 from robid.models.elastic.fit.options import BY_SPRING, estimable_names, free_problem, spring_of
 from robid.models.elastic.settings import ElasticFit, elastic_fit

@@ -1,8 +1,9 @@
-"""What an export holds: tables of parameters, arrays, state spaces, MJCF."""
+"""What an export holds (tables of parameters, arrays, state spaces, MJCF), and how it is written in each format."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,15 +11,17 @@ import numpy as np
 
 import robid
 from robid.arrays import FloatArray
-from robid.errors import DataError
+from robid.errors import DataError, SettingsError
 from robid.frf.frf import Frf
-from robid.models.elastic.fit.fitted_robot import fitted_delay_s, fitted_robot
+from robid.models.elastic.files import solution_from_artifact
 from robid.models.elastic.fit.nuisance.kinds import HYSTERESIS, LOAD_DAMPING
-from robid.models.elastic.fit.solution import ElasticSolution
+from robid.models.elastic.fit.solution import ElasticSolution, fitted_delay_s, fitted_robot
+from robid.models.elastic.fitting import nominal_robot
 from robid.models.elastic.judge.fitted import fitted_model
 from robid.models.elastic.settings import elastic_fit
+from robid.models.encode import PARAMETER_COLUMNS, Content, encode_csv, encode_json, encode_mat, encode_npz
 from robid.models.encode import PARAMETER_COLUMNS as COLUMNS
-from robid.models.encode import Content
+from robid.models.family import ExportTask
 from robid.models.parameters import with_torque_unit
 from robid.results.estimate import Estimate
 from robid.robot.description import Robot
@@ -84,8 +87,7 @@ class FittedExport:
         if not gears:
             return {}
         fit = elastic_fit(self.loaded.experiment, self.name)
-        nominal_s = delay_s(self.loaded, self.loaded.experiment.campaigns[fit.campaign])
-        fitted = fitted_model(self.nominal, self.solution, self.frf, fit.options(), nominal_s)
+        fitted = fitted_model(self.nominal, self.solution, self.frf, fit.options(), self.stated_delay_s)
         effects = fitted.problem.model.effects
         if effects is None:
             return {}
@@ -100,12 +102,15 @@ class FittedExport:
         return {n.removesuffix(f".{kind}"): value for n, k, value in rows if k == DOUBT and n.endswith(f".{kind}")}
 
     @property
+    def stated_delay_s(self) -> float:
+        """Returns the delay that the fit started from [s]."""
+        fit = self.loaded.experiment.fits[self.name]
+        return delay_s(self.loaded, self.loaded.experiment.campaigns[fit.campaign])
+
+    @property
     def delay_s(self) -> float:
         """Returns the delay from commanded to applied torque [s]."""
-        fit = self.loaded.experiment.fits[self.name]
-        return fitted_delay_s(
-            self.solution.estimate, delay_s(self.loaded, self.loaded.experiment.campaigns[fit.campaign])
-        )
+        return fitted_delay_s(self.solution.estimate, self.stated_delay_s)
 
     @property
     def units(self) -> list[str]:
@@ -305,3 +310,50 @@ def _frozen(robot: Robot, keyframe: str) -> list[str]:
         return []
     told = f"Stiffness of {', '.join(varying)} depends on a joint's position; here it is that of {keyframe} everywhere,"
     return [told, "so that other keyframes are not quite at rest under load."]
+
+
+_ENCODERS: Mapping[str, Callable[[Content], bytes]] = {".mat": encode_mat, ".json": encode_json, ".npz": encode_npz}
+
+
+def _found(task: ExportTask) -> FittedExport:
+    date, solution = task.model.provenance.finished_utc, solution_from_artifact(task.model)
+    data = task.data
+    return FittedExport(data.loaded, data.name, nominal_robot(data), date, solution, data.response, data.configurations)
+
+
+def _rows(task: ExportTask) -> list[int]:
+    chosen = task.data.configurations
+    if task.configuration is None:
+        return list(range(len(chosen)))
+    if task.configuration not in chosen:
+        listed = ", ".join(map(str, chosen))
+        message = f"fit `{task.data.name}` has no configuration {task.configuration} (it has {listed})"
+        raise SettingsError(message, where="--configuration", remedy="name one of them, or none for all")
+    return [chosen.index(task.configuration)]
+
+
+def write_mjcf(task: ExportTask) -> bytes:
+    """Writes the elastic robot as MJCF."""
+    return mjcf(_found(task), _rows(task), friction=task.friction is not False).encode()
+
+
+def write_json(task: ExportTask) -> bytes:
+    """Writes the parameters as JSON."""
+    found = _found(task)
+    content = {**found.origin, "confidence": found.solution.estimate.confidence, "parameters": parameter_records(found)}
+    return encode_json(content)
+
+
+def write_csv(task: ExportTask) -> bytes:
+    """Writes the parameters as a table."""
+    return encode_csv(PARAMETER_COLUMNS, [list(record.values()) for record in parameter_records(_found(task))])
+
+
+def write_mat(task: ExportTask) -> bytes:
+    """Writes parameters and responses for MATLAB."""
+    return encode_mat(arrays(_found(task), _rows(task)))
+
+
+def write_state_space(task: ExportTask) -> bytes:
+    """Writes the linearised models."""
+    return _ENCODERS[task.suffix](state_spaces(_found(task), _rows(task)))

@@ -1,22 +1,183 @@
-"""Plausibility: what of data cannot be, each with its likely cause."""
+"""Plausibility: what of data cannot be, each with its likely cause, signs at low lines among it."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import itertools
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.frf.frf import Frf
 from robid.frf.passivity import FEW_SAMPLES, DrivingPoints, undeclared_delay
 from robid.results.doubt import Doubt, saturation_doubts, two_digits
 from robid.results.plausible.angles import judge_angles
-from robid.results.plausible.carrier import Fitted
-from robid.results.plausible.evidence import CLEAR, Evidence, gather_evidence
+from robid.results.plausible.evidence import CLEAR, Evidence, Fitted, gather_evidence
 from robid.results.plausible.gravity import gravity_signs, judge_gravity, judge_places, weigh
 from robid.results.plausible.scales import judge_scales
-from robid.results.plausible.signs import judge_signs
 from robid.robot.description import Robot
+from robid.robot.linearize import LinearModel, linearize, solve_statics
+from robid.robot.model import build_model
+from robid.robot.response import nominal_parameters, response
+
+_SOFTER = 1.6
+"""Lines count as low up to this share below where the nominal arm stops to be rigid: springs may be softer."""
+
+_RIGID = 0.5
+_REVERSED = 0.3
+_SHARE = 0.75
+_LEAST_LINES = 2
+_LEAST_COUPLING = 0.1
+_MOVES = 1.0
+_ABOVE = 2.0
+_MOST_CONFIGURATIONS = 30
+_OTHER_WEIGHT = 3.0
+_COUPLING_WEIGHT = 0.5
+_TORQUE_COST = 0.2
+_ANGLE_COST = 0.25
+_MARGIN = 0.5
+_MANY_MOTORS = 10
+
+
+@dataclass(frozen=True)
+class Signs:
+    """Which torques and angles count the wrong way.
+
+    Attributes:
+        doubts: Strongest first.
+        torque (n_motor,): 1, or -1 where a torque is reversed.
+        angle (n_motor,): The same of the angles.
+    """
+
+    doubts: tuple[Doubt, ...]
+    torque: FloatArray
+    angle: FloatArray
+
+
+def judge_signs(robot: Robot, evidence: Evidence, angle_sign: FloatArray, torque_sign: FloatArray) -> Signs:
+    """Finds reversed torques and angles.
+
+    Below its first antiresonance a motor moves as a part of a rigid arm: each element of the response is that of the
+    inverse inertia matrix, friction aside. A reversed torque turns a column of it around, a reversed angle a row.
+    What explains the signs of all elements with the fewest changes is taken; mean angles and gravity are heard.
+
+    Args:
+        robot: The robot file's.
+        evidence: What the campaign shows.
+        angle_sign (n_motor,): Signs that the mean angles show, 0 where they show none.
+        torque_sign (n_motor,): Signs that the mean torques show, 0 where they show none.
+    """
+    seen = _agreement(robot, evidence)
+    weight = np.full(seen.shape, _COUPLING_WEIGHT)
+    np.fill_diagonal(weight, 1.0)
+    angle, torque = _signs(weight * seen, _OTHER_WEIGHT * angle_sign, _OTHER_WEIGHT * torque_sign)
+    doubts = [
+        _doubt("torque_sign", evidence, index, seen, torque_sign) for index in np.flatnonzero(torque < 0).tolist()
+    ]
+    doubts += [_doubt("angle_sign", evidence, index, seen, angle_sign) for index in np.flatnonzero(angle < 0).tolist()]
+    return Signs(tuple(sorted(doubts, key=lambda doubt: -doubt.strength)), torque, angle)
+
+
+def _agreement(robot: Robot, evidence: Evidence) -> FloatArray:
+    """How each element (n_motor, n_motor) points compared to a rigid arm's, from -1 to 1; 0 where it is not clear."""
+    n_conf = len(evidence.configurations)
+    chosen = np.unique(np.linspace(0, n_conf - 1, min(n_conf, _MOST_CONFIGURATIONS)).round().astype(int))
+    model = build_model(robot, balanced=True)
+    linear = linearize(model, solve_statics(model, evidence.configurations[chosen]))
+    inverse = np.linalg.inv(_rigid_inertia(linear))
+    joints = evidence.joints(robot)
+    pick = np.ix_(np.arange(len(chosen)), joints, joints)
+    rigid, strong = inverse[pick], _strong(inverse)[pick]
+    parameters = nominal_parameters(robot, linear, 0.0)
+    softer = response(linear, parameters, _SOFTER * evidence.frequency_hz, None).sampled
+    nominal = softer[:, :, joints][..., joints]
+    # Axes at right angles that slide do not move each other at all; infinity is no low line and tells no sign.
+    rigid = np.where(rigid == 0, np.inf, rigid)
+    is_low = np.abs(nominal / rigid[:, None] - 1) < _RIGID
+    own = np.diagonal(is_low, axis1=-2, axis2=-1)
+    is_low &= own[..., :, None] & own[..., None, :]
+    usable = np.logical_and.accumulate(is_low, axis=1) & evidence.clear[chosen] & strong[:, None]
+    usable &= _free(robot, evidence, np.diagonal(rigid, axis1=-2, axis2=-1), chosen)[..., None]
+    ratio = evidence.response[chosen] / rigid[:, None]
+    seen = np.zeros(rigid.shape[1:])
+    for row, column in itertools.product(range(len(seen)), repeat=2):
+        values = ratio[:, :, row, column][usable[:, :, row, column]]
+        if values.size >= _LEAST_LINES:
+            seen[row, column] = _direction(values.real, values.imag)
+    return seen
+
+
+def _direction(real: FloatArray, imaginary: FloatArray) -> float:
+    """Median direction, 0 where the lines do not agree on it.
+
+    Friction delays, which turns a sound response towards a positive imaginary part and a reversed one towards a
+    negative one; a motor that sticks, as on a spring, has a negative real part with a positive imaginary one.
+    """
+    middle = float(np.median(real))
+    agree = float((np.sign(real) == np.sign(middle)).mean())
+    sticks = middle < 0 and float(np.median(imaginary)) > -0.2 * middle
+    if abs(middle) < _REVERSED or agree < _SHARE or sticks:
+        return 0.0
+    return float(np.clip(middle, -1, 1))
+
+
+def _rigid_inertia(linear: LinearModel) -> FloatArray:
+    """Inertia matrix (n_conf, n_joint, n_joint) that the motors feel with all springs locked [kg m^2]."""
+    motors = slice(0, linear.n_motor)
+    own = np.einsum("l,clij->cij", linear.axial, linear.link_inertia[:, :, motors, motors])
+    return np.asarray(linear.mass[:, motors, motors] + own + np.diag(linear.rotor))
+
+
+def _strong(inverse: FloatArray) -> BoolArray:
+    """Elements (n_conf, n, n) that are no small differences of large terms."""
+    own = np.sqrt(np.diagonal(inverse, axis1=-2, axis2=-1))
+    return np.asarray(np.abs(inverse) > _LEAST_COUPLING * own[:, :, None] * own[:, None, :])
+
+
+def _free(robot: Robot, evidence: Evidence, mobility: FloatArray, chosen: IntArray) -> BoolArray:
+    """Where motors (n_conf, n_low, n_motor) do not sit on the spring of friction's presliding.
+
+    They swing beyond it, or faster than they would on that spring: above its resonance the sign is that of an inertia.
+    """
+    laws = [robot.joints[index].motor.friction for index in evidence.joints(robot)]
+    level = np.array([max(law.coulomb_nm, law.static_nm) for law in laws])
+    width = np.array([law.presliding_rad for law in laws])
+    fast = 2 * np.pi * evidence.frequency_hz[:, None] > _ABOVE * np.sqrt(level / width * mobility)[:, None]
+    if evidence.motion_rms is None:
+        return np.asarray(fast)
+    return np.asarray(fast | (evidence.motion_rms[chosen] > _MOVES * width)[:, None] | (level == 0))
+
+
+def _signs(seen: FloatArray, angle: FloatArray, torque: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Signs of angles and torques that agree best, at a cost for each change; all 1 where little would be gained."""
+    n_motor = len(seen)
+    most = n_motor if n_motor <= _MANY_MOTORS else 2
+    best, signs = -np.inf, (np.ones(n_motor), np.ones(n_motor))
+    for count in range(most + 1):
+        for turned in itertools.combinations(range(n_motor), count):
+            rows = np.ones(n_motor)
+            rows[list(turned)] = -1.0
+            columns = rows @ seen + torque
+            columns_sign = np.where(columns < -_TORQUE_COST / 2, -1.0, 1.0)
+            cost = _ANGLE_COST * count + _TORQUE_COST * float((columns_sign < 0).sum())
+            value = float(columns @ columns_sign + angle @ rows) - cost
+            if value > best + 1e-9:
+                best, signs = value, (rows, columns_sign)
+    return signs if best > float(seen.sum() + torque.sum() + angle.sum()) + _MARGIN else (np.ones(n_motor),) * 2
+
+
+def _doubt(cause: str, evidence: Evidence, index: int, seen: FloatArray, other: FloatArray) -> Doubt:
+    name, own = evidence.names[index], seen[index, index]
+    if own < 0:
+        told = f"{name}: at low lines its angle turns against its torque ({own:.2g} of a rigid arm's response)"
+    elif other[index] < 0 and cause == "torque_sign":
+        told = f"{name}: its mean torque pulls against gravity's load in the wrong direction"
+    elif other[index] < 0:
+        told = f"{name}: its mean angles go against the configurations"
+    else:
+        told = f"{name}: at low lines its couplings to other motors point the wrong way"
+    return Doubt(cause, told, decisive=True, strength=max(abs(own) / _REVERSED, 1.0))
+
 
 _LOST = 2.0
 _HALF_TURN = 0.5

@@ -1,4 +1,4 @@
-"""What the checks of plausibility look at: signs, means and noise of the motors alone, small enough to be sent."""
+"""What the checks of plausibility look at: signs, means and noise of the motors alone, and what carries the weight."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.frf.frf import Frf
 from robid.frf.quality import saturated_signals
 from robid.robot.description import Robot
+from robid.robot.linearize import solve_statics
+from robid.robot.model import build_model
 from robid.signals.quantities import ACCELERATION, MOTOR_TORQUE, QUANTITIES, Channel
 
 CLEAR = 10.0
@@ -172,41 +174,19 @@ def _rms(amplitude: ComplexArray) -> FloatArray:
     return np.asarray(np.sqrt(power / np.maximum(np.isfinite(amplitude).all(axis=1).sum(axis=-1), 1)))
 
 
+_OF_CONFIGURATIONS = ("configurations", "response", "clear", "driving", "spread", "uncompensated", "spread_clear")
+_IF_KNOWN = ("signal_to_noise", "mean_angle", "mean_torque", "motion_rms", "torque_rms")
+
+
 def join_evidence(parts: Sequence[Evidence]) -> Evidence:
     """Joins the evidence of single configurations of one campaign."""
-    first = parts[0]
-
-    def joined(name: str) -> FloatArray | None:
+    first, joined = parts[0], dict[str, Any]()
+    for name in (*_OF_CONFIGURATIONS, *_IF_KNOWN):
         values = [getattr(part, name) for part in parts]
-        return None if any(value is None for value in values) else np.concatenate(values)
-
-    return Evidence(
-        names=first.names,
-        configurations=np.concatenate([part.configurations for part in parts]),
-        frequency_hz=first.frequency_hz,
-        response=np.concatenate([part.response for part in parts]),
-        clear=np.concatenate([part.clear for part in parts]),
-        signal_to_noise=joined("signal_to_noise"),
-        mean_angle=joined("mean_angle"),
-        mean_torque=joined("mean_torque"),
-        motion_rms=joined("motion_rms"),
-        torque_unit=first.torque_unit,
-        lines_hz=first.lines_hz,
-        driving=np.concatenate([part.driving for part in parts]),
-        sampling_period_s=first.sampling_period_s,
-        hold_period_s=first.hold_period_s,
-        saturated={
-            signal: np.concatenate([part.saturated[signal] for part in parts])
-            for signal in first.saturated
-            if all(signal in part.saturated for part in parts)
-        },
-        moved=first.moved,
-        spread_hz=first.spread_hz,
-        spread=np.concatenate([part.spread for part in parts]),
-        uncompensated=np.concatenate([part.uncompensated for part in parts]),
-        spread_clear=np.concatenate([part.spread_clear for part in parts]),
-        torque_rms=joined("torque_rms"),
-    )
+        joined[name] = None if any(value is None for value in values) else np.concatenate(values)
+    shared = [signal for signal in first.saturated if all(signal in part.saturated for part in parts)]
+    saturated = {signal: np.concatenate([part.saturated[signal] for part in parts]) for signal in shared}
+    return replace(first, **joined, saturated=saturated)
 
 
 def _signal_to_noise(frf: Frf) -> FloatArray | None:
@@ -217,3 +197,47 @@ def _signal_to_noise(frf: Frf) -> FloatArray | None:
         return None
     power, variance = np.abs(frf.response) ** 2, frf.element_variance()
     return np.asarray(np.divide(power, variance, out=np.full_like(power, np.inf), where=variance > 0))
+
+
+@dataclass(frozen=True)
+class Carrier:
+    """A robot, and what its torques are recorded as.
+
+    Attributes:
+        robot: The robot, with its campaign's payload.
+        torque_factor (n_joint,): Recorded over true torques.
+    """
+
+    robot: Robot
+    torque_factor: FloatArray
+
+    def holds(self, configurations: FloatArray, motors: IntArray) -> FloatArray:
+        """Returns true torques (n_conf, n_motor) with which motors hold configurations (n_conf, n_joint) [N m]."""
+        model = build_model(self.robot, balanced=True)
+        return np.asarray(solve_statics(model, configurations).motor_torque[:, motors])
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """What a fit found, and how far it may be off.
+
+    Attributes:
+        found: The robot as the fit has it.
+        off: The robot off by a share of a standard deviation along each independent direction.
+        share: That share.
+    """
+
+    found: Carrier
+    off: tuple[Carrier, ...]
+    share: float
+
+    def scatter(self, configurations: FloatArray, motors: IntArray) -> FloatArray:
+        """Returns the covariance (n_motor, n_conf, n_conf) of true torques that this leaves open [N^2 m^2]."""
+        factor = self.found.torque_factor[motors]
+        own = self.found.holds(configurations, motors)
+        total = np.zeros((len(motors), len(configurations), len(configurations)))
+        for other in self.off:
+            changed = other.holds(configurations, motors) * other.torque_factor[motors] / factor
+            column = (changed - own) / self.share
+            total += np.einsum("cm,dm->mcd", column, column)
+        return total

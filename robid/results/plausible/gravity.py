@@ -10,10 +10,8 @@ from scipy.optimize import linear_sum_assignment
 
 from robid.arrays import BoolArray, FloatArray
 from robid.results.doubt import Doubt
-from robid.results.plausible.balances import BALANCE
-from robid.results.plausible.carrier import Carrier, Fitted
-from robid.results.plausible.evidence import Evidence
-from robid.results.plausible.loads import LoadCause, doubt_of, is_possible, load_causes
+from robid.results.plausible.evidence import Carrier, Evidence, Fitted
+from robid.results.plausible.loads import BALANCE, LoadCause, doubt_of, is_possible, load_causes
 from robid.robot.description import Robot
 
 _SIGMAS = 5.0

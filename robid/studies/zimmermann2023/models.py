@@ -16,11 +16,10 @@ from robid.design.configurations.information import ConfigurationDesign
 from robid.design.configurations.measured import measured_information
 from robid.design.configurations.options import ALONG
 from robid.frf.frf import Frf
-from robid.models.elastic.fit.fitted_robot import fitted_robot
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import make_problem
-from robid.models.elastic.fit.solution import ElasticSolution
+from robid.models.elastic.fit.solution import ElasticSolution, fitted_robot
 from robid.models.elastic.fit.uncertainty import sandwich
 from robid.models.elastic.judge.extrema import first_resonances
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model
@@ -276,7 +275,7 @@ def _judgement(one: Fitting, solution: ElasticSolution) -> dict[str, Dataset]:
     fitted = fitted_model(one.robots[1], solution, frf, options, one.delay_s)
     # Weights of the measured response, the same for all models, a motor's own response at 1.
     problem, dropped = make_problem(frf, fitted.problem.model, fitted.problem.parameters, options)
-    fitted = FittedModel(problem, fitted.internal, dropped)
+    fitted = replace(fitted, problem=problem, dropped=dropped)
     costs = weighted_costs(one.robots[1], fitted)
     per_element = 1 / (problem.weight.max() * costs.elements)
     measured_hz, model_hz = first_resonances(fitted, one.axes)
@@ -289,7 +288,7 @@ def _judgement(one: Fitting, solution: ElasticSolution) -> dict[str, Dataset]:
 
     return {
         "cost": Dataset(costs.cost * per_element, "1", configuration, "Weighted log-amplitude error per element"),
-        "expected": Dataset(costs.expected * per_element, "1", configuration, "What noise alone gives"),
+        "expected": Dataset(costs.expected_cost * per_element, "1", configuration, "What noise alone gives"),
         "measured_hz": Dataset(measured_hz, "Hz", resonance, "First resonance of each axis' own response"),
         "model_hz": Dataset(model_hz, "Hz", resonance, "The model's"),
         "frequency_hz": Dataset(frf.frequency_hz, "Hz", ("frequency",)),

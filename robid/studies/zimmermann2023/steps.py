@@ -15,7 +15,7 @@ from robid.artifacts.artifact import Artifact
 from robid.artifacts.kinds import TASK
 from robid.artifacts.mapping import from_datasets, to_datasets
 from robid.artifacts.store import read_artifact
-from robid.models.elastic.fit.fitted_robot import with_estimates
+from robid.models.elastic.fit.solution import with_estimates
 from robid.pipeline.configurations import draw_in_reach
 from robid.pipeline.graph import Run
 from robid.robot.description import Robot

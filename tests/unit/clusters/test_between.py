@@ -5,9 +5,8 @@ import pytest
 from scipy.optimize import approx_fprime
 
 from place_systems import Dense, dense_places
-from robid.clusters.between import BetweenOptions, estimate_between, restricted_deviance
 from robid.clusters.evidence import Evidence, summarise
-from robid.clusters.pooling import pool
+from robid.clusters.pooling import BetweenOptions, estimate_between, pool, restricted_deviance
 from tolerances import FINITE_DIFFERENCE
 
 

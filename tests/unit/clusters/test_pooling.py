@@ -5,9 +5,8 @@ import pytest
 from scipy.stats import t
 
 from place_systems import dense_places
-from robid.clusters.between import estimate_between
 from robid.clusters.evidence import Evidence, summarise
-from robid.clusters.pooling import Pooled, pool
+from robid.clusters.pooling import Pooled, estimate_between, pool
 
 BETWEEN = np.array([0.2, 0.0, 0.05])
 

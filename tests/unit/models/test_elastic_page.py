@@ -8,10 +8,9 @@ from io import StringIO
 import numpy as np
 from rich.console import Console
 
-from robid.models.elastic.page.content import ElementErrors, RepeatRow
-from robid.models.elastic.page.report import fit_summary
+from robid.models.elastic.page.gather import ElementErrors, RepeatRow
+from robid.models.elastic.page.report import element_sentence, fit_summary, fit_tables, sections
 from robid.models.elastic.page.resonances import interval_sentence, interval_text, resonance_section
-from robid.models.elastic.page.sections import element_sentence, fit_tables, sections
 from robid.report.numbers import MISSING
 from robid.report.section import Notes
 from sample_reports import arm_report, bench_report

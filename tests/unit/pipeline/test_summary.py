@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_mass_robot
-from robid.models.elastic.page.content import FitContent
+from robid.models.elastic.page.gather import FitContent
 from robid.models.elastic.page.report import comparison, fit_report
 from robid.pipeline.report import summarize
 from robid.report.costs import CostRow

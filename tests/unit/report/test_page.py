@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from robid.models.elastic.page.sections import headline
+from robid.models.elastic.page.report import headline
 from robid.report.charts import BodeResponse, band_radius
 from robid.report.numbers import MINUS, MISSING, percent
 from robid.report.page import ReportContent, Verdict, render

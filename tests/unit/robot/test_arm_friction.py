@@ -15,7 +15,7 @@ from exact_systems import (
     without_spring,
 )
 from rigid_robots import planar_arm
-from robid.models.elastic.fit.fitted_robot import with_estimates
+from robid.models.elastic.fit.solution import with_estimates
 from robid.robot.export import to_mjcf
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model

@@ -9,7 +9,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from robid.errors import SettingsError
-from robid.models.elastic.fit.fitted_robot import with_estimates
+from robid.models.elastic.fit.solution import with_estimates
 from robid.models.known import load_experiment
 from robid.robot.model import build_model
 from robid.settings.load import load_robot

@@ -1,1 +1,5 @@
-"""Elastic fits. Read `options`, `parameters`, `problem`, `fitting`, `strategy`, then `uncertainty` and `result`."""
+"""Elastic fits.
+
+Read `options`, `parameters`, `rest_model`, `weights`, `problem`, `optimizers`, `fitting`; then how far a result may be
+trusted: `uncertainty`, `model_error`, `nuisance/`, `physical`, `intervals`; and `result`, which makes a `solution`.
+"""

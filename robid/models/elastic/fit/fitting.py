@@ -1,26 +1,26 @@
-"""The elastic family: springs, dampers, inertias and delay from frequency responses."""
+"""The elastic fit: what it refuses, its starts, descents and updates, up to its solution."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import BoolArray, FloatArray
 from robid.errors import DataError
+from robid.frf.channels import require
 from robid.frf.frf import Frf
 from robid.frf.passivity import driving_points, undeclared_delay
-from robid.models.elastic.fit.checks import check_data, check_influence, check_inputs
 from robid.models.elastic.fit.model_error import element_level
 from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot
-from robid.models.elastic.fit.nuisance.named import Suspicion
-from robid.models.elastic.fit.optimizers import Strategy, make_strategy, optimise
+from robid.models.elastic.fit.nuisance.named import Basis
+from robid.models.elastic.fit.optimizers import Strategy, make_strategy, optimise, other_side
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.fit.other_slip import other_side
 from robid.models.elastic.fit.parameters import ParameterMap, map_parameters
-from robid.models.elastic.fit.problem import Problem, make_problem
+from robid.models.elastic.fit.problem import Problem, make_problem, without_coefficients
 from robid.models.elastic.fit.rest_model import rest_model
 from robid.models.elastic.fit.result import make_solution
 from robid.models.elastic.fit.solution import ElasticSolution
@@ -28,15 +28,109 @@ from robid.models.elastic.fit.uncertainty import Map, influence, load_doubt, str
 from robid.results.levenberg import Minimum
 from robid.robot.description import Robot
 from robid.robot.response import nominal_parameters
+from robid.signals.quantities import ACCELERATION, MOTOR_TORQUE
+
+_NO_INFLUENCE = 1e-14  # of the largest: rounding
+
+
+def check_inputs(robot: Robot, frf: Frf) -> None:
+    """Refuses a response that is not one from motor torques to accelerations, or not of the robot's motors.
+
+    Raises:
+        DataError: If it is so.
+    """
+    require(frf, MOTOR_TORQUE, ACCELERATION, "An elastic model")
+    motors = tuple(joint.name for joint in robot.joints)
+    if frf.input_names != motors:
+        message = f"the response's inputs are {', '.join(frf.input_names)}, the robot's motors {', '.join(motors)}"
+        raise DataError(message, where=robot.name, remedy="name the inputs after the robot's joints, in order")
+
+
+def check_data(robot: Robot, frf: Frf, options: ElasticOptions) -> None:
+    """Refuses responses and covariances that the options cannot use, everything at once.
+
+    Raises:
+        DataError: If the inputs are not the robot's motors, response or covariance are not finite, or too few
+            realizations stand behind what is asked.
+    """
+    check_inputs(robot, frf)
+    problems = [*_not_finite(frf), *_covariance(frf, options), *_realizations(frf, options)]
+    if problems:
+        messages, remedies = zip(*problems, strict=True)
+        raise DataError("; ".join(messages), where=robot.name, remedy="; ".join(dict.fromkeys(remedies)))
+
+
+def check_influence(problem: Problem) -> None:
+    """Refuses weights that leave no line, and free parameters that change nothing.
+
+    Raises:
+        DataError: If it is so.
+    """
+    if not problem.weight.any():
+        remedy = "lower `weights.low_cut_hz`, excite more, or average over more realizations"
+        raise DataError(
+            "no line of the response has a weight: all are cut off or below 10 dB", where="fit", remedy=remedy
+        )
+    parameters = problem.parameters
+    prior = 0.5 / parameters.prior_std**2
+    # Half the second derivative of the cost by each, without what is known beforehand: of what changes no response
+    # nothing is left but rounding.
+    influence = np.diag(problem.normal(np.zeros(len(parameters.names))).hessian) - prior
+    known = np.isin(parameters.kind_of, ("friction", "doubt"))  # beforehand: they stay where they are
+    none = (influence <= _NO_INFLUENCE * influence.max()) & ~known
+    silent = [name for name, without in zip(parameters.names, none, strict=True) if without]
+    if silent:
+        message = f"free parameters change nothing: {', '.join(silent)}"
+        raise DataError(message, where="fit", remedy="list them under `fixed`, or measure other configurations")
+
+
+def _not_finite(frf: Frf) -> list[tuple[str, str]]:
+    found = []
+    told = True if frf.dropped is None else ~frf.dropped[:, :, None]
+    for what, values in (("response", frf.response), ("covariance", frf.element_variance())):
+        bad = np.asarray((told & ~np.isfinite(values)).any(axis=(0, 2, 3)))
+        if bad.any():
+            found.append((f"the {what} is not finite at {_shown(frf, bad)} Hz", "estimate it again"))
+    return found
+
+
+def _covariance(frf: Frf, options: ElasticOptions) -> list[tuple[str, str]]:
+    """A variance of zero where others have one, or none at all, gives optimal weights no size."""
+    variance = frf.element_variance()
+    if frf.dropped is not None:
+        variance = np.where(frf.dropped[:, :, None], np.nanmax(variance[np.isfinite(variance)], initial=0.0), variance)
+    if not options.weights.kind.startswith("optimal") or not np.isfinite(variance).all():
+        return []
+    if not variance.any():
+        remedy = "record two or more realizations of two or more periods, or use the weights `user` or `inflated`"
+        return [("the response has no covariance, which optimal weights invert", remedy)]
+    nothing = np.asarray(~(variance > 0).all(axis=(0, 2, 3)))
+    if not nothing.any():
+        return []
+    message = f"the covariance is singular at {_shown(frf, nothing)} Hz, and optimal weights invert it"
+    return [(message, "use the weights `inflated` or `user`, or look for a channel without noise")]
+
+
+def _realizations(frf: Frf, options: ElasticOptions) -> list[tuple[str, str]]:
+    found = []
+    if options.weights.kind.startswith("optimal") and frf.total_covariance is None and frf.noise_covariance is not None:
+        message = "optimal weights need the total covariance, but one realization shows noise only"
+        found.append((message, "record two or more realizations, or use the weights `inflated` or `user`"))
+    if options.bootstrap and frf.realization_error is None:
+        message = "`bootstrap` weights realizations anew, but the response holds none"
+        remedy = "record two or more realizations and estimate the response by blocks, or set `bootstrap` to 0"
+        found.append((message, remedy))
+    return found
+
+
+def _shown(frf: Frf, chosen: BoolArray) -> str:
+    return ", ".join(f"{frequency:.3g}" for frequency in frf.frequency_hz[chosen][:5])
+
 
 _BETTER = 1e-3  # of the cost
 _UPDATED_ENOUGH = 1e-6  # of the cost
 _BACK = (1.0, 0.5, 0.25, 0.0)
 _OTHER_SAMPLES = (-1, 1, 2)
-_NO_REST = (
-    "the springs that would fit best give way under gravity: these are on the way to them, as far as the robot rests;"
-    " look for wrong data or a wrong robot file before anything else"
-)
 
 
 def serial_map(function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
@@ -68,47 +162,44 @@ def fit_elastic(
         The best minimum with its uncertainty; how it ended is in `status` and `advice`.
 
     Raises:
-        DataError: If response or covariance cannot be used as the options ask, the inputs are not the robot's
-            motors, the robot file's springs give way under gravity, or a free parameter changes nothing.
+        DataError: If response or covariance cannot be used as the options ask, the inputs are not the robot's motors,
+            the robot file's springs give way under gravity, or a free parameter changes nothing.
 
     Source:
         Wernholt and Moberg (2008), sec. 5; docs/methods, sec. 5.
     """
-    check_inputs(robot, frf)
     check_data(robot, frf, options)
     problem, dropped = set_up(robot, frf, options, delay_s)
+    predicted = _predicted_std(problem)
+    check_influence(problem)
+    ends: list[Minimum] = parallel_map(_descend, _tasks(problem, robot, options, delay_s, near))
+    best = min(ends, key=lambda end: end.cost)
+    begun = _Reached(problem, dropped, best, options, partial(set_up, robot, frf, options, delay_s))
+    reached = _on_better_sides(_update(begun, np.zeros(predicted.size)))
+    given = Basis(robot, options, doubtful, reached.rests)
+    endings = reached.best, ends, predicted, reached.dropped
+    return make_solution(reached.problem, options, *endings, parallel_map, given)
+
+
+def _predicted_std(problem: Problem) -> FloatArray:
+    """Deviations (n_param,) of the internal parameters by noise and assumed errors, at the robot file's values."""
     start = np.zeros(len(problem.parameters.names))
     expected = influence(problem, start)
     doubt = load_doubt(problem, start, expected.inverse, expected.weighted)
-    predicted = np.sqrt(np.diag(structured_covariance(problem, expected) + doubt))
-    check_influence(problem)
-    if near is None:
-        tasks = _tasks(problem, robot, options, undeclared_delay(driving_points(frf), delay_s))
-    else:
-        tasks = _tasks_near(problem, robot, options, near)
-    ends: list[Minimum] = parallel_map(_descend, tasks)
-
-    def set_up_at(problem: Problem, minimum: Minimum) -> tuple[Problem, int]:
-        return set_up(robot, frf, options, delay_s, (problem, minimum))
-
-    best = min(ends, key=lambda end: end.cost)
-    reached = _update(_Reached(problem, dropped, best), start, options, set_up_at)
-    reached = _on_better_sides(reached, options, set_up_at)
-    suspicion = Suspicion(robot, options, doubtful, reached.rests)
-    endings = ends, predicted, reached.dropped
-    solution = make_solution(reached.problem, options, reached.best, *endings, parallel_map, suspicion)
-    if reached.rests:
-        return solution
-    advice = "; ".join(filter(None, (_NO_REST, solution.estimate.advice)))
-    return replace(solution, estimate=replace(solution.estimate, advice=advice))
+    return np.sqrt(np.diag(structured_covariance(problem, expected) + doubt))
 
 
 _Task: TypeAlias = tuple[Strategy, FloatArray, bool]
 
 
-def _tasks(problem: Problem, robot: Robot, options: ElasticOptions, delay_s: float | None) -> list[_Task]:
+def _tasks(
+    problem: Problem, robot: Robot, options: ElasticOptions, delay_s: float, near: Mapping[str, float] | None
+) -> list[_Task]:
+    if near is not None:
+        return _tasks_near(problem, robot, options, near)
     strategy = make_strategy(problem, robot, options)
-    starts = _with_delay(problem.parameters, draw_starts(problem.parameters, options), delay_s)
+    starts = draw_starts(problem.parameters, options)
+    starts = _with_delay(problem.parameters, starts, undeclared_delay(driving_points(problem.frf), delay_s))
     # The robot file's values may be so near that stages only lead away from them.
     tasks = [(strategy, start, index == 0) for index, start in enumerate(starts)]
     return [*tasks, *((strategy, start, True) for start in _at_other_samples(problem, starts[0]))]
@@ -150,63 +241,61 @@ class _Reached:
     problem: Problem
     dropped: int
     best: Minimum
+    options: ElasticOptions
+    set_up_at: Callable[[tuple[Problem, Minimum]], tuple[Problem, int]]
     rests: bool = True
 
+    def descended(self, start: FloatArray) -> _Reached:
+        """Returns where a descent in this problem ends."""
+        return replace(self, best=optimise(self.problem, start, max_iterations=self.options.max_iterations))
 
-def _update(
-    now: _Reached,
-    rested: FloatArray,
-    options: ElasticOptions,
-    set_up_at: Callable[[Problem, Minimum], tuple[Problem, int]],
-) -> _Reached:
+
+def _update(now: _Reached, rested: FloatArray) -> _Reached:
     """Goes on with statics and weights of the minimum until they no longer matter.
 
     Where its springs give way under gravity, the fit ends on the way back to where the robot last rested.
     """
-    updates = max(options.statics_updates, options.weights.kind == "estimated")
+    updates = max(now.options.statics_updates, now.options.weights.kind == "estimated")
     for update in range(updates + 1):
-        ahead = _where_it_rests(now, rested, set_up_at)
+        ahead = _where_it_rests(now, rested)
         if update == updates or not ahead.rests:
             return ahead if not ahead.rests else now
+        # Cost before and after are those of one problem: the one whose statics and weights are the last minimum's.
         rested, before = ahead.best.parameters, ahead.problem.cost(ahead.best.parameters)
-        best = optimise(ahead.problem, rested, max_iterations=options.max_iterations)
-        now = replace(ahead, best=best)
-        if before - best.cost <= _UPDATED_ENOUGH * before:
+        now = ahead.descended(rested)
+        # Once a descent gains next to nothing, neither statics nor weights would move again.
+        if before - now.best.cost <= _UPDATED_ENOUGH * before:
             break
     return now
 
 
-def _on_better_sides(
-    now: _Reached, options: ElasticOptions, set_up_at: Callable[[Problem, Minimum], tuple[Problem, int]]
-) -> _Reached:
+def _on_better_sides(now: _Reached) -> _Reached:
     """Tries for each hysteresis whether bristles that slip on the other side of the largest loss fit better."""
     effects = now.problem.model.effects if now.rests else None
     for number in range(0 if effects is None else len(effects.bristles)):
         start = other_side(now.problem, now.best.parameters, number)
         if start is None or not now.rests:
             continue
-        best = optimise(now.problem, start, max_iterations=options.max_iterations)
-        if best.cost < (1 - _BETTER) * now.best.cost:
-            now = _update(replace(now, best=best), now.best.parameters, options, set_up_at)
+        other = now.descended(start)
+        if other.best.cost < (1 - _BETTER) * now.best.cost:
+            now = _update(other, now.best.parameters)
     return now
 
 
-def _where_it_rests(
-    now: _Reached, rested: FloatArray, set_up_at: Callable[[Problem, Minimum], tuple[Problem, int]]
-) -> _Reached:
+def _where_it_rests(now: _Reached, rested: FloatArray) -> _Reached:
     """Sets the problem up at the minimum, else as near to it as the robot rests on the way back."""
     for share in _BACK:
         point = rested + share * (now.best.parameters - rested) if share < 1 else now.best.parameters
         end = replace(now.best, parameters=point)
         try:
-            problem, dropped = set_up_at(now.problem, end)
+            problem, dropped = now.set_up_at((now.problem, end))
         except DataError:
             if share == 0:
                 raise
             continue
         if share < 1:
             end = replace(end, cost=problem.cost(point), status="stalled")
-        return _Reached(problem, dropped, end, rests=share == 1)
+        return replace(now, problem=problem, dropped=dropped, best=end, rests=share == 1)
     return now
 
 
@@ -215,17 +304,14 @@ def _with_delay(parameters: ParameterMap, starts: list[FloatArray], delay_s: flo
     if delay_s is None or "delay" not in parameters.names:
         return starts
     index = parameters.names.index("delay")
+    # Phases turn by more than a whole turn with a delay of many samples: there a descent would end in another minimum.
     internal = (delay_s - parameters.nominal_values()[index]) / parameters.scale[index]
     own = np.arange(len(parameters.names)) == index
     return [np.clip(np.where(own, internal, start), parameters.lower, parameters.upper) for start in starts]
 
 
 def set_up(
-    robot: Robot,
-    frf: Frf,
-    options: ElasticOptions,
-    delay_s: float,
-    before: tuple[Problem, Minimum] | None = None,
+    robot: Robot, frf: Frf, options: ElasticOptions, delay_s: float, before: tuple[Problem, Minimum] | None = None
 ) -> tuple[Problem, int]:
     """Sets up the problem and counts the elements that it drops.
 
@@ -243,17 +329,6 @@ def set_up(
     internal = before[1].parameters
     level = element_level(before[0], internal) if options.weights.kind == "estimated" else None
     return make_problem(frf, model, parameters, options, internal, level)
-
-
-def without_coefficients(frf: Frf) -> Frf:
-    """Returns a response whose compensated torques are taken for granted."""
-    return replace(
-        frf,
-        sensitivity=frf.sensitivity[:, :0],
-        coefficient_names=(),
-        coefficient_relative_std=np.zeros(0),
-        coefficient_offset=None,
-    )
 
 
 def draw_starts(parameters: ParameterMap, options: ElasticOptions) -> list[FloatArray]:

@@ -45,10 +45,13 @@ def swing_shape(spring: Swinging, weight: FloatArray) -> float:
     lines that are not excited moves the spring there too, by its compliance, and that motion mixes back into the
     excited lines: about a bent rest it lowers the slope by some `(3 k3 d0)^2 v` times the compliance.
     """
+    # The cube of a signal reaches thrice its highest line: with as many samples nothing is folded back.
     count = scipy.fft.next_fast_len(6 * int(spring.lines.max()) + 1, real=True)
     spectrum = np.zeros((count // 2 + 1, spring.amplitude.shape[1]), complex)
     spectrum[spring.lines] = spring.amplitude
     signal = scipy.fft.irfft(spectrum, count, axis=0) * count
+    # At the excited lines the swing is the measured one. At all others the spring moves under its own nonlinear torque,
+    # which mixes back.
     free = np.zeros(len(spectrum), complex)
     free[: spring.compliance.size] = spring.compliance
     free[spring.lines] = free[0] = 0.0
@@ -56,6 +59,8 @@ def swing_shape(spring: Swinging, weight: FloatArray) -> float:
     moved = signal - spring.cubic * scipy.fft.irfft(free[:, None] * torque, count, axis=0)
     mixed = scipy.fft.rfft(_bent(spring, moved), axis=0)[spring.lines] / count
     known = spring.amplitude
+    # At each line the torque's part that is linear in the swing, over what a normal swing gives: 3 k3 times its mean
+    # square.
     slope = np.real(mixed * known.conj()).sum(axis=-1) / (np.abs(known) ** 2).sum(axis=-1)
     return float((weight * slope).sum() / weight.sum() / (3 * (signal**2).mean()))
 
@@ -172,6 +177,7 @@ def bristle_table(stiffness: float, moved: ComplexArray, lines: IntArray, omega:
     """
     known = np.isfinite(moved).all(axis=(0, 1))
     swing = np.moveaxis(moved[..., known][..., :_MOST_BLOCKS], -1, 1)
+    # A common divisor of all lines only repeats the period.
     lines = lines // np.gcd.reduce(lines)
     size = np.sqrt((2 * np.abs(swing) ** 2).sum(axis=-1).mean())
     count = scipy.fft.next_fast_len(max(_PER_CYCLE * int(lines.max()), _LEAST_SAMPLES), real=True)
@@ -181,6 +187,7 @@ def bristle_table(stiffness: float, moved: ComplexArray, lines: IntArray, omega:
     slip = size * _SLIPS
     followed = scipy.fft.rfft(_bristles(deflection, slip))[..., lines] / count
     total = (np.abs(swing) ** 2).sum(axis=1)
+    # The best linear approximation over blocks: cross spectrum over power.
     share = (followed * swing.conj()).sum(axis=2) / total
     gain, corner = _series(share, total, omega)
     return BristleTable(stiffness, np.log(slip), np.log(gain), np.log(corner), float(size))
@@ -188,6 +195,8 @@ def bristle_table(stiffness: float, moved: ComplexArray, lines: IntArray, omega:
 
 def _bristles(deflection: FloatArray, slip: FloatArray) -> FloatArray:
     """Deflections (n_slip, n_conf, n_block, n_sample) of bristles beside periodic ones (n_conf, n_block, n_sample)."""
+    # Along a way of one direction, dz/dt = dx/dt - |dx/dt| z / h is solved exactly: z approaches the slip h, or -h, by
+    # exp(-way / h).
     way = np.diff(deflection, append=deflection[..., :1])
     turns, fades = np.sign(way), np.exp(-np.abs(way) / slip[:, None, None, None])
     found = np.zeros_like(fades)
@@ -202,6 +211,8 @@ def _bristles(deflection: FloatArray, slip: FloatArray) -> FloatArray:
 
 def _series(share: ComplexArray, weight: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Gain and corner (n_slip, n_conf) of `g jw / (jw + w_h)` nearest to shares (n_slip, n_conf, n_freq)."""
+    # Times its denominator, s = g jw / (jw + w_h) is linear in g and w_h. Rows over the last denominator undo the
+    # weight that this gives to high lines; a few rounds settle it.
     corner = np.full(share.shape[:2], omega.mean())
     gain = np.ones_like(corner)
     rate = np.broadcast_to(1j * omega, share.shape)
@@ -218,6 +229,7 @@ def _series(share: ComplexArray, weight: FloatArray, omega: FloatArray) -> tuple
 
 def mean_size(mean: FloatArray, variance: FloatArray) -> FloatArray:
     """Mean size of normal variables of some mean and variance."""
+    # E|x| = s sqrt(2 / pi) exp(-m^2 / (2 s^2)) + m erf(m / (s sqrt(2))); far from zero only the mean is left.
     deviation = np.sqrt(np.maximum(variance, np.finfo(float).tiny))
     ratio = np.abs(mean) / deviation
     swing = np.sqrt(2 / np.pi) * np.exp(-0.5 * np.minimum(ratio, _FAR) ** 2)

@@ -70,22 +70,22 @@ def estimate_model_error(problem: Problem, internal: FloatArray, found: Influenc
     if not used.any():
         return None
     kind = problem.residual_kind
+    # The residual as a relative error of the response, with as much power where only its magnitude counts.
     residual = np.sqrt(2 / kind.parts) * problem.residual(internal, modelled) / kind.per_relative(shown)
     variance = np.where(used, variance, 1.0)
     square = np.where(used, np.abs(residual) ** 2, 0.0)
     kept, freedom = _expected(problem, internal, found, np.where(used, 1 / variance, 0.0), shown)
-    bias = _inverse_bias(frf.degrees_of_freedom)
+    # The inverse of an estimated variance is too large in the mean, by n / (n - 1) of n complex degrees of freedom.
+    bias = (frf.degrees_of_freedom - 1) / frf.degrees_of_freedom if frf.degrees_of_freedom > 1 else 1.0
     ratio = bias * _ratio(square, variance, kept)
     n_line = used.sum(axis=1)
     known = frf.degrees_of_freedom if frf.realization_error is None else n_line * (frf.realization_error.shape[1] - 1)
+    # The ratio of a right model is Fisher distributed: what the residual has left over what the covariance was
+    # estimated from.
     limit = f.ppf(_LEVEL, np.maximum(freedom, 0.5), 2 * np.maximum(known, 0.5))
+    # Beyond that, the error of the model is what brings the cost back to its expectation.
     level = np.where(ratio > limit, _level(square, variance / bias, kept), 0.0)
-    correlation, pairs = _correlation(np.where(used, residual / np.sqrt(variance), 0.0), used)
-    if frf.line_correlation is not None:
-        # Windows that overlap correlate residuals without any error of the model.
-        alike = mean_correlation(frf.line_correlation, used.any(axis=(2, 3)))
-        correlation = correlation - alike[:, :1, None]
-        pairs = pairs / (1 + 2 * (alike**2).sum(axis=1))[:, None, None]
+    correlation, pairs = _correlation(np.where(used, residual / np.sqrt(variance), 0.0), used, frf.line_correlation)
     return ModelError(ratio, limit, level, correlation, norm.ppf(_LEVEL) / np.sqrt(kind.parts * np.maximum(pairs, 1)))
 
 
@@ -112,12 +112,16 @@ def _expected(
     derivative = derivative / problem.residual_kind.per_relative(shown)[..., None]
     noise = structured_covariance(replace(problem, model_error=np.zeros(())), found)
     count = (precision > 0).sum(axis=1)
+    # What the fit leaves of an element's own noise; a leverage counts twice, in (I - H) S (I - H)', but for its square,
+    # which `moved` has.
     own = np.maximum(np.where(precision > 0, 1 - 2 * found.leverage / rows, 0.0).sum(axis=1), 0.0)
     scaled = np.sqrt(precision)[..., None] * derivative
     scaled = np.concatenate([scaled.real, scaled.imag], axis=1).transpose(0, 2, 3, 1, 4)
+    # The covariance that the errors of all parameters add to this element's residuals, over its noise.
     moved = np.swapaxes(scaled, -1, -2) @ scaled @ noise * (2 / rows)
     added = np.trace(moved, axis1=-2, axis2=-1)
     spread = np.einsum("coipq,coiqp->coi", moved, moved)
+    # Satterthwaite: the freedom of the sum from the squares of its parts.
     share = np.divide(own**2, rows * count, out=np.zeros_like(own), where=count > 0) + spread
     total = own + added
     return total, np.divide(total**2, share, out=np.zeros_like(total), where=share > 0)
@@ -131,10 +135,6 @@ def element_level(problem: Problem, internal: FloatArray) -> FloatArray | None:
 
 def _share(above: BoolArray, known: BoolArray) -> float:
     return float(above[known].mean()) if known.any() else 0.0
-
-
-def _inverse_bias(freedom: float) -> float:
-    return (freedom - 1) / freedom if freedom > 1 else 1.0
 
 
 def _ratio(square: FloatArray, variance: FloatArray, kept: FloatArray) -> FloatArray:
@@ -153,9 +153,15 @@ def _level(square: FloatArray, variance: FloatArray, kept: FloatArray) -> FloatA
     return np.asarray(np.exp(0.5 * (low + high)))
 
 
-def _correlation(whitened: FloatArray, used: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Correlation of neighbouring lines (n_conf, n_out, n_in) and the number of pairs behind it."""
+def _correlation(whitened: FloatArray, used: BoolArray, known: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+    """Correlation of neighbouring lines (n_conf, n_out, n_in) beyond what is known, and the pairs behind it."""
     pairs = (used[:, 1:] & used[:, :-1]).sum(axis=1)
     product = np.real(whitened[:, 1:] * whitened[:, :-1].conj()).sum(axis=1)
+    # The lag-one correlation, over the mean power of as many lines as there are pairs.
     power = (np.abs(whitened) ** 2).sum(axis=1) * pairs / np.maximum(used.sum(axis=1), 1)
-    return np.divide(product, power, out=np.zeros_like(product), where=power > 0), pairs
+    found = np.divide(product, power, out=np.zeros_like(product), where=power > 0)
+    if known is None:
+        return found, pairs
+    # Windows that overlap correlate residuals without any error of the model.
+    alike = mean_correlation(known, np.asarray(used.any(axis=(2, 3))))
+    return found - alike[:, :1, None], pairs / (1 + 2 * (alike**2).sum(axis=1))[:, None, None]

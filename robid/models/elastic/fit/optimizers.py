@@ -15,6 +15,7 @@ from robid.models.elastic.fit.parameters import map_parameters
 from robid.models.elastic.fit.problem import Problem, make_problem
 from robid.results.levenberg import Minimum, Normal, Status, minimise
 from robid.robot.description import Robot
+from robid.robot.gear_effects import BristleTable
 from robid.robot.parameters import DIRECT, LOGARITHMIC
 
 _TOLERANCE = 1e-12  # of the cost, which is flat to second order
@@ -50,25 +51,20 @@ def optimise(
     if optimizer == "scipy":
         return _scipy(problem, np.clip(start, lower, upper), max_iterations, cost_tolerance)
     if optimizer == "nlopt":
-        tool = nlopt.opt(nlopt.LD_SLSQP, start.size)
-        tool.set_lower_bounds(lower)
-        tool.set_upper_bounds(upper)
-        tool.set_maxeval(max_iterations)
-        return _nlopt(tool, problem, np.clip(start, lower, upper), cost_tolerance)
-    before = 0
+        return _nlopt(nlopt.LD_SLSQP, problem, start, (lower, upper), max_iterations, cost_tolerance)
+    before = Minimum(start, np.inf, 0, "converged")
     if optimizer == "nlopt_global":
-        found = _global(problem, start, max_iterations)
-        start, before = found.parameters, found.evaluations
+        before = _global(problem, start, max_iterations)
     end = minimise(
         problem.cost,
         problem.normal,
-        start,
+        before.parameters,
         max_iterations=max_iterations,
         cost_tolerance=cost_tolerance,
         lower=lower,
         upper=upper,
     )
-    return Minimum(end.parameters, end.cost, end.iterations + before, end.status, end.evaluations + before)
+    return _after(before, end)
 
 
 def _scipy(problem: Problem, start: FloatArray, max_iterations: int, cost_tolerance: float) -> Minimum:
@@ -89,9 +85,24 @@ def _scipy(problem: Problem, start: FloatArray, max_iterations: int, cost_tolera
     return Minimum(found.x, problem.cost(found.x), int(found.njev), status, int(found.nfev))
 
 
-def _nlopt(tool: nlopt.opt, problem: Problem, start: FloatArray, cost_tolerance: float) -> Minimum:
+def _nlopt(
+    method: int,
+    problem: Problem,
+    start: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    evaluations: int,
+    cost_tolerance: float,
+    local: nlopt.opt | None = None,
+) -> Minimum:
+    tool = nlopt.opt(method, start.size)
+    if local is not None:
+        tool.set_local_optimizer(local)
+    tool.set_lower_bounds(bounds[0])
+    tool.set_upper_bounds(bounds[1])
+    tool.set_maxeval(evaluations)
     tool.set_ftol_rel(max(cost_tolerance, _TOLERANCE))
     tool.set_xtol_abs(_STEP_TOLERANCE)
+    start = np.clip(start, *bounds)
     tool.set_min_objective(_objective(problem, _unit(problem, start)))
     status: Status = "stalled"
     try:
@@ -105,17 +116,13 @@ def _nlopt(tool: nlopt.opt, problem: Problem, start: FloatArray, cost_tolerance:
 
 def _global(problem: Problem, start: FloatArray, max_iterations: int) -> Minimum:
     parameters = problem.parameters
+    # Multistart needs a box: as wide as what is known beforehand allows, and some scales where nothing is known.
     reach = np.where(np.isfinite(parameters.prior_std), _GLOBAL_PRIORS * parameters.prior_std, _GLOBAL_SCALES)
-    low, high = np.maximum(parameters.lower, -reach), np.minimum(parameters.upper, reach)
+    bounds = np.maximum(parameters.lower, -reach), np.minimum(parameters.upper, reach)
     local = nlopt.opt(nlopt.LD_SLSQP, start.size)
     local.set_ftol_rel(1e-3)
     local.set_maxeval(max_iterations)
-    tool = nlopt.opt(nlopt.G_MLSL_LDS, start.size)
-    tool.set_local_optimizer(local)
-    tool.set_lower_bounds(low)
-    tool.set_upper_bounds(high)
-    tool.set_maxeval(_GLOBAL_EVALUATIONS * max_iterations)
-    return _nlopt(tool, problem, np.clip(start, low, high), 0.0)
+    return _nlopt(nlopt.G_MLSL_LDS, problem, start, bounds, _GLOBAL_EVALUATIONS * max_iterations, 0.0, local)
 
 
 def _unit(problem: Problem, start: FloatArray) -> float:
@@ -197,6 +204,8 @@ class Strategy:
             small = lost.sum() == 1 and (lost & dampers).any()
             if not lost.any() or (small and not paid):
                 break
+            # What is lost begins on the other side of its start; the others where they are, halfway back, or at their
+            # start.
             across = own - decades * _DECADE * np.sign(best.parameters - own)
             point = np.where(lost, across, own + share * (best.parameters - own))
             again = _coarsely(coarse, point) if share == 1 else _heavy_to_true(coarse, point)
@@ -245,6 +254,7 @@ def _lost(problem: Problem, point: FloatArray) -> BoolArray:
     """
     here = problem.normal(point)
     influence = np.diag(here.hessian) - 0.5 / problem.parameters.prior_std**2
+    # To second order, a change by a factor of two costs H log(2)^2, H being half the Hessian.
     lost = influence * np.log(2) ** 2 < _LOST_INFLUENCE * here.cost
     open_beforehand = problem.parameters.prior_std > np.log(2)
     return np.asarray(lost & open_beforehand & problem.parameters.logarithmic)
@@ -282,3 +292,48 @@ def _after(before: Minimum, end: Minimum) -> Minimum:
 def _spread(count: int, most: int) -> list[int]:
     """At most so many indices, spread evenly."""
     return sorted(set(np.linspace(0, count - 1, min(most, count)).round().astype(int).tolist()))
+
+
+_TORQUES = np.geomspace(0.01, 30, 60)  # over that at which bristles slip at the swing
+_SOFTEST = 0.5  # of a spring
+_LITTLE = 0.02  # of the largest loss: nothing to be on a side of
+
+
+def other_side(problem: Problem, internal: FloatArray, number: int) -> FloatArray | None:
+    """Returns a start (n_param,) where a hysteresis loses alike on the other side of the largest loss, if there is one.
+
+    The gear's spring is as much softer or stiffer as bristles that stick more or less ask for.
+
+    Args:
+        problem: The problem.
+        internal (n_param,): Its minimum.
+        number: Which of the hystereses that `problem.model.effects` has.
+    """
+    effects, parameters = problem.model.effects, problem.parameters
+    if effects is None or effects.slipping_names[number] not in parameters.names:
+        return None
+    name, bristle = effects.slipping_names[number], effects.bristles[number]
+    omega = 2 * np.pi * problem.frf.frequency_hz
+    torque = float(parameters.parameters(internal).doubt[effects.slipping[number, 0]])
+    other = _other(bristle, torque, omega)
+    if other is None:
+        return None
+    start, index = internal.copy(), parameters.names.index(name)
+    start[index] += (other - torque) / parameters.scale[index]
+    spring = name.replace(".hysteresis", ".stiffness")
+    if spring in parameters.names:
+        own = parameters.names.index(spring)
+        stuck, there = (float(bristle.added(each, omega).real.mean()) for each in (torque, other))
+        start[own] += np.log(max(1 + (stuck - there) / parameters.values(internal)[own], _SOFTEST))
+    return np.clip(start, parameters.lower, parameters.upper)
+
+
+def _other(bristle: BristleTable, torque: float, omega: FloatArray) -> float | None:
+    """Torque on the other side of the largest loss that loses alike; None where there is hardly any loss."""
+    tried = bristle.stiffness * bristle.swing * _TORQUES
+    losses = np.array([bristle.added(each, omega).imag.mean() for each in tried])
+    loss, peak = float(bristle.added(torque, omega).imag.mean()), int(np.argmax(losses))
+    if torque <= 0 or loss < _LITTLE * losses[peak]:
+        return None
+    side = slice(peak, None) if torque < tried[peak] else slice(0, peak + 1)
+    return float(tried[side][np.argmin(np.abs(losses[side] - loss))])

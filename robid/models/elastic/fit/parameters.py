@@ -120,6 +120,7 @@ class ParameterMap:
         """Derivative (n_element + n_friction, n_param) of all elements, then friction scales, by internal values."""
         n_element, n_friction = self.member.size, self.n_friction
         derivative = np.zeros((n_element + n_friction, len(self.names)))
+        # The derivative of an exponential is the value itself. Tied elements share a column, that of their leader.
         slopes = np.where(self.logarithmic[self.member], self.element_values(internal), self.element_scale)
         derivative[np.arange(n_element), self.member] = slopes
         derivative[n_element:, len(self.names) - n_friction :] = np.eye(n_friction)
@@ -178,46 +179,54 @@ def map_parameters(
     free = {name: kind for kind in kinds for name in every[kind] if name is not None and name not in options.fixed}
     elements = tuple(free)
     check_names(options, every, nominal, unknown_names(robot, options))
+    # Tied elements follow the internal parameter of another one; each of the others has its own.
     names = [name for name in elements if name not in options.tied]
-    member = [names.index(options.tied.get(name, name)) for name in elements]
     kind_of = [free[name] for name in names]
-    units = {kind: element_units(robot, kind) for kind in kinds if kind != DOUBT}
-    units |= {DOUBT: [doubt.unit for doubt in freed]}
-    unit_of = {name: unit for kind in kinds for name, unit in zip(every[kind], units[kind], strict=True)}
-    scales = _scales(robot, nominal) | {DOUBT: np.array([doubt.common_std for doubt in freed])}
+    unit_of, scale_of = _units_and_scales(robot, nominal, every, freed)
     n_friction = len(friction_names)
-    decades = options.prior_decades
-    # At its largest torque a cubic gear's slope is known as its linear one is.
-    known = {**dict.fromkeys(LOGARITHMIC, np.log(10) * decades), "cubic": 10 ** min(decades, _MOST_DECADES) / 3}
-    known |= {DOUBT: PRIOR_FACTOR}
-    known |= {f"{joint.name}.motor_inertia": joint.motor.inertia_relative_std for joint in robot.joints}
+    free_ends = np.full(len(names) + n_friction, np.inf)
     found = ParameterMap(
         nominal=nominal,
         kinds=kinds,
         masks=masks,
         elements=elements,
-        member=np.array(member, int),
-        element_scale=np.concatenate(
-            [
-                scales[kind][mask] if kind in scales else np.ones(int(mask.sum()))
-                for kind, mask in zip(kinds, masks, strict=True)
-            ]
-        ),
+        member=np.array([names.index(options.tied.get(name, name)) for name in elements], int),
+        element_scale=np.array([scale_of[name] for name in elements], float),
         names=(*names, *friction_names),
         kind_of=(*kind_of, *[NUISANCE] * n_friction),
         units=(*(unit_of[name] for name in names), *map(coefficient_unit, friction_names)),
         logarithmic=np.array([PARAMETER_KINDS[kind].logarithmic for kind in kind_of] + [False] * n_friction, bool),
-        prior_std=np.concatenate(
-            [
-                [known.get(name, known.get(kind, np.inf)) for name, kind in zip(names, kind_of, strict=True)],
-                friction_std,
-            ]
-        ),
-        lower=np.full(len(names) + n_friction, -np.inf),
-        upper=np.full(len(names) + n_friction, np.inf),
+        prior_std=np.concatenate([_prior_std(robot, options, names, kind_of), friction_std]),
+        lower=-free_ends,
+        upper=free_ends,
         friction_offset=np.zeros(n_friction) if friction_offset is None else friction_offset,
     )
     return _bounded(_sensible(found, freed), options.bounds)
+
+
+def _units_and_scales(
+    robot: Robot, nominal: ElasticParameters, every: Mapping[str, list[str | None]], freed: Sequence[Nuisance]
+) -> tuple[dict[str | None, str], dict[str | None, float]]:
+    """Unit of each element of the free kinds, and its scale, 1 for the logarithmic ones."""
+    units: dict[str | None, str] = {}
+    found: dict[str | None, float] = {}
+    scales = _scales(robot, nominal) | {DOUBT: np.array([doubt.common_std for doubt in freed])}
+    for kind, names in every.items():
+        own = [doubt.unit for doubt in freed] if kind == DOUBT else element_units(robot, kind)
+        units |= dict(zip(names, own, strict=True))
+        found |= dict(zip(names, scales.get(kind, np.ones(len(names))).tolist(), strict=True))
+    return units, found
+
+
+def _prior_std(robot: Robot, options: ElasticOptions, names: list[str], kinds: list[str]) -> list[float]:
+    """What the robot file knows of each parameter, as the deviation of its internal value; infinite for nothing."""
+    decades = options.prior_decades
+    known = {**dict.fromkeys(LOGARITHMIC, np.log(10) * decades), DOUBT: PRIOR_FACTOR}
+    # At the motor's largest torque T the slope of a cubic gear, k1 + 3 k3 (T / k1)^2, is known to the same factor as
+    # k1: in units of its scale, k1^3 / T^2, k3 is known to a third of that factor.
+    known["cubic"] = 10 ** min(decades, _MOST_DECADES) / 3
+    known |= {f"{joint.name}.motor_inertia": joint.motor.inertia_relative_std for joint in robot.joints}
+    return [known.get(name, known.get(kind, np.inf)) for name, kind in zip(names, kinds, strict=True)]
 
 
 def _sensible(found: ParameterMap, freed: Sequence[Nuisance]) -> ParameterMap:
@@ -249,6 +258,7 @@ def _scales(robot: Robot, nominal: ElasticParameters) -> dict[str, FloatArray]:
 
 def _bounded(found: ParameterMap, bounds: Mapping[str, tuple[float, float]]) -> ParameterMap:
     """Puts bounds, given in the parameters' own units, on the internal values."""
+    # In the optimizer's coordinates: log(end / nominal), or (end - nominal) / scale.
     ends = np.array([found.lower, found.upper])
     nominal, scale = found.nominal_values(), found.scale
     problems = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -42,6 +42,8 @@ class SymmetricNormal:
         self._collocated = Collocated(
             problem.model, frf.frequency_hz, frf.hold_period_s, used, problem.parameters.kinds
         )
+        # The model has one element for each pair (o, i) and (i, o), the measurement two; a diagonal element has no
+        # mirror, and counts once.
         self._rows, self._columns = np.triu_indices(problem.weight.shape[-1])
         self._weight = np.asarray(self._pairs(problem.weight[used]), float)
         self._weight[1, self._rows == self._columns] = 0.0
@@ -90,6 +92,8 @@ class SymmetricNormal:
         """The same with half its gradient and half its Gauss-Newton Hessian."""
         total = self.cost(internal)
         parameters = self._problem.parameters
+        # Both residuals of a pair have the same derivative d: the Hessian is the sum of (w1 + w2) d d', and the
+        # gradient needs their weighted mean alone.
         scale = self._root / self._residuals.divisor(self._modelled)
         rows = self._collocated.derivatives(parameters.kinds, parameters.masks, scale)
         weighted = (self._weight * self._residual).sum(axis=0) * self._inverse_root
@@ -97,6 +101,7 @@ class SymmetricNormal:
         if self._friction is not None:
             scales = internal[-parameters.n_friction :]
             hessian, gradient = self._with_friction(self._slopes(self._friction, scales), rows, hessian, gradient)
+        # From elements of the model to internal parameters. A residual falls where the model rises: hence the sign.
         chain = parameters.chain(internal)
         return Normal(total, -(chain.T @ gradient), chain.T @ hessian @ chain)
 
@@ -124,6 +129,8 @@ class SymmetricNormal:
         """Derivatives (n_friction, 2, n_pair, n_line) of the measured response by the friction scales."""
         if self._by_motor is None:
             return np.array([self._pairs(slope) for slope in np.moveaxis(friction.slopes(scales), -1, 0)])
+        # Where each scale is of one motor, the derivative by it is an outer product of a column of the moved response
+        # and a row that comes with it.
         columns = np.ascontiguousarray(self._moved[..., self._by_motor.motors.argmax(axis=0)].transpose(2, 1, 0))
         rows = np.ascontiguousarray(self._moved_rows.transpose(1, 2, 0))
         found = np.empty((len(columns), *self._weight.shape), complex)
@@ -135,6 +142,7 @@ class SymmetricNormal:
         self, moved: ComplexArray, rows: ComplexArray, hessian: FloatArray, gradient: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Adds the friction scales, which move each measured element (n_friction, 2, n_pair, n_line) on its own."""
+        # These move what was measured, not the model: each of a pair's two residuals by itself.
         moved *= -self._weight_root / self._residuals.divisor(self._measured)
         shared = (self._weight_root * moved).sum(axis=1) * self._inverse_root
         cross = _cross(rows, shared, self._real)
@@ -258,6 +266,8 @@ class Problem:
         """Residual and its negative derivative (n_conf, n_freq, n_out, n_in, n_param)."""
         values = self.parameters.parameters(internal)
         result = response(self.model, values, self.frf.frequency_hz, self.frf.hold_period_s)
+        # Of the model by all elements, by the chain to internal parameters, then by the residual's divisor: d log G =
+        # dG / G.
         plain = jacobian(self.model, values, result, self.parameters.kinds)[..., self.parameters.columns()]
         count = self.parameters.n_friction
         element = plain.shape[-1]
@@ -286,6 +296,7 @@ class Problem:
         error, derivative = self.linear(internal)
         rows = self.weighted(derivative).reshape(-1, derivative.shape[-1])
         target = self.weighted(error).ravel()
+        # What is known beforehand as one more residual each: half its squared deviation is a part of the cost.
         known = np.sqrt(0.5) / self.parameters.prior_std
         residual = np.concatenate([target.real, target.imag, known * internal])
         return residual, np.concatenate([-rows.real, -rows.imag, np.diag(known)])
@@ -317,6 +328,7 @@ def make_problem(
     values = parameters.parameters(np.zeros(len(parameters.names)) if internal is None else internal)
     modelled = response(model, values, frf.frequency_hz, frf.hold_period_s).sampled
     fitted = None if internal is None else modelled
+    # Errors relative to a fitted model: relative to the measurement, noise would choose its own weight.
     size = None if fitted is None else np.abs(fitted)
     weight, dropped = make_weights(frf, options.weights, options.residual, size, level)
     if options.residual.drops_noise:
@@ -326,3 +338,14 @@ def make_problem(
         whitening = make_whitening(frf, weight > 0, options.residual, fitted)
     model_error = assumed_error(options.weights, level, known=bool(frf.element_variance().any()))
     return Problem(frf, model, parameters, options.residual, weight, model_error, whitening), dropped
+
+
+def without_coefficients(frf: Frf) -> Frf:
+    """Returns a response whose compensated torques are taken for granted."""
+    return replace(
+        frf,
+        sensitivity=frf.sensitivity[:, :0],
+        coefficient_names=(),
+        coefficient_relative_std=np.zeros(0),
+        coefficient_offset=None,
+    )

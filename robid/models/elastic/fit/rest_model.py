@@ -66,21 +66,20 @@ def rest_model(
         return _rested(robot, frf, options, delay_s, values)
     amounts = np.zeros(len(freed)) if values is None else values.doubt
     balanced = all(joint.counterbalance is None for joint in robot.joints)
-    still = replace(options, statics="updates", free=())
-    pairs, steps = [], []
     model = _rested(moved_robot(robot, freed, amounts), frf, options, delay_s, values, balanced=balanced)
-    for index, doubt in enumerate(freed):
-        steps.append(2 * _DOUBT_STEP * doubt.common_std)
-        if not isinstance(doubt.effect, RobotMove):
+    # Central differences of the whole linearised robot, at rest anew on each side; what acts beside its matrices moves
+    # none of them.
+    still, pairs = replace(options, statics="updates", free=()), []
+    for each, step in zip(freed, _DOUBT_STEP * np.diag([each.common_std for each in freed]), strict=True):
+        if isinstance(each.effect, RobotMove):
+            sides = (moved_robot(robot, freed, amounts + side * step) for side in (-1, 1))
+            behind, ahead = (_rested(side, frf, still, delay_s, values, balanced=balanced) for side in sides)
+            pairs.append((behind, ahead))
+        else:
             pairs.append((model, model))
-            continue
-        step = _DOUBT_STEP * doubt.common_std * np.eye(len(freed))[index]
-        sides = (moved_robot(robot, freed, amounts + side * step) for side in (-1, 1))
-        behind, ahead = (_rested(side, frf, still, delay_s, values, balanced=balanced) for side in sides)
-        pairs.append((behind, ahead))
-    torque = torque_slopes(freed, len(robot.joints))
-    shifts = shifts_between(pairs, np.array(steps), amounts, torque)
-    if not any(isinstance(doubt.effect, (LoadDamping, SlipTorque)) for doubt in freed):
+    width = np.array([2 * _DOUBT_STEP * each.common_std for each in freed])
+    shifts = shifts_between(pairs, width, amounts, torque_slopes(freed, len(robot.joints)))
+    if not any(isinstance(each.effect, LoadDamping | SlipTorque) for each in freed):
         return replace(model, shifts=shifts)
     now = replace(nominal_parameters(robot, model, delay_s), doubt=amounts) if values is None else values
     return replace(model, shifts=shifts, effects=_effects(robot, frf, now, model, freed))
@@ -97,6 +96,7 @@ def _effects(
     load, omega = spring_load(robot, frf, values), 2 * np.pi * frf.frequency_hz
     dynamic = (model.rest.factor * values.stiffness)[:, None] + 1j * omega[:, None] * values.damping
     found = None
+    # How bristles act depends on the swing, and the swing on them: a few passes do, for they are a tenth as stiff.
     for _ in range(_PASSES):
         power = (np.nan_to_num(load.power) / np.abs(dynamic) ** 2).sum(axis=1)
         moved = load.through / dynamic[:, :, gears, None]
@@ -130,6 +130,8 @@ def _rested(
     if springs.cubic.any() or "cubic" in options.kinds:
         nominal = nominal_parameters(placed, model, delay_s) if values is None else values
         load = spring_load(robot, frf, nominal)
+        # A cubic spring is as stiff as its deflection at rest and the mean square of its swing make it, and both follow
+        # its stiffness: statics and linearisation are found again with each other.
         for _ in range(_PASSES if springs.cubic.any() else 0):
             rest = replace(model.rest, power=load.power, omega=2 * np.pi * frf.frequency_hz)
             swing = swing_of(rest, springs, settle_springs(rest, springs).stiffness)
@@ -178,6 +180,8 @@ def spring_load(robot: Robot, frf: Frf, values: ElasticParameters) -> SpringLoad
         message = f"D133 cubic stiffness needs {lack}, which the response lacks"
         remedy = "estimate the response again, all motors among its outputs, or leave `cubic` out of `free`"
         raise DataError(message, where=robot.name, remedy=remedy)
+    # An acceleration a takes the torque (J + v / jw) a of rotor and viscous friction. What a motor's torque, held and
+    # late, has beyond that goes through the transmissions.
     omega = 2 * np.pi * frf.frequency_hz
     spent = values.motor_inertia + values.viscous / (1j * omega[:, None])
     rows = [frf.output_names.index(name) for name in frf.input_names]
@@ -187,6 +191,7 @@ def spring_load(robot: Robot, frf: Frf, values: ElasticParameters) -> SpringLoad
     gears = [index for index, spring in enumerate(robot.springs) if spring.place == "transmission"]
     through = through[:, :, [robot.springs[index].joint for index in gears]]
     power = np.zeros((*through.shape[:2], len(robot.springs)))
+    # Of a sinusoid with the half-complex amplitude c, the mean square is 2 |c|^2.
     power[:, :, gears] = np.nanmean(2 * np.abs(through) ** 2, axis=-1)
     return SpringLoad(power, through, np.array(gears))
 

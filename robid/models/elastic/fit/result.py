@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import TypedDict
 
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.clusters.evidence import group_places
-from robid.models.elastic.fit.intervals import FEWEST_PLACES, LEARNT_SHARE, Spread, Spreads, find_spreads
+from robid.models.elastic.fit.intervals import FEWEST_PLACES, Spreads, find_spreads
 from robid.models.elastic.fit.model_error import ModelError, estimate_model_error
-from robid.models.elastic.fit.nuisance.named import Suspicion
+from robid.models.elastic.fit.nuisance.named import Basis
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.parameters import ParameterMap
 from robid.models.elastic.fit.problem import Problem
-from robid.models.elastic.fit.solution import Costs, ElasticSolution, Internal, Resampled, Responses, Starts
+from robid.models.elastic.fit.solution import (
+    LEARNT_SHARE,
+    Costs,
+    ElasticSolution,
+    Internal,
+    Resampled,
+    Responses,
+    Spread,
+    Starts,
+)
 from robid.models.elastic.fit.uncertainty import (
     Influence,
     Map,
@@ -24,12 +34,95 @@ from robid.models.elastic.fit.uncertainty import (
     realization_covariance,
     realization_shifts,
 )
-from robid.models.elastic.fit.untold import untold
-from robid.results.estimate import Estimate, Tied
+from robid.results.estimate import Estimate, Tied, undetermined_combinations
 from robid.results.levenberg import Minimum
-from robid.results.undetermined import undetermined_combinations
+from robid.robot.gear_effects import BristleTable
 from robid.robot.parameters import DOUBT
 
+_ALIKE = 2.0  # largest over smallest load
+_STICKS = 3.0  # slip over swing from which bristles are as good as a spring
+_OR_FIX = "or leave it out of `free`"
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a fit found of one kind of a gear."""
+
+    name: str
+    value: float
+    lower: float
+    upper: float
+    identified: bool
+
+
+def undetermined_gears(problem: Problem, estimate: Estimate) -> tuple[str, ...]:
+    """Says what of load-dependent damping and hysteresis stays open, a sentence each without its full stop.
+
+    Args:
+        problem: The problem at its minimum.
+        estimate: What the fit found.
+    """
+    effects = problem.model.effects
+    if effects is None:
+        return ()
+    names = [name for name, kind in zip(estimate.names, estimate.kinds, strict=True) if kind == "doubt"]
+    every = problem.parameters
+    told: list[str] = []
+    for name, (_, spring) in zip(effects.damped_names, effects.damped.tolist(), strict=True):
+        if name in names:
+            unit = "mm" if every.units[every.names.index(name)] == "1/m" else "mrad"
+            told += _of_damper(_found(estimate, name), 1e3 * effects.load[:, spring], unit)
+    for name, bristle in zip(effects.slipping_names, effects.bristles, strict=True):
+        if name in names:
+            told += _of_bristles(_found(estimate, name), bristle, every.units[every.names.index(name)])
+    return tuple(told)
+
+
+def _found(estimate: Estimate, name: str) -> _Found:
+    index = estimate.names.index(name)
+    value, lower, upper = (float(each[index]) for each in (estimate.value, estimate.lower, estimate.upper))
+    return _Found(name, value, lower, upper, bool(estimate.identified[index]))
+
+
+def _of_damper(found: _Found, load: FloatArray, unit: str) -> Iterator[str]:
+    if found.identified:
+        return
+    damper, least, most = found.name.replace("load_damping", "damping"), float(load.min()), float(load.max())
+    reach = f"{least:.2g} to {most:.2g} {unit}"
+    if most < _ALIKE * least:
+        yield (
+            f"{found.name} is hardly told from {damper}: the gear is bent nearly alike in all configurations "
+            f"({reach}): measure some that load it otherwise, {_OR_FIX}"
+        )
+    else:
+        yield (
+            f"{found.name} is hardly told, though the gear is bent by {reach}: measure more configurations at "
+            f"both ends, {_OR_FIX}"
+        )
+
+
+def _of_bristles(found: _Found, bristle: BristleTable, unit: str) -> Iterator[str]:
+    spring = found.name.replace("hysteresis", "stiffness")
+    sticking, slip = _STICKS * bristle.stiffness * bristle.swing, abs(found.value) / bristle.stiffness
+    if slip > _STICKS * bristle.swing:
+        yield (
+            f"{found.name} is hardly told from {spring}: at this swing bristles stick from some {sticking:.2g} {unit} "
+            f"on, and are part of the spring: excite the gear more (`rms`), {_OR_FIX}"
+        )
+    elif found.lower <= 0 <= found.upper:
+        more = max(abs(found.lower), abs(found.upper))
+        yield (
+            f"{found.name} may be none: it is below {more:.2g} {unit}, or above some {sticking:.2g} {unit}, where "
+            f"bristles stick at this swing and are part of the spring: excite the gear more (`rms`) to tell, {_OR_FIX}"
+        )
+    elif not found.identified:
+        yield f"{found.name} is hardly told from dampers: average more realizations, {_OR_FIX}"
+
+
+_NO_REST = (
+    "the springs that would fit best give way under gravity: these are on the way to them, as far as the robot rests;"
+    " look for wrong data or a wrong robot file before anything else"
+)
 _SAME_MINIMUM = 1e-3
 _NEEDLESS_FACTOR = 1e3
 _MANY_DROPPED = 0.2
@@ -46,7 +139,7 @@ def make_solution(
     predicted: FloatArray,
     dropped: int,
     parallel_map: Map,
-    suspicion: Suspicion | None,
+    basis: Basis | None,
 ) -> ElasticSolution:
     """Puts together what a fit found.
 
@@ -58,36 +151,25 @@ def make_solution(
         predicted (n_param,): Deviations of the internal parameters, predicted before the fit.
         dropped: Response elements that the logarithm dropped.
         parallel_map: Ordered map that runs the bootstrap.
-        suspicion: What the robot file may have wrong; nothing when not given.
+        basis: What the fit started from, for what the robot file may have wrong; nothing of that when not given.
     """
-    parameters, internal = problem.parameters, best.parameters
+    internal = best.parameters
     modelled = problem.model_response(internal)
     excess = misfit(problem, modelled, best.cost)
     found = influence(problem, internal)
     error = estimate_model_error(problem, internal, found)
-    spreads = find_spreads(problem, internal, found, excess, options.confidence, suspicion)
-    costs = np.array([end.cost for end in ends])
-    estimate = _estimate(
-        parameters, internal, spreads, predicted, options, _ending(problem, best, dropped, excess, error)
-    )
+    spreads = find_spreads(problem, internal, found, excess, options.confidence, basis)
+    lost = _NO_REST if basis is not None and not basis.rested else ""
+    ending = best.status, "; ".join(filter(None, (lost, _advice(problem, best, dropped, excess, error))))
+    estimate = _estimate(problem.parameters, internal, spreads, predicted, options, ending)
+    undetermined = *estimate.undetermined, *undetermined_gears(problem, estimate)
+    own, expected = problem.configuration_cost(modelled, internal), expected_cost(problem, modelled)
     return ElasticSolution(
-        estimate=replace(estimate, undetermined=(*estimate.undetermined, *untold(problem, estimate))),
+        estimate=replace(estimate, undetermined=undetermined),
         internal=_internal(problem, internal, spreads.effective),
-        costs=Costs(
-            best.cost,
-            problem.configuration_cost(modelled, internal),
-            expected_cost(problem, modelled),
-            dropped,
-            _told(problem),
-        ),
+        costs=Costs(best.cost, own, expected, dropped, _excited(problem)),
         misfit=excess,
-        starts=Starts(
-            cost=costs,
-            iterations=np.array([end.iterations for end in ends]),
-            evaluations=np.array([end.evaluations for end in ends]),
-            status=tuple(end.status for end in ends),
-            minimum=distinct_minima(costs),
-        ),
+        starts=_starts(ends),
         responses=Responses(problem.frf.configurations, problem.frf.frequency_hz, problem.measured(internal), modelled),
         model_error=error,
         effective=spreads.between,
@@ -96,8 +178,11 @@ def make_solution(
     )
 
 
-def _ending(problem: Problem, best: Minimum, dropped: int, excess: float, error: ModelError | None) -> tuple[str, str]:
-    return best.status, _advice(problem, best, dropped, excess, error)
+def _starts(ends: list[Minimum]) -> Starts:
+    costs, iterations, evaluations = (
+        np.array([getattr(end, name) for end in ends]) for name in ("cost", "iterations", "evaluations")
+    )
+    return Starts(costs, iterations, evaluations, tuple(end.status for end in ends), distinct_minima(costs))
 
 
 def _estimate(
@@ -110,13 +195,13 @@ def _estimate(
 ) -> Estimate:
     """The parameters at the minimum, with status and advice of the fit."""
     spread, predicting = spreads.physical, spreads.effective
-    reach = spread.reach(options.confidence)
     ends, near = (each.ends(options.confidence, parameters.prior_std) for each in (spread, predicting))
     relative, slopes = _relative(parameters, internal), parameters.slopes(internal)
-    predicted_relative = predicted * _predicted_relative(parameters)
-    told = (np.array(parameters.kind_of) != "friction") & ~_is_amount(parameters)
-    structural = np.minimum(relative, 1.0) * told
-    limit = options.identifiable_relative_std
+    # Identifiable is what the prediction before the fit determines well enough, and better than what was known.
+    per_internal, limit = _predicted_relative(parameters), options.identifiable_relative_std
+    identifiable = (predicted * per_internal <= limit) & (predicted <= LEARNT_SHARE * parameters.prior_std)
+    # Friction scales and amounts are relative errors: combinations of them with others mean nothing.
+    structural = np.minimum(relative, 1.0) * (np.array(parameters.kind_of) != "friction") * ~_is_amount(parameters)
     return Estimate(
         names=parameters.names,
         kinds=parameters.kind_of,
@@ -130,10 +215,10 @@ def _estimate(
         confidence=options.confidence,
         interval_rule=spread.rule,
         relative_std=spread.std * relative,
-        predicted_relative_std=predicted_relative,
-        prior_relative_std=parameters.prior_std * _predicted_relative(parameters),
-        relative_half_width=reach * _judged_relative(parameters, internal),
-        identifiable=(predicted_relative <= limit) & (predicted <= LEARNT_SHARE * parameters.prior_std),
+        predicted_relative_std=predicted * per_internal,
+        prior_relative_std=parameters.prior_std * per_internal,
+        relative_half_width=spread.reach(options.confidence) * _judged_relative(parameters, internal),
+        identifiable=identifiable,
         identifiable_relative_std=limit,
         undetermined=undetermined_combinations(parameters.names, spreads.assumed, structural, limit),
         status=ending[0],
@@ -152,14 +237,11 @@ def _is_amount(parameters: ParameterMap) -> BoolArray:
 
 
 def _internal(problem: Problem, internal: FloatArray, spread: Spread) -> Internal:
-    values = _singular_values(problem, internal)
+    # Scaled to a unit diagonal, the information's singular values do not depend on units: their ratio is a condition.
+    information = problem.normal(internal).hessian
+    root = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values = np.asarray(np.linalg.svd(information / np.outer(root, root), compute_uv=False))
     return Internal(internal, spread.covariance, values, spread.degrees_of_freedom)
-
-
-def _singular_values(problem: Problem, internal: FloatArray) -> FloatArray:
-    scaled = problem.normal(internal).hessian
-    root = np.sqrt(np.maximum(np.diag(scaled), 1e-300))
-    return np.asarray(np.linalg.svd(scaled / np.outer(root, root), compute_uv=False))
 
 
 class _Realized(TypedDict, total=False):
@@ -202,6 +284,7 @@ def _predicted_relative(parameters: ParameterMap) -> FloatArray:
     """The same at the nominal values; of what may be zero there, related to what it could be beforehand."""
     start, nominal = np.zeros(len(parameters.names)), parameters.nominal_values()
     friction = np.array(parameters.kind_of) == "friction"
+    # A predicted deviation is compared with the file's value; what may be zero, with the size from which it matters.
     natural = 1.0 if parameters.natural is None else parameters.natural
     size = np.where(friction | (nominal == 0), natural, np.abs(nominal))
     kinds = np.array(parameters.kind_of)
@@ -223,6 +306,7 @@ def expected_cost(problem: Problem, modelled: ComplexArray) -> FloatArray:
     """Cost (n_conf,) that the measured response's covariance alone gives around the modelled response."""
     kind = problem.residual_kind
     variance = 0.5 * kind.parts * problem.frf.element_variance() / np.abs(kind.divisor(modelled)) ** 2
+    # Of the residual log(G_hat / G) the variance is that of G over |G|^2; of magnitudes alone, half of it.
     counted = np.multiply(problem.weight, variance, out=np.zeros_like(variance), where=problem.weight > 0)
     return np.asarray(counted.sum(axis=(1, 2, 3)))
 
@@ -247,7 +331,7 @@ def distinct_minima(costs: FloatArray) -> IntArray:
     return labels
 
 
-def _told(problem: Problem) -> int:
+def _excited(problem: Problem) -> int:
     """Number of elements that their lines tell of; a line that was not excited says nothing of its noise."""
     return int(np.isfinite(problem.frf.element_variance()).sum())
 
@@ -265,10 +349,10 @@ def _advice(problem: Problem, best: Minimum, dropped: int, excess: float, error:
     ]
     if needless:
         advice.append(f"springs that ran to infinity are not needed: {', '.join(needless)}")
-    held = parameters.at_bound(best.parameters)
-    if held:
-        advice.append(f"parameters ended at a bound, where their intervals do not hold: {', '.join(held)}")
-    dropped_share = dropped / _told(problem)
+    bound = parameters.at_bound(best.parameters)
+    if bound:
+        advice.append(f"parameters ended at a bound, where their intervals do not hold: {', '.join(bound)}")
+    dropped_share = dropped / _excited(problem)
     if dropped_share > _MANY_DROPPED:
         advice.append(f"{100 * dropped_share:.0f} % of the response lies below 10 dB: excite more, or average more")
     if excess > _POOR_MODEL:

@@ -54,12 +54,17 @@ def influence(problem: Problem, internal: FloatArray) -> Influence:
         Wernholt and Moberg (2008), eq. 5; of the magnitude alone the real parts of the logarithm's derivatives.
     """
     _, derivative = problem.linear(internal)
+    # With J the residual's derivative and W its weights, half the Gauss-Newton Hessian is Re(J^H W J) and half the
+    # precision of what is known beforehand.
     weighted = problem.fully_weighted(derivative)
     n_param = derivative.shape[-1]
     prior = 0.5 / problem.parameters.prior_std**2
     bread = np.real(derivative.reshape(-1, n_param).conj().T @ weighted.reshape(-1, n_param))
     inverse = np.linalg.pinv(bread + np.diag(prior), rcond=1e-14, hermitian=True)
+    # The diagonal of the hat matrix: the share of its own error that the fit follows.
     leverage = np.real(np.einsum("cfoip,cfoip->cfoi", weighted.conj() @ inverse, derivative))
+    # The residual moves with the response by one over its divisor: the chain rule from errors of the response to the
+    # score.
     gain = weighted / problem.residual_kind.divisor(problem.measured(internal)).conj()[..., None]
     return Influence(gain, weighted, inverse, prior, leverage)
 
@@ -85,6 +90,8 @@ def structured_covariance(problem: Problem, found: Influence) -> FloatArray:
 
     The assumed model error is the model's, which is reciprocal: element (i, j) of motors has the same one as (j, i).
     """
+    # The sandwich. The score is twice Re(J^H W e) and the inverse that of half the Hessian: hence a quarter. What is
+    # known beforehand pulls by an error of its own deviation, whose covariance is half its entry in the Hessian.
     meat = 0.5 * score_covariance(problem, found).sum(axis=0)
     return np.asarray(0.5 * found.inverse @ (meat + np.diag(found.prior)) @ found.inverse)
 
@@ -97,12 +104,16 @@ def score_covariance(problem: Problem, found: Influence) -> FloatArray:
     however often a place is measured, so what a configuration shares with others in its place is in it too.
     """
     n_conf, n_param = len(found.gain), found.gain.shape[-1]
+    # What a relative error of the model does to the score, element by element; in a place it is the same one in each
+    # configuration, so scores there are correlated.
     relative = problem.residual_kind.per_relative(problem.frf.response)
     error = problem.model_error[..., None] * found.weighted * relative.conj()[..., None]
     assumed = _reciprocal(error, motor_rows(problem.model)).reshape(n_conf, -1, n_param)
     places = group_places(problem.frf.configurations)
     shared = spread_over(places, np.array([assumed[place].sum(axis=0) for place in places]))
     scaled = found.gain * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
+    # The covariance of a response is a product over outputs, inputs and lines. A root of each factor is applied in
+    # turn, so that the whole matrix is never formed.
     rows = np.einsum("cfop,cfpiq->cfoiq", _root(problem.frf.covariance), scaled, optimize=True)
     rows = np.einsum("cfij,cfojq->cfoiq", _root(problem.frf.input_factor), rows, optimize=True)
     if problem.frf.line_correlation is not None:
@@ -117,6 +128,7 @@ def _adjoint(rows: ComplexArray) -> ComplexArray:
 
 def _root(covariance: ComplexArray) -> ComplexArray:
     """Matrices R (..., n, n) whose `R^H R` is a covariance; what truncation made negative counts as nothing."""
+    # To a unit diagonal first: outputs differ by decades, and no truncation may drop the small ones.
     size = np.sqrt(np.real(np.diagonal(covariance, axis1=-2, axis2=-1)))
     divisor = np.where(size > 0, size, 1.0)
     values, vectors = np.linalg.eigh(covariance / (divisor[..., :, None] * divisor[..., None, :]))
@@ -176,6 +188,8 @@ def realization_freedom(shifts: FloatArray) -> FloatArray:
     Source:
         Satterthwaite (1946), each configuration a variance with one freedom less than it has realizations.
     """
+    # A variance of n realizations has n - 1 degrees of freedom, hence itself the variance 2 s^4 / (n - 1); that of a
+    # sum is the sum of these.
     variance = (shifts**2).sum(axis=1)
     own = (variance**2).sum(axis=0) / (shifts.shape[1] - 1)
     total = variance.sum(axis=0) ** 2
@@ -208,6 +222,8 @@ def load_doubt(problem: Problem, internal: FloatArray, inverse: FloatArray, weig
         return total
     own = problem.linear(internal)[1][..., columns]
     pulls = np.real(np.einsum("cfoip,cfoiq->cpq", weighted.conj(), own, optimize=True))
+    # An error of the slope of each gear, alike within a place and independent between places, shifts the parameters as
+    # an error of the response would that is this slope's derivative.
     relative = np.sqrt(np.mean(problem.model_error**2))
     for place in group_places(problem.frf.configurations):
         shift = relative * inverse @ pulls[place].sum(axis=0)
@@ -275,9 +291,6 @@ def bootstrap(
         seed: Seed of the weights.
         parallel_map: Ordered map over chunks of replicates.
 
-    Returns:
-        The spread.
-
     Source:
         Wu (1986); expanded percentiles: Hesterberg (2015).
     """
@@ -286,6 +299,7 @@ def bootstrap(
     chunks = [_Chunk(problem, internal, found.inverse, shifts, *each) for each in zip(seeds, sizes, strict=True)]
     replicates = np.concatenate(parallel_map(_replicates, chunks))
     tail = 0.5 - 0.5 * confidence
+    # Few realizations tell a variance badly: percentiles are as much too narrow as a normal quantile is to Student's.
     expanded = t.ppf(1 - tail, np.maximum(realization_freedom(shifts), 1.0)) / norm.ppf(1 - tail)
     ends = np.quantile(replicates, [tail, 1 - tail], axis=0, method="weibull") - internal
     return Bootstrap(replicates.std(axis=0, ddof=1), *(internal + expanded * ends))
@@ -314,5 +328,6 @@ def _replicates(chunk: _Chunk) -> FloatArray:
             here = drawn.normal(point)
             point = point - np.clip(np.linalg.solve(here.hessian, here.gradient), -_LONGEST_STEP, _LONGEST_STEP)
             point = np.clip(point, parameters.lower, parameters.upper)
+        # What is known beforehand is an observation too, with an error of its own deviation.
         minima.append(point + chunk.inverse @ (known * generator.standard_normal(known.size)))
     return np.array(minima)

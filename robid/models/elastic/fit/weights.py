@@ -14,11 +14,7 @@ _MIN_SNR = 10.0
 
 
 def make_weights(
-    frf: Frf,
-    weights: Weights,
-    residual: Residual,
-    size: FloatArray | None = None,
-    level: FloatArray | None = None,
+    frf: Frf, weights: Weights, residual: Residual, size: FloatArray | None = None, level: FloatArray | None = None
 ) -> tuple[FloatArray, int]:
     """Weights of the squared residuals.
 
@@ -39,28 +35,32 @@ def make_weights(
         Wernholt and Moberg (2008), eq. 6, 8 and sec. 6; docs/methods, sec. 5.
     """
     size = np.abs(frf.response) if size is None else size
-    power = size**2
-    variance = frf.element_variance()
+    power, variance, freedom = size**2, frf.element_variance(), frf.degrees_of_freedom
     relative = np.divide(variance, power, out=np.full(power.shape, np.inf), where=power > 0)
-    freedom = frf.degrees_of_freedom
-    inverse_bias = (freedom - 1) / freedom if freedom > 1 else 1.0
     below = relative > 1 / _MIN_SNR
     if weights.kind == "user":
-        base = np.where(np.eye(*power.shape[2:]) > 0, 1.0, weights.off_diagonal) + np.zeros(power.shape)
-        trusted = (base > 0) & ~below  # a coupling that is nothing but noise says nothing of the others
-        typical = float((base * relative)[trusted].sum() / max(trusted.sum(), 1))
-        base = base / (typical if 0 < typical < np.inf else weights.model_error**2 or 1.0)
+        base = _user_weights(weights, relative, below)
         size = np.broadcast_to(np.sqrt(power.mean(axis=(0, 1))), power.shape)
     elif variance.any():
-        base = inverse_bias / (relative + assumed_error(weights, level) ** 2)
+        # The inverse of an estimated variance is too large in the mean, by n / (n - 1) of a complex chi-squared one.
+        base = ((freedom - 1) / freedom if freedom > 1 else 1.0) / (relative + assumed_error(weights, level) ** 2)
     else:
         base = np.full(power.shape, 1 / (weights.model_error**2 or 1.0))
     shown = np.abs(residual.per_relative(size + 0j)) ** 2
     base = np.divide(base, shown, out=np.zeros(power.shape), where=shown > 0)
-    told = np.isfinite(variance)
-    dropped = below & told & residual.drops_noise
-    keep = ~dropped & told & (frf.frequency_hz >= weights.low_cut_hz)[None, :, None, None]
+    known = np.isfinite(variance)
+    dropped = below & known & residual.drops_noise
+    keep = ~dropped & known & (frf.frequency_hz >= weights.low_cut_hz)[None, :, None, None]
     return np.where(keep, base, 0.0), int(dropped.sum())
+
+
+def _user_weights(weights: Weights, relative: FloatArray, below: BoolArray) -> FloatArray:
+    """Constant weights, scaled so that weight times variance is one in the mean over what stands out of the noise."""
+    base = np.where(np.eye(*relative.shape[2:]) > 0, 1.0, weights.off_diagonal) + np.zeros(relative.shape)
+    # A coupling that is nothing but noise says nothing of the others.
+    trusted = (base > 0) & ~below
+    typical = float((base * relative)[trusted].sum() / max(trusted.sum(), 1))
+    return np.asarray(base / (typical if 0 < typical < np.inf else weights.model_error**2 or 1.0))
 
 
 def assumed_error(weights: Weights, level: FloatArray | None = None, *, known: bool = True) -> FloatArray:
@@ -101,6 +101,7 @@ def make_whitening(frf: Frf, kept: BoolArray, residual: Residual, fitted: Comple
         )
         raise DataError(message, where="fit", remedy="record more realizations, or choose other `weights`")
     relative = frf.response if fitted is None else fitted
+    # Elements of the covariance stand column by column, those of the residual row by row.
     by_row = np.arange(n_out * n_in).reshape(n_in, n_out).T.ravel()
     whitening = np.zeros((n_conf, n_freq, n_out * n_in, n_out * n_in), complex)
     for configuration in range(n_conf):
@@ -109,6 +110,8 @@ def make_whitening(frf: Frf, kept: BoolArray, residual: Residual, fitted: Comple
         covariance = residual.part(covariance / (size[:, :, None] * size[:, None, :].conj()))
         for line, used in enumerate(kept[configuration].reshape(n_freq, -1)):
             both = np.ix_(used, used)
+            # With C = L L^H, the residuals times L^-1 have unit covariance.
             root = np.linalg.cholesky(covariance[line][both])
             whitening[configuration, line][both] = np.linalg.inv(root)
+    # The mean of an inverted complex Wishart matrix is n / (n - p) times the inverse: its root is taken back.
     return np.asarray(whitening * np.sqrt((freedom - n_out) / freedom))

@@ -10,14 +10,13 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.frf.frf import Frf
-from robid.models.elastic.fit.fitting import without_coefficients
 from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.problem import without_coefficients
 from robid.models.elastic.fit.solution import ElasticSolution
-from robid.models.elastic.judge.carried import fitted_carrier
 from robid.models.elastic.judge.causes import misfit_doubts
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model
 from robid.models.elastic.judge.grading import grade_fit, is_unexplained, measure
-from robid.models.elastic.judge.plausible_parameters import parameter_doubts
+from robid.models.elastic.judge.plausible_parameters import fitted_carrier, parameter_doubts
 from robid.results.doubt import Doubt, two_digits
 from robid.results.estimate import Estimate
 from robid.results.grade import Grade, ordered
@@ -168,21 +167,24 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
         seen = (*common_factor_doubts(robot, frf, solution.estimate), *seen)
     if any(doubt.scales for doubt in seen):
         return grade_fit(solution, ordered(seen))
-    band_hz = float(frf.frequency_hz[0]), float(frf.frequency_hz[-1])
-    differenced = any(one.quantity == "speed" and "difference" in one.sampled for one in frf.measured_channels)
-    read = parameter_doubts(
-        robot, solution.estimate, band_hz, frf.sampling_period_s, options.prior_decades, differenced=differenced
-    )
+    read = _parameter_doubts(robot, solution.estimate, frf, options)
     timing = [doubt for doubt in read if doubt.cause in ("delay", "samples")]
     doubts = [doubt for doubt in seen if doubt.decisive] + timing
     used = frf if options.correct_torques else without_coefficients(frf)
     fitted = fitted_model(robot, solution, used, options, delay_s)
     if is_unexplained(solution):
-        doubts += misfit_doubts(robot, solution, fitted, options)
+        doubts += misfit_doubts(solution, fitted)
     doubts += uncoupled_doubts(fitted)
     own = measure(fitted, fitted.problem.model_response(fitted.internal), options.weights.model_error)
     missed = own.doubts("the fit's own data")
     return grade_fit(solution, ordered([*doubts, *seen, *read, *missed]), own.cost_failures("the fit's own data"))
+
+
+def _parameter_doubts(robot: Robot, estimate: Estimate, frf: Frf, options: ElasticOptions) -> tuple[Doubt, ...]:
+    band_hz = float(frf.frequency_hz[0]), float(frf.frequency_hz[-1])
+    differenced = any(one.quantity == "speed" and "difference" in one.sampled for one in frf.measured_channels)
+    told = band_hz, frf.sampling_period_s, options.prior_decades
+    return parameter_doubts(robot, estimate, *told, differenced=differenced)
 
 
 def validation_doubts(

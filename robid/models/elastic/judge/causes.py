@@ -3,32 +3,176 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.errors import DataError
 from robid.models.elastic.fit.gear_motion import swings_known
 from robid.models.elastic.fit.nuisance.kinds import list_nuisances
-from robid.models.elastic.fit.nuisance.wording import free_with
+from robid.models.elastic.fit.nuisance.moves import FurtherSpring, further_springs
+from robid.models.elastic.fit.nuisance.off_robot import carry_over, extend_options, extend_problem
+from robid.models.elastic.fit.nuisance.wording import free_with, remedy
+from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.solution import ElasticSolution
-from robid.models.elastic.judge.explanations import (
-    Explanation,
-    of_doubts,
-    of_ratio,
-    of_samples,
-    of_signs,
-    of_spring,
-    try_springs,
-)
 from robid.models.elastic.judge.fitted import FittedModel
-from robid.models.elastic.judge.ratios import candidates, try_ratios
+from robid.models.elastic.judge.ratios import (
+    CHANCE,
+    Explanation,
+    RatioTrial,
+    Scores,
+    candidates,
+    gain,
+    score,
+    try_ratios,
+)
 from robid.models.elastic.judge.reversals import try_samples, try_signs
-from robid.models.elastic.judge.scores import Scores, gain, score
 from robid.results.doubt import CAUSES, Doubt, two_digits
 from robid.results.estimate import Estimate
-from robid.robot.description import Robot
+from robid.results.levenberg import Minimum
+from robid.robot.description import Robot, Spring
+
+_IN_SERIES = 2.0  # times a fitted gear, for gear and trial alike: together as soft as the gear was
+_FIRST_STEPS, _STEPS, _KEPT = 4, 25, 5
+_ALONG = 0.9  # cosine above which two axes are one
+
+
+def try_springs(fitted: FittedModel) -> list[Explanation]:
+    """Tries every spring that a robot file may lack, the most telling first.
+
+    Args:
+        fitted: The fitted model in the configurations of the fit's own response.
+    """
+    robot, begun = fitted.robot, []
+    for further in further_springs(robot):
+        spring = further.spring
+        try:
+            more = replace(robot, springs=(*robot.springs, spring))
+            extended = extend_options(fitted.options, more, (spring,), fixing=True)
+            problem = extend_problem(fitted.problem, fitted.internal, more, extended)
+        except DataError:  # a spring under which the robot finds no rest explains nothing
+            continue
+        starts = _starts(problem, spring, fitted)
+        first = min((_descend(problem, start, _FIRST_STEPS) for start in starts), key=lambda end: end.cost)
+        begun.append((first, problem, further))
+    begun.sort(key=lambda each: each[0].cost)
+    ends = [(further, problem, _descend(problem, end.parameters, _STEPS)) for end, problem, further in begun[:_KEPT]]
+    return sorted((_of_spring(*end, fitted) for end in ends), key=lambda trial: -trial.share)
+
+
+def _descend(problem: Problem, start: FloatArray, steps: int) -> Minimum:
+    return optimise(problem, start, max_iterations=steps)
+
+
+def _starts(problem: Problem, spring: Spring, fitted: FittedModel) -> Iterator[FloatArray]:
+    """Where a trial starts: stiff beside the fitted values, and as one of two springs that share a gear's compliance.
+
+    A fitted gear that stands for two springs in series is stiffer by itself: from its fitted value the trial's spring
+    only gets stiffer, and the gear never recovers.
+    """
+    names = problem.parameters.names
+    start = carry_over(problem, fitted.problem, fitted.internal)
+    yield start
+    stiffness = dict(
+        zip((each.name for each in fitted.robot.springs), fitted.parameters.stiffness.tolist(), strict=True)
+    )
+    for gear in _gears_in_series(fitted.robot, spring):
+        own = f"{gear}.stiffness"
+        if own in names:
+            shared = start.copy()
+            shared[names.index(own)] += np.log(_IN_SERIES)
+            shared[names.index(f"{spring.name}.stiffness")] = np.log(_IN_SERIES * stiffness[gear] / spring.stiffness)
+            yield shared
+
+
+def _gears_in_series(robot: Robot, spring: Spring) -> Iterator[str]:
+    """Transmissions next to a spring that turn about the same axis, at zero joint angles."""
+    own, upright = robot.joints[spring.joint], np.array([0.0, 0.0, 1.0])
+    axes = {spring.joint: own.rotation @ upright if spring.place == "base" else upright}
+    if spring.place == "bearing" and spring.joint > 0:
+        axes[spring.joint - 1] = own.rotation.T @ upright
+    if spring.place == "split" and spring.joint + 1 < len(robot.joints):
+        axes[spring.joint + 1] = robot.joints[spring.joint + 1].rotation @ upright
+    for each in robot.springs:
+        turns = each.place == "transmission" and not robot.is_linear(each)
+        if turns and each.joint in axes and abs(float(axes[each.joint] @ spring.axis)) > _ALONG:
+            yield each.name
+
+
+def _of_spring(further: FurtherSpring, problem: Problem, end: Minimum, fitted: FittedModel) -> Explanation:
+    """What a spring would explain that the robot file lacks, as stiff as it ended."""
+    spring, after = further.spring, dict(zip(problem.parameters.names, end.parameters.tolist(), strict=True))
+    stiffness = spring.stiffness * float(np.exp(after[f"{spring.name}.stiffness"]))
+    before = zip(fitted.problem.parameters.names, fitted.internal.tolist(), strict=True)
+    return Explanation(
+        "missing_spring",
+        (further.title,),
+        np.array([_MEGA * stiffness]),
+        ("MN/m" if fitted.robot.is_linear(spring) else "MN m/rad",),
+        1 - end.cost / fitted.cost,
+        np.array([after[name] - value for name, value in before]),
+        free=(spring.name,),
+    )
+
+
+_MOST_OF_IT = 0.9  # of what all doubts of a cause explain
+_MEGA = 1e-6
+
+
+def of_doubts(scores: Scores, group: list[int], options: ElasticOptions, *, swings_known: bool) -> Explanation | None:
+    """The fewest doubts of a cause that explain most of what all do; None where chance explains as much.
+
+    Args:
+        scores: All doubts held against what the fit leaves.
+        group: Those of the cause.
+        options: Options of the fit.
+        swings_known: Whether the response tells how far the gears swing.
+    """
+    whole, _ = gain(scores, group)
+    chosen: list[int] = []
+    gained: float = 0.0
+    amounts: FloatArray = np.zeros(0)
+    while len(chosen) < len(group) and gained < _MOST_OF_IT * whole:
+        trials = [(*gain(scores, [*chosen, index]), index) for index in group if index not in chosen]
+        gained, amounts, index = max(trials, key=lambda trial: trial[0])
+        chosen.append(index)
+    fair = gained - len(chosen) * CHANCE * (scores.cost - gained) / scores.freedom
+    if fair <= 0:
+        return None
+    named = [scores.doubts[index] for index in chosen]
+    return Explanation(
+        named[0].cause,
+        tuple(doubt.title for doubt in named),
+        amounts,
+        tuple(doubt.unit for doubt in named),
+        fair / scores.cost,
+        scores.follow[:, chosen] @ amounts,
+        tuple(doubt.stated for doubt in named),
+        remedy(named, swings_known=swings_known),
+        tuple(doubt.name for doubt in named if doubt.name in options.fixed),
+    )
+
+
+def of_ratio(robot: Robot, trial: RatioTrial) -> Explanation:
+    """What another gear ratio would explain."""
+    joint, slides = robot.joints[trial.joint], robot.prismatic[trial.joint]
+    stated = joint.motor.gear_ratio
+    setting = f"{'gear_ratio_rad_m' if slides else 'gear_ratio'}: {trial.ratio:.5g}"
+    return Explanation(
+        "gear_ratio",
+        (f"gear ratio of {joint.name}",),
+        np.array([trial.ratio - stated]),
+        ("rad/m" if slides else "",),
+        trial.share,
+        trial.moved,
+        (stated,),
+        correct=(f"`{setting}` for {joint.name} in the robot file",),
+    )
+
 
 _TELLING = 0.1
 _RUINED = 0.2  # relative error of a spring
@@ -38,26 +182,22 @@ _LEAST_RATIO_ERROR = 0.01
 _SIGNS = ("torque_sign", "angle_sign")
 
 
-def misfit_doubts(
-    robot: Robot, solution: ElasticSolution, fitted: FittedModel, options: ElasticOptions
-) -> tuple[Doubt, ...]:
+def misfit_doubts(solution: ElasticSolution, fitted: FittedModel) -> tuple[Doubt, ...]:
     """Names what would explain a fit's residual, the most telling first.
 
     Args:
-        robot: The robot file that the fit started from, with its campaign's payload.
         solution: What the fit found.
         fitted: The fitted model in the configurations of the fit's own response.
-        options: Options of the fit.
 
     Returns:
         Doubts whose strength is how many half widths of its interval some parameter would move. The first is decisive
         where it explains most of the residual and is a sign, or a spring that leaves another one far from its estimate.
     """
-    found = [each for each in explain(robot, fitted, options) if each.share > _TELLING]
-    return tuple(_doubt(solution.estimate, each, found if each is found[0] else (), options) for each in found)
+    found = [each for each in explain(fitted) if each.share > _TELLING]
+    return tuple(_doubt(solution.estimate, each, found if each is found[0] else (), fitted.options) for each in found)
 
 
-def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[Explanation]:
+def explain(fitted: FittedModel) -> list[Explanation]:
     """Ranks what a robot file may have wrong by how much of a fit's residual it explains.
 
     Each doubt is a column beside the parameters' own, which are at liberty to follow. Those of one cause are freed
@@ -66,19 +206,18 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[
     goes on for some steps.
 
     Args:
-        robot: The robot file that the fit started from, with its campaign's payload.
         fitted: The fitted model in the configurations of the fit's own response.
-        options: Options of the fit.
 
     Source:
         Rao's score test; docs/methods, sec. 11.
     """
-    signs = try_signs(robot, fitted, options)
-    reversed_ = [] if signs is None else [of_signs(robot, signs)]
+    robot, options = fitted.robot, fitted.options
+    signs = try_signs(fitted)
+    reversed_ = [] if signs is None else [signs]
     if signs is not None and signs.share > _MOSTLY:
         return reversed_  # a fit to reversed data says nothing of anything else
     doubts = [each for each in list_nuisances(robot, options) if each.cause != "missing_spring" and each.common_std > 0]
-    scores = score(robot, fitted, options, (*doubts, *candidates(robot, fitted.problem.frf)))
+    scores = score(fitted, (*doubts, *candidates(robot, fitted.problem.frf)))
     groups: dict[str, list[int]] = defaultdict(list)
     for index, doubt in enumerate(scores.doubts):
         groups[doubt.cause].append(index)
@@ -86,21 +225,20 @@ def explain(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> list[
     known = swings_known(fitted.problem.frf)
     each_cause = (of_doubts(scores, group, options, swings_known=known) for group in groups.values())
     found = [each for each in each_cause if each is not None]
-    found += [of_spring(robot, trial) for trial in try_springs(robot, fitted, options)[:1]]
-    found += _wrong_ratio(robot, fitted, options, scores, ratios)
+    found += try_springs(fitted)[:1]
+    found += _wrong_ratio(fitted, scores, ratios)
     samples = try_samples(fitted)
-    found += [] if samples is None else [of_samples(samples)]
+    found += [] if samples is None else [samples]
     return sorted([*found, *reversed_], key=lambda each: -each.share)
 
 
-def _wrong_ratio(
-    robot: Robot, fitted: FittedModel, options: ElasticOptions, scores: Scores, listed: Sequence[int]
-) -> list[Explanation]:
+def _wrong_ratio(fitted: FittedModel, scores: Scores, listed: Sequence[int]) -> list[Explanation]:
     """The gear ratio that explains most, if it is off by more than ratios are rounded."""
+    robot = fitted.robot
     names = [f"{joint.name}.gear_ratio" for joint in robot.joints]
     likely = sorted(listed, key=lambda index: -gain(scores, (index,))[0])
     joints = [names.index(scores.doubts[index].name) for index in likely]
-    trials = try_ratios(robot, fitted, options, joints)
+    trials = try_ratios(fitted, joints)
     stated = robot.gear_ratio
     return [
         of_ratio(robot, trial)

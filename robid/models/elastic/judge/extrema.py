@@ -12,7 +12,7 @@ from scipy.signal import find_peaks
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.problem import Problem
-from robid.models.elastic.judge.fitted import FittedModel
+from robid.models.elastic.judge.fitted import ModelAt
 from robid.models.elastic.judge.local_model import (
     LINE_SCATTER_FREEDOM,
     Estimator,
@@ -21,8 +21,8 @@ from robid.models.elastic.judge.local_model import (
     interpolated_mode,
     line_scatter,
     parabola_mode,
+    rational_mode,
 )
-from robid.models.elastic.judge.rational_model import rational_mode
 from robid.robot.response import response
 
 _MIN_PROMINENCE = np.log(1.1)
@@ -113,7 +113,7 @@ class Elements:
             is smooth; so they do where a table tells resonances from the bumps of a distortion.
     """
 
-    def __init__(self, fitted: FittedModel, frf: Frf, *, scattering: bool = False) -> None:
+    def __init__(self, fitted: ModelAt, frf: Frf, *, scattering: bool = False) -> None:
         """Computes both responses."""
         model, parameters = fitted.linear
         plain = replace(parameters, delay=np.zeros(1))
@@ -219,7 +219,7 @@ def _extrema(magnitude: FloatArray, noise: FloatArray, kind: Kind) -> IntArray:
     return np.asarray(found[np.abs(magnitude[found] - base) > _NOISE_FACTOR * noise[found]])
 
 
-def first_resonances(fitted: FittedModel, channels: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
+def first_resonances(fitted: ModelAt, channels: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
     """Finds the lowest resonance of some motors' own responses.
 
     Args:
@@ -255,12 +255,12 @@ def own_resonance_errors(problem: Problem, internal: FloatArray) -> FloatArray:
     Returns:
         Errors (n_resonance,), in the table's order; infinite where the model has no resonance near.
     """
-    pairs = _own_pairs(FittedModel(problem, internal, 0), ("resonance",))
+    pairs = _own_pairs(ModelAt(problem, internal), ("resonance",))
     errors = np.array([abs(pair.model_hz / pair.measured_hz - 1) for pair in pairs])
     return np.asarray(np.where(np.isfinite(errors), errors, np.inf))
 
 
-def resonance_shifts(fitted: FittedModel) -> FloatArray:
+def resonance_shifts(fitted: ModelAt) -> FloatArray:
     """Relative distances (n_pair,) of a model's resonances and antiresonances from the measured ones.
 
     Those that the model has no counterpart of are left out.
@@ -270,7 +270,7 @@ def resonance_shifts(fitted: FittedModel) -> FloatArray:
     return np.asarray(shifts[np.isfinite(shifts)])
 
 
-def _own_pairs(fitted: FittedModel, kinds: tuple[Kind, ...]) -> list[ExtremumPair]:
+def _own_pairs(fitted: ModelAt, kinds: tuple[Kind, ...]) -> list[ExtremumPair]:
     """Extrema of the motors' own responses in all configurations, in the table's order but for their kinds."""
     frf = fitted.problem.frf
     elements = Elements(fitted, frf)

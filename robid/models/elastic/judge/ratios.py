@@ -1,4 +1,4 @@
-"""Explanations of a misfit that no fit doubts: backlash, and gear ratios, tried one by one."""
+"""Explanations of a misfit: score tests to first order, and what no fit estimates, backlash and gear ratios."""
 
 from __future__ import annotations
 
@@ -14,13 +14,140 @@ from robid.frf.frf import Frf
 from robid.models.elastic.fit.nuisance.kinds import Effect, Nuisance, RobotMove
 from robid.models.elastic.fit.nuisance.moves import with_gear_ratio
 from robid.models.elastic.fit.nuisance.off_robot import problem_at
-from robid.models.elastic.fit.nuisance.response import Scene, column
+from robid.models.elastic.fit.nuisance.response import Scene, column, nuisance_columns
 from robid.models.elastic.fit.optimizers import optimise
-from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.fitted import FittedModel
-from robid.models.elastic.judge.scores import gain, score
+from robid.results.doubt import two_digits
 from robid.results.plausible.evidence import gather_evidence
 from robid.robot.description import Robot
+
+CHANCE = 50.0
+"""Times what a random column explains does what counts: neighbouring lines err alike."""
+
+_WIDER = 5.0  # than its prior is a doubt that would explain a misfit
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Normal equations of the doubts, the fit's own parameters eliminated.
+
+    Attributes:
+        doubts: The doubts.
+        slope (n_doubt,): Half the negative gradient of the cost by the amounts.
+        curvature (n_doubt, n_doubt): Half its Gauss-Newton Hessian, with what is known of them beforehand.
+        follow (n_param, n_doubt): How far the parameters move by each amount.
+        cost: Cost of the residual.
+        freedom: Real residuals behind it.
+    """
+
+    doubts: tuple[Nuisance, ...]
+    slope: FloatArray
+    curvature: FloatArray
+    follow: FloatArray
+    cost: float
+    freedom: float
+
+
+def score(fitted: FittedModel, doubts: tuple[Nuisance, ...]) -> Scores:
+    """Holds doubts against what a fit leaves.
+
+    Args:
+        fitted: The fitted model in the configurations of the fit's own response.
+        doubts: Doubts that were listed for its robot.
+    """
+    problem, internal = fitted.problem, fitted.internal
+    residual, derivative = problem.linear(internal)
+    columns = nuisance_columns(problem, internal, fitted.robot, fitted.options, doubts, all_rest=False)
+    own, added = _rows(fitted, derivative), _rows(fitted, columns)
+    left = _rows(fitted, residual[..., None])[:, 0]
+    prior = 0.5 / problem.parameters.prior_std**2
+    cost, freedom = float(left @ left), float(problem.residual_kind.parts) * (problem.weight > 0).sum() - own.shape[1]
+    # What errs alike over lines says less than it counts: it must not outweigh what is known beforehand.
+    known = max(0.5, CHANCE * cost / freedom) / (_WIDER * np.array([doubt.common_std for doubt in doubts])) ** 2
+    mixed = own.T @ added
+    follow = -np.linalg.lstsq(own.T @ own + np.diag(prior), mixed, rcond=1e-14)[0]
+    return Scores(
+        doubts=doubts,
+        slope=added.T @ left + follow.T @ (own.T @ left - prior * internal),
+        curvature=added.T @ added + mixed.T @ follow + np.diag(known),
+        follow=follow,
+        cost=cost,
+        freedom=freedom,
+    )
+
+
+def gain(scores: Scores, chosen: Sequence[int]) -> tuple[float, FloatArray]:
+    """Cost that these doubts save together, and their amounts; zero for those whose amount would make no sense."""
+    amounts, kept = np.zeros(len(chosen)), np.arange(len(chosen))
+    rows = np.array(chosen)
+    least, most = (np.array([getattr(scores.doubts[row], end) for row in chosen]) for end in ("least", "most"))
+    while kept.size:
+        own = rows[kept]
+        curvature = scores.curvature[np.ix_(own, own)]
+        size = np.sqrt(np.diag(curvature))
+        scaled = curvature / np.outer(size, size) + 1e-9 * np.eye(own.size)
+        found = np.linalg.solve(scaled, scores.slope[own] / size) / size
+        sensible = (least[kept] <= found) & (found <= most[kept])
+        if sensible.all():
+            amounts[kept] = found
+            return float(scores.slope[own] @ found), amounts
+        kept = kept[sensible]
+    return 0.0, amounts
+
+
+def _rows(fitted: FittedModel, values: ComplexArray) -> FloatArray:
+    """Weighted real rows (n_row, n_column) of (n_conf, n_freq, n_out, n_in, n_column)."""
+    flat = fitted.problem.weighted(values).reshape(-1, values.shape[-1])
+    return np.concatenate([flat.real, flat.imag])
+
+
+_MOST_NAMED = 3
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What freeing something that the robot file states would do to a fit.
+
+    Attributes:
+        cause: The cause, of `robid.results.doubt.CAUSES`.
+        names: What would be free, the one that explains most first.
+        amounts (n_name,): How much of each.
+        units: Units of the amounts.
+        share: Share of the residual's cost that it explains, beyond what as many random columns would.
+        moved (n_param,): How far the internal parameters would move.
+        stated: What the robot file says of each; zero where only amounts are.
+        free: Names that free it; none where no fit can estimate it.
+        fixed: Names that the options keep at the file's value, though their kind is estimated.
+        correct: What to correct in the robot file or where logs are described, where no fit can estimate it.
+    """
+
+    cause: str
+    names: tuple[str, ...]
+    amounts: FloatArray
+    units: tuple[str, ...]
+    share: float
+    moved: FloatArray
+    stated: tuple[float, ...] = ()
+    free: tuple[str, ...] = ()
+    fixed: tuple[str, ...] = ()
+    correct: tuple[str, ...] = ()
+
+    @property
+    def what(self) -> str:
+        """What would be free and how much of it, the first few."""
+        stated = self.stated or (0.0,) * len(self.names)
+        signed = "" if self.cause == "missing_spring" else "+"
+        named = zip(self.names, self.amounts.tolist(), self.units, stated, strict=True)
+        told = [_told(*each, signed) for each in named]
+        more = f" and {len(told) - _MOST_NAMED} more" if len(told) > _MOST_NAMED else ""
+        return ", ".join(told[:_MOST_NAMED]) + more
+
+
+def _told(name: str, amount: float, unit: str, stated: float, signed: str) -> str:
+    if stated:
+        return f"a {name} of {stated + float(two_digits(amount)):.6g} instead of {stated:.6g} {unit}".rstrip()
+    return f"{name} {two_digits(amount, signed)} {unit}" if unit else f"a {name}"
+
 
 _RATIO_STD = 0.1
 _RATIO_STEP = 1e-5
@@ -147,56 +274,53 @@ class RatioTrial:
     moved: FloatArray
 
 
-def try_ratios(robot: Robot, fitted: FittedModel, options: ElasticOptions, likely: Sequence[int]) -> list[RatioTrial]:
+def try_ratios(fitted: FittedModel, likely: Sequence[int]) -> list[RatioTrial]:
     """Tries other gear ratios, the most telling first.
 
     Each round moves a ratio by what the score test says, and lets the fit follow for some steps.
 
     Args:
-        robot: The robot file that the fit started from, with its campaign's payload.
         fitted: The fitted model in the configurations of the fit's own response.
-        options: Options of the fit.
         likely: Joints, those first that explain most to first order.
     """
     found: list[RatioTrial] = []
     for joint in likely[:_KEPT]:
-        trial = _try(robot, fitted, options, joint)
+        trial = _try(fitted, joint)
         found += [] if trial is None else [trial]
         if trial is not None and trial.share > _ENOUGH:
             break
     return sorted(found, key=lambda trial: -trial.share)
 
 
-def _try(robot: Robot, fitted: FittedModel, options: ElasticOptions, joint: int) -> RatioTrial | None:
-    stated = abs(robot.joints[joint].motor.gear_ratio)
-    before = cost = fitted.problem.cost(fitted.internal)
-    now, moving = fitted, robot
+def _try(fitted: FittedModel, joint: int) -> RatioTrial | None:
+    stated = abs(fitted.robot.joints[joint].motor.gear_ratio)
+    now = fitted
     for _ in range(_ROUNDS):
         try:
-            scores = score(moving, now, options, (gear_ratio(moving, joint),))
+            scores = score(now, (gear_ratio(now.robot, joint),))
             amount = float(np.clip(gain(scores, (0,))[1][0], -_LONGEST * stated, _LONGEST * stated))
             if abs(amount) < _ARRIVED * stated:
                 break
-            other = with_gear_ratio(joint, moving, amount)
-            there = _followed(other, now, options, now.internal + scores.follow[:, 0] * amount)
+            other = with_gear_ratio(joint, now.robot, amount)
+            there = _followed(other, now, now.internal + scores.follow[:, 0] * amount)
         except DataError:  # a robot that finds no rest explains nothing
             break
-        if there.problem.cost(there.internal) >= cost:
+        if there.cost >= now.cost:
             break
-        now, moving, cost = there, other, there.problem.cost(there.internal)
-    if moving is robot:
+        now = there
+    if now is fitted:
         return None
     end = optimise(now.problem, now.internal, max_iterations=_LAST_STEPS)
-    ratio = moving.joints[joint].motor.gear_ratio
-    return RatioTrial(joint, ratio, 1 - end.cost / before, end.parameters - fitted.internal)
+    ratio = now.robot.joints[joint].motor.gear_ratio
+    return RatioTrial(joint, ratio, 1 - end.cost / fitted.cost, end.parameters - fitted.internal)
 
 
-def _followed(robot: Robot, fitted: FittedModel, options: ElasticOptions, start: FloatArray) -> FittedModel:
+def _followed(robot: Robot, fitted: FittedModel, start: FloatArray) -> FittedModel:
     """Another robot's model, some steps on: from a start, from where it was, or from the robot file's values.
 
     A fit by a ratio that is far off is lost: from there nothing leads back.
     """
-    problem = problem_at(fitted.problem, fitted.parameters, robot, options)
+    problem = problem_at(fitted.problem, fitted.parameters, robot, fitted.options)
     starts = start, fitted.internal, np.zeros_like(start)
     end = min((optimise(problem, each, max_iterations=_STEPS) for each in starts), key=lambda end: end.cost)
-    return replace(fitted, problem=problem, internal=end.parameters)
+    return replace(fitted, problem=problem, internal=end.parameters, robot=robot)

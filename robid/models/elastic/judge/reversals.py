@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -13,9 +13,9 @@ from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.nuisance.off_robot import problem_at
 from robid.models.elastic.fit.optimizers import optimise
-from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.judge.fitted import FittedModel
+from robid.models.elastic.judge.ratios import Explanation
 from robid.robot.description import Robot
 from robid.signals.quantities import SampledName
 
@@ -24,26 +24,7 @@ _GAIN = 0.2  # of the cost that each further sign must save
 _NEARLY = 0.95  # of what two signs save is as good by one
 
 
-@dataclass(frozen=True)
-class Reversal:
-    """Signs without which a fit would have explained more.
-
-    Attributes:
-        torques: Motors whose torques count the wrong way.
-        angles: Signals of motion that do.
-        joints: Joints that turn against their motors: both do.
-        share: Share of the residual's cost that goes with them.
-        moved (n_param,): How far the internal parameters would move.
-    """
-
-    torques: tuple[str, ...]
-    angles: tuple[str, ...]
-    joints: tuple[str, ...]
-    share: float
-    moved: FloatArray
-
-
-def try_signs(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> Reversal | None:
+def try_signs(fitted: FittedModel) -> Explanation | None:
     """Looks for the fewest signs that explain a residual; None where none does.
 
     A sign turns a column of the response around, or a row of it: no model is needed to see what that does to a
@@ -51,14 +32,12 @@ def try_signs(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> Rev
     there the fit goes on for some steps with the signs corrected.
 
     Args:
-        robot: The robot file that the fit started from.
         fitted: The fitted model in the configurations of the fit's own response.
-        options: Options of the fit.
     """
     if fitted.problem.residual_kind.parts == 1:
         return None  # magnitudes have no sign
     found = None
-    for problem, start in _starts(robot, fitted, options):
+    for problem, start in _starts(fitted):
         rows, columns = _best_signs(problem, start)
         if (rows > 0).all() and (columns > 0).all():
             continue
@@ -69,17 +48,38 @@ def try_signs(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> Rev
     if found is None:
         return None
     end, rows, columns = found
-    share = 1 - end.cost / fitted.problem.cost(fitted.internal)
-    return Reversal(*_named(robot, fitted.problem.frf, rows, columns), share, end.parameters - fitted.internal)
+    reversed_ = _named(fitted.robot, fitted.problem.frf, rows, columns)
+    return _of_signs(fitted.robot, reversed_, 1 - end.cost / fitted.cost, end.parameters - fitted.internal)
 
 
-def _starts(robot: Robot, fitted: FittedModel, options: ElasticOptions) -> Iterator[tuple[Problem, FloatArray]]:
+def _of_signs(
+    robot: Robot, reversed_: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]], share: float, moved: FloatArray
+) -> Explanation:
+    """What other signs of torques, of angles, and of joints both of whose signs are wrong would explain."""
+    torques, angles, joints = reversed_
+    told = [
+        (f"reversed {kind} of {name}", f"`sign: -1` for the {kind} of {name} where its log is described")
+        for kind, names in (("torque", torques), ("angle", angles))
+        for name in names
+    ]
+    turning = (joint for joint in robot.joints if joint.name in joints)
+    for joint in sorted(turning, key=lambda joint: joint.name):
+        setting = "gear_ratio_rad_m" if joint.type == "prismatic" else "gear_ratio"
+        what = f"motor of {joint.name} that turns against its joint"
+        told.append((what, f"`{setting}: {-joint.motor.gear_ratio:.6g}` for {joint.name} in the robot file"))
+    cause = "torque_sign" if torques else "angle_sign" if angles else "gear_ratio"
+    names, correct = zip(*told, strict=True)
+    units = ("",) * len(names)
+    return Explanation(cause, names, np.zeros(len(names)), units, share, moved, correct=correct)
+
+
+def _starts(fitted: FittedModel) -> Iterator[tuple[Problem, FloatArray]]:
     """The fitted values, and the robot file's with the robot at rest on its own springs."""
     yield fitted.problem, fitted.internal
     start = np.zeros_like(fitted.internal)
     values = fitted.problem.parameters.parameters(start)
     try:
-        yield problem_at(fitted.problem, values, robot, options), start
+        yield problem_at(fitted.problem, values, fitted.robot, fitted.options), start
     except DataError:  # it gives way under gravity
         return
 
@@ -148,27 +148,7 @@ def _named(
     return tuple(sorted(torques - both)), tuple(sorted(angles - both)), tuple(sorted(both))
 
 
-_SAMPLE_STEPS = 25
-
-
-@dataclass(frozen=True)
-class SamplesTrial:
-    """What other samples of the speeds do to a fit.
-
-    Attributes:
-        names: The speeds.
-        sampled: What their samples would be.
-        share: Share of the residual's cost that it takes away.
-        moved (n_param,): How far it moves the internal parameters.
-    """
-
-    names: tuple[str, ...]
-    sampled: SampledName
-    share: float
-    moved: FloatArray
-
-
-def try_samples(fitted: FittedModel) -> SamplesTrial | None:
+def try_samples(fitted: FittedModel) -> Explanation | None:
     """Takes all speeds for what they are not said to be, and lets the fit follow.
 
     Half a sample of delay tells them apart where no delay is estimated, and the size of high lines where it is.
@@ -179,8 +159,7 @@ def try_samples(fitted: FittedModel) -> SamplesTrial | None:
     Returns:
         The samples that explain most; None where no speed was measured, or nothing explains more than what is stated.
     """
-    before = fitted.problem.cost(fitted.internal)
-    found = [_try(fitted, sampled, problem, before) for sampled, problem in _others(fitted.problem)]
+    found = [_try(fitted, sampled, problem) for sampled, problem in _others(fitted.problem)]
     best = max(found, key=lambda trial: trial.share, default=None)
     return best if best is not None and best.share > 0 else None
 
@@ -220,7 +199,12 @@ def _others(problem: Problem) -> Iterator[tuple[SampledName, Problem]]:
         )
 
 
-def _try(fitted: FittedModel, sampled: SampledName, problem: Problem, before: float) -> SamplesTrial:
-    end = optimise(problem, fitted.internal, max_iterations=_SAMPLE_STEPS)
-    names = tuple(one.name for one in problem.frf.measured_channels if one.quantity == "speed")
-    return SamplesTrial(names, sampled, 1 - end.cost / before, end.parameters - fitted.internal)
+def _try(fitted: FittedModel, sampled: SampledName, problem: Problem) -> Explanation:
+    """What other samples of the speeds would explain."""
+    end = optimise(problem, fitted.internal, max_iterations=_STEPS)
+    speeds = ", ".join(one.name for one in problem.frf.measured_channels if one.quantity == "speed")
+    words = {"instants": "values at their instants", "difference": "differences from the sample before"}
+    told = f"reading of the speed of {speeds} as {words.get(sampled, 'differences across both neighbours')}"
+    correct = (f"`sampled: {sampled}` for the speeds where their log is described",)
+    share, moved = 1 - end.cost / fitted.cost, end.parameters - fitted.internal
+    return Explanation("samples", (told,), np.zeros(1), ("",), share, moved, correct=correct)

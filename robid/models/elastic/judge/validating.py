@@ -124,25 +124,15 @@ def validate_elastic(
     per_element = costs.cost / costs.elements
     own = own_errors(fitted, costs.modelled)
     measures = measure(fitted, costs.modelled, options.weights.model_error)
-    failures = measures.failures()
     seen = _seen_already(solution, frf)
     every = (*validation_doubts(doubts, robot, solution.estimate, frf, campaign, delay_s), *seen)
-    outcome = Outcome(
-        ok=not failures,
-        verdict=_verdict(measures, failures, seen=bool(seen)),
-        grade=grade_validation(solution, every, failures),
-        recovery=recover(solution.estimate, truth or {}),
-    )
     return Validation(
-        outcome=outcome,
+        outcome=_outcome(solution, measures, every, truth or {}, seen=bool(seen)),
         configurations=frf.configurations,
         frequency_hz=frf.frequency_hz,
         measured=fitted.measured,
-        modelled=costs.modelled,
-        cost=costs.cost,
-        expected_cost=costs.expected,
-        excess=costs.cost - costs.expected,
-        elements=costs.elements,
+        **vars(costs),
+        excess=costs.cost - costs.expected_cost,
         dropped=fitted.dropped,
         average_cost=float(per_element.mean()),
         worst_cost=float(per_element.max()),
@@ -156,6 +146,18 @@ def validate_elastic(
     )
 
 
+def _outcome(
+    solution: ElasticSolution, measures: Measures, doubts: Sequence[Doubt], truth: dict[str, float], *, seen: bool
+) -> Outcome:
+    failures = measures.failures()
+    return Outcome(
+        ok=not failures,
+        verdict=_verdict(measures, failures, seen=seen),
+        grade=grade_validation(solution, doubts, failures),
+        recovery=recover(solution.estimate, truth),
+    )
+
+
 @dataclass(frozen=True)
 class WeightedCosts:
     """Costs of a model in the configurations of a response, as in `Validation`.
@@ -163,13 +165,13 @@ class WeightedCosts:
     Attributes:
         modelled (n_conf, n_freq, n_out, n_in): Parametric response.
         cost (n_conf,): Weighted cost.
-        expected (n_conf,): What the response's covariance alone would give.
+        expected_cost (n_conf,): What the response's covariance alone would give.
         elements (n_conf,): Response elements with weight.
     """
 
     modelled: ComplexArray
     cost: FloatArray
-    expected: FloatArray
+    expected_cost: FloatArray
     elements: IntArray
 
 

@@ -1,5 +1,1 @@
-"""What is shown of an elastic fit.
-
-To be read in this order: `content` (its rows), `gather` and `gather_resonances` (rows from artifacts), `resonances`,
-`repeats`, `sections`, `summary`, and `report`, which puts all of it together.
-"""
+"""What is shown of an elastic fit: read `gather` (rows from artifacts), `resonances`, then `report`."""

@@ -1,15 +1,17 @@
-"""What the page of a fit shows, gathered from its artifacts, resonances among it."""
+"""What the page of a fit shows, as plain values, and how it is gathered from artifacts, resonances among it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from scipy.stats import norm
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray
 from robid.artifacts.results import grade_from_artifact
+from robid.frf.frf import Frf
 from robid.models.elastic.files import (
     new_resonances_from_artifact,
     resonances_from_artifact,
@@ -19,15 +21,157 @@ from robid.models.elastic.files import (
 from robid.models.elastic.fit.model_error import ModelError
 from robid.models.elastic.fit.nuisance.kinds import list_nuisances
 from robid.models.elastic.fit.solution import ElasticSolution, NamedDoubts, Starts
-from robid.models.elastic.judge.repeats import Measured, Repeat, pool_repeats
-from robid.models.elastic.judge.resonances import ResonanceTable
-from robid.models.elastic.page.content import DoubtRow, ElementErrors, FitContent, GradeRow, RepeatRow, ResonanceRow
+from robid.models.elastic.judge.resonances import Measured, Repeat, ResonanceTable, pool_repeats
 from robid.models.elastic.settings import elastic_fit
 from robid.models.family import Shown
 from robid.models.parameters import parameter_rows
 from robid.report.costs import CostRow, StartRow
 from robid.report.parameters import Estimates, ParameterRow
+from robid.results.grade import Grade
 from robid.settings.experiment import payload_kg
+
+
+@dataclass(frozen=True)
+class ElementErrors:
+    """What the residuals of the response's elements hold beyond their covariance.
+
+    Attributes:
+        share_above: Share of the elements whose cost is above its 95 % band.
+        share_correlated: Share of the elements whose residuals are correlated over frequency beyond that band.
+        median_level: Median relative model error of the elements above their band; 0 without any.
+    """
+
+    share_above: float
+    share_correlated: float
+    median_level: float
+
+
+@dataclass(frozen=True)
+class RepeatRow:
+    """A resonance in several measurements of one robot configuration.
+
+    Attributes:
+        campaigns: Campaign of each measurement that shows it.
+        lowest_hz: Lowest measured peak or dip [Hz].
+        highest_hz: Highest one [Hz].
+        peak_hz: Their mean [Hz].
+        peak_interval_hz: Where another measurement's would be found [Hz].
+        pole_hz: Mean pole or zero of the local models [Hz], or None.
+        pole_interval_hz: Where another measurement's would be found [Hz], or None.
+    """
+
+    campaigns: tuple[str, ...]
+    lowest_hz: float
+    highest_hz: float
+    peak_hz: float
+    peak_interval_hz: tuple[float, float]
+    pole_hz: float | None = None
+    pole_interval_hz: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class ResonanceRow:
+    """One resonance or antiresonance of one channel, measured against the model: peaks, and poles.
+
+    Attributes:
+        configuration: Index of the configuration in the estimation campaign.
+        channel: Name of the channel.
+        kind: Peak or dip of the magnitude.
+        measured_hz: Measured peak or dip [Hz], or None when the data show none.
+        model_hz: The model's, read from its curve as the measured one [Hz], or None when it has none.
+        interval_hz: Lower and upper end of the measured one's interval [Hz], or None.
+        mode_hz: The model's own pole or zero there [Hz], or None.
+        mode_interval_hz: Lower and upper end of its interval [Hz], or None.
+        damping: Its damping ratio, or None.
+        pole_hz: Pole or zero of a local model of the measurement [Hz], or None.
+        pole_interval_hz: Lower and upper end of its interval [Hz], or None.
+        repeat: What all measurements of the configuration show of it, at the first of them; or None.
+    """
+
+    configuration: int
+    channel: str
+    kind: Literal["resonance", "antiresonance"]
+    measured_hz: float | None
+    model_hz: float | None
+    interval_hz: tuple[float, float] | None = None
+    mode_hz: float | None = None
+    mode_interval_hz: tuple[float, float] | None = None
+    damping: float | None = None
+    pole_hz: float | None = None
+    pole_interval_hz: tuple[float, float] | None = None
+    repeat: RepeatRow | None = None
+
+
+@dataclass(frozen=True)
+class DoubtRow:
+    """Something that the robot file may have wrong.
+
+    Attributes:
+        name: What it is, in one word.
+        unit: Unit of its amounts.
+        amount: By how much the data say that the file is wrong.
+        half_width: Half width of its interval.
+        known: Half width of what was known beforehand.
+    """
+
+    name: str
+    unit: str
+    amount: float
+    half_width: float
+    known: float
+
+    @property
+    def is_off(self) -> bool:
+        """Whether the interval excludes that the file is right."""
+        return abs(self.amount) > self.half_width
+
+
+@dataclass(frozen=True)
+class FitContent:
+    """One fit with the data that it explains.
+
+    Attributes:
+        name: Name of the fit.
+        campaign: Name of the estimation campaign.
+        frf: Measured frequency responses.
+        model_response (n_conf, n_freq, n_out, n_in): The model's, in the unit of `frf.response`.
+        estimates: The parameters.
+        resonances: Resonances and antiresonances.
+        estimation_costs: Cost per configuration of the fit's own data.
+        validation_costs: Cost per configuration of data that the fit never saw.
+        starts: The optimizer's starts.
+        status: How the fit ended.
+        advice: What to do about it; empty when there is nothing to do.
+        element_errors: The residuals against their covariance, or None where there is none.
+        grade: How far to trust it; None where that is unknown.
+        file_doubts: What the robot file may have wrong.
+        validation_campaign: Name of the validation campaign.
+        validation_frf: Its frequency responses, or None.
+        validation_model: The model's responses there, or None.
+    """
+
+    name: str
+    campaign: str
+    frf: Frf
+    model_response: ComplexArray
+    estimates: Estimates = field(default_factory=Estimates)
+    resonances: tuple[ResonanceRow, ...] = ()
+    estimation_costs: tuple[CostRow, ...] = ()
+    validation_costs: tuple[CostRow, ...] = ()
+    starts: tuple[StartRow, ...] = ()
+    status: str = ""
+    advice: str = ""
+    element_errors: ElementErrors | None = None
+    grade: Grade | None = None
+    file_doubts: tuple[DoubtRow, ...] = ()
+    validation_campaign: str = ""
+    validation_frf: Frf | None = None
+    validation_model: ComplexArray | None = None
+
+    @property
+    def usable(self) -> bool:
+        """Whether nothing says that it must not be used."""
+        return self.grade is None or self.grade.value > 0
 
 
 def resonance_rows(shown: Shown, confidence: float) -> tuple[ResonanceRow, ...]:
@@ -124,15 +268,7 @@ def fit_content(shown: Shown) -> FitContent:
         campaign=" + ".join(settings.campaigns),
         frf=replace(frf, response=solution.responses.measured),
         model_response=solution.responses.modelled,
-        estimates=Estimates(
-            rows=_parameters(solution, frf.input_unit, shown.true, robot.assumed),
-            level=estimate.confidence,
-            torque_unit=frf.input_unit,
-            misfit=solution.misfit,
-            undetermined=estimate.undetermined,
-            identifiable_relative_std=settings.identifiable_relative_std,
-            interval_rule=estimate.interval_rule,
-        ),
+        estimates=_estimates(solution, frf.input_unit, shown.true, robot.assumed),
         resonances=resonance_rows(shown, estimate.confidence),
         estimation_costs=_costs(" + ".join(settings.campaigns), shown.data.configurations, *costs),
         starts=_starts(solution.starts),
@@ -140,7 +276,7 @@ def fit_content(shown: Shown) -> FitContent:
         advice=estimate.advice,
         element_errors=None if solution.model_error is None else _element_errors(solution.model_error),
         file_doubts=() if solution.doubts is None else file_doubts(solution.doubts, limits, estimate.confidence),
-        grade=GradeRow(grade.value, grade.sentence, tuple(doubt.sentence for doubt in grade.doubts)),
+        grade=grade,
     )
     if validation is None or settings.validate_on is None or shown.new is None:
         return content
@@ -189,6 +325,21 @@ def _starts(starts: Starts) -> tuple[StartRow, ...]:
         strict=True,
     )
     return tuple(StartRow(index, *end) for index, end in enumerate(ends))
+
+
+def _estimates(
+    solution: ElasticSolution, torque_unit: str, truth: Mapping[str, float], assumed: tuple[str, ...]
+) -> Estimates:
+    found = solution.estimate
+    return Estimates(
+        rows=_parameters(solution, torque_unit, truth, assumed),
+        level=found.confidence,
+        torque_unit=torque_unit,
+        misfit=solution.misfit,
+        undetermined=found.undetermined,
+        identifiable_relative_std=found.identifiable_relative_std,
+        interval_rule=found.interval_rule,
+    )
 
 
 def _parameters(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from statistics import median
 
 import numpy as np
@@ -11,7 +10,7 @@ from rich.text import Text
 
 from robid.frf.frf import Frf
 from robid.models.elastic.judge.resonances import SAME_CONFIGURATION
-from robid.models.elastic.page.content import FitContent, RepeatRow, ResonanceRow
+from robid.models.elastic.page.gather import FitContent, RepeatRow, ResonanceRow
 from robid.report.charts import configuration_label
 from robid.report.numbers import MISSING, number_of, percent, significant
 from robid.report.page import KeyNumber
@@ -75,15 +74,19 @@ def _repeat_row(row: ResonanceRow, repeat: RepeatRow) -> Row:
     cells = (
         number_of(row.configuration),
         row.channel,
-        f"{'▲' if row.kind == 'resonance' else '▽'} {row.kind}",
+        _kind(row),
         measured_by(repeat),
         significant(repeat.peak_hz, 4),
         interval_text((repeat.lowest_hz, repeat.highest_hz)),
         interval_text(repeat.peak_interval_hz),
-        MISSING if repeat.pole_hz is None else significant(repeat.pole_hz, 4),
+        significant(repeat.pole_hz, 4),
         interval_text(repeat.pole_interval_hz),
     )
     return Row(cells)
+
+
+def _kind(row: ResonanceRow) -> str:
+    return f"{'▲' if row.kind == 'resonance' else '▽'} {row.kind}"
 
 
 def interval_text(low_high: tuple[float, float] | None) -> str:
@@ -111,26 +114,6 @@ _ALONE = (
 )
 
 
-@dataclass(frozen=True)
-class ResonanceLine:
-    """A resonance as text."""
-
-    configuration: int
-    number: str
-    channel: str
-    kind: str
-    measured: str
-    interval: str
-    model: str
-    error: str
-    within: bool | None
-    pole: str
-    pole_interval: str
-    mode: str
-    mode_interval: str
-    damping: str
-
-
 def resonance_errors(rows: tuple[ResonanceRow, ...]) -> list[tuple[float, ResonanceRow]]:
     """Relative distance of model from measurement, for the rows that have both."""
     return [
@@ -138,28 +121,6 @@ def resonance_errors(rows: tuple[ResonanceRow, ...]) -> list[tuple[float, Resona
         for row in rows
         if row.measured_hz is not None and row.model_hz is not None and row.measured_hz > 0
     ]
-
-
-def resonance_line(row: ResonanceRow) -> ResonanceLine:
-    """Writes a resonance with what it can be judged by."""
-    errors = resonance_errors((row,))
-    low_high, own = row.interval_hz, row.mode_interval_hz
-    return ResonanceLine(
-        configuration=row.configuration,
-        number=number_of(row.configuration),
-        channel=row.channel,
-        kind=row.kind,
-        measured=significant(row.measured_hz, 4) if row.measured_hz is not None else "not seen",
-        interval=interval_text(low_high),
-        model=significant(row.model_hz, 4) if row.model_hz is not None else "none",
-        error=percent(errors[0][0], signed=True) if errors else MISSING,
-        within=low_high[0] <= row.model_hz <= low_high[1] if low_high and row.model_hz is not None else None,
-        pole=significant(row.pole_hz, 4),
-        pole_interval=interval_text(row.pole_interval_hz),
-        mode=significant(row.mode_hz, 4),
-        mode_interval=interval_text(own),
-        damping=percent(row.damping),
-    )
 
 
 def resonance_sentence(rows: tuple[ResonanceRow, ...]) -> str:
@@ -236,23 +197,28 @@ def interval_sentence(frf: Frf, repeated: str = "") -> str:
 
 
 def _row(row: ResonanceRow, frf: Frf) -> Row:
-    line = resonance_line(row)
+    low_high, errors = row.interval_hz, resonance_errors((row,))
+    inside = low_high[0] <= row.model_hz <= low_high[1] if low_high and row.model_hz is not None else None
     cells = (
-        line.number,
-        line.channel,
-        f"{'▲' if line.kind == 'resonance' else '▽'} {line.kind}",
-        line.measured,
-        line.interval,
-        line.model,
-        line.error,
-        within(line.within),
-        line.pole,
-        line.pole_interval,
-        line.mode,
-        line.mode_interval,
-        line.damping,
+        number_of(row.configuration),
+        row.channel,
+        _kind(row),
+        _measured(row),
+        interval_text(low_high),
+        significant(row.model_hz, 4) if row.model_hz is not None else "none",
+        percent(errors[0][0], signed=True) if errors else MISSING,
+        within(inside),
+        significant(row.pole_hz, 4),
+        interval_text(row.pole_interval_hz),
+        significant(row.mode_hz, 4),
+        interval_text(row.mode_interval_hz),
+        percent(row.damping),
     )
     return Row(cells, choice=configuration_label(frf, row.configuration))
+
+
+def _measured(row: ResonanceRow) -> str:
+    return significant(row.measured_hz, 4) if row.measured_hz is not None else "not seen"
 
 
 def resonance_table(fit: FitContent) -> Group:
@@ -264,10 +230,15 @@ def resonance_table(fit: FitContent) -> Group:
         table.add_column(header, justify="right", no_wrap=True)
     found = [row for row in rows if row.mode_hz is not None]
     for row in found:
-        line = resonance_line(row)
-        place = f", configuration {line.number}" if len(fit.frf.configurations) > 1 else ""
-        name = Text(f"  {line.channel} {line.kind}{place}")
-        table.add_row(name, line.measured, line.interval, line.model, Text(line.mode, style="bold"), line.mode_interval)
+        place = f", configuration {number_of(row.configuration)}" if len(fit.frf.configurations) > 1 else ""
+        table.add_row(
+            Text(f"  {row.channel} {row.kind}{place}"),
+            _measured(row),
+            interval_text(row.interval_hz),
+            significant(row.model_hz, 4) if row.model_hz is not None else "none",
+            Text(significant(row.mode_hz, 4), style="bold"),
+            interval_text(row.mode_interval_hz),
+        )
     alone = len(rows) - len(found)
     notes = [f"{alone} more that the model does not have are in the report"] if alone else []
     scattered = repeat_sentence(rows)

@@ -15,8 +15,7 @@ from robid.models.rigid.fit.residuals import excited_band
 from robid.models.rigid.fit.rows import prepare
 from robid.models.rigid.fit.shots import Shot, positions_of
 from robid.results.doubt import Doubt, two_digits
-from robid.results.plausible.hypotheses import Hypothesis, Seen, hypotheses_of, joined, name_scales
-from robid.results.plausible.pairs import Pair, pairs_of
+from robid.results.plausible.hypotheses import Hypothesis, Pair, Seen, hypotheses_of, joined, name_scales, pairs_of
 from robid.results.plausible.scales import named_doubt
 from robid.robot.description import Robot
 from robid.robot.regressor.base import find_base_parameters

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot
-from robid.results.plausible.carrier import Carrier, Fitted
 from robid.results.plausible.doubts import data_doubts
+from robid.results.plausible.evidence import Carrier, Fitted
 from robid.robot.description import HarmonicBalance
 from robid.robot.friction import Friction
 from robid.robot.linearize import solve_statics

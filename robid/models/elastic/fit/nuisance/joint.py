@@ -12,7 +12,7 @@ from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.clusters.evidence import spread_over
 from robid.errors import DataError
 from robid.models.elastic.fit.nuisance.kinds import Compliance, RobotMove
-from robid.models.elastic.fit.nuisance.named import Listed, Named, Suspicion, linearise
+from robid.models.elastic.fit.nuisance.named import Basis, Listed, Named, linearise
 from robid.models.elastic.fit.nuisance.off_robot import LEAST_COMPLIANCE, OffRobot, are_put_in, may_differ, put_in
 from robid.models.elastic.fit.nuisance.placed import expected_cost
 from robid.models.elastic.fit.nuisance.response import Scene, find_shifts, moves_matrices_alone, nuisance_columns
@@ -52,7 +52,7 @@ class Joint:
         return bool((self.named.amounts > _SURPRISING * self.named.common_std)[missing].any())
 
 
-def descend(listed: Listed, given: Suspicion, placed: Sequence[str] = ()) -> Joint:
+def descend(listed: Listed, given: Basis, placed: Sequence[str] = ()) -> Joint:
     """Estimates parameters and doubts together, places with what each adds to the doubts that differ between them.
 
     A robot's resonances are narrow: some percent of a spring, a mass or a bristle move them by more than their width,
@@ -90,6 +90,8 @@ def descend(listed: Listed, given: Suspicion, placed: Sequence[str] = ()) -> Joi
 def _lowest(descent: Descent, space: Space, point: FloatArray, shares: tuple[float, ...]) -> tuple[FloatArray, float]:
     """Where a descent from a point (n_param,) with growing weights ends, and the squares left there."""
     now = space.internal(State(point, space.floor, np.zeros((space.places, space.differing.size))))
+    # With small weights what is known beforehand leads; narrow resonances, in whose reach a descent must be first,
+    # count in full only at the end.
     for share in shares:
         descent.share = share
         now = minimise(
@@ -144,6 +146,7 @@ class Space:
         missing = np.array([isinstance(doubt.effect, Compliance) for doubt in doubts])
         floor = np.where(missing, 2 * LEAST_COMPLIANCE, 0.0)
         differing = np.flatnonzero(listed.place_std)
+        # In units of the longest step, a step of one is as far as the linear model is trusted for each.
         added = np.tile(listed.place_std[differing], len(listed.places))
         std = np.concatenate([parameters.prior_std, listed.common_std, added])
         unit = np.concatenate([np.full(listed.point.size, _LONGEST), _LONGEST_STD * std[listed.point.size :]])
@@ -186,7 +189,7 @@ class Descent:
         shifts: How the robot's matrices move with its doubts; None before the first derivative, or without moves.
     """
 
-    def __init__(self, listed: Listed, given: Suspicion, space: Space) -> None:
+    def __init__(self, listed: Listed, given: Basis, space: Space) -> None:
         """Begins a descent.
 
         Args:
@@ -227,6 +230,8 @@ class Descent:
         whole = derivative.shape[-1]
         own = self._space.size + self._space.differing
         hessian, score = np.diag(self._space.precision), np.zeros(internal.size)
+        # Parameters and common amounts have rows in all places, what a place adds only in its own: the Hessian is an
+        # arrow, filled place by place. The residual is what is left, so its derivative has the other sign.
         for number, place in enumerate(places):
             rows = derivative[place].reshape(-1, whole)
             inner, pull = self.share * (rows.T @ rows), self.share * (rows.T @ left[place].ravel())
@@ -256,6 +261,8 @@ class Descent:
         if not self._columns.size:
             return left
         added = self._space.added(state)
+        # Amounts that no robot can be off by act by their columns, to first order around zero; the others are in the
+        # robot.
         beside = state.amounts * ~self._within + added * ~self._differing
         for place, amounts in zip(self._listed.places, beside, strict=True):
             left[place] -= self._columns[place] @ amounts

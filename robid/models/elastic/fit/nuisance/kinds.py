@@ -17,15 +17,14 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.models.elastic.fit.nuisance import moves
-from robid.models.elastic.fit.nuisance.moves import MM, PERCENT, Change
-from robid.models.elastic.fit.nuisance.springs import missing_springs
+from robid.models.elastic.fit.nuisance.moves import MM, PERCENT, Change, missing_springs
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.description import Inertial, Joint, Robot, Spring
 from robid.robot.doubts import Doubts
 
 PRIOR_FACTOR = 10.0
 """How many times as far off as a nuisance parameter is one expected to be that a user frees."""
-BALANCE, LOAD_DAMPING, HYSTERESIS, HELD = "counterbalance", "load_damping", "hysteresis", "held_spring"
+BALANCE, LOAD_DAMPING, HYSTERESIS, FIXED = "counterbalance", "load_damping", "hysteresis", "held_spring"
 """Causes, the first three of them the ends of the names that free them."""
 MICRO = 1e-6
 _SHARE_STEP, _STEP_M, _TURN_STEP, _STEP_NM = 1e-4, 1e-5, 1e-2, 1.0  # of differences
@@ -328,19 +327,17 @@ Section: TypeAlias = tuple[Callable[[Robot], Iterable[Owner]], tuple[Kind, ...]]
 """The owners of a robot, and what may be off of each of them."""
 
 
-def _joints(robot: Robot) -> Iterator[Owner]:
+def _joints(robot: Robot, title: str = "{}") -> Iterator[Owner]:
     for index, joint in enumerate(robot.joints):
-        yield Owner(joint.name, joint.name, joint.doubts, (index,))
+        yield Owner(joint.name, title.format(joint.name), joint.doubts, (index,))
+
+
+_links = partial(_joints, title="link {}")
 
 
 def _rotors(robot: Robot) -> Iterator[Owner]:
     for index, joint in enumerate(robot.joints):
         yield Owner(joint.name, joint.name, joint.motor, (index,))
-
-
-def _links(robot: Robot) -> Iterator[Owner]:
-    for index, joint in enumerate(robot.joints):
-        yield Owner(joint.name, f"link {joint.name}", joint.doubts, (index,))
 
 
 def _bases(robot: Robot) -> Iterator[Owner]:
@@ -433,18 +430,11 @@ def _body(cause: str, body: _Body, mass: Kind, com: str, inertia: str) -> tuple[
     """What may be off of a body: its mass, with its inertia, its centre of mass, and its inertia alone."""
     centres = (
         Kind(
-            f"com_{letter}",
-            f"centre of mass of {{}} along {letter}",
-            cause,
-            partial(_shift, body, axis),
-            com,
-            MM,
-            "mm",
-            least=-0.5,
-            most=0.5,
+            f"com_{letter}", f"centre of mass of {{}} along {letter}", cause, partial(_shift, body, axis),
+            com, MM, "mm", least=-0.5, most=0.5,
         )
         for axis, letter in zip(np.eye(3), "xyz", strict=True)
-    )
+    )  # fmt: skip
     return mass, *centres, Kind("inertia", "inertia of {}", cause, partial(_more_inert, body), inertia, least=-1.0)
 
 
@@ -471,270 +461,117 @@ def _likely_slip(robot: Robot, index: int) -> float:
     return _SLIP_SHARE * _most_torque(robot.joints[robot.springs[index].joint], _TORQUE_NM)
 
 
-def _held(kind: Literal["stiffness", "damping"], robot: Robot, index: int) -> Effect | None:
+def _fixed(kind: Literal["stiffness", "damping"], robot: Robot, index: int) -> Effect | None:
     return ValueOff(kind, index) if getattr(robot.springs[index], kind) > 0 else None
 
 
-PAYLOAD: Section = (
-    _payloads,
-    _body(
-        "payload",
-        _payload,
-        Kind(
-            "mass",
-            "payload mass",
-            "payload",
-            lambda robot: RobotMove(moves.with_payload_mass, _SHARE_STEP * robot.payload.mass_kg),
-            "payload_relative_std",
-            lambda robot: robot.payload.mass_kg,
-            "kg",
-            least=-1.0,
-            most=1.0,
-            stated=True,
-        ),
-        "payload_com_m",
-        "payload_inertia_relative_std",
-    ),
-)
+# A row: ending, title, cause, effect, prior, size, unit. `least` and `most` bound an amount by what makes sense: no
+# mass is negative, no hysteresis gains energy.
+# fmt: off
+PAYLOAD: Section = (_payloads, _body("payload", _payload, Kind(
+    "mass", "payload mass", "payload",
+    lambda robot: RobotMove(moves.with_payload_mass, _SHARE_STEP * robot.payload.mass_kg),
+    "payload_relative_std", lambda robot: robot.payload.mass_kg, "kg", least=-1.0, most=1.0, stated=True,
+), "payload_com_m", "payload_inertia_relative_std"))
 LINKS: Section = (_links, _body("masses", _link, _mass(_link), "com_m", "inertia_relative_std"))
 BASE: Section = (_bases, _body("masses", _base, _mass(_base), "com_m", "inertia_relative_std"))
-SHAFTS: Section = (
-    _shafts,
-    (
+SHAFTS: Section = (_shafts, (Kind(
+    "inertia", "inertia of shaft {}", "masses",
+    lambda _, index: RobotMove(partial(moves.with_shaft_share, index), PERCENT * _SHARE_STEP),
+    "inertia_relative_std", least=-1.0,
+),))
+TORQUES: Section = (_joints, (Kind(
+    "torque_constant", "torque constant of {}", "torque_constant", lambda _, index: TorqueScale(index),
+    # What temperature does differs between places.
+    "torque_relative_std", place=0.25, least=-1.0, most=1.0,
+),))
+DELAY: Section = (_drives, (Kind(
+    "delay", "delay of the drives", "delay", lambda _: ValueOff("delay", 0),
+    "delay_s", 1 / MICRO, "us", parameter="delay",
+),))
+ROTORS: Section = (_rotors, (Kind(
+    "motor_inertia", "rotor inertia of {}", "rotor_inertia", lambda _, index: ValueOff("motor_inertia", index),
+    "inertia_relative_std", least=-1.0, most=1.0, parameter="motor_inertia",
+),))
+COUPLINGS: Section = (_couplings, (Kind(
+    "coupling_", "{}", "gear_coupling",
+    lambda _, index, other: RobotMove(partial(moves.with_coupling, index, other), _TURN_STEP),
+    "coupling_std", unit="% of a turn",
+),))
+GEARS: Section = (_gears, (
+    # What slips between early and late is a mixture of both. What never slips stiffens a spring without any loss,
+    # alike in all places: nothing tells it from the spring.
+    *(
         Kind(
-            "inertia",
-            "inertia of shaft {}",
-            "masses",
-            lambda _, index: RobotMove(partial(moves.with_shaft_share, index), PERCENT * _SHARE_STEP),
-            "inertia_relative_std",
-            least=-1.0,
-        ),
-    ),
-)
-TORQUES: Section = (
-    _joints,
-    (
-        Kind(
-            "torque_constant",
-            "torque constant of {}",
-            "torque_constant",
-            lambda _, index: TorqueScale(index),
-            "torque_relative_std",
-            place=0.25,  # what temperature does between places
-            least=-1.0,
-            most=1.0,
-        ),
-    ),
-)
-DELAY: Section = (
-    _drives,
-    (
-        Kind(
-            "delay",
-            "delay of the drives",
-            "delay",
-            lambda _: ValueOff("delay", 0),
-            "delay_s",
-            1 / MICRO,
-            "us",
-            parameter="delay",
-        ),
-    ),
-)
-ROTORS: Section = (
-    _rotors,
-    (
-        Kind(
-            "motor_inertia",
-            "rotor inertia of {}",
-            "rotor_inertia",
-            lambda _, index: ValueOff("motor_inertia", index),
-            "inertia_relative_std",
-            least=-1.0,
-            most=1.0,
-            parameter="motor_inertia",
-        ),
-    ),
-)
-COUPLINGS: Section = (
-    _couplings,
-    (
-        Kind(
-            "coupling_",
-            "{}",
-            "gear_coupling",
-            lambda _, index, other: RobotMove(partial(moves.with_coupling, index, other), _TURN_STEP),
-            "coupling_std",
-            unit="% of a turn",
-        ),
-    ),
-)
-GEARS: Section = (
-    _gears,
-    (
-        # What slips between early and late is a mixture of both. What never slips stiffens a spring without any loss,
-        # alike in all places: nothing tells it from the spring.
-        *(
-            Kind(
-                f"hysteresis_{when}",
-                f"hysteresis of {{}} that slips {when}",
-                "gear_nonlinearity",
-                lambda _, index, slip=slip: Hysteresis(index, slip),
-                "loss_factor",
-                place=place,
-                least=0.0,
-                most=1.0,
-            )
-            for when, slip, place in (("early", 0.5, 1.0), ("late", 2.0, 1.0), ("never", _STICKS, 0.0))
-        ),
-        Kind(
-            "load_stiffness",
-            "stiffness of {} by its load",
-            "gear_nonlinearity",
-            lambda _, index: LoadStiffness(index),
-            "load_stiffness",
-            least=-1.0,
-            most=1.0,
-            parameter="cubic",
-        ),
-    ),
-)
-ARM_FRICTION: Section = (
-    _joints,
-    (
-        Kind(
-            "arm_viscous",
-            "viscous friction of {}'s arm",
-            "arm_friction",
-            # The arm of a rigid joint moves as its motor does, whose friction says it all.
-            lambda robot, index: None if robot.rigid[index] else ValueOff("arm_viscous", index),
-            "arm_friction",
-            unit=_OF_LINK,
-            place=1.0,
-            least=0.0,
-            most=1.0,
-            parameter="arm_viscous",
-        ),
-    ),
-)
-MOTOR_FRICTION: Section = (
-    _joints,
-    (
-        Kind(
-            "viscous",
-            "viscous friction of {}'s motor",
-            "friction",
-            lambda _, index: ValueOff("viscous", index),
-            "friction",
-            unit=_OF_ROTOR,
-            place=1.0,
-            least=-1.0,
-            most=1.0,
-            parameter="viscous",
-        ),
-    ),
-)
-OTHER_FRICTION: Section = (
-    _joints,
-    tuple(
-        Kind(
-            ending,
-            f"friction of {{}} {what}",
-            "friction",
-            lambda _, index, phase=phase: MotorFriction(index, phase),
-            "friction",
-            unit=_OF_ROTOR,
-            place=1.0,
-            least=-1.0,
-            most=1.0,
+            f"hysteresis_{when}", f"hysteresis of {{}} that slips {when}", "gear_nonlinearity",
+            lambda _, index, slip=slip: Hysteresis(index, slip),
+            "loss_factor", place=place, least=0.0, most=1.0,
         )
-        for ending, what, phase in (
-            ("friction_spring", "in phase with its angle", 1.0),
-            ("friction_loss", "that loses energy", 1j),
-        )
+        for when, slip, place in (("early", 0.5, 1.0), ("late", 2.0, 1.0), ("never", _STICKS, 0.0))
     ),
-)
-HELD_SPRINGS: Section = (
-    _springs,
-    (
-        Kind(
-            "stiffness",
-            "{}",
-            HELD,
-            partial(_held, "stiffness"),
-            "stiffness_relative_std",
-            least=-0.9,  # what has no stiffness is no spring
-            most=9.0,
-            parameter="stiffness",
-        ),
-        Kind(
-            "damping",
-            "{}'s damper",
-            HELD,
-            partial(_held, "damping"),
-            "damping_relative_std",
-            least=-0.9,
-            most=9.0,
-            parameter="damping",
-        ),
+    Kind(
+        "load_stiffness", "stiffness of {} by its load", "gear_nonlinearity", lambda _, index: LoadStiffness(index),
+        "load_stiffness", least=-1.0, most=1.0, parameter="cubic",
     ),
-)
-MISSING_SPRINGS: Section = (
-    _missing,
-    (
-        Kind(
-            "compliance",
-            "{}",
-            "missing_spring",
-            lambda robot, index: Compliance(list(missing_springs(robot))[index]),
-            "compliance",
-            unit="% of its gear's compliance",
-            least=0.0,
-        ),
+))
+ARM_FRICTION: Section = (_joints, (Kind(
+    "arm_viscous", "viscous friction of {}'s arm", "arm_friction",
+    # The arm of a rigid joint moves as its motor does, whose friction says it all.
+    lambda robot, index: None if robot.rigid[index] else ValueOff("arm_viscous", index),
+    "arm_friction", unit=_OF_LINK, place=1.0, least=0.0, most=1.0, parameter="arm_viscous",
+),))
+MOTOR_FRICTION: Section = (_joints, (Kind(
+    "viscous", "viscous friction of {}'s motor", "friction", lambda _, index: ValueOff("viscous", index),
+    "friction", unit=_OF_ROTOR, place=1.0, least=-1.0, most=1.0, parameter="viscous",
+),))
+OTHER_FRICTION: Section = (_joints, tuple(
+    Kind(
+        ending, f"friction of {{}} {what}", "friction", lambda _, index, phase=phase: MotorFriction(index, phase),
+        "friction", unit=_OF_ROTOR, place=1.0, least=-1.0, most=1.0,
+    )
+    for ending, what, phase in (
+        ("friction_spring", "in phase with its angle", 1.0), ("friction_loss", "that loses energy", 1j),
+    )
+))
+# What has no stiffness is no spring, so nine tenths of it are the most that can be missing.
+FIXED_SPRINGS: Section = (_springs, (
+    Kind(
+        "stiffness", "{}", FIXED, partial(_fixed, "stiffness"),
+        "stiffness_relative_std", least=-0.9, most=9.0, parameter="stiffness",
     ),
-)
-BALANCES: Section = (
-    _unbalanced,
-    tuple(
-        Kind(
-            f"{BALANCE}_{wave}",
-            f"{BALANCE} of {{}} by the {wave} of its angle",
-            BALANCE,
-            lambda _, index, row=row: RobotMove(partial(moves.with_balance, index, np.eye(2)[row]), _STEP_NM),
-            size=_likely_nm,
-            unit="N m",
-        )
-        for row, wave in enumerate(("sine", "cosine"))
+    Kind(
+        "damping", "{}'s damper", FIXED, partial(_fixed, "damping"),
+        "damping_relative_std", least=-0.9, most=9.0, parameter="damping",
     ),
-)
-GEAR_EFFECTS: Section = (
-    _gears,
-    (
-        Kind(
-            LOAD_DAMPING,
-            "growth of {}'s damper with its deflection",
-            LOAD_DAMPING,
-            lambda _, index: LoadDamping(index),
-            size=_likely_growth,
-            unit="1/rad",
-            linear_unit="1/m",
-            least=-1 / _GROWTH,  # downwards no damper may become negative
-        ),
-        Kind(
-            HYSTERESIS,
-            "hysteresis of {}",
-            HYSTERESIS,
-            lambda _, index: SlipTorque(index),
-            size=_likely_slip,
-            unit="N m",
-            linear_unit="N",
-        ),
+))
+MISSING_SPRINGS: Section = (_missing, (Kind(
+    "compliance", "{}", "missing_spring", lambda robot, index: Compliance(list(missing_springs(robot))[index]),
+    "compliance", unit="% of its gear's compliance", least=0.0,
+),))
+BALANCES: Section = (_unbalanced, tuple(
+    Kind(
+        f"{BALANCE}_{wave}", f"{BALANCE} of {{}} by the {wave} of its angle", BALANCE,
+        lambda _, index, row=row: RobotMove(partial(moves.with_balance, index, np.eye(2)[row]), _STEP_NM),
+        size=_likely_nm, unit="N m",
+    )
+    for row, wave in enumerate(("sine", "cosine"))
+))
+GEAR_EFFECTS: Section = (_gears, (
+    Kind(
+        LOAD_DAMPING, "growth of {}'s damper with its deflection", LOAD_DAMPING, lambda _, index: LoadDamping(index),
+        # Downwards, no damper may become negative.
+        size=_likely_growth, unit="1/rad", linear_unit="1/m", least=-1 / _GROWTH,
     ),
-)
+    Kind(
+        HYSTERESIS, "hysteresis of {}", HYSTERESIS, lambda _, index: SlipTorque(index),
+        size=_likely_slip, unit="N m", linear_unit="N",
+    ),
+))
+# fmt: on
 
 LISTED: tuple[Section, ...] = (
     *(PAYLOAD, LINKS, BASE, SHAFTS, TORQUES, DELAY, ROTORS, COUPLINGS, GEARS),
-    *(ARM_FRICTION, MOTOR_FRICTION, OTHER_FRICTION, HELD_SPRINGS, MISSING_SPRINGS),
+    *(ARM_FRICTION, MOTOR_FRICTION, OTHER_FRICTION, FIXED_SPRINGS, MISSING_SPRINGS),
 )
 """What widens the intervals of every fit that does not estimate it."""
 FREED: tuple[Section, ...] = (PAYLOAD, LINKS, BASE, SHAFTS, COUPLINGS, TORQUES, BALANCES, GEAR_EFFECTS)

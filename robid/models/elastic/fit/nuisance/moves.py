@@ -1,16 +1,20 @@
-"""Robots whose files say something else: each function returns a robot that is off from another one by an amount."""
+"""Robots whose files say something else, off by an amount, and the springs that a file may lack.
+
+Every fit allows for missing bearings and base springs; a fit can free, and a search for causes try, further ones.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeAlias, TypeVar
 
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.robot.description import HarmonicBalance, Inertial, Robot
+from robid.models.elastic.fit.options import ElasticOptions, spring_of
+from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Spring, SpringPlace
 
 Change: TypeAlias = Callable[[Robot, Callable[[Inertial], Inertial]], Robot]
 """Returns a robot one of whose bodies is another."""
@@ -111,3 +115,128 @@ def _turned(factor: float, body: Inertial) -> Inertial:
 
 def _shifted(shift_m: FloatArray, body: Inertial) -> Inertial:
     return replace(body, com_m=body.com_m + shift_m)
+
+
+_ALONG = 0.9  # cosine above which two axes are one
+_TIME_S = 5e-4  # damping over stiffness
+_SAME_M = 1e-3  # between axes that are one
+_UNKNOWN_NM_RAD = 1e6  # where no gear is stated
+_STIFFER = 3.0  # than the gear nearby: where a trial starts
+_RIGID_HZ = 30.0  # where a rotor would swing on a trial gear
+_OUTBOARD = 0.6  # share of a link beyond a split
+
+
+@dataclass(frozen=True)
+class FurtherSpring:
+    """A spring that a robot file may lack.
+
+    Attributes:
+        spring: The spring, as stiff as a trial of it starts; its name frees it.
+        title: What it is, for a sentence.
+    """
+
+    spring: Spring
+    title: str
+
+
+def with_freed_springs(robot: Robot, options: ElasticOptions) -> Robot:
+    """Returns a robot with the springs that a fit frees though the robot file lacks them.
+
+    Args:
+        robot: The robot file's robot.
+        options: Options of the fit; their names may end as those of the doubts do, on `.compliance`.
+    """
+    wanted = {spring_of(name) for name in options.freed}
+    more = [each.spring for each in further_springs(robot) if each.spring.name in wanted] if wanted else []
+    return replace(robot, springs=(*robot.springs, *more)) if more else robot
+
+
+def is_spring(robot: Robot, name: str) -> bool:
+    """Whether a name is that of a spring of the robot, or of one that it may lack."""
+    own = {spring.name for spring in robot.springs} | {each.spring.name for each in further_springs(robot)}
+    return spring_of(name) in own
+
+
+def further_springs(robot: Robot) -> Iterator[FurtherSpring]:
+    """Yields the springs that a robot file may lack."""
+    stiffness = _gear_stiffness(robot)
+    last = len(robot.joints) - 1
+    for index, joint in enumerate(robot.joints):
+        stiff = _STIFFER * stiffness[index]
+        if robot.rigid[index] and robot.rotor == "spong":
+            reflected = joint.motor.gear_ratio**2 * joint.motor.inertia_kgm2
+            gear = (2 * np.pi * _RIGID_HZ) ** 2 * reflected
+            spring = _trial_spring(f"gear_{joint.name}", index, "transmission", np.eye(3)[2], gear)
+            yield FurtherSpring(spring, f"gear of {joint.name}")
+        for letter, axis in zip("xyz", np.eye(3), strict=True):
+            if index == 0 and not _is_there(robot, "base", 0, axis):
+                yield FurtherSpring(_trial_spring(f"base_{letter}", 0, "base", axis, stiff), f"base about {letter}")
+            if letter != "z" and not _is_there(robot, "bearing", index, axis):
+                spring = _trial_spring(f"bearing_{joint.name}_{letter}", index, "bearing", axis, stiff)
+                yield FurtherSpring(spring, f"bearing of {joint.name} about {letter}")
+            if index < last and not _is_there(robot, "split", index, None):
+                split = _trial_spring(
+                    f"link_{joint.name}_{letter}", index, "split", axis, _STIFFER * stiffness[index + 1]
+                )
+                split = replace(split, outboard=_part(joint.link), point_m=_middle(robot.joints[index + 1], axis))
+                yield FurtherSpring(split, f"link of {joint.name} about its {letter} axis")
+            if (
+                index == last
+                and letter != "z"
+                and robot.payload.mass_kg > 0
+                and not _is_there(robot, "payload", last, axis)
+            ):
+                spring = _trial_spring(f"payload_mount_{letter}", last, "payload", axis, stiff)
+                yield FurtherSpring(spring, f"payload mount about {letter}")
+
+
+def _middle(following: Joint, axis: FloatArray) -> FloatArray:
+    """Where a link is split: a link that twists along the next joint's axis does so about that very line."""
+    along = abs(float(axis @ following.rotation[:, 2])) > _ALONG
+    return following.position_m if along else np.zeros(3)
+
+
+def _part(link: Inertial) -> Inertial:
+    return Inertial(_OUTBOARD * link.mass_kg, link.com_m, _OUTBOARD * link.inertia_kgm2)
+
+
+def missing_springs(robot: Robot) -> Iterator[Spring]:
+    """Yields bearings and base springs that a robot file lacks, each as stiff as the gear of its joint.
+
+    A base that turns about an axis through the origin of a first joint that turns too does what bearings and gear of
+    that joint do, and is none of its own.
+    """
+    stiffness = _gear_stiffness(robot)
+    first = robot.joints[0]
+    for letter, axis in zip("xyz", np.eye(3), strict=True):
+        beside = np.linalg.norm(np.cross(axis, first.position_m)) > _SAME_M
+        if not _is_there(robot, "base", 0, axis) and (beside or first.type == "prismatic"):
+            yield _trial_spring(f"base_{letter}", 0, "base", axis, stiffness[0])
+    for index, joint in enumerate(robot.joints):
+        for letter, axis in zip("xy", np.eye(3), strict=False):
+            if not _is_there(robot, "bearing", index, axis):
+                yield _trial_spring(f"bearing_{joint.name}_{letter}", index, "bearing", axis, stiffness[index])
+
+
+def _gear_stiffness(robot: Robot) -> list[float]:
+    """What a torsional spring at each joint is measured by: its gear, else the stiffest one [N m/rad]."""
+    gears = {s.joint: s.stiffness for s in robot.springs if s.place == "transmission" and not robot.is_linear(s)}
+    others = [s.stiffness for s in robot.springs if not robot.is_linear(s)]
+    else_ = max(gears.values(), default=max(others, default=_UNKNOWN_NM_RAD))
+    return [gears.get(index, else_) for index in range(len(robot.joints))]
+
+
+def _is_there(robot: Robot, place: str, joint: int, axis: FloatArray | None) -> bool:
+    """Whether the robot has such a spring, about this axis or, for None, about any."""
+    own = [spring.axis for spring in robot.springs if spring.place == place and spring.joint == joint]
+    return any(axis is None or abs(float(axis @ each)) > _ALONG for each in own)
+
+
+def stiffened(spring: Spring, factor: float) -> Spring:
+    """A spring that is stiffer by a factor, its damper too."""
+    return replace(spring, stiffness=factor * spring.stiffness, damping=factor * spring.damping)
+
+
+def _trial_spring(name: str, joint: int, place: SpringPlace, axis: FloatArray, stiffness: float) -> Spring:
+    """Returns a spring that a file may lack, with a damper of its size."""
+    return Spring(name, joint, place, axis, stiffness, _TIME_S * stiffness)

@@ -17,6 +17,7 @@ from robid.models.elastic.fit.nuisance.off_robot import are_put_in, may_differ, 
 from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import Problem
+from robid.models.elastic.fit.solution import NamedDoubts
 from robid.robot.description import Robot
 from robid.robot.linearize import Shifts
 
@@ -80,6 +81,11 @@ class Named(Listed):
             error[place] += self.columns[place] @ own
         return error
 
+    def estimated(self, value: FloatArray, half_width: FloatArray) -> NamedDoubts:
+        """Returns what a fit says of the amounts (n_doubt,) that it estimated along."""
+        names, causes, units = zip(*((each.name, each.cause, each.unit) for each in self.doubts), strict=True)
+        return NamedDoubts(names, causes, units, self.common_std, self.place_std, value, half_width)
+
     @property
     def least_shift(self) -> FloatArray:
         """Smallest shift (n_param + n_doubt,) of parameters and amounts from here that makes sense."""
@@ -88,7 +94,7 @@ class Named(Listed):
 
 
 @dataclass(frozen=True)
-class Suspicion:
+class Basis:
     """What a fit takes for granted, to be named where its parameters are.
 
     Attributes:
@@ -104,7 +110,7 @@ class Suspicion:
     rested: bool = True
 
 
-def name_doubts(problem: Problem, points: Sequence[FloatArray], given: Suspicion) -> Named | None:
+def name_doubts(problem: Problem, points: Sequence[FloatArray], given: Basis) -> Named | None:
     """Lists what the robot file may have wrong and linearises it.
 
     Args:
@@ -122,7 +128,7 @@ def name_doubts(problem: Problem, points: Sequence[FloatArray], given: Suspicion
     return None
 
 
-def suspect(problem: Problem, points: Sequence[FloatArray], given: Suspicion) -> Listed | None:
+def list_at_rest(problem: Problem, points: Sequence[FloatArray], given: Basis) -> Listed | None:
     """Lists what the robot file may have wrong.
 
     Args:
@@ -142,7 +148,7 @@ def suspect(problem: Problem, points: Sequence[FloatArray], given: Suspicion) ->
     return None
 
 
-def _doubts_of(problem: Problem, given: Suspicion) -> tuple[Nuisance, ...]:
+def _doubts_of(problem: Problem, given: Basis) -> tuple[Nuisance, ...]:
     """All doubts but those of torque constants that are estimated along, or that every value is a ratio to."""
     constants = {f"{joint.name}.torque_constant" for joint in given.robot.joints}
     listed = list_nuisances(given.robot, given.options, given.doubtful)
@@ -153,7 +159,7 @@ def _doubts_of(problem: Problem, given: Suspicion) -> tuple[Nuisance, ...]:
     return tuple(doubt for doubt in listed if doubt.name not in constants)
 
 
-def _anywhere(given: Suspicion) -> ElasticOptions:
+def _anywhere(given: Basis) -> ElasticOptions:
     """Options with which the robot rests anew for all values."""
     return replace(given.options, statics="every_iterate")
 
@@ -162,7 +168,7 @@ def linearise(
     problem: Problem,
     doubts: tuple[Nuisance, ...],
     point: FloatArray,
-    given: Suspicion,
+    given: Basis,
     amounts: FloatArray | None = None,
     added: FloatArray | None = None,
     *,

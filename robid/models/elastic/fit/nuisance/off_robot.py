@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.models.elastic.fit.nuisance.kinds import Compliance, GearShare, MotorFriction, Nuisance, RobotMove, ValueOff
-from robid.models.elastic.fit.nuisance.moves import PERCENT
+from robid.models.elastic.fit.nuisance.moves import PERCENT, stiffened
 from robid.models.elastic.fit.nuisance.response import (
     Scene,
     clinging_stiffness,
@@ -18,10 +18,9 @@ from robid.models.elastic.fit.nuisance.response import (
     value_of_one,
     with_estimated_links,
 )
-from robid.models.elastic.fit.nuisance.springs import stiffened
 from robid.models.elastic.fit.options import BY_SPRING, ElasticOptions
 from robid.models.elastic.fit.parameters import map_parameters
-from robid.models.elastic.fit.problem import Problem
+from robid.models.elastic.fit.problem import Problem, without_coefficients
 from robid.models.elastic.fit.rest_model import rest_model
 from robid.robot.description import Robot, Spring
 from robid.robot.parameters import element_names
@@ -31,29 +30,27 @@ LEAST_COMPLIANCE = 0.001
 """Percent of a gear's compliance up to which a spring is as good as not there."""
 
 
-def extend_options(
-    options: ElasticOptions, robot: Robot, springs: Sequence[Spring], *, holding: bool
-) -> ElasticOptions:
+def extend_options(options: ElasticOptions, robot: Robot, springs: Sequence[Spring], *, fixing: bool) -> ElasticOptions:
     """Returns options with which stiffness and damping of further springs are free, their locations are not.
 
     Args:
         options: Options of the fit.
         robot: The robot with the further springs.
         springs: The further springs.
-        holding: Whether springs and dampers that the fit does not estimate stay as they are. Free, they explain what a
-            further spring does not; held, they stand in the way of a descent that has to go far.
+        fixing: Whether springs and dampers that the fit does not estimate stay as they are. Free, they explain what a
+            further spring does not; fixed, they stand in the way of a descent that has to go far.
     """
     free = tuple(dict.fromkeys([*options.kinds, *BY_SPRING, *options.freed]))
     located = [name for spring in springs for name in _names_of(spring, robot, ("location",))]
     further = {spring.name for spring in springs}
     own = [spring.name for spring in robot.springs if spring.name not in further]
     names = [(kind, f"{name}.{kind}") for kind in BY_SPRING for name in own]
-    held = [name for kind, name in names if holding and not options.frees(kind, name)]
-    fixed = (*options.fixed, *held, *(located if "location" in free else ()))
+    kept = [name for kind, name in names if fixing and not options.frees(kind, name)]
+    fixed = (*options.fixed, *kept, *(located if "location" in free else ()))
     return replace(options, free=free, fixed=fixed, statics="updates")
 
 
-def hold_options(options: ElasticOptions, robot: Robot, spring: Spring) -> ElasticOptions:
+def fix_options(options: ElasticOptions, robot: Robot, spring: Spring) -> ElasticOptions:
     """Returns options with which a further spring stays as it is."""
     return replace(options, fixed=(*options.fixed, *_names_of(spring, robot, options.kinds)), statics="updates")
 
@@ -106,27 +103,13 @@ def freeze_friction(problem: Problem, internal: FloatArray) -> Problem:
         problem: The problem.
         internal (n_param,): Internal parameters, friction scales last.
     """
-    count, frf, parameters = internal.size - problem.parameters.n_friction, problem.frf, problem.parameters
-    still = replace(
-        frf,
-        response=problem.measured(internal),
-        sensitivity=frf.sensitivity[:, :0],
-        coefficient_names=(),
-        coefficient_relative_std=np.zeros(0),
-        coefficient_offset=None,
-    )
-    fewer = replace(
-        parameters,
-        names=parameters.names[:count],
-        kind_of=parameters.kind_of[:count],
-        units=parameters.units[:count],
-        logarithmic=parameters.logarithmic[:count],
-        prior_std=parameters.prior_std[:count],
-        lower=parameters.lower[:count],
-        upper=parameters.upper[:count],
-        friction_offset=np.zeros(0),
-    )
-    return replace(problem, frf=still, parameters=fewer)
+    parameters, count = problem.parameters, internal.size - problem.parameters.n_friction
+    still = replace(without_coefficients(problem.frf), response=problem.measured(internal))
+    own = {name: getattr(parameters, name)[:count] for name in _PER_PARAMETER}
+    return replace(problem, frf=still, parameters=replace(parameters, **own, friction_offset=np.zeros(0)))
+
+
+_PER_PARAMETER = ("names", "kind_of", "units", "logarithmic", "prior_std", "lower", "upper")
 
 
 @dataclass(frozen=True)
@@ -179,13 +162,15 @@ def put_in(
     """
     frf, delay_s = problem.frf, float(problem.parameters.nominal.delay[0])
     statics, further = options.statics, []
+    # What changes masses and geometry is put into the description, and a spring that the file lacks joins its
+    # springs; values, gears and friction follow below, where the model is linear.
     for doubt, amount in zip(doubts, amounts.tolist(), strict=True):
         if isinstance(doubt.effect, RobotMove) and amount:
             robot = doubt.effect.moved(robot, amount)
         elif isinstance(doubt.effect, Compliance) and amount >= LEAST_COMPLIANCE:
             further.append(stiffened(doubt.effect.spring, PERCENT / amount))
     for spring in further:
-        options = hold_options(options, robot, spring)
+        options = fix_options(options, robot, spring)
     values = extended_values(_off_values(problem.parameters.parameters(point), doubts, amounts), further)
     robot = replace(robot, springs=(*robot.springs, *further))
     options = replace(options, statics=statics)
@@ -194,11 +179,9 @@ def put_in(
     nominal = _off_values(nominal_parameters(robot, model, delay_s), doubts, amounts)
     own, free = problem.parameters, replace(options, bounds={})
     parameters = replace(
-        map_parameters(robot, nominal, free, *known),
-        element_scale=own.element_scale,
-        lower=own.lower,
-        upper=own.upper,
+        map_parameters(robot, nominal, free, *known), element_scale=own.element_scale, lower=own.lower, upper=own.upper
     )
+    # Scales and bounds are those of the problem without doubts, so that its internal values mean the same.
     resting = replace(problem, model=model, parameters=parameters)
     off = amounts + (np.zeros((len(frf.configurations), 1)) if added is None else added)
     scene = Scene(resting, point, robot, options)

@@ -7,25 +7,25 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import t
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.clusters.evidence import group_places
 from robid.errors import DataError
 from robid.models.elastic.fit.nuisance.kinds import Compliance, Nuisance
+from robid.models.elastic.fit.nuisance.moves import stiffened
 from robid.models.elastic.fit.nuisance.named import Named
 from robid.models.elastic.fit.nuisance.off_robot import (
     carry_over,
     extend_options,
     extend_problem,
+    fix_options,
     freeze_friction,
-    hold_options,
     problem_at,
 )
-from robid.models.elastic.fit.nuisance.springs import stiffened
 from robid.models.elastic.fit.optimizers import make_strategy, optimise
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import Problem
+from robid.models.elastic.fit.solution import Spread
 from robid.robot.description import Robot, Spring
 
 _MOST = 6
@@ -107,10 +107,7 @@ def settle_springs(
 
 
 def _pruned(
-    before: SettledSprings,
-    found: SettledSprings,
-    listed: Sequence[Spring],
-    beside: tuple[ComplexArray, FloatArray],
+    before: SettledSprings, found: SettledSprings, listed: Sequence[Spring], beside: tuple[ComplexArray, FloatArray]
 ) -> SettledSprings:
     """The fit without those springs of pairs that no longer matter since others are in place."""
     cost = cost_beside(found, *beside)
@@ -140,6 +137,8 @@ def cost_beside(now: SettledSprings, columns: ComplexArray, std: FloatArray) -> 
     every = np.concatenate([derivative, columns], axis=-1)
     rows = now.problem.rows(every).reshape(-1, every.shape[-1])
     left = now.problem.rows(error).ravel()
+    # A ridge regression of what is left on all columns, scaled to a unit diagonal, since amounts and parameters differ
+    # by decades.
     precision = 0.5 / np.concatenate([now.problem.parameters.prior_std, std]) ** 2
     pull = np.concatenate([precision[: now.internal.size] * now.internal, np.zeros(std.size)])
     normal, slope = rows.T @ rows + np.diag(precision), rows.T @ left - pull
@@ -164,7 +163,7 @@ def _put_in_place(
 ) -> SettledSprings | None:
     """The fit some steps on with further springs, from near another one; None where the robot does not rest so."""
     robot = replace(now.robot, springs=(*now.robot.springs, *springs))
-    options = extend_options(now.options, robot, springs, holding=False)
+    options = extend_options(now.options, robot, springs, fixing=False)
     try:
         problem = extend_problem(now.problem, now.internal, robot, options)
     except DataError:
@@ -233,7 +232,7 @@ def _rested(now: SettledSprings) -> SettledSprings:
 
 
 @dataclass(frozen=True)
-class UnseenSpring:
+class UnexcludedSpring:
     """A spring that the data neither call for nor exclude.
 
     Attributes:
@@ -247,7 +246,7 @@ class UnseenSpring:
     shift: FloatArray
 
 
-def unseen_springs(found: SettledSprings, named: Named) -> tuple[UnseenSpring, ...]:
+def unexcluded_springs(found: SettledSprings, named: Named) -> tuple[UnexcludedSpring, ...]:
     """Tries for each spring still missing whether it could be there, as soft as those that were put in place.
 
     One that others can stand for costs next to nothing, whatever its compliance: it does not save the share that a
@@ -258,24 +257,25 @@ def unseen_springs(found: SettledSprings, named: Named) -> tuple[UnseenSpring, .
         named: The doubts with them.
     """
     placed = [found.problem.parameters.names.index(f"{spring}.stiffness") for spring in found.springs]
+    # A spring's stiffness is a logarithm over its gear's: exp(-x) is its compliance over that of the gear.
     softness = _PERCENT * np.exp(-np.maximum(found.internal[placed], 0.0))
     std = float(np.sqrt(np.mean(softness**2)))
     missing = np.array([isinstance(doubt.effect, Compliance) for doubt in named.doubts], bool)
     beside = named.columns[..., ~missing], named.common_std[~missing]
     most = _EXCLUDED * cost_beside(found, *beside)
-    unseen = []
+    unexcluded = []
     for doubt in named.doubts:
         if isinstance(doubt.effect, Compliance):
             there = _with_one(found, stiffened(doubt.effect.spring, _PERCENT / std))
             if there is not None and cost_beside(there, *beside) <= most:
-                unseen.append(UnseenSpring(doubt.name, std, there.internal - found.internal))
-    return tuple(unseen)
+                unexcluded.append(UnexcludedSpring(doubt.name, std, there.internal - found.internal))
+    return tuple(unexcluded)
 
 
 def _with_one(found: SettledSprings, spring: Spring) -> SettledSprings | None:
     """The fit with one spring more, which stays as it is; None where the robot does not rest so."""
     robot = replace(found.robot, springs=(*found.robot.springs, spring))
-    options = hold_options(found.options, found.robot, spring)
+    options = fix_options(found.options, found.robot, spring)
     try:
         problem = extend_problem(found.problem, found.internal, robot, options)
     except DataError:
@@ -287,26 +287,7 @@ def _with_one(found: SettledSprings, spring: Spring) -> SettledSprings | None:
     return SettledSprings(problem, optimise(problem, near, max_iterations=_STEPS).parameters, robot, options)
 
 
-@dataclass(frozen=True)
-class Told:
-    """Parameters and doubts with how far they may be off.
-
-    Attributes:
-        values (n,): Internal parameters, then amounts of doubts.
-        covariance (n, n): Their covariance, without any quantile.
-        degrees_of_freedom (n,): What the quantile of each interval follows.
-    """
-
-    values: FloatArray
-    covariance: FloatArray
-    degrees_of_freedom: FloatArray
-
-    def reach(self, confidence: float) -> FloatArray:
-        """Half width (n,) of the intervals of a level."""
-        return np.asarray(t.ppf(0.5 + 0.5 * confidence, self.degrees_of_freedom) * np.sqrt(np.diag(self.covariance)))
-
-
-def leave_room(told: Told, spring: UnseenSpring, row: int) -> Told:
+def leave_room(told: Spread, spring: UnexcludedSpring, row: int) -> Spread:
     """Mixes what the data say of a spring's compliance, to equal parts, with what was known of it beforehand.
 
     Where others can stand for it, an error that no doubt names moves what the data say by many of their deviations.
@@ -324,7 +305,9 @@ def leave_room(told: Told, spring: UnseenSpring, row: int) -> Told:
     direction[: spring.shift.size], direction[row] = spring.shift / spring.std, 1.0
     apart = _HALF_MEAN * spring.std - told.values[row]
     own = np.diag(told.covariance)
+    # Of a mixture of equal parts, the mean is the middle of both means, the variance the mean of both and a quarter of
+    # their squared distance. It is added along what the spring does to all parameters.
     added = 0.5 * (_HALF_VARIANCE * spring.std**2 - own[row]) + 0.25 * apart**2
     covariance = told.covariance + max(added, 0.0) * np.outer(direction, direction)
     grown = np.divide(np.diag(covariance), own, out=np.ones_like(own), where=own > 0)
-    return Told(told.values + 0.5 * apart * direction, covariance, told.degrees_of_freedom * grown**2)
+    return Spread(told.values + 0.5 * apart * direction, covariance, told.degrees_of_freedom * grown**2)

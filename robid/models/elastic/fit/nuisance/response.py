@@ -26,8 +26,7 @@ from robid.models.elastic.fit.nuisance.kinds import (
     TorqueScale,
     ValueOff,
 )
-from robid.models.elastic.fit.nuisance.moves import PERCENT
-from robid.models.elastic.fit.nuisance.springs import stiffened
+from robid.models.elastic.fit.nuisance.moves import PERCENT, stiffened
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.rest_model import rest_model, spring_load
@@ -92,6 +91,8 @@ class Scene:
 
         The slope alone changes, not where the spring rests: what moves it is added to the motion, not to the load.
         """
+        # Without cubic coefficients, moves of the rest and what was added, the derivative is that by the slope alone,
+        # whose relative size the factor undoes.
         linear = replace(self.values, cubic=np.zeros_like(self.values.cubic))
         stiffness = self.response.springs.stiffness
         still = replace(self.response.model, rest=replace(self.response.model.rest, moves=None), added=None)
@@ -159,13 +160,9 @@ class Scene:
 
 def extended_values(values: ElasticParameters, springs: Sequence[Spring]) -> ElasticParameters:
     """Returns values of parameters with those of further springs."""
-    return replace(
-        values,
-        stiffness=np.append(values.stiffness, [spring.stiffness for spring in springs]),
-        damping=np.append(values.damping, [spring.damping for spring in springs]),
-        cubic=np.append(values.cubic, [spring.cubic for spring in springs]),
-        location=np.append(values.location, [spring.point_m for spring in springs]),
-    )
+    own = {"stiffness": "stiffness", "damping": "damping", "cubic": "cubic", "location": "point_m"}
+    more = {kind: [getattr(spring, name) for spring in springs] for kind, name in own.items()}
+    return replace(values, **{kind: np.append(getattr(values, kind), each) for kind, each in more.items()})
 
 
 def with_estimated_links(model: LinearModel, problem: Problem) -> LinearModel:
@@ -196,6 +193,7 @@ def column(effect: Effect, scene: Scene) -> ComplexArray:  # noqa: ARG001
 
 @column.register
 def _(effect: RobotMove, scene: Scene) -> ComplexArray:
+    # A central difference of log G, the robot at rest anew on each side.
     ahead, behind = (scene.sampled(effect.moved(scene.robot, step)) for step in (effect.step, -effect.step))
     return np.asarray(np.log(ahead / behind) / (2 * effect.step))
 
@@ -298,6 +296,7 @@ def _(effect: Compliance, scene: Scene) -> ComplexArray:
         index = names.index(effect.spring.name)
         amount = PERCENT * effect.spring.stiffness / scene.values.stiffness[index]
         softer = scene.slopes("stiffness")[..., index] * scene.values.stiffness[index]
+        # By the logarithm of its compliance, minus that by that of its stiffness; its damper is in proportion.
         softer = softer + scene.slopes("damping")[..., index] * scene.values.damping[index]
         return np.asarray(-softer / amount)
     factors = _RIGID, PERCENT / _STEP, 0.5 * PERCENT / _STEP
@@ -341,22 +340,31 @@ def nuisance_columns(
     Raises:
         DataError: If a robot must rest and does not.
     """
-    scene, kind = Scene(problem, internal, robot, options), problem.residual_kind
-    columns = np.empty((*problem.frf.response.shape, len(nuisances)), complex)
     if not nuisances:
-        return columns
-    known = shifts is not None or moves_matrices_alone(problem, internal)
+        return np.empty((*problem.frf.response.shape, 0), complex)
+    scene, kind = Scene(problem, internal, robot, options), problem.residual_kind
+    columns = _log_slopes(scene, nuisances, all_rest=all_rest, shifts=shifts)
+    # What is exactly zero has no relative change.
+    columns[scene.response.sampled == 0] = 0.0
+    if amounts is not None and shifts is None:
+        columns /= _more_of_it(nuisances, amounts)
+    return kind.part(columns * kind.per_relative(scene.response.sampled)[..., None])
+
+
+def _log_slopes(scene: Scene, nuisances: Sequence[Nuisance], *, all_rest: bool, shifts: Shifts | None) -> ComplexArray:
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_nuisance) of the log response by the amounts."""
+    columns = np.empty((*scene.problem.frf.response.shape, len(nuisances)), complex)
+    # Moves of the robot change its matrices alone where no stiffness grows with the load: then one analytic derivative
+    # along the matrices' differences serves all of them, in place of two responses for each.
+    known = shifts is not None or moves_matrices_alone(scene.problem, scene.internal)
     together = np.array([known and isinstance(each.effect, RobotMove) for each in nuisances])
-    with np.errstate(divide="ignore", invalid="ignore"):  # what is exactly zero has no relative change
+    with np.errstate(divide="ignore", invalid="ignore"):
         for index in np.flatnonzero(~together).tolist():
             columns[..., index] = _column(nuisances[index].effect, scene, must_rest=all_rest)
         if together.any():
             rested = scene.settled() if shifts is None else scene
             columns[..., together] = rested.along(shifts or find_shifts(rested, nuisances, must_rest=all_rest))
-    columns[scene.response.sampled == 0] = 0.0
-    if amounts is not None and shifts is None:
-        columns /= _more_of_it(nuisances, amounts)
-    return kind.part(columns * kind.per_relative(scene.response.sampled)[..., None])
+    return columns
 
 
 def _more_of_it(nuisances: Sequence[Nuisance], amounts: FloatArray) -> FloatArray:

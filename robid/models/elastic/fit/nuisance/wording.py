@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from robid.models.elastic.fit.nuisance.kinds import (
-    HELD,
+    FIXED,
     HYSTERESIS,
     Nuisance,
     RobotMove,
@@ -17,7 +17,7 @@ from robid.models.elastic.fit.nuisance.kinds import (
     names,
     slipping_name,
 )
-from robid.models.elastic.fit.nuisance.springs import further_springs, is_spring
+from robid.models.elastic.fit.nuisance.moves import further_springs, is_spring
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.description import Robot
 from robid.robot.parameters import ELASTIC, FREE
@@ -94,9 +94,9 @@ def remedy(doubts: Sequence[Nuisance], *, swings_known: bool) -> tuple[str, ...]
     if cause in _KINDS:
         return (_KINDS[cause],)
     effect = doubts[0].effect
-    if isinstance(effect, ValueOff) and cause != HELD:
+    if isinstance(effect, ValueOff) and cause != FIXED:
         return (effect.kind,)
-    if cause == HELD:
+    if cause == FIXED:
         return tuple(dict.fromkeys(doubt.effect.kind for doubt in doubts if isinstance(doubt.effect, ValueOff)))
     slipping = tuple(dict.fromkeys(filter(None, map(slipping_name, doubts))))
     if slipping_name(doubts[0]) is not None and swings_known:

@@ -9,12 +9,12 @@ from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from realizations import averaged
 from robid.clusters.pooling import pool
 from robid.frf.joined import join
-from robid.models.elastic.fit.effective import place_evidence, settle
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.intervals import find_spreads
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.fit.parameters import map_parameters
+from robid.models.elastic.fit.physical import place_evidence, settle
 from robid.models.elastic.fit.problem import make_problem
 from robid.models.elastic.fit.uncertainty import influence, score_covariance, structured_covariance
 from robid.robot.linearize import linearize, solve_statics

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
-from robid.models.elastic.fit.fitted_robot import fitted_delay_s, fitted_robot
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.solution import fitted_delay_s, fitted_robot
 from robid.robot.friction import KINDS
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model

@@ -12,8 +12,7 @@ from robid.models.elastic.fit.fitting import fit_elastic, set_up
 from robid.models.elastic.fit.gear_motion import bristle_table, mean_size
 from robid.models.elastic.fit.nuisance.kinds import freed_nuisances, list_nuisances
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.judge.fitted import fitted_model
-from robid.models.elastic.judge.modes import poles
+from robid.models.elastic.judge.fitted import fitted_model, poles
 from robid.robot.linearize import solve_statics
 from robid.robot.model import HYSTERESIS_SHARE, build_model
 from robid.robot.parameters import DOUBT

@@ -9,8 +9,8 @@ from scipy.stats import norm
 from exact_systems import certain, exact_frf, two_joint_robot, with_spring_factors
 from realizations import averaged
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.intervals import Spread
 from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.solution import Spread
 
 CONFIGURATIONS = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2]])
 FREQUENCY_HZ = np.geomspace(2.0, 60.0, 30)

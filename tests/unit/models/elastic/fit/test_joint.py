@@ -10,7 +10,7 @@ from robid.errors import DataError
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
 from robid.models.elastic.fit.nuisance import joint
 from robid.models.elastic.fit.nuisance.joint import Descent, Space, State, descend
-from robid.models.elastic.fit.nuisance.named import Suspicion, linearise, name_doubts
+from robid.models.elastic.fit.nuisance.named import Basis, linearise, name_doubts
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.fit.physical import find_physical
@@ -49,7 +49,7 @@ def springs_of(problem):
 
 def test_half_the_gradient_is_that_of_the_cost():
     frf, _ = drawn(1)
-    problem, given = problem_of(frf), Suspicion(STATED, OPTIONS)
+    problem, given = problem_of(frf), Basis(STATED, OPTIONS)
     named = name_doubts(problem, (np.zeros(len(problem.parameters.names)),), given)
     space = Space.of(named)
     descent, generator = Descent(named, given, space), np.random.default_rng(2)
@@ -66,7 +66,7 @@ def test_half_the_gradient_is_that_of_the_cost():
 
 
 def test_robots_off_by_their_doubts_are_found_from_where_the_fit_alone_ran_away():
-    found, given = [], Suspicion(STATED, OPTIONS)
+    found, given = [], Basis(STATED, OPTIONS)
     for seed in (4, 5, 9):
         frf, true = drawn(seed)
         problem = problem_of(frf)
@@ -81,7 +81,7 @@ def test_robots_off_by_their_doubts_are_found_from_where_the_fit_alone_ran_away(
 
 
 def test_a_robot_whose_doubts_explain_everything_lacks_no_spring():
-    given = Suspicion(STATED, OPTIONS)
+    given = Basis(STATED, OPTIONS)
     problem = problem_of(drawn(4)[0])
     joint = descend(name_doubts(problem, (np.zeros(len(problem.parameters.names)),), given), given)
     assert joint.explains
@@ -90,7 +90,7 @@ def test_a_robot_whose_doubts_explain_everything_lacks_no_spring():
     frf = exact_frf(
         STATED, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, sampling_period_s=SAMPLING_S, relative_noise=NOISE, seed=4
     )
-    given = Suspicion(missing, OPTIONS)
+    given = Basis(missing, OPTIONS)
     problem = set_up(missing, frf, OPTIONS, DELAY_S)[0]
     joint = descend(name_doubts(problem, (np.zeros(len(problem.parameters.names)),), given), given)
     assert not joint.explains or joint.lacks_springs
@@ -98,7 +98,7 @@ def test_a_robot_whose_doubts_explain_everything_lacks_no_spring():
 
 def test_what_is_left_is_taken_back_to_what_all_places_share():
     frf, _ = drawn(6)
-    problem, given = problem_of(frf), Suspicion(STATED, OPTIONS)
+    problem, given = problem_of(frf), Basis(STATED, OPTIONS)
     start = name_doubts(problem, (np.zeros(len(problem.parameters.names)),), given)
     amounts, added = 0.1 * start.common_std, np.tile(0.05 * start.place_std, (len(PLACES), 1))
     moved = linearise(problem, start.doubts, start.point, given, amounts, added)
@@ -134,8 +134,8 @@ def test_data_never_outweigh_what_is_known_for_lack_of_a_model_error():
     for kind in ("inflated", "optimal", "user"):
         options = replace(OPTIONS, weights=Weights(kind))
         own, _ = make_problem(problem.frf, problem.model, problem.parameters, options, here)
-        found.append(find_physical(own, (here,), Suspicion(STATED, options), 0.95))
-        assert found[-1].model_error
+        found.append(find_physical(own, (here,), Basis(STATED, options), 0.95)[0])
+        assert "model error" in found[-1].rule
     for other in found[1:]:
         np.testing.assert_array_equal(other.values, found[0].values)
         np.testing.assert_array_equal(other.covariance, found[0].covariance)
@@ -164,7 +164,7 @@ def test_doubts_beyond_belief_widen_what_is_known_and_say_so():
 def test_springs_put_in_place_begin_where_they_were_found(monkeypatch):
     frf, _ = drawn(1)
     problem = problem_of(frf)
-    named = name_doubts(problem, (np.zeros(len(problem.parameters.names)),), Suspicion(STATED, OPTIONS))
+    named = name_doubts(problem, (np.zeros(len(problem.parameters.names)),), Basis(STATED, OPTIONS))
     names, begun = problem.parameters.names, []
     far = replace(named, point=np.where(problem.parameters.logarithmic, 1.7, 0.0))
     placed = names[0].rpartition(".")[0]
@@ -175,7 +175,7 @@ def test_springs_put_in_place_begin_where_they_were_found(monkeypatch):
 
     monkeypatch.setattr(joint, "_lowest", lowest)
     with pytest.raises(DataError):
-        descend(far, Suspicion(STATED, OPTIONS), (placed,))
+        descend(far, Basis(STATED, OPTIONS), (placed,))
     of_it = np.array([name.rpartition(".")[0] == placed for name in names]) & problem.parameters.logarithmic
     assert (begun[0][of_it] == 1.7).all()
     assert (begun[0][~of_it & problem.parameters.logarithmic] == 1.0).all()

@@ -8,12 +8,12 @@ import pytest
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.errors import DataError
 from robid.frf.joined import join
-from robid.models.elastic.fit.fitted_robot import fitted_robot
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.fit.parameters import map_parameters
 from robid.models.elastic.fit.problem import make_problem
 from robid.models.elastic.fit.rest_model import rest_model, spring_load
+from robid.models.elastic.fit.solution import fitted_robot
 from robid.models.elastic.judge.fitted import fitted_model
 from robid.robot.expand import with_springs_at
 from robid.robot.response import nominal_parameters, response

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, with_spring_factors
-from robid.models.elastic.fit.fitted_robot import fitted_robot
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
 from robid.models.elastic.fit.options import ElasticOptions, Weights
+from robid.models.elastic.fit.solution import fitted_robot
 from robid.settings.load import load_robot
 from tolerances import IDENTITY, RECOVERY
 

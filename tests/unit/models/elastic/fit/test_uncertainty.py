@@ -23,7 +23,7 @@ from robid.models.elastic.fit.uncertainty import (
     sandwich,
     structured_covariance,
 )
-from robid.results.undetermined import undetermined_combinations
+from robid.results.estimate import undetermined_combinations
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters

@@ -9,8 +9,8 @@ from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.assessment import assess_fit, validation_doubts
-from robid.models.elastic.judge.carried import fitted_carrier
 from robid.models.elastic.judge.grading import grade_validation
+from robid.models.elastic.judge.plausible_parameters import fitted_carrier
 from robid.results.doubt import Doubt
 from robid.robot.description import HarmonicBalance
 from robid.robot.friction import Friction

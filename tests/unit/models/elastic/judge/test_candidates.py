@@ -8,14 +8,12 @@ import pytest
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.nuisance.kinds import list_nuisances
-from robid.models.elastic.fit.nuisance.response import Scene
+from robid.models.elastic.fit.nuisance.response import Scene, column
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.causes import _doubt, _wrong_ratio, explain
-from robid.models.elastic.judge.explanations import of_signs
 from robid.models.elastic.judge.fitted import fitted_model
-from robid.models.elastic.judge.ratios import Backlash, candidates, try_ratios, with_gear_ratio
+from robid.models.elastic.judge.ratios import Backlash, candidates, score, try_ratios, with_gear_ratio
 from robid.models.elastic.judge.reversals import try_signs, turned
-from robid.models.elastic.judge.scores import score
 
 FREQUENCY_HZ = np.geomspace(1, 60, 20)
 PLACES = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3]])
@@ -50,7 +48,7 @@ def test_signs_that_are_wrong_are_named_and_right_again_once_turned(sound, frf, 
     rows, columns = np.array(rows, float), np.array(columns, float)
     told = turned(frf, rows, columns)
     solution, model = fitted(two_joint_robot(), told)
-    found = explain(two_joint_robot(), model, OPTIONS)
+    found = explain(model)
     assert [each.cause for each in found] == [cause]  # nothing else is said of a fit to reversed data
     assert found[0].correct[0] == setting
     assert _doubt(solution.estimate, found[0], found, OPTIONS).decisive
@@ -63,7 +61,7 @@ def test_a_joint_that_turns_against_its_motor_asks_for_a_negative_ratio_which_wo
     turn = np.array([-1.0, 1.0])
     told = turned(frf, turn, turn)
     solution, model = fitted(two_joint_robot(), told)
-    found = of_signs(two_joint_robot(), try_signs(two_joint_robot(), model, OPTIONS))
+    found = try_signs(model)
     assert (found.cause, found.correct) == ("gear_ratio", ("`gear_ratio: -120` for shoulder in the robot file",))
     assert found.what == "a motor of shoulder that turns against its joint"
     followed = with_gear_ratio(0, two_joint_robot(), -240)
@@ -73,13 +71,11 @@ def test_a_joint_that_turns_against_its_motor_asks_for_a_negative_ratio_which_wo
 
 def test_a_sound_response_has_no_wrong_sign_and_magnitudes_tell_none(sound, frf):
     model = fitted_model(two_joint_robot(), sound, frf, OPTIONS, DELAY_S)
-    assert try_signs(two_joint_robot(), model, OPTIONS) is None
+    assert try_signs(model) is None
     options = replace(OPTIONS, estimator="llsm")
     told = turned(frf, np.ones(2), np.array([1.0, -1.0]))
     solution = fit_elastic(two_joint_robot(), told, options, DELAY_S)
-    assert (
-        try_signs(two_joint_robot(), fitted_model(two_joint_robot(), solution, told, options, DELAY_S), options) is None
-    )
+    assert try_signs(fitted_model(two_joint_robot(), solution, told, options, DELAY_S)) is None
 
 
 @pytest.mark.parametrize(("joint", "factor"), [(0, 0.9), (1, 1.3)])
@@ -87,7 +83,7 @@ def test_a_gear_ratio_that_is_off_is_found_and_following_it_works(sound, frf, jo
     right = two_joint_robot().joints[joint].motor.gear_ratio
     stated = with_gear_ratio(joint, two_joint_robot(), (factor - 1) * right)
     solution, model = fitted(stated, frf)
-    trial = try_ratios(stated, model, OPTIONS, (joint, 1 - joint))[0]
+    trial = try_ratios(model, (joint, 1 - joint))[0]
     assert trial.joint == joint
     assert trial.ratio == pytest.approx(right, rel=2e-3)
     assert trial.share > 0.9
@@ -100,7 +96,7 @@ def test_a_gear_ratio_that_is_off_is_found_and_following_it_works(sound, frf, jo
 def test_a_ratio_that_is_off_comes_first_and_its_setting_is_told(frf):
     stated = with_gear_ratio(1, two_joint_robot(), 10)
     solution, model = fitted(stated, frf)
-    found = explain(stated, model, OPTIONS)
+    found = explain(model)
     assert found[0].cause == "gear_ratio"
     assert found[0].what.startswith("a gear ratio of elbow of 100 instead of 110")
     doubt = _doubt(solution.estimate, found[0], found, OPTIONS)
@@ -125,8 +121,8 @@ def test_a_backlash_is_the_share_of_time_that_a_swinging_gear_is_in_its_gap(soun
     moving = replace(frf, input_amplitude=np.full((*frf.response.shape[:2], 2, 1), 0.05 + 0j))
     model = fitted_model(two_joint_robot(), sound, moving, OPTIONS, DELAY_S)
     scene = Scene(model.problem, model.internal, two_joint_robot(), OPTIONS)
-    column = Backlash(1).column(scene)
-    ratio = column / scene.stiffness_slopes[..., 1]
+    found = column(Backlash(1), scene)
+    ratio = found / scene.gear_slopes[..., 1]
     np.testing.assert_allclose(ratio.imag, 0, atol=1e-12)
     gap = 1e-3
     draws = np.random.default_rng(1).standard_normal(400_000)
@@ -136,7 +132,7 @@ def test_a_backlash_is_the_share_of_time_that_a_swinging_gear_is_in_its_gap(soun
         inside = np.mean(np.abs(load + swing * draws) < 0.05 * swing) / (0.1 * swing)
         np.testing.assert_allclose(-ratio[place].real, gap * inside, rtol=0.05, atol=1e-4 * gap / swing)
     still = fitted_model(two_joint_robot(), sound, frf, OPTIONS, DELAY_S)
-    assert not Backlash(1).column(Scene(still.problem, still.internal, two_joint_robot(), OPTIONS)).any()
+    assert not column(Backlash(1), Scene(still.problem, still.internal, two_joint_robot(), OPTIONS)).any()
 
 
 def test_no_candidate_is_ever_a_doubt_that_widens_intervals(frf):
@@ -148,5 +144,5 @@ def test_no_candidate_is_ever_a_doubt_that_widens_intervals(frf):
 def test_ratios_off_by_less_than_any_is_rounded_to_are_not_told(frf):
     stated = with_gear_ratio(1, two_joint_robot(), 0.3)
     _, model = fitted(stated, frf)
-    scores = score(stated, model, OPTIONS, candidates(stated, frf))
-    assert _wrong_ratio(stated, model, OPTIONS, scores, [0, 1]) == []
+    scores = score(model, candidates(stated, frf))
+    assert _wrong_ratio(model, scores, [0, 1]) == []

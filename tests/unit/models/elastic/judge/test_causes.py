@@ -7,12 +7,13 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance.springs import with_freed_springs
+from robid.models.elastic.fit.nuisance.moves import with_freed_springs
 from robid.models.elastic.fit.nuisance.wording import free_with
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.assessment import assess_fit
-from robid.models.elastic.judge.causes import Explanation, _doubt, explain
+from robid.models.elastic.judge.causes import _doubt, explain
 from robid.models.elastic.judge.fitted import fitted_model
+from robid.models.elastic.judge.ratios import Explanation
 from robid.robot.description import Inertial, Spring
 from robid.robot.parameters import FREE
 
@@ -54,7 +55,7 @@ def measured(robot, seed=5):
 
 def explained(stated, frf, options=OPTIONS):
     solution = fit_elastic(stated, frf, options, DELAY_S)
-    return solution, explain(stated, fitted_model(stated, solution, frf, options, DELAY_S), options)
+    return solution, explain(fitted_model(stated, solution, frf, options, DELAY_S))
 
 
 @pytest.mark.parametrize("estimator", ["lls", "llsm"])

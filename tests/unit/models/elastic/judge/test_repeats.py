@@ -9,8 +9,7 @@ from scipy.stats import t
 from exact_systems import exact_frf, two_mass_robot, with_arm_friction, with_spring_factors
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.judge.repeats import Measured, pool_repeats
-from robid.models.elastic.judge.resonances import ResonanceTable, tabulate_resonances
+from robid.models.elastic.judge.resonances import Measured, ResonanceTable, pool_repeats, tabulate_resonances
 
 DRIVE = with_arm_friction(two_mass_robot(damping=0.05, viscous=0.06), 0.08)
 OPTIONS = ElasticOptions(free=("stiffness", "damping", "viscous", "arm_viscous", "motor_inertia", "link_inertia"))

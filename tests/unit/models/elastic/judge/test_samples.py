@@ -41,10 +41,10 @@ def positions():
 def test_differences_are_told(positions, stated):
     model = fitted(said(positions, stated))
     found = try_samples(model)
-    assert found.sampled == "difference"
-    assert found.names == ("drive",)
+    assert "`sampled: difference`" in found.correct[0]
+    assert "speed of drive" in found.names[0]
     assert found.share > 0.9
-    first = explain(ROBOT, model, OPTIONS)[0]
+    first = explain(model)[0]
     assert first.cause == "samples"
     assert "`sampled: difference`" in first.correct[0]
 

@@ -10,8 +10,8 @@ from robid.models.elastic.judge.local_model import (
     jackknife_variance,
     leaving_out,
     line_scatter,
+    rational_mode,
 )
-from robid.models.elastic.judge.rational_model import rational_mode
 
 HZ = np.arange(20.0, 220.0)
 

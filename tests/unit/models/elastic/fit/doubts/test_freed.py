@@ -7,7 +7,6 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.errors import DataError, SettingsError
-from robid.models.elastic.fit.fitted_robot import fitted_robot
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
 from robid.models.elastic.fit.nuisance.kinds import (
     PRIOR_FACTOR,
@@ -16,9 +15,10 @@ from robid.models.elastic.fit.nuisance.kinds import (
     list_nuisances,
     moved_robot,
 )
-from robid.models.elastic.fit.nuisance.springs import further_springs, with_freed_springs
+from robid.models.elastic.fit.nuisance.moves import further_springs, with_freed_springs
 from robid.models.elastic.fit.nuisance.wording import free_with
 from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.solution import fitted_robot
 from robid.models.elastic.judge.fitted import fitted_model
 from robid.robot.description import HarmonicBalance, Inertial
 from robid.robot.doubts import Doubts

@@ -9,7 +9,7 @@ from exact_systems import exact_frf, two_joint_robot
 from robid.errors import DataError
 from robid.models.elastic.fit.fitting import set_up
 from robid.models.elastic.fit.nuisance.kinds import (
-    HELD,
+    FIXED,
     Compliance,
     Hysteresis,
     LoadStiffness,
@@ -98,7 +98,7 @@ def test_springs_and_dampers_that_no_fit_estimates_are_those_of_the_exact_robot(
     still = replace(options, statics="every_iterate")
     off = put_in(own, np.zeros(len(own.parameters.names)), robot, still, doubts, amounts)
     np.testing.assert_allclose(off.problem.model_response(np.zeros(len(own.parameters.names))), wanted, rtol=1e-6)
-    assert not [doubt for doubt in list_nuisances(robot, OPTIONS) if doubt.cause == HELD]
+    assert not [doubt for doubt in list_nuisances(robot, OPTIONS) if doubt.cause == FIXED]
 
 
 def test_motors_and_arms_that_rub_more_are_those_of_the_exact_robot():

@@ -17,8 +17,8 @@ from exact_systems import (
 )
 from robid.models.elastic.fit.fitting import set_up
 from robid.models.elastic.fit.nuisance.kinds import Hysteresis, list_nuisances
+from robid.models.elastic.fit.nuisance.moves import missing_springs, stiffened
 from robid.models.elastic.fit.nuisance.response import Scene, bristle_share, column, nuisance_columns
-from robid.models.elastic.fit.nuisance.springs import missing_springs, stiffened
 from robid.models.elastic.fit.options import ElasticOptions
 
 FREQUENCY_HZ = np.geomspace(2.0, 60.0, 12)

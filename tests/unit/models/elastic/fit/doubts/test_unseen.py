@@ -7,11 +7,12 @@ import pytest
 
 from exact_systems import certain, exact_frf, two_joint_robot, with_spring_factors, without_spring
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
-from robid.models.elastic.fit.nuisance.named import Suspicion, name_doubts
-from robid.models.elastic.fit.nuisance.placed import Told, UnseenSpring, leave_room, settle_springs, unseen_springs
+from robid.models.elastic.fit.nuisance.named import Basis, name_doubts
+from robid.models.elastic.fit.nuisance.placed import UnexcludedSpring, leave_room, settle_springs, unexcluded_springs
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.physical import find_physical
+from robid.models.elastic.fit.solution import Spread
 from robid.robot.description import Inertial, Spring
 from robid.robot.doubts import Doubts
 
@@ -57,10 +58,10 @@ def looked_for(between_kg):
     stated, frf = without_spring(wrist(between_kg), "bearing_1"), measured(between_kg)
     problem, _ = set_up(stated, frf, OPTIONS, DELAY_S)
     best = optimise(problem, np.zeros(len(problem.parameters.names))).parameters
-    named = name_doubts(problem, (best,), Suspicion(stated, OPTIONS))
+    named = name_doubts(problem, (best,), Basis(stated, OPTIONS))
     found = settle_springs(named.problem, best, stated, OPTIONS, named.doubts, named.columns)
-    with_them = name_doubts(found.problem, (found.internal,), Suspicion(found.robot, found.options))
-    return found, unseen_springs(found, with_them)
+    with_them = name_doubts(found.problem, (found.internal,), Basis(found.robot, found.options))
+    return found, unexcluded_springs(found, with_them)
 
 
 def test_a_bearing_in_line_with_a_gear_takes_its_part_unseen():
@@ -108,23 +109,23 @@ def without_rest(stated, frf):
     problem, _ = set_up(stated, frf, OPTIONS, DELAY_S)
     end = np.zeros(len(problem.parameters.names))
     end[problem.parameters.names.index("forearm.stiffness")] = -4.0
-    given = Suspicion(stated, OPTIONS, rested=False)
+    given = Basis(stated, OPTIONS, rested=False)
     return problem.parameters.names[:3], find_physical(problem, (end, end), given, 0.95)
 
 
 def test_a_missing_bearing_is_looked_for_where_the_robot_does_not_rest():
     true = with_bearings(wrist(60.0), SOFTNESS, SOFTNESS)
-    names, found = without_rest(without_spring(wrist(60.0), "bearing_1"), measured_in(true))
+    names, (found, doubts) = without_rest(without_spring(wrist(60.0), "bearing_1"), measured_in(true))
     assert names == ("gear_1.stiffness", "gear_2.stiffness", "forearm.stiffness")
     std = np.sqrt(np.diag(found.covariance))[:3]
     assert (np.abs(found.values[:3]) < 2.5 * std).all()
     assert (std < [0.1, 0.02, 0.02]).all()
-    assert found.doubts.names[0] == "bearing_shoulder_x.compliance"
+    assert doubts.names[0] == "bearing_shoulder_x.compliance"
 
 
 def test_a_robot_that_its_file_explains_is_found_where_the_fit_does_not_rest():
-    _, found = without_rest(wrist(60.0), measured_in(wrist(60.0)))
-    assert found.doubts.names[0] != "bearing_shoulder_x.compliance"
+    _, (found, doubts) = without_rest(wrist(60.0), measured_in(wrist(60.0)))
+    assert doubts.names[0] != "bearing_shoulder_x.compliance"
     np.testing.assert_allclose(found.values[:4], 0.0, atol=0.03)
 
 
@@ -138,8 +139,8 @@ def test_nothing_is_said_where_nothing_explains_why_it_does_not_rest():
 def test_room_is_left_for_half_of_what_was_known_beforehand():
     generator, count = np.random.default_rng(1), 400_000
     covariance = np.array([[0.01, 0.02, 0.0], [0.02, 4.0, 0.0], [0.0, 0.0, 0.03]])  # a gear, the spring, another
-    told = Told(np.array([-0.3, 3.0, 0.5]), covariance, np.array([4.0, np.inf, 5.0]))
-    mixed = leave_room(told, UnseenSpring("spring", 25.0, np.array([0.2, 0.0])), 1)
+    told = Spread(np.array([-0.3, 3.0, 0.5]), covariance, np.array([4.0, np.inf, 5.0]))
+    mixed = leave_room(told, UnexcludedSpring("spring", 25.0, np.array([0.2, 0.0])), 1)
     data = generator.multivariate_normal(told.values, covariance, count)
     known = told.values + np.outer(np.abs(25 * generator.normal(size=count)) - 3, [0.2 / 25, 1.0, 0.0])
     both = np.concatenate([data, known])
@@ -153,6 +154,6 @@ def test_room_is_left_for_half_of_what_was_known_beforehand():
 
 
 def test_what_is_known_worse_than_beforehand_stays():
-    told = Told(np.array([0.0, 20.0]), np.diag([1.0, 900.0]), np.full(2, np.inf))
-    mixed = leave_room(told, UnseenSpring("spring", 25.0, np.array([0.5])), 1)
+    told = Spread(np.array([0.0, 20.0]), np.diag([1.0, 900.0]), np.full(2, np.inf))
+    mixed = leave_room(told, UnexcludedSpring("spring", 25.0, np.array([0.5])), 1)
     np.testing.assert_array_equal(mixed.covariance, told.covariance)
