@@ -17,12 +17,9 @@ from robid.signals.quantities import Channel, channel_names
 Pairs: TypeAlias = tuple[tuple[int, int], ...]
 How: TypeAlias = Literal["common", "first", "second"]
 
-_SAME_POSITION = 1e-3
-"""Distance of joint positions up to which two configurations are the same [rad, or m]."""
-
+_SAME_POSITION = 1e-3  # Distance of joint positions up to which two configurations are the same [rad, or m]
 _SAME_FREQUENCY = 1e-6
-_ENOUGH = 0.5
-"""Share of the lines of the sparser response that must be common for no interpolation."""
+_ENOUGH = 0.5  # Share of the lines of the sparser response that must be common for no interpolation
 
 _REMEDY = (
     "compare campaigns of the same channels; where these are described wrongly, correct their `unit`, `quantity` and"

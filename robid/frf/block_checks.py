@@ -13,8 +13,7 @@ from robid.signals.quantities import shown
 from robid.signals.record import Record
 
 _CONDITION_LIMIT = 1e6
-_NOTHING = 1e-12
-"""Power of a line, relative to the usual one, below which not even rounding is told from it."""
+_NOTHING = 1e-12  # Power of a line, relative to the usual one, below which not even rounding is told from it
 
 
 def solvable_lines(record: Record, blocks: Blocks, estimator: str) -> BoolArray:

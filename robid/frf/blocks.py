@@ -87,8 +87,7 @@ ESTIMATORS: dict[str, Callable[[Blocks], BlockEstimate]] = {
     "indirect": indirect,
     "robust_local": logarithmic,
 }
-NEEDS_REFERENCE = frozenset({"joint", "indirect"})
-"""Estimators that need what was injected."""
+NEEDS_REFERENCE = frozenset({"joint", "indirect"})  # Estimators that need what was injected
 NEEDS_SQUARE_BLOCKS = frozenset({"arithmetic", "logarithmic", "indirect", "robust_local"})
 """Estimators that need as many experiments per block as inputs; the others need as many in all blocks together."""
 

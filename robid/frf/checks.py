@@ -14,22 +14,13 @@ from robid.frf.timing import Shift, common_shift, find_shifts, measure_jitter, p
 from robid.signals.quantities import DRIVES, shown
 from robid.signals.record import Record
 
-JITTER_LIMIT = 0.1
-"""Standard deviation of the sampling instants above which a record is refused [samples]."""
-
-JITTER_SIGMAS = 5.0
-"""Standard deviations by which jitter must stand out to be believed."""
-
-INCOHERENT = 0.9
-"""Coherence below which noise may have a say in the response of a loop."""
-
-STILL_SHARE = 0.25
-"""Share of the time in which a motor stands still above which it is told."""
-
+JITTER_LIMIT = 0.1  # Standard deviation of the sampling instants above which a record is refused [samples]
+JITTER_SIGMAS = 5.0  # Standard deviations by which jitter must stand out to be believed
+INCOHERENT = 0.9  # Coherence below which noise may have a say in the response of a loop
+STILL_SHARE = 0.25  # Share of the time in which a motor stands still above which it is told
 _WHERE = "configuration at"
 _STILL_SPEED = 0.05
 _PLACES = ("angle", "position")
-
 _MOVED = 1.5
 _SHOWN = 3
 

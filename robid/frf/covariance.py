@@ -89,11 +89,7 @@ def noise_covariance(scatter: ComplexArray, freedom: int, pooled: int) -> tuple[
 
 
 def element_scale(
-    errors: ComplexArray,
-    factor: ComplexArray,
-    total: ComplexArray | None,
-    n_exp: int,
-    told: BoolArray | None = None,
+    errors: ComplexArray, factor: ComplexArray, total: ComplexArray | None, n_exp: int, told: BoolArray | None = None
 ) -> FloatArray:
     """Sample variance of each element over that of the Kronecker product (n_out, n_in), mean over the lines.
 

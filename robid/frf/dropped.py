@@ -13,13 +13,10 @@ from robid.errors import DataError
 from robid.frf.distortion import interpolate_response
 from robid.frf.frf import Frf
 
-FEWEST = 4
-"""Lines that must tell of some input, unless there are fewer."""
-
-_AROUND = 11
-"""Lines around each one whose median is the usual size of its response; at least a fifth of all of them."""
-
+FEWEST = 4  # Lines that must tell of some input, unless there are fewer
+_AROUND = 11  # Lines around each one whose median is the usual size of its response; at least a fifth of all of them
 _SHOWN = 8
+# Fields of an `Frf` that have a frequency axis, and which it is.
 _BY_LINE = {
     "response": 1,
     "uncompensated_response": 1,
@@ -30,7 +27,6 @@ _BY_LINE = {
     "realization_error": 2,
     "sensitivity": 2,
 }
-"""Fields of an `Frf` that have a frequency axis, and which it is."""
 
 
 def weak_inputs(response: ComplexArray, variance: FloatArray, limit: float) -> BoolArray:

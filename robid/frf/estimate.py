@@ -27,8 +27,7 @@ from robid.frf.windows import Windows
 from robid.robot.friction import TorqueLaw
 from robid.signals.record import Record
 
-UNSTEADY = frozenset({"local", "robust_local"})
-"""Estimators that need no period to repeat another one."""
+UNSTEADY = frozenset({"local", "robust_local"})  # Estimators that need no period to repeat another one
 
 
 @dataclass(frozen=True)
@@ -54,10 +53,7 @@ class _Found:
 
 
 def estimate_frf(
-    record: Record,
-    options: EstimateOptions,
-    laws: tuple[TorqueLaw, ...] | None = None,
-    delay_s: float = 0.0,
+    record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ...] | None = None, delay_s: float = 0.0
 ) -> Frf:
     """Estimates the frequency response of one configuration.
 

@@ -13,10 +13,7 @@ from robid.signals.quantities import Channel, Rate, channel_names, joint_unit, r
 
 Level = Literal["odd", "even", "noise"]
 LEVELS: tuple[Level, ...] = ("odd", "even", "noise")
-
-_NEIGHBOURS = 4
-"""Silent lines whose mean power stands for an excited line."""
-
+_NEIGHBOURS = 4  # Silent lines whose mean power stands for an excited line
 _RESPONSE = "configuration frequency output input"
 _COVARIANCE = "configuration frequency output output"
 _SILENT = "configuration silent output"

@@ -9,8 +9,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.frf.frf import Frf
 
-_ROUNDING = 1e-9
-"""Of a coefficient's torque, what counts as none at other motors."""
+_ROUNDING = 1e-9  # Of a coefficient's torque, what counts as none at other motors
 
 
 @dataclass(frozen=True)

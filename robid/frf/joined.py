@@ -18,12 +18,8 @@ from robid.frf.friction import with_friction_moved
 
 _SAME = ("input_channels", "output_channels", "input_hold", "sampling_period_s", "coefficient_names")
 _SILENT = ("silent_level", "silent_noise", "silent_interpolation")
-
-_COMMON_PERIODS = 60
-"""Longest common period of several grids of lines, in periods of any of them."""
-
-_SAME_FREQUENCY = 1e-6
-"""Relative difference of frequencies that are the same line."""
+_COMMON_PERIODS = 60  # Longest common period of several grids of lines, in periods of any of them
+_SAME_FREQUENCY = 1e-6  # Relative difference of frequencies that are the same line
 
 
 def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:

@@ -15,13 +15,10 @@ from robid.frf.overlap import realization_scale, window_correlation
 from robid.frf.spectra import Blocks
 from robid.frf.windows import Windows
 
-LOCAL = ("local", "local_periodic")
-"""Estimators that fit the response over neighbouring bins or lines."""
-
+LOCAL = ("local", "local_periodic")  # Estimators that fit the response over neighbouring bins or lines
 _CONDITION_LIMIT = 1e8
-
+# Variance of a response with a transient beside it, over that without, from which it passes for the transient.
 _HIDDEN = 30.0
-"""Variance of a response with a transient beside it, over that without, from which it passes for the transient."""
 
 
 @dataclass(frozen=True)

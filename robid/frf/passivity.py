@@ -9,9 +9,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.frf.frf import Frf
 
-FEW_SAMPLES = 3.0
-"""Delay beyond the declared one that controllers and logs usually have."""
-
+FEW_SAMPLES = 3.0  # Delay beyond the declared one that controllers and logs usually have
 _LONGEST_S = 0.25
 _STEP = 1 / 72  # of a turn at the highest line
 _OUTSIDE, _DEVIATIONS = 0.17, 3.0  # sine of the ten degrees, and of the noise, that may lead out of the half plane

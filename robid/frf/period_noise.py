@@ -13,23 +13,13 @@ from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.spectra import output_factor, ramp_of_period
 from robid.signals.record import Record
 
-FEW_PERIODS = 4
-"""Periods up to which their scatter at a line tells the noise of the mean badly."""
-
-_LOWEST = 3
-"""Lines from 0 whose share in others is integrated: there the removal of drift acts."""
-
-_SLOPE = 1.5
-"""Noise of line 0, which drift hides, over that of line 1: slow noise falls with frequency."""
-
+FEW_PERIODS = 4  # Periods up to which their scatter at a line tells the noise of the mean badly
+_LOWEST = 3  # Lines from 0 whose share in others is integrated: there the removal of drift acts
+_SLOPE = 1.5  # Noise of line 0, which drift hides, over that of line 1: slow noise falls with frequency
+# Share of records whose periods scatter by more than chance, by chance: a smaller excess stays within the band.
 _CHANCE = 0.05
-"""Share of records whose periods scatter by more than chance, by chance: a smaller excess stays within the band."""
-
-_POINTS = 4
-"""Points of that integral per period and line."""
-
-_FEWEST = 2.0
-"""Degrees of freedom that an inverted variance needs."""
+_POINTS = 4  # Points of that integral per period and line
+_FEWEST = 2.0  # Degrees of freedom that an inverted variance needs
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,7 @@ from robid.frf.windows import Windows, bin_windows, half_width, line_windows
 from robid.robot.friction import TorqueLaw
 from robid.signals.record import Record
 
-READS_REFERENCE = frozenset({*NEEDS_REFERENCE, *LOCAL})
-"""Estimators that look at what was injected, if it was recorded."""
+READS_REFERENCE = frozenset({*NEEDS_REFERENCE, *LOCAL})  # Estimators that look at what was injected, if it was recorded
 
 
 @dataclass(frozen=True)

@@ -8,15 +8,10 @@ from robid.arrays import BoolArray, FloatArray
 from robid.signals.quantities import Channel
 from robid.signals.record import Record
 
-SATURATED_SHARE = 0.005
-"""Share of samples at a channel's extreme value above which it is told."""
-
-_BINARY = 0.99
-"""Share of samples at either limit from which a signal has two values by design, as binary noise."""
-
+SATURATED_SHARE = 0.005  # Share of samples at a channel's extreme value above which it is told
+_BINARY = 0.99  # Share of samples at either limit from which a signal has two values by design, as binary noise
+# Share of samples at one extreme value from which a signal rests there: most of what lies at a limit is lost.
 _RESTING = 0.5
-"""Share of samples at one extreme value from which a signal rests there: most of what lies at a limit is lost."""
-
 _PLACES = ("angle", "position")
 _FAR_MORE = 3
 _NEAR = 0.01

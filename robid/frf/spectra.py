@@ -11,8 +11,7 @@ from scipy.fft import rfft
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.signals.record import Record
 
-_FEW_LINES = 16
-"""Up to so many lines a matrix product is faster than an FFT."""
+_FEW_LINES = 16  # Up to so many lines a matrix product is faster than an FFT
 
 
 @dataclass(frozen=True)

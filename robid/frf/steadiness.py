@@ -13,36 +13,18 @@ from robid.frf.checks import Finding
 from robid.frf.spectra import Blocks, output_factor
 from robid.signals.record import Record
 
-CHANGING_LIMIT = 0.1
-"""Relative change of the response from period to period above which periods cannot be averaged."""
-
-_CHANGING = 0.03
-"""The same above which it is told."""
+CHANGING_LIMIT = 0.1  # Relative change of the response from period to period above which periods cannot be averaged
+_CHANGING = 0.03  # The same above which it is told
 _REPEATS = 0.999  # of a channel's energy; the rest is what a good record has of noise
-
-_SIGMAS = 5.0
-"""Standard deviations that a change stands out of what noise alone gives."""
-
-_PATTERN = 0.5
-"""Share of the scatter of the periods that a single pattern has, beyond chance, where it is no noise."""
-
-_BIAS = 0.01
-"""Bias by noise of the inputs above which it is told."""
-
-_GAIN = 0.5
-"""Variance of the mean without its first period, over that with it, below which that period is a transient."""
-
+_SIGMAS = 5.0  # Standard deviations that a change stands out of what noise alone gives
+_PATTERN = 0.5  # Share of the scatter of the periods that a single pattern has, beyond chance, where it is no noise
+_BIAS = 0.01  # Bias by noise of the inputs above which it is told
+_GAIN = 0.5  # Variance of the mean without its first period, over that with it, below which that period is a transient
+# Share of how the first periods differ that the outputs' own shape has, above which it is a size and no transient.
 _SIZED = 0.5
-"""Share of how the first periods differ that the outputs' own shape has, above which it is a size and no transient."""
-
-_LEFT_LINES = 8
-"""Lines from which on two periods that are left tell their own variance."""
-
-_DRIFT_GAIN = 0.1
-"""The same where slopes count: drift that comes and goes makes large ones by chance."""
-
-_SHOWN = 4
-"""Channels of a side that are told one by one."""
+_LEFT_LINES = 8  # Lines from which on two periods that are left tell their own variance
+_DRIFT_GAIN = 0.1  # The same where slopes count: drift that comes and goes makes large ones by chance
+_SHOWN = 4  # Channels of a side that are told one by one
 
 _Deviations: TypeAlias = ComplexArray
 

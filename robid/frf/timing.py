@@ -14,15 +14,10 @@ _WINDOWS = 16
 _POINTS = 300
 _SUSPICIOUS_SHIFT = 0.3
 _SUSPICIOUS_SHARE = 0.3
-_LEFT = 0.5
-"""Share of the difference between two periods that a shift may leave and still explain it."""
-
-_UNUSUAL = 3.0
-"""Mean square difference of two periods over the usual one above which a channel tells of a fault."""
-
+_LEFT = 0.5  # Share of the difference between two periods that a shift may leave and still explain it
+_UNUSUAL = 3.0  # Mean square difference of two periods over the usual one above which a channel tells of a fault
+# The same where chance explains much: in a short part of a period, or a difference that is as large as usual.
 _LEFT_OF_LITTLE = 0.1
-"""The same where chance explains much: in a short part of a period, or a difference that is as large as usual."""
-
 _FLOOR = 1e-12
 
 

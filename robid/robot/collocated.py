@@ -192,13 +192,7 @@ class Collocated:
             begin = rows.stop
 
     def _fill(
-        self,
-        rows: slice,
-        kind: str,
-        mask: BoolArray,
-        own: ComplexArray,
-        scale: ComplexArray,
-        outer: dict[bytes, slice],
+        self, rows: slice, kind: str, mask: BoolArray, own: ComplexArray, scale: ComplexArray, outer: dict[bytes, slice]
     ) -> None:
         """Outer products of one kind; a spring's damper takes over those of its stiffness."""
         out = self._buffer[rows]

@@ -55,11 +55,7 @@ def _all_columns(
 
 
 def _columns(
-    model: LinearModel,
-    parameters: ElasticParameters,
-    result: Response,
-    kind: str,
-    through_rest: ComplexArray | None,
+    model: LinearModel, parameters: ElasticParameters, result: Response, kind: str, through_rest: ComplexArray | None
 ) -> ComplexArray:
     if kind == "doubt" and model.shifts is not None:
         moved = _move_columns(parameters, result, model.shifts)
@@ -109,9 +105,7 @@ def loaded_slopes(
 
 
 def _rest_columns(
-    parameters: ElasticParameters,
-    result: Response,
-    slopes: Mapping[str, SpringSlopes],
+    parameters: ElasticParameters, result: Response, slopes: Mapping[str, SpringSlopes]
 ) -> dict[str, ComplexArray]:
     """Derivatives that pass through expected slopes and rest positions, by kind."""
     if not slopes:
@@ -173,10 +167,7 @@ def _products(outputs: ComplexArray, inputs: ComplexArray) -> ComplexArray:
 
 
 def _inertia_columns(
-    model: LinearModel,
-    parameters: ElasticParameters,
-    result: Response,
-    directions: FloatArray,
+    model: LinearModel, parameters: ElasticParameters, result: Response, directions: FloatArray
 ) -> ComplexArray:
     spread = np.broadcast_to(directions, (model.mass.shape[0], *directions.shape[1:]))
     places = zip(result.outputs, spread, result.inputs, strict=True)

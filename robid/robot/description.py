@@ -16,8 +16,7 @@ from robid.signals.quantities import METRES, RADIANS, shown
 JointType = Literal["revolute", "prismatic"]
 TorquePlace = Literal["motor", "joint"]
 SpringPlace = Literal["transmission", "shaft", "bearing", "split", "base", "payload"]
-LOCATED: tuple[SpringPlace, ...] = ("split", "payload", "base")
-"""Places of springs whose location matters."""
+LOCATED: tuple[SpringPlace, ...] = ("split", "payload", "base")  # Places of springs whose location matters
 
 
 @dataclass(frozen=True)

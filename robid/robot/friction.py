@@ -19,9 +19,7 @@ from numpy.typing import DTypeLike
 from robid.arrays import FloatArray
 
 LawName: TypeAlias = Literal["lugre", "tanh", "stribeck"]
-SIGN_SHARE = 0.1
-"""Width of a smoothed sign over the Stribeck speed."""
-
+SIGN_SHARE = 0.1  # Width of a smoothed sign over the Stribeck speed
 KINDS = ("level", "shape", "lag", "ripple_sin", "ripple_cos")
 """Coefficients of a law: errors of levels and of speeds and deflections, relative to the robot file's; of the lag, in
 samples; of the ripple, relative to its amplitude."""

@@ -15,12 +15,9 @@ from robid.robot.description import Joint, Robot
 from robid.signals.pose import POSE, RAIL, displaced_pose
 
 _NEWTON_STEPS = 12
-_CLOSE = 1e-11
-"""How far, in m and rad, a pose that is reached may be from the one that was asked for."""
-_SINGULAR = 1e-4
-"""Least over greatest singular value of a Jacobian below which a direction counts as lost."""
-_STRIDE = 0.1
-"""How far, in m or rad, poses move from one start of Newton's steps to the next."""
+_CLOSE = 1e-11  # How far, in m and rad, a pose that is reached may be from the one that was asked for
+_SINGULAR = 1e-4  # Least over greatest singular value of a Jacobian below which a direction counts as lost
+_STRIDE = 0.1  # How far, in m or rad, poses move from one start of Newton's steps to the next
 _HALVINGS = 8
 _TAKES_PART = 0.3
 _HARDLY = 0.05

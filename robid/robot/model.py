@@ -30,8 +30,7 @@ from robid.robot.inertia import combine, remove
 from robid.robot.stiffness_law import VaryingSprings
 
 _LEAST_KG = 1e-12  # MuJoCo wants some
-HYSTERESIS_SHARE = 0.1
-"""Stiffness of a transmission's bristles over its own."""
+HYSTERESIS_SHARE = 0.1  # Stiffness of a transmission's bristles over its own
 
 
 @dataclass(frozen=True)

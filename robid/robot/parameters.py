@@ -153,9 +153,7 @@ OF_SPRINGS = tuple(kind for kind in ELASTIC if PARAMETER_KINDS[kind].owner == "s
 """Kinds of which every spring has one."""
 RESPONSE_NUISANCE = tuple(kind for kind in DIRECT if kind not in LOGARITHMIC)
 """Kinds that are of no interest themselves: a response shows them, and a robot file says little of them."""
-DOUBT = "doubt"
-"""Kind of the parameters that a user frees because the robot file is doubted."""
-
+DOUBT = "doubt"  # Kind of the parameters that a user frees because the robot file is doubted
 NUISANCE = "friction"
 """Errors of the torques that were subtracted, which a fit estimates only to get them out of the way."""
 

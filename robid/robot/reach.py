@@ -110,8 +110,7 @@ def _about_z(angle: FloatArray) -> FloatArray:
     return turned
 
 
-TOUCH_M = 1e-3
-"""How far a point may be below the floor."""
+TOUCH_M = 1e-3  # How far a point may be below the floor
 _ASLANT = 1e-6
 
 

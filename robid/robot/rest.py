@@ -184,10 +184,7 @@ def spring_slopes(rest: Rest, values: SpringValues, springs: Springs) -> dict[st
             _diagonal(3 * k3 / k1**2 * mean_square - 3 * k3 / k1 * rest.shape * swing.by_stiffness * ratio),
         ),
         "cubic": (_diagonal(d**3 + 3 * swing.variance * d), _diagonal(-3 / k1 * mean_square)),
-        "damping": (
-            _diagonal(3 * k3 * d * swing.by_damping),
-            _diagonal(-3 * k3 / k1 * rest.shape * swing.by_damping),
-        ),
+        "damping": (_diagonal(3 * k3 * d * swing.by_damping), _diagonal(-3 * k3 / k1 * rest.shape * swing.by_damping)),
         "location": (torque, np.zeros_like(torque)),
     }
     slopes = {}

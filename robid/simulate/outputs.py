@@ -69,10 +69,7 @@ class FurtherOutputs:
 
     def resolution(self, flaws: Imperfections) -> FloatArray:
         """Returns the step (n_out,) in which each output is shown, in its unit; 0 where it is shown as it is."""
-        known = {
-            "link_encoder": flaws.link_encoder_resolution_rad,
-            "linear_encoder": flaws.link_encoder_resolution_m,
-        }
+        known = {"link_encoder": flaws.link_encoder_resolution_rad, "linear_encoder": flaws.link_encoder_resolution_m}
         return np.array([known.get(kind, 0.0) for kind in self._kinds])
 
     def arms(self) -> FloatArray:

@@ -25,8 +25,7 @@ from robid.simulate.pose_path import channel_motion, followed, joint_path
 from robid.simulate.steps import Steps, choose_steps
 from robid.simulate.varying import VaryingStiffness
 
-TOOL = "pose_of_the_tool"
-"""Name of the sensor that shows where the tool is."""
+TOOL = "pose_of_the_tool"  # Name of the sensor that shows where the tool is
 _SEEN = 8
 
 

@@ -59,11 +59,7 @@ def true_robot(robot: Robot, truth: Truth, further: tuple[Spring, ...] = ()) -> 
     spring_log[[spring.name in truth.keep for spring in robot.springs]] = 0.0
     friction = 1 + truth.friction_relative * generator.uniform(-1, 1, (len(robot.joints), 3))
     springs = tuple(
-        replace(
-            spring,
-            stiffness=spring.stiffness * float(factor[0]),
-            damping=spring.damping * float(factor[1]),
-        )
+        replace(spring, stiffness=spring.stiffness * float(factor[0]), damping=spring.damping * float(factor[1]))
         for spring, factor in zip(robot.springs, np.exp(spring_log), strict=True)
     )
     joints = tuple(_deviate(joint, *row) for joint, row in zip(robot.joints, friction.tolist(), strict=True))

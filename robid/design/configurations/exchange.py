@@ -12,8 +12,7 @@ from robid.design.configurations.fitted import merged
 from robid.design.configurations.visits import Visits
 
 _GAIN = 1e-10
-_SMOOTHING = 1e-6
-"""Smoothing of `e` over the smallest eigenvalue, where slopes screen candidates."""
+_SMOOTHING = 1e-6  # Smoothing of `e` over the smallest eigenvalue, where slopes screen candidates
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from robid.design.configurations.visits import Visits, make_visits
 from robid.signals.quantities import joint_unit
 
 _FIX = "Fix or tie one of the named parameters in each combination, or offer configurations that excite it."
-_TIGHTENED = 4
-"""How often the bound on a fit with its own weights is made tight at the weights found so far."""
+_TIGHTENED = 4  # How often the bound on a fit with its own weights is made tight at the weights found so far
 
 
 @dataclass(frozen=True)

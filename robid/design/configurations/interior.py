@@ -11,10 +11,8 @@ from robid.arrays import FloatArray, IntArray
 from robid.design.configurations.criteria import Criterion, derivatives, loss, tangent
 from robid.design.configurations.packed import Packed
 
-STEPS = 80
-"""Limit on steps between two looks at all candidates."""
-_RIDGE = 1e-14
-"""Added to the Newton matrix of unit diagonal against rounding."""
+STEPS = 80  # Limit on steps between two looks at all candidates
+_RIDGE = 1e-14  # Added to the Newton matrix of unit diagonal against rounding
 
 
 @dataclass(frozen=True)
@@ -54,12 +52,7 @@ def level(slopes: FloatArray, limit: float) -> float:
 
 
 def descend(
-    problem: RelaxedProblem,
-    working: IntArray,
-    weights: FloatArray,
-    smoothing: float,
-    wanted: float,
-    most_steps: int,
+    problem: RelaxedProblem, working: IntArray, weights: FloatArray, smoothing: float, wanted: float, most_steps: int
 ) -> tuple[FloatArray, float, int]:
     """Primal-dual interior-point steps on some candidates until their own gap is small.
 

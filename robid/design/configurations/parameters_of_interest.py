@@ -10,12 +10,7 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray
 from robid.errors import SettingsError
 from robid.robot.description import Robot
-from robid.robot.parameters import (
-    LOGARITHMIC,
-    RESPONSE_NUISANCE,
-    element_names,
-    viscous_scale,
-)
+from robid.robot.parameters import LOGARITHMIC, RESPONSE_NUISANCE, element_names, viscous_scale
 from robid.robot.response import ElasticParameters
 
 
@@ -49,11 +44,7 @@ def natural_scales(nominal: ElasticParameters, period_s: float, kinds: Sequence[
 
 
 def choose_parameters(
-    robot: Robot,
-    kinds: Sequence[str],
-    nuisance: Sequence[str],
-    fixed: Sequence[str],
-    prior_decades: float = np.inf,
+    robot: Robot, kinds: Sequence[str], nuisance: Sequence[str], fixed: Sequence[str], prior_decades: float = np.inf
 ) -> ParametersOfInterest:
     """Chooses the parameters of a design.
 

@@ -16,10 +16,9 @@ from robid.design.configurations.relaxed import Relaxed, relaxed_design
 from robid.design.configurations.visits import Visits, slopes
 from robid.errors import SettingsError
 
-_POOL = 400
-"""Candidates of the largest slopes at the optimum that exchange looks at."""
+_POOL = 400  # Candidates of the largest slopes at the optimum that exchange looks at
+# Share of the optimal information that keeps few experiments' worth comparable while they do not see everything.
 _FLOOR = 1e-9
-"""Share of the optimal information that keeps few experiments' worth comparable while they do not see everything."""
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,8 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 
-_UNSEEN = 1e-12
-"""Smallest eigenvalue of the scaled total information, relative to the largest, that counts as seen."""
-_ALIKE = 1e-9
-"""Largest difference of matrices, relative to them, at which candidates count as alike."""
+_UNSEEN = 1e-12  # Smallest eigenvalue of the scaled total information, relative to the largest, that counts as seen
+_ALIKE = 1e-9  # Largest difference of matrices, relative to them, at which candidates count as alike
 
 
 def check_finite(matrices: FloatArray) -> None:

@@ -11,12 +11,9 @@ from robid.design.configurations.criteria import Criterion, tangent, worth
 from robid.design.configurations.interior import RelaxedProblem, descend, level, most
 from robid.design.configurations.packed import Packed, pack
 
-_UPDATES = 8
-"""Multiplicative updates of all candidates that find the first ones to work on."""
-_LEAST_GAP_E = 1e-4
-"""Where the arithmetic of the smoothed smallest eigenvalue ends."""
-_PATIENCE = 4
-"""Looks at all candidates without progress after which to stop."""
+_UPDATES = 8  # Multiplicative updates of all candidates that find the first ones to work on
+_LEAST_GAP_E = 1e-4  # Where the arithmetic of the smoothed smallest eigenvalue ends
+_PATIENCE = 4  # Looks at all candidates without progress after which to stop
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from robid.design.configurations.information import ConfigurationDesign, Stabili
 from robid.design.configurations.options import DesignOptions
 from robid.design.configurations.visits import Visits, make_visits
 
-_WAYS = 3
-"""Most ways that realizations are divided."""
+_WAYS = 3  # Most ways that realizations are divided
 
 
 @dataclass(frozen=True)
@@ -68,13 +67,7 @@ def stability(
     for trial in trials:
         own, other = (
             design_configurations(
-                each,
-                design.configurations,
-                design.parameter_names,
-                options,
-                prior=prior,
-                cost=cost,
-                between=between,
+                each, design.configurations, design.parameter_names, options, prior=prior, cost=cost, between=between
             )
             for each in (trial.chosen_by, trial.judged_by)
         )

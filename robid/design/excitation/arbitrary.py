@@ -7,19 +7,16 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from robid.arrays import IntArray
+from robid.arrays import IntArray, option
 
-FEWEST_LINES = 4
-"""Frequencies of a band below which there is no response to speak of."""
+FEWEST_LINES = 4  # Frequencies of a band below which there is no response to speak of
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArbitraryOptions:
     """A signal of logs that need not repeat, and of which no line is known; the estimator `local` reads it."""
 
-    signal: Literal["arbitrary"] = field(
-        default="arbitrary", metadata={"description": "A signal that need not repeat, in logs only."}
-    )
+    signal: Literal["arbitrary"] = option("arbitrary", "A signal that need not repeat, in logs only.")
     low_hz: float = field(metadata={"description": "Lowest frequency of the response [Hz].", "gt": 0})
     high_hz: float = field(metadata={"description": "Highest frequency of the response [Hz].", "gt": 0})
     resolution_hz: float = field(

@@ -18,9 +18,7 @@ from robid.signals.crest import reduce_crest, reduce_crest_with_motion
 from robid.signals.quantities import Channel
 from robid.signals.waveforms import crest_factor, multisine, orthogonal_matrix, time_signal
 
-_PLAYED_SHARE = 1e-6
-"""Size of a line, relative to the largest, below which it holds only rounding."""
-
+_PLAYED_SHARE = 1e-6  # Size of a line, relative to the largest, below which it holds only rounding
 UNITS = {"speed_reference": "rad/s", "position_reference": "rad", "torque": "N m", "pose_reference": "m, or rad"}
 
 

@@ -11,16 +11,10 @@ from robid.design.excitation.arbitrary import ArbitraryOptions
 from robid.design.excitation.options import ChosenLineOptions, ExcitationOptions
 from robid.errors import SettingsError
 
-_WHOLE = 1e-6
-"""Relative distance from a whole number of samples that is passed over."""
-
-_SLIP = 0.01
-"""Relative error of a sampling period that is taken to be a slip."""
-
+_WHOLE = 1e-6  # Relative distance from a whole number of samples that is passed over
+_SLIP = 0.01  # Relative error of a sampling period that is taken to be a slip
 _DIGITS = 3
-
-_COUNTABLE = 100_000
-"""Lines up to which a period that holds them is counted out."""
+_COUNTABLE = 100_000  # Lines up to which a period that holds them is counted out
 
 
 def samples_per_period(period_s: float, sampling_period_s: float) -> int:

@@ -16,8 +16,7 @@ from robid.errors import SettingsError
 from robid.robot.description import Robot
 from robid.signals.waveforms import crest_factor, time_signal
 
-_ROUNDING = 1 + 1e-9
-"""A limit that is used up to its last digit is not exceeded."""
+_ROUNDING = 1 + 1e-9  # A limit that is used up to its last digit is not exceeded
 
 
 def predict(

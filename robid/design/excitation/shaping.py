@@ -15,9 +15,7 @@ from robid.robot.derivatives import jacobian
 from robid.robot.linearize import LinearModel
 from robid.robot.response import nominal_parameters, response
 
-FLOOR = 0.3
-"""Smallest amplitude of a line, relative to the flat spectrum of the same RMS."""
-
+FLOOR = 0.3  # Smallest amplitude of a line, relative to the flat spectrum of the same RMS
 _SMOOTHED_LINES = 5
 _RIDGE = 1e-9
 

@@ -10,12 +10,7 @@ from robid.arrays import ComplexArray, IntArray
 from robid.design.excitation.excitation import Excitation, design_excitation, rms_per_motor
 from robid.design.excitation.lines import samples_per_period
 from robid.design.excitation.loop import NominalLoop
-from robid.design.excitation.options import (
-    FourierOptions,
-    MultisineOptions,
-    PerturbationOptions,
-    SweepOptions,
-)
+from robid.design.excitation.options import FourierOptions, MultisineOptions, PerturbationOptions, SweepOptions
 from robid.design.excitation.signal_lines import RESTING_ORDERS, check_signal, signal_lines, sweep
 from robid.signals.waveforms import crest_factor, orthogonal_matrix, resting_series, slow_motion, time_signal
 
@@ -86,11 +81,7 @@ def _design_other(
 
 
 def _series(
-    options: SweepOptions | FourierOptions,
-    excited: IntArray,
-    n_motor: int,
-    realizations: int,
-    sampling_period_s: float,
+    options: SweepOptions | FourierOptions, excited: IntArray, n_motor: int, realizations: int, sampling_period_s: float
 ) -> tuple[IntArray, ComplexArray]:
     """Lines, and each motor's complex amplitudes (n_real, n_motor, n_lines) at them."""
     generator = np.random.default_rng([options.seed, 2])

@@ -22,12 +22,8 @@ from robid.design.excitation.options import (
 from robid.errors import SettingsError
 from robid.signals.waveforms import chirp, stepped_sine
 
-LINE_SHARE = 0.03
-"""Amplitude of a line, relative to the strongest one of the band, from which it counts as excited."""
-
-_SAMPLES_PER_WAVE = 20
-"""Samples that the fastest harmonic of a trajectory must have."""
-
+LINE_SHARE = 0.03  # Amplitude of a line, relative to the strongest one of the band, from which it counts as excited
+_SAMPLES_PER_WAVE = 20  # Samples that the fastest harmonic of a trajectory must have
 RESTING_ORDERS = {"speed_reference": (-1, 0, 1), "position_reference": (0, 1, 2), "torque": (0, 1)}
 """Derivatives of a signal that begin and end at rest, by where it is injected."""
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 
-_SMALLEST_RATIO = 1e-12
-"""What an element that is exactly zero gets instead of a logarithm of zero."""
+_SMALLEST_RATIO = 1e-12  # What an element that is exactly zero gets instead of a logarithm of zero
 
 
 def residual_covariance(

@@ -16,8 +16,7 @@ from robid.robot.description import Inertial, LoopLink, Robot
 from robid.robot.inertia import about_origin
 
 Side = Literal["motor", "arm"]
-PAYLOAD = "payload"
-"""Name of the payload as a body of its own."""
+PAYLOAD = "payload"  # Name of the payload as a body of its own
 
 
 @dataclass(frozen=True)

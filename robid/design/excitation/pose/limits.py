@@ -14,11 +14,8 @@ from robid.robot.description import Robot
 from robid.robot.reach import Reach
 from robid.signals.pose import ANGLES
 
-_LOOKED_AT = 12
-"""Poses of each experiment that are held against floor and shapes."""
-
-_STILL = 1e-9
-"""Share of a limit below which a motion is none."""
+_LOOKED_AT = 12  # Poses of each experiment that are held against floor and shapes
+_STILL = 1e-9  # Share of a limit below which a motion is none
 
 
 @dataclass(frozen=True)

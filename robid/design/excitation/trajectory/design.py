@@ -24,15 +24,14 @@ from robid.errors import SettingsError
 from robid.robot.reach import Reach
 from robid.signals.waveforms import crest_factor, time_signal
 
+# Samples of a period, for each harmonic, at which criterion and limits are looked at in the search.
 _JUDGED_PER_HARMONIC = 20
-"""Samples of a period, for each harmonic, at which criterion and limits are looked at in the search."""
 
 Map: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
 
 _REACH_SAMPLES = 200
 _SIZING_DRAWS = 20
-_LEAST_MOTION = 1e-3
-"""Largest coefficient over a joint's way to its limits, below which nothing moves."""
+_LEAST_MOTION = 1e-3  # Largest coefficient over a joint's way to its limits, below which nothing moves
 
 
 def serial_map(function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:

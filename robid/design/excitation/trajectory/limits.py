@@ -11,11 +11,8 @@ from robid.design.excitation.options import TrajectoryOptions
 from robid.errors import SettingsError
 from robid.robot.description import Robot
 
-_LEAST_SHARE = 0.1
-"""Share of the way to its limits that the slowest harmonic must be able to move a joint."""
-
-_LEAST_ROOM = 0.01
-"""Share of a joint's range that a configuration must leave on either side."""
+_LEAST_SHARE = 0.1  # Share of the way to its limits that the slowest harmonic must be able to move a joint
+_LEAST_ROOM = 0.01  # Share of a joint's range that a configuration must leave on either side
 
 
 @dataclass(frozen=True)

@@ -11,19 +11,15 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.design.excitation.trajectory.problem import TrajectoryProblem
 
+# Optimizer, share of the evaluations and sharpness of the smooth maximum; a sharp one misleads early steps, and moving
+# asymptotes come back to the limits where quadratic programs do not.
 _ROUNDS = ((nlopt.LD_SLSQP, 0.5, 50.0), (nlopt.LD_MMA, 0.2, 100.0), (nlopt.LD_SLSQP, 0.3, 200.0))
-"""Optimizer, share of the evaluations and sharpness of the smooth maximum; a sharp one misleads early steps, and
-moving asymptotes come back to the limits where quadratic programs do not."""
-
-_WORTH = 0.03
-"""Factor on the criterion, without which the first quadratic programs step far beyond the limits."""
-
+_WORTH = 0.03  # Factor on the criterion, without which the first quadratic programs step far beyond the limits
 _BOUND = 3.0
 _TOLERANCE = 1e-5
 _WITHIN = 1e-3
 _HALVINGS = 14
-_LEAST_USE = 0.3
-"""Smallest share of its limits that a joint of a random series uses, before torques and floor."""
+_LEAST_USE = 0.3  # Smallest share of its limits that a joint of a random series uses, before torques and floor
 
 
 def random_trajectory(problem: TrajectoryProblem, generator: np.random.Generator) -> FloatArray:
