@@ -8,8 +8,8 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.frf.channels import saturated_channels, saturation_error
 from robid.frf.frf import Frf
-from robid.frf.saturation import saturated_channels, saturation_error
 from robid.frf.timing import Shift, common_shift, find_shifts, measure_jitter, period_differences, sparse_samples
 from robid.signals.quantities import DRIVES, shown
 from robid.signals.record import Record

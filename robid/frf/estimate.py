@@ -8,22 +8,36 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.frf.block_checks import place_of, solvable_lines
-from robid.frf.blocks import ESTIMATORS, BlockEstimate
+from robid.frf.blocks import ESTIMATORS, BlockEstimate, place_of, solvable_lines
 from robid.frf.channels import channel_levels, response_channels, to_accelerations
 from robid.frf.checks import Finding, check_record, fed_back, finding_notes, refuse_faults
-from robid.frf.coefficients import coefficients
-from robid.frf.covariance import element_scale, freedom_share, noise_covariance, total_covariance
-from robid.frf.distortion import explained_coherence, multiple_coherence, silent_levels
-from robid.frf.dropped import FEWEST, completed, hidden_inputs, lost_inputs, require_lines, weak_inputs
+from robid.frf.covariance import (
+    FEW_PERIODS,
+    element_scale,
+    exceeds,
+    freedom_share,
+    noise_covariance,
+    period_noise,
+    total_covariance,
+)
+from robid.frf.distortion import (
+    FEWEST,
+    completed,
+    explained_coherence,
+    hidden_inputs,
+    lost_inputs,
+    multiple_coherence,
+    require_lines,
+    silent_levels,
+    weak_inputs,
+)
 from robid.frf.frf import Frf
+from robid.frf.friction import coefficients
 from robid.frf.local import local_fit
 from robid.frf.options import EstimateOptions
-from robid.frf.period_noise import FEW_PERIODS, exceeds, period_noise
-from robid.frf.reading import Spectra, read_spectra, silent_of
+from robid.frf.reading import Spectra, Windows, read_spectra, silent_of
 from robid.frf.spectra import Blocks
 from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_notes
-from robid.frf.windows import Windows
 from robid.robot.friction import TorqueLaw
 from robid.signals.record import Record
 

@@ -66,7 +66,7 @@ class Frf:
             residual or pooled lines are unequal or share what leaks; None where it is unknown.
         dropped: Lines that tell too little of an input: the response from it is interpolated there, and its variance
             infinite. None where it is unknown.
-        saturated_inputs: Share of the time in which each input saturates, see `robid.frf.saturation`. None where it is
+        saturated_inputs: Share of the time in which each input saturates, see `robid.frf.channels`. None where it is
             unknown.
     """
 

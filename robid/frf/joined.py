@@ -12,7 +12,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray, places_of
 from robid.errors import DataError
-from robid.frf.dropped import completed
+from robid.frf.distortion import completed
 from robid.frf.frf import Frf
 from robid.frf.friction import with_friction_moved
 

@@ -12,9 +12,18 @@ import numpy as np
 
 from robid.arrays import LARGEST
 from robid.errors import DataError
-from robid.robot.masses import Weights, changed_by_compiler, replace_unsound, weights
-from robid.robot.quiet import quiet_reading
-from robid.robot.ties import Bond, Constraint, Tie, constraints_of, split
+from robid.robot.foreign_parts import (
+    Bond,
+    Constraint,
+    Tie,
+    Weights,
+    changed_by_compiler,
+    constraints_of,
+    replace_unsound,
+    split,
+    weights,
+)
+from robid.robot.model import quiet_reading
 from robid.robot.urdf import NOT_EXPANDED, Urdf, read_urdf, unusable, wrong_limits
 
 _REMOVED = (

@@ -10,9 +10,9 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.robot.description import HarmonicBalance, Sensor
-from robid.robot.gear_effects import GearEffects
 from robid.robot.model import ElasticModel, site_name
 from robid.robot.rest import Rest
+from robid.robot.spring_laws import GearEffects
 from robid.signals.quantities import Rate
 
 _AFTER, _BEFORE = [1, 2, 0], [2, 0, 1]  # of x, y and z

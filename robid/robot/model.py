@@ -1,8 +1,10 @@
-"""The elastic robot in MuJoCo: motors, transmissions, bearings, split links, flexible base and payload."""
+"""The elastic robot in MuJoCo: motors, transmissions, bearings, split links, base, payload; its warnings kept quiet."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+import warnings
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -27,7 +29,30 @@ from robid.robot.actuators import (
 from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Sensor, Spring
 from robid.robot.friction import FrictionLaw
 from robid.robot.inertia import combine, remove
-from robid.robot.stiffness_law import VaryingSprings
+from robid.robot.spring_laws import VaryingSprings
+
+
+@contextlib.contextmanager
+def quiet_warnings() -> Iterator[list[str]]:
+    """Collects MuJoCo's warnings instead of having them printed and written to `MUJOCO_LOG.TXT`."""
+    before, told = mujoco.get_mju_user_warning(), []
+    mujoco.set_mju_user_warning(lambda message: told.append(str(message)))
+    try:
+        yield told
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+@contextlib.contextmanager
+def quiet_reading() -> Iterator[list[str]]:
+    """Collects what MuJoCo warns of while it reads and compiles a file, which it says through Python, too."""
+    with quiet_warnings() as told, warnings.catch_warnings(record=True) as raised:
+        warnings.simplefilter("always", UserWarning)
+        try:
+            yield told
+        finally:
+            told += [str(each.message) for each in raised]
+
 
 _LEAST_KG = 1e-12  # MuJoCo wants some
 HYSTERESIS_SHARE = 0.1  # Stiffness of a transmission's bristles over its own

@@ -14,8 +14,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.description import Robot
 from robid.robot.foreign import name_everything
-from robid.robot.model import ElasticModel, build_model
-from robid.robot.quiet import quiet_reading
+from robid.robot.model import ElasticModel, build_model, quiet_reading
 from robid.robot.urdf import read_urdf
 
 

@@ -13,12 +13,10 @@ from robid.robot.description import Robot, Sensor
 from robid.robot.linearize import Equilibrium, solve_statics
 from robid.robot.model import ElasticModel, site_name
 from robid.simulate.controller import Cascade
-from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
+from robid.simulate.engine import LoadEffects, VaryingStiffness, quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.experiment import encoder_readings
-from robid.simulate.load_effects import LoadEffects
 from robid.simulate.options import Controller, SimulateOptions
 from robid.simulate.steps import settled
-from robid.simulate.varying import VaryingStiffness
 
 _TOOL = "tool_point"
 _BAND = (1e-3, 0.1)  # over the sampling rate: where a step moves the robot

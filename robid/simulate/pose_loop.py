@@ -17,13 +17,11 @@ from robid.robot.model import ElasticModel, site_name
 from robid.signals.pose import ANGLES, POSE, displacement, pose_channels, pose_command_channels
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade
-from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
+from robid.simulate.engine import LoadEffects, VaryingStiffness, quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.experiment import encoder_readings
-from robid.simulate.load_effects import LoadEffects
 from robid.simulate.options import Controller, PoseInterface, SimulateOptions
 from robid.simulate.pose_path import channel_motion, followed, joint_path
 from robid.simulate.steps import Steps, choose_steps
-from robid.simulate.varying import VaryingStiffness
 
 TOOL = "pose_of_the_tool"  # Name of the sensor that shows where the tool is
 _SEEN = 8

@@ -1,19 +1,19 @@
-"""The choice of configurations from their information matrices, with a certificate."""
+"""The choice of configurations by their information, its certificate, and whether it would come out the same again."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray, Quantity, check_shape
-from robid.design.configurations.fitted import FittedInformation, merged
+from robid.design.configurations.criteria import check_different, check_finite, checked_scale, is_regular, worth
 from robid.design.configurations.options import DesignOptions
 from robid.design.configurations.plan import ConfigurationPlan, checked_plan, choose_counts
-from robid.design.configurations.regularity import check_different, check_finite, checked_scale, is_regular
 from robid.design.configurations.relaxed import Relaxed
-from robid.design.configurations.visits import Visits, make_visits
+from robid.design.configurations.visits import FittedInformation, Visits, make_visits, merged
 from robid.signals.quantities import joint_unit
 
 _FIX = "Fix or tie one of the named parameters in each combination, or offer configurations that excite it."
@@ -94,7 +94,7 @@ class ConfigurationDesign:
 
 @dataclass(frozen=True)
 class Stability:
-    """Choices by other information than the one that was used, see `robid.design.configurations.stability`.
+    """Choices by other information than the one that was used, see `robid.design.configurations.information`.
 
     Attributes:
         source: Where that comes from: `realizations` (each half of them) or `draws` (each one alone).
@@ -282,3 +282,75 @@ def _choice_efficiency(plan: ConfigurationPlan, found: float, efficiency: float)
         everything = np.ones(plan.cost.size, int)
         return found / plan.worth(everything)
     return max(found / plan.bound(plan.relaxed(limit=1 / options.count)), efficiency)
+
+
+_WAYS = 3  # Most ways that realizations are divided
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Information (n_conf, n_param, n_param) to choose by, and by which that choice is judged."""
+
+    chosen_by: FloatArray
+    judged_by: FloatArray
+
+
+def halves(n_real: int) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """Ways to divide realizations into two halves of at least two each; none with fewer than four.
+
+    Args:
+        n_real: Number of realizations.
+    """
+    if n_real < 4:
+        return []
+    size, found = n_real // 2, []
+    for partner in range(1, min(_WAYS, n_real - 1) + 1):
+        first = tuple(sorted((0, *((partner + step - 1) % (n_real - 1) + 1 for step in range(size - 1)))))
+        found.append((first, tuple(index for index in range(n_real) if index not in first)))
+    return found
+
+
+def stability(
+    source: str,
+    trials: Sequence[Trial],
+    design: ConfigurationDesign,
+    options: DesignOptions,
+    prior: FloatArray | None = None,
+    cost: FloatArray | None = None,
+    between: FloatArray | None = None,
+) -> Stability:
+    """Chooses again by each trial's information.
+
+    Args:
+        source: Where the trials come from.
+        trials: The trials.
+        design: The choice in question.
+        options: Its options.
+        prior (n_param, n_param): Information known beforehand.
+        cost (n_conf,): Cost of one experiment in each candidate.
+        between (n_param,): Deviation of each log-parameter between configurations; none when not given.
+
+    Raises:
+        DataError: If a trial's information leaves a combination of parameters unseen.
+    """
+    kept, efficiency = [], []
+    often = np.zeros(len(design.configurations))
+    for trial in trials:
+        own, other = (
+            design_configurations(
+                each, design.configurations, design.parameter_names, options, prior=prior, cost=cost, between=between
+            )
+            for each in (trial.chosen_by, trial.judged_by)
+        )
+        kept.append(np.isin(design.chosen, own.chosen).mean())
+        often[own.chosen] += 1 / len(trials)
+        apart = np.zeros(len(design.parameter_names)) if between is None else between
+        visits = make_visits(trial.judged_by[None, :, None], apart**2)
+        ratio = _worth(own.counts, visits, options, prior) / _worth(other.counts, visits, options, prior)
+        efficiency.append(other.efficiency * ratio)
+    return Stability(source, np.array(kept), np.array(efficiency), often)
+
+
+def _worth(counts: IntArray, visits: Visits, options: DesignOptions, prior: FloatArray | None) -> float:
+    total = visits.total(counts)[:, 0] + (0.0 if prior is None else prior)
+    return float(worth(options.criterion, total))

@@ -9,9 +9,9 @@ from itertools import combinations
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, check_shape
-from robid.design.configurations.fitted import FittedInformation
+from robid.design.configurations.candidates import choose_parameters, eliminated
 from robid.design.configurations.options import ALONG
-from robid.design.configurations.parameters_of_interest import choose_parameters, eliminated
+from robid.design.configurations.visits import FittedInformation
 from robid.errors import DataError
 from robid.frf.channels import require
 from robid.frf.frf import Frf

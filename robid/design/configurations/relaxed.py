@@ -8,8 +8,7 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.design.configurations.criteria import Criterion, tangent, worth
-from robid.design.configurations.interior import RelaxedProblem, descend, level, most
-from robid.design.configurations.packed import Packed, pack
+from robid.design.configurations.interior import Packed, RelaxedProblem, descend, level, most, pack
 
 _UPDATES = 8  # Multiplicative updates of all candidates that find the first ones to work on
 _LEAST_GAP_E = 1e-4  # Where the arithmetic of the smoothed smallest eigenvalue ends

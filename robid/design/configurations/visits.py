@@ -1,4 +1,4 @@
-"""What visits to candidates add up to, where parameters differ between places."""
+"""What visits to candidates add up to: where parameters differ between clusters, and in a fit with its own weights."""
 
 from __future__ import annotations
 
@@ -97,3 +97,105 @@ def _allowed(parts: FloatArray, between: FloatArray) -> FloatArray:
         return saturate(parts, between)
     bread, meat = parts[:, :, 0], parts[:, :, 1]
     return np.stack([bread, meat + (bread * between) @ bread], axis=2)
+
+
+_LEAST = 1e-12
+"""What nuisances without any effect are known by, so that they can be taken out; relative to one candidate's."""
+
+
+@dataclass(frozen=True)
+class FittedInformation:
+    """What a fit with weights of its own makes of each candidate: parts of sums over the configurations of the fit.
+
+    The parameters are the wanted ones and then those that are estimated along. These are the same in all
+    configurations, so they go out of the sums, not of the single candidates, and what is known of them counts once.
+
+    Attributes:
+        bread (n_draw, n_conf, n_all, n_all): `2 Re J^H W J`.
+        meat (n_draw, n_conf, n_all, n_all): `2 Re J^H W Lambda W J`; the covariance of the fit is `B^-1 S B^-1` of
+            the sums, what is known beforehand added to both.
+        best (n_draw, n_conf, n_all, n_all): Information by optimal weights, `2 Re J^H Lambda^-1 J`, `Lambda` taken
+            for granted as in the meat.
+        precision (n_all,): What is known of each parameter beforehand, over its variance.
+    """
+
+    bread: FloatArray
+    meat: FloatArray
+    best: FloatArray
+    precision: FloatArray
+
+    def scaled(self, wanted: FloatArray) -> FittedInformation:
+        """The same over scales: (n_wanted,) of the first parameters, and what is natural to the others."""
+        own = np.diagonal(self.bread, axis1=2, axis2=3).mean(axis=(0, 1)) + self.precision
+        scale = np.sqrt(np.where(own > 0, own, 1.0))
+        scale[: wanted.size] = wanted
+        unit = scale[:, None] * scale
+        return FittedInformation(self.bread / unit, self.meat / unit, self.best / unit, self.precision / scale**2)
+
+    def parts(self) -> FloatArray:
+        """Bread and meat (n_draw, n_conf, 2, n_all, n_all)."""
+        return np.stack([self.bread, self.meat], axis=2)
+
+    def base(self, known: FloatArray) -> FloatArray:
+        """Bread and meat (2, n_all, n_all) of what is known beforehand.
+
+        Args:
+            known (n_wanted, n_wanted): The same of the wanted parameters, from elsewhere.
+        """
+        count = len(known)
+        whole = np.diag(self.precision)
+        whole[:count, :count] += known
+        seen = whole + np.diag(np.where(np.arange(len(whole)) < count, 0.0, _LEAST))
+        return np.stack([seen, whole])
+
+    def bound(self, known: FloatArray, visits: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Information that adds over candidates and never falls short of what a fit makes of their sum.
+
+        For every `K`, `[I; -K]' M [I; -K]` is at least what is left of `M` once nuisances are taken out, and equal
+        for the best `K`, which is found for some numbers of visits here and holds as a bound for all others.
+
+        Args:
+            known (n_wanted, n_wanted): What is known of the wanted parameters.
+            visits (n_conf,): The numbers of visits where the bound is tight.
+
+        Returns:
+            Matrices (n_draw, n_conf, n_wanted, n_wanted), and what is known beforehand (n_draw, n_wanted, n_wanted).
+
+        Source:
+            Schur complement as a minimum, Boyd and Vandenberghe (2004), appendix A.5.5.
+        """
+        count = len(known)
+        whole = self.base(known)[0]
+        total = whole + np.tensordot(self.best, visits, ((1,), (0,)))
+        keep = np.broadcast_to(np.eye(count), (len(total), count, count))
+        follow = np.concatenate([keep, -np.linalg.solve(total[:, count:, count:], total[:, count:, :count])], axis=1)
+        back = follow.swapaxes(1, 2)
+        return back[:, None] @ self.best @ follow[:, None], back @ whole @ follow
+
+
+def merged(parts: FloatArray, count: int | None = None) -> FloatArray:
+    """Information (..., n_wanted, n_wanted) of parts (..., n_part, n_all, n_all), nuisances taken out.
+
+    One part is the information itself; two are bread and meat of a fit with its own weights, `B S^-1 B`.
+
+    Args:
+        parts: Total of one or two parts.
+        count: Number of parameters that are wanted; they come first. All when not given.
+    """
+    own = reduced(parts, parts.shape[-1] if count is None else count)
+    bread = own[..., 0, :, :]
+    if own.shape[-3] == 1:
+        return np.asarray(bread)
+    whole = bread @ np.linalg.solve(own[..., 1, :, :], bread)
+    return np.asarray(0.5 * (whole + whole.swapaxes(-1, -2)))
+
+
+def reduced(parts: FloatArray, count: int) -> FloatArray:
+    """Parts (..., n_part, count, count) with the other parameters at their best for the first part."""
+    if parts.shape[-1] == count:
+        return parts
+    first = parts[..., 0, :, :]
+    follow = -np.linalg.solve(first[..., count:, count:], first[..., count:, :count])[..., None, :, :]
+    mixed = parts[..., :count, count:] @ follow
+    others = follow.swapaxes(-1, -2) @ parts[..., count:, count:] @ follow
+    return np.asarray(parts[..., :count, :count] + mixed + mixed.swapaxes(-1, -2) + others)

@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.frf.frf import Frf
-from robid.frf.passivity import FEW_SAMPLES, DrivingPoints, undeclared_delay
+from robid.frf.quality import FEW_SAMPLES, DrivingPoints, undeclared_delay
 from robid.results.doubt import Doubt, saturation_doubts, two_digits
 from robid.results.plausible.angles import judge_angles
 from robid.results.plausible.carrier import Fitted

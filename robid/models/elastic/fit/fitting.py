@@ -11,7 +11,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
-from robid.frf.passivity import driving_points, undeclared_delay
+from robid.frf.quality import driving_points, undeclared_delay
 from robid.models.elastic.fit.checks import check_data, check_influence, check_inputs
 from robid.models.elastic.fit.model_error import element_level
 from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot

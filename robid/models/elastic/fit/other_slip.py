@@ -6,7 +6,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.models.elastic.fit.problem import Problem
-from robid.robot.gear_effects import BristleTable
+from robid.robot.spring_laws import BristleTable
 
 _TORQUES = np.geomspace(0.01, 30, 60)  # over that at which bristles slip at the swing
 _SOFTEST = 0.5  # of a spring

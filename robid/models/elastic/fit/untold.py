@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from robid.arrays import FloatArray
 from robid.models.elastic.fit.problem import Problem
 from robid.results.estimate import Estimate
-from robid.robot.gear_effects import BristleTable
+from robid.robot.spring_laws import BristleTable
 
 _ALIKE = 2.0  # largest over smallest load
 _STICKS = 3.0  # slip over swing from which bristles are as good as a spring
