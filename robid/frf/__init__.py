@@ -1,1 +1,1 @@
-"""Frequency responses: `frf`, `estimate`, `reading`, `blocks`, `local`, `covariance`; `compensation`, `silent`, `laws`."""
+"""Frequency responses: `frf`, `estimate`, `reading`, `blocks`, `local`, `covariance`; `compensation`, `silent`."""

@@ -31,12 +31,15 @@ class BlockEstimate:
     @property
     def input_factor(self) -> ComplexArray:
         """`sum_m W_m^T conj(W_m)` (n_freq, n_in, n_in), the first factor of the structured covariance."""
+        # With cov(vec V_m) = I (x) C_v, vec(V_m W_m) = (W_m^T (x) I) vec V_m has (W_m^T conj(W_m)) (x) C_v; blocks add
+        # up.
         return np.asarray((np.swapaxes(self.weights, -1, -2) @ self.weights.conj()).sum(axis=0))
 
 
 def arithmetic(blocks: Blocks) -> BlockEstimate:
     """Mean of the blocks' responses `Y U^-1`."""
     inverse = np.linalg.inv(blocks.inputs)
+    # Y = G U + V gives Y U^-1 = G + V U^-1, so that W_m = U_m^-1 / M of M blocks.
     return BlockEstimate((blocks.outputs @ inverse).mean(axis=0), inverse / len(inverse))
 
 
@@ -47,6 +50,7 @@ def logarithmic(blocks: Blocks) -> BlockEstimate:
         docs/methods, sec. 4; Wernholt and Moberg, LiTH-ISY-R-2827.
     """
     inverse = np.linalg.inv(blocks.inputs)
+    # To first order log(G + e) averages as e / G does: the error has the weights of the arithmetic mean.
     return BlockEstimate(logarithmic_mean(blocks.outputs @ inverse), inverse / len(inverse))
 
 
@@ -102,6 +106,7 @@ def logarithmic_mean(per_block: ComplexArray) -> ComplexArray:
     Elements without any response, of channels that never left one step of their resolution, stay zero.
     """
     mean = per_block.mean(axis=0)
+    # Quotients with the mean lie near 1, away from the cut of the logarithm at the negative axis.
     relative = np.divide(per_block, mean, out=np.ones_like(per_block), where=mean != 0)
     return np.asarray(mean * np.exp(np.log(relative).mean(axis=0)))
 
@@ -109,6 +114,7 @@ def logarithmic_mean(per_block: ComplexArray) -> ComplexArray:
 def _projected(blocks: Blocks, instrument: ComplexArray) -> BlockEstimate:
     """`(sum Y Z^H) (sum U Z^H)^-1` of instruments Z (n_real, n_freq, n_in, n_exp)."""
     adjoint = np.swapaxes(instrument, -1, -2).conj()
+    # (sum Y Z^H)(sum U Z^H)^-1 is linear in Y: its error has W_m = Z_m^H (sum U Z^H)^-1.
     weights = adjoint @ np.linalg.inv((blocks.inputs @ adjoint).sum(axis=0))
     return BlockEstimate((blocks.outputs @ weights).sum(axis=0), weights)
 
@@ -186,6 +192,7 @@ def _condition(inputs: ComplexArray, *, square: bool) -> FloatArray:
     """Condition (n_freq,) of the worst of the blocks (n_real, n_freq, n_in, n_exp), or of all of them together."""
     if square:
         return np.asarray(np.nan_to_num(np.linalg.cond(inputs, 1).max(axis=0), nan=np.inf))
+    # All experiments together: the condition of a wide U is the root of that of U U^H.
     power = (inputs @ np.swapaxes(inputs, -1, -2).conj()).sum(axis=0)
     return np.asarray(np.nan_to_num(np.sqrt(np.linalg.cond(power, 1)), nan=np.inf))
 

@@ -126,6 +126,7 @@ def _share(signal: FloatArray) -> FloatArray:
     """Share of samples (n_real, n_exp) at a limit, of those (n_real, n_exp, n_period, n_sample)."""
     share = np.zeros(signal.shape[:2])
     for place in np.ndindex(share.shape):
+        # Both ends count, unless nearly all samples lie at them: such a signal has two values by design.
         limits = [_at_limit(sign * signal[place]) for sign in (1, -1)]
         if sum(limits) <= _BINARY:
             share[place] = sum(limit for limit in limits if limit <= _RESTING)
@@ -144,5 +145,6 @@ def _at_top(signal: FloatArray, at_top: BoolArray) -> float:
     if not below.size:
         return 0.0
     following = float(below.max())
+    # A smooth peak has as many samples just below it as at it; a limit has far more at it.
     near = np.count_nonzero(below > following - _NEAR * (following - float(below.min())))
     return float(at_top.mean()) if np.count_nonzero(at_top) > _FAR_MORE * near else 0.0

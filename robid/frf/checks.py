@@ -65,6 +65,7 @@ def fed_back(record: Record, frf: Frf) -> list[Finding]:
     drives = all(channel.quantity in DRIVES for channel in record.input_channels)
     if not (record.is_arbitrary and drives) or record.reference is not None or frf.coherence is None:
         return []
+    # Any output that the inputs do not explain tells of noise in the loop.
     low = np.nan_to_num(frf.coherence[0], nan=1.0).min(axis=1) < INCOHERENT
     if not low.any():
         return []
@@ -176,6 +177,7 @@ def _still(record: Record) -> list[Finding]:
     if not chosen.count:
         return []
     step = (record.outputs[0][..., chosen.after, :] - record.outputs[0][..., chosen.before, :])[..., moved]
+    # Speeds as differences of nearby samples, mean over the periods.
     mean = step.mean(axis=2)
     usual = np.sqrt((mean**2).mean(axis=(0, 1, 2)))
     noise = _noise(step)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from scipy.stats import f
@@ -181,6 +181,7 @@ def _interpolated(
     """Response (n_line, n_out, n_in) in between, and its variance with that of the interpolation."""
     between = interpolate_response(frequency_hz, response, wanted)
     error = interpolation_error(frequency_hz, response, wanted)
+    # Variances are interpolated linearly over the logarithm of frequency, which never leaves their range.
     own = np.apply_along_axis(lambda values: np.interp(np.log(wanted), np.log(frequency_hz), values), 0, variance)
     return between, np.asarray(own + error**2)
 
@@ -262,6 +263,7 @@ def compare(first: Frf, second: Frf) -> Comparison:
         Satterthwaite (1946); Bonferroni over the elements.
     """
     aligned = align(first, second)
+    # Lines that share data count as fewer: the limit on the mean has that many fewer degrees of freedom.
     correlation = max(_overlap(first), _overlap(second))
     freedom = _freedom(aligned, first.degrees_of_freedom, second.degrees_of_freedom)
     whole = _differences(first, aligned, freedom, correlation)
@@ -273,15 +275,9 @@ def compare(first: Frf, second: Frf) -> Comparison:
 
 
 def _pair(aligned: Aligned, index: int) -> Aligned:
-    chosen = slice(index, index + 1)
-    return replace(
-        aligned,
-        pairs=aligned.pairs[chosen],
-        first=aligned.first[chosen],
-        second=aligned.second[chosen],
-        first_variance=aligned.first_variance[chosen],
-        second_variance=aligned.second_variance[chosen],
-    )
+    by_pair = ("pairs", "first", "second", "first_variance", "second_variance")
+    chosen: dict[str, Any] = {name: getattr(aligned, name)[index : index + 1] for name in by_pair}
+    return replace(aligned, **chosen)
 
 
 def _overlap(frf: Frf) -> float:
@@ -289,12 +285,14 @@ def _overlap(frf: Frf) -> float:
     if frf.line_correlation is None:
         return 1.0
     shared = mean_correlation(frf.line_correlation, np.logical_not(dropped_lines(frf).all(axis=2)))
+    # The variance of a mean of correlated squares grows by 1 + 2 sum rho^2; squares correlate as rho^2.
     return float(1 + 2 * (shared.mean(axis=0) ** 2).sum())
 
 
 def _freedom(aligned: Aligned, first: float, second: float) -> FloatArray:
     """Complex degrees of freedom of the difference's variance, line by line (n_pair, n_line, n_out, n_in)."""
     one, other = aligned.first_variance, aligned.second_variance
+    # Satterthwaite: v1 + v2 has (v1 + v2)^2 / (v1^2 / nu1 + v2^2 / nu2) degrees of freedom.
     square = one**2 / max(first, np.finfo(float).tiny) + other**2 / max(second, np.finfo(float).tiny)
     return np.asarray(np.divide((one + other) ** 2, square, out=np.full(one.shape, np.nan), where=square > 0))
 
@@ -306,11 +304,13 @@ def _differences(
     difference = np.abs(aligned.second - aligned.first)
     size = np.abs(aligned.first)
     relative = np.divide(difference, size, out=np.full(size.shape, np.nan), where=size > 0)
+    # The phase of G2 conj(G1) is the difference of the phases, free of their branches.
     turned = aligned.second * aligned.first.conj()
     moved = np.where(np.isfinite(turned) & (turned != 0), turned, np.nan)
     decibels = 20 * np.log10(np.abs(moved)) - 40 * np.log10(size, out=np.full(size.shape, np.nan), where=size > 0)
     variance = aligned.first_variance + aligned.second_variance
     square = np.divide(difference**2, variance, out=np.full(size.shape, np.nan), where=variance > 0)
+    # Quantile of F with 2 and 2 nu degrees of freedom, as in `Frf.radius_factor`.
     limit = freedom * np.expm1(-np.log1p(-LEVEL) / freedom)
     found = []
     for row, column in np.ndindex(n_out, n_in):
@@ -337,6 +337,7 @@ def _limit(lines: float, freedom: float, elements: int) -> float:
     """Quantile of the mean of that many ratios, so that all elements together fail in 5 % of the cases."""
     if lines <= 0 or np.isnan(freedom):
         return float("nan")
+    # Bonferroni: each of n elements is tested at 5 % / n.
     return float(f.isf((1 - LEVEL) / elements, 2 * max(lines, 1.0), 2 * freedom))
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.fft import rfft
@@ -24,8 +25,7 @@ _CHANCE = 0.05
 _POINTS = 4  # Points of that integral per period and line
 
 
-@dataclass(frozen=True)
-class PeriodNoise:
+class PeriodNoise(NamedTuple):
     """Covariance of the output residual of a mean over periods.
 
     Attributes:
@@ -63,14 +63,17 @@ def period_noise(
     spectrum = _noise_spectrum(record)
     factor = output_factor(record, lines, accelerations=accelerations)
     diagonal = factor[:, :, None] * np.eye(factor.shape[1])
+    # The residual Y - G U takes outputs with their factor to accelerations, inputs with minus the response.
     take = np.concatenate([diagonal, -response], axis=2)
     around = lines[:, None] + 2 * (np.arange(2 * (pooled // 2) + 1) - pooled // 2)
     around = np.clip(np.abs(around), 1, len(spectrum) - 1)
     kept = 1 / n_period - 1 / (6 * n_period**2)
+    # What a line's own noise leaves in the mean; the lowest lines are integrated apart, since drift is removed there.
     own = np.where(lines > _LOWEST, kept, 0.0)[:, None, None, None] * spectrum[around]
     own = np.stack([_residual(take, own[:, place]) for place in range(around.shape[1])])
     leaked = _residual(take, _far_share(spectrum, lines, n_period, n_sample))
     leaked = leaked + _low_share(spectrum, take, lines, n_period, n_sample)
+    # Each realization and experiment has one difference less than periods.
     single = float(record.inputs.shape[1] * record.inputs.shape[2] * (n_period - 1))
     freedom = single * min(pooled, len(lines))
     share = min(1.0, max(_freedom_left(_diagonal(own), _diagonal(leaked), single), _FEWEST_FREEDOM) / freedom)
@@ -109,6 +112,7 @@ def _deviations(samples: FloatArray, *, drifts: bool = False) -> ComplexArray:
     moved = whole - whole.mean(axis=2, keepdims=True)
     moved[..., 0, :] = 0.0
     inner = moved[..., 1:-1, :]
+    # Hann window in the frequency domain: half of each neighbour is subtracted.
     inner = inner - 0.5 * (moved[..., :-2, :] + moved[..., 2:, :])
     # Without line 0, line 1 keeps its size: its share of what it leaves out is unknown.
     inner[..., 1:, :] /= np.sqrt(1.5)
@@ -122,8 +126,10 @@ def _far_share(spectrum: ComplexArray, lines: IntArray, n_period: int, n_sample:
     """
     count = len(spectrum)
     kept = np.where(np.arange(count)[:, None, None] > _LOWEST, spectrum, 0.0)
+    # Real signals: the spectrum at negative lines is conjugate.
     both = np.concatenate([kept[:0:-1].conj(), kept])
     distance = np.arange(2 - 2 * count, 2 * count - 1)
+    # Power of the kernel |sin(pi P f) / (P N sin(pi f / N))|^2 with its numerator averaged to 1/2.
     size = 2 * (n_period * n_sample * np.sin(np.pi * distance / n_sample)) ** 2
     kernel = np.divide(1.0, size, out=np.zeros(len(size)), where=distance != 0)
     spread = fftconvolve(both, kernel[:, None, None], mode="same", axes=0)
@@ -137,6 +143,7 @@ def _low_share(
     points, n_out = _POINTS * n_period, take.shape[1]
     nearest = np.arange(-_LOWEST, _LOWEST + 1)
     offset = (np.arange(len(nearest) * points) + 0.5) / points - _LOWEST - 0.5
+    # What a wave between the lines leaves in the mean over P periods, and in the ramp that is removed with it.
     mean = _mean_of_wave(offset - lines[:, None], n_period, n_sample)
     slope = np.asarray(np.gradient(np.eye(n_period), axis=0)).mean(axis=0)
     drift = (slope @ np.exp(2j * np.pi * np.outer(np.arange(n_period), offset))) * _mean_of_wave(offset, 1, n_sample)
@@ -203,6 +210,7 @@ def total_covariance(residual: ComplexArray, n_in: int, pooled: int) -> tuple[Co
     freedom = n_exp * n_real - n_in
     if n_real < 2 or freedom < 1:
         return None, 0.0
+    # The estimate of G takes n_in experiments' worth of freedom from the residuals.
     covariance = _outer(residual.transpose(1, 2, 0, 3)) / freedom
     return pool(covariance, pooled), float(freedom * min(pooled, n_freq))
 
@@ -234,12 +242,15 @@ def distinct_experiments(residual: ComplexArray) -> float:
     if n_exp < 2 or n_real < 2:
         return float(n_exp)
     power = (np.abs(residual) ** 2).mean(axis=(0, 3), keepdims=True)
+    # Rows over their power at each line, so that no resonance decides the correlation.
     rows = np.divide(residual, np.sqrt(power), out=np.zeros_like(residual), where=power > 0).transpose(0, 2, 3, 1)
     cross = rows @ np.swapaxes(rows, -1, -2).conj()
     size = np.sqrt(np.real(np.diagonal(cross, axis1=-2, axis2=-1)))
+    # Correlation of experiments over the lines, of each realization and output.
     product = size[..., :, None] * size[..., None, :]
     correlation = np.divide(cross, product, out=np.zeros_like(cross), where=product > 0) * (1 - np.eye(n_exp))
     couples = n_real * (n_real - 1)
+    # |sum_r c_r|^2 - sum_r |c_r|^2 is the sum of products of different realizations: chance averages out of it.
     common = np.abs(correlation.sum(axis=0)) ** 2 - (np.abs(correlation) ** 2).sum(axis=0)
     excess = common.sum(axis=(1, 2)) / couples
     chance = n_exp * np.sqrt(2 / couples) / n_freq
@@ -281,6 +292,7 @@ def element_scale(
     if total is None:
         return np.ones(errors.shape[2:])
     whole, n_in = len(errors) * n_exp, errors.shape[-1]
+    # Residuals are short by what the fit took: M of M - n_in degrees of freedom are left.
     sample = (np.abs(errors) ** 2).sum(axis=0) * whole / (whole - n_in)
     rows = np.real(np.diagonal(total, axis1=-2, axis2=-1))
     columns = np.real(np.diagonal(factor, axis1=-2, axis2=-1))
@@ -331,9 +343,11 @@ def by_realizations(frf: Frf, chosen: Sequence[int], pooled: int) -> Frf:
     count, whole = errors.shape[1], frf.realization_error.shape[1]
     n_freq, n_in = frf.response.shape[1], frf.response.shape[3]
     deviation = errors - errors.mean(axis=1, keepdims=True)
+    # An error E_r = V_r W_r has the covariance F (x) C_v: E_r F^-T E_r^H / n_in estimates C_v.
     weight = np.swapaxes(np.linalg.inv(frf.input_factor), -1, -2)
     outer = np.einsum("crfoi,cfij,crfpj->cfop", deviation, weight, deviation.conj(), optimize=True)
     covariance = np.stack([pool(each, pooled) for each in outer * (whole / (n_in * (count - 1)))])
+    # The same scale of elements as of all realizations, by the errors of these alone.
     sample = (np.abs(deviation) ** 2).sum(axis=1) * (whole / (count - 1))
     changed = replace(
         frf,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from dataclasses import replace
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -18,19 +18,18 @@ Lines: TypeAlias = IntArray | FloatArray
 _SHORTEST = 4
 
 
-@dataclass(frozen=True)
-class SilentLevels:
-    """Output residual at lines that were not excited, as amplitudes of one experiment.
+class SilentLevels(NamedTuple):
+    """Output residual (n_silent, n_out) at lines that were not excited, as amplitudes of one experiment.
 
     Attributes:
-        level (n_silent, n_out): RMS of `Y - G U` over realizations and experiments.
-        noise (n_silent, n_out): Part of it that the periods show to be noise, or None with a single period.
-        doubt (n_silent, n_out): What the interpolation error of G alone may amount to.
+        level: RMS of `Y - G U` over realizations and experiments.
+        noise: Part of it that the periods show to be noise, or None with a single period.
+        interpolation: What the interpolation error of G alone may amount to.
     """
 
     level: FloatArray
     noise: FloatArray | None
-    doubt: FloatArray
+    interpolation: FloatArray
 
 
 def silent_lines(excited: IntArray) -> IntArray:
@@ -44,7 +43,7 @@ def silent_levels(silent: Blocks, lines: IntArray, response: ComplexArray) -> Si
     What appears at a silent line was made by the robot (nonlinearity, noise) and fed back by the controller as
     input; `Y - G U` takes out the linear robot's answer to that input. Real and imaginary part of G's elements
     are interpolated over the logarithm of frequency by cubics that do not overshoot. That is wrong where a
-    resonance is narrower than the lines' distance: `doubt` tells how much.
+    resonance is narrower than the lines' distance: `interpolation` tells how much.
 
     Args:
         silent: Spectra at the silent lines, compensated as those at the excited ones were.
@@ -58,12 +57,13 @@ def silent_levels(silent: Blocks, lines: IntArray, response: ComplexArray) -> Si
     level = _rms(silent.outputs - between @ silent.inputs)
     noise = None
     if silent.scatter_freedom:
+        # The part that periods differ by is noise; the rest of the level repeats, and is distortion.
         scatter = silent.output_scatter - between @ silent.input_scatter
         noise = np.sqrt((np.abs(scatter) ** 2).sum(axis=1).mean(axis=(0, -1)) / silent.scatter_freedom)
     error = interpolation_error(lines, response, silent.lines)
     power = (np.abs(silent.inputs) ** 2).mean(axis=(0, -1))
-    doubt = np.sqrt(np.einsum("foi,fi->fo", error**2, power))
-    return SilentLevels(level, None if noise is None else np.asarray(noise), np.asarray(doubt))
+    by_error = np.sqrt(np.einsum("foi,fi->fo", error**2, power))
+    return SilentLevels(level, None if noise is None else np.asarray(noise), np.asarray(by_error))
 
 
 def interpolate_response(lines: Lines, response: ComplexArray, wanted: Lines) -> ComplexArray:
@@ -74,6 +74,7 @@ def interpolate_response(lines: Lines, response: ComplexArray, wanted: Lines) ->
     if not len(wanted) or len(lines) < 2:
         return np.broadcast_to(response[:1], (len(wanted), *response.shape[1:])).copy()
     inside = np.log(np.clip(wanted, lines[0], lines[-1]))
+    # Monotone cubics of real and imaginary part: no overshoot beside a resonance.
     parts = PchipInterpolator(np.log(lines), np.stack([response.real, response.imag], axis=-1))(inside)
     return np.asarray(parts[..., 0] + 1j * parts[..., 1])
 
@@ -121,6 +122,7 @@ def interpolation_error(lines: Lines, response: ComplexArray, wanted: Lines) -> 
         return np.zeros((len(wanted), *response.shape[1:]))
     error = np.zeros(response.shape)
     for first in (0, 1):
+        # Every second line is left out in turn and guessed from the others, twice as far apart as the lines are.
         kept = np.union1d(np.arange(first, len(lines), 2), [0, len(lines) - 1])
         left = np.setdiff1d(np.arange(len(lines)), kept)
         guess = interpolate_response(lines[kept], response[kept], lines[left])
@@ -163,6 +165,7 @@ def weak_inputs(response: ComplexArray, variance: FloatArray, limit: float) -> B
     Returns:
         (n_freq, n_in).
     """
+    # Odd, so that the median is centred.
     width = max(_AROUND, len(response) // 5) | 1
     size = median_filter(np.abs(response), (width, 1, 1), mode="nearest")
     ratio = np.divide(np.sqrt(variance), size, out=np.full(size.shape, np.inf), where=size > 0)

@@ -35,22 +35,12 @@ class Frf:
             with one realization, or where an estimator has none of its own.
         total_degrees_of_freedom: Complex degrees of freedom behind `total_covariance` (0 if None).
         noise_degrees_of_freedom: The same for `noise_covariance`.
-        sensitivity (n_conf, n_coef, n_freq, n_out, n_in): Derivative of `response` with respect to the
-            relative error of each compensated torque coefficient; n_coef may be 0.
-        coefficient_names: Name of each compensated coefficient.
-        coefficient_relative_std (n_coef,): Standard deviation of its relative error, from the robot file.
-        removed_torque_rms (n_conf, n_in): RMS of the torque that compensation removed [N m].
-        coefficient_offset (n_coef,): How far each coefficient, as it was subtracted, is from the robot file's; None
-            for no distance.
-        uncompensated_response (n_conf, n_freq, n_out, n_in): The response without compensation, or None.
-        law_names: Name of each value of the subtracted torque laws, `<motor>.<value>`.
-        law_values (n_law,): The values, in the units of `robid.robot.friction.VALUES`.
-        law_std (n_law,): Their standard deviations.
+        coefficient_offset: None for no distance.
+        law_names: Each as `<motor>.<value>`, with the values of `robid.robot.friction.VALUES`.
         sampling_period_s: Sampling period of the experiment [s].
         output_channels: What each output is; motions have become accelerations where that was asked for.
         measured_channels: What each output was measured as; the same as `output_channels` where empty.
         input_hold: `zoh` or `band_limited`, see `robid.signals.record.Record`.
-        notes: What the estimator wants the reader to know.
         silent_level: RMS amplitude of `Y - G U` there, see `robid.frf.distortion`.
         silent_interpolation: What the error of interpolating G between the lines may add; a level that does not exceed
             it says nothing.
@@ -231,6 +221,7 @@ class Frf:
         chosen = self.noise_covariance if noise_only else self.covariance
         if chosen is None:
             return np.zeros(self.response.shape)
+        # The diagonal of `input_factor (x) C_v`: element (o, i) has C_v[o, o] times the factor's [i, i].
         rows = np.real(np.diagonal(chosen, axis1=-2, axis2=-1))
         columns = np.real(np.diagonal(self.input_factor, axis1=-2, axis2=-1))
         scale = 1.0 if noise_only else self.element_scale[:, None]
@@ -248,6 +239,7 @@ class Frf:
         """Structured covariance of `vec G`, columns stacked, in one configuration (n_freq, n_out n_in, n_out n_in)."""
         left, right = self.input_factor[configuration], self.covariance[configuration]
         size = left.shape[1] * right.shape[1]
+        # vec stacks columns: the input is the slow index, the output the fast one, as in the Kronecker product.
         product = np.einsum("fij,fop->fiojp", left, right).reshape(-1, size, size)
         root = np.sqrt(self.element_scale[configuration].T.ravel())
         return np.asarray(product * np.outer(root, root))
@@ -264,6 +256,7 @@ class Frf:
 
     def radius_factor(self, level: float) -> float:
         """`error_radius` over an element's standard deviation; 0 where no variance is known."""
+        # F(2, 2 nu) has the closed quantile nu ((1 - p)^(-1/nu) - 1); expm1 and log1p keep its digits for large nu.
         freedom = self.degrees_of_freedom
         return float(np.sqrt(freedom * np.expm1(-np.log1p(-level) / freedom))) if freedom > 0 else 0.0
 
@@ -292,6 +285,7 @@ class Frf:
         amplitude = self.silent_noise if kind == "noise" else self.silent_level
         if amplitude is None or not chosen.any():
             return None
+        # Distortion is smooth over frequency, so that the nearest silent lines stand for an excited one.
         distance = np.abs(self.silent_lines[chosen] - self.lines[:, None])
         nearest = np.argsort(distance, axis=1, kind="stable")[:, :_NEIGHBOURS]
         return np.asarray(np.sqrt((amplitude[:, chosen][:, nearest] ** 2).mean(axis=2)))

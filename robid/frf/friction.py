@@ -17,6 +17,7 @@ from robid.signals.record import Record
 
 def _sensitivity(response: ComplexArray, derivative: ComplexArray, weights: ComplexArray) -> ComplexArray:
     """Derivative (n_coef, n_freq, n_out, n_in) of the response with respect to each motor's each coefficient."""
+    # dU = -dF of the removed torque changes G = Y W by G dF W: by each motor j and coefficient k.
     moved = np.einsum("krfje,rfei->kfji", derivative, weights)
     each = np.einsum("foj,kfji->kjfoi", response, moved)
     return np.asarray(each.reshape(-1, *response.shape))
@@ -24,6 +25,7 @@ def _sensitivity(response: ComplexArray, derivative: ComplexArray, weights: Comp
 
 def _scale_sensitivity(response: ComplexArray) -> ComplexArray:
     """Derivative (n_in, n_freq, n_out, n_in) of the response with respect to each torque's relative error."""
+    # A torque that is really (1 + e) as large divides its column of G by that: dG/de = -G of this column.
     n_in = response.shape[-1]
     return np.asarray(-response * np.eye(n_in)[:, None, None, :])
 
@@ -90,6 +92,7 @@ class FrictionMove:
         gain = self._gain(scales)
         shape = self.response.shape[:-1]
         # All coefficients in one product of matrices per line.
+        # d G(s) / d s_k = G gain D_k gain, from d(A^-1) = -A^-1 dA A^-1 with A = I - sum_k s_k D_k.
         moved = self.response @ gain @ self.share.reshape(*gain.shape[:-1], -1)
         changed = moved.reshape(*shape[:-1], -1, gain.shape[-1]) @ gain
         return np.asarray(np.swapaxes(changed.reshape(*shape, scales.size, -1), -1, -2))
@@ -117,6 +120,7 @@ class MotorFrictionMove:
 
         Its derivative by a coefficient is the column of its motor times its row.
         """
+        # D_k has one row only, so that sum_k s_k D_k is a product of small matrices.
         gain = np.linalg.inv(np.eye(len(self.motors)) - (self.motors * scales) @ self.share)
         return np.asarray(self.response @ gain), np.asarray(self.share @ gain)
 
@@ -138,6 +142,7 @@ def friction_move(frf: Frf) -> FrictionMove:
     Args:
         frf: Measured response; with more outputs than inputs, the shares that fit best, with fewer, the least ones.
     """
+    # S_k = G D_k, solved for D_k in the least squares sense.
     share = np.linalg.pinv(frf.response)[:, None] @ frf.sensitivity
     return FrictionMove(frf.response, np.ascontiguousarray(np.moveaxis(share, 1, 3)))
 

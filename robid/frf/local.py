@@ -34,10 +34,12 @@ def window_correlation(gain: ComplexArray, index: IntArray) -> FloatArray:
     size = np.sqrt((np.abs(weights) ** 2).sum(axis=(1, 2)))
     found: list[FloatArray] = []
     for ahead in range(1, n_freq):
+        # Windows are runs of bins: how far the next one is shifted says which bins both hold.
         shift = index[ahead:, 0] - index[:-ahead, 0]
         correlation = np.zeros(n_freq)
         for step in np.unique(shift[shift < width]):
             first = np.flatnonzero(shift == step)
+            # cov(e_a, e_b) of white bins is the product of both weights, summed over shared bins.
             shared = weights[first, :, step:].conj() * weights[first + ahead, :, : width - step]
             correlation[first] = np.real(shared.sum(axis=(1, 2))) / (size[first] * size[first + ahead])
         if not (shift < width).any():
@@ -68,8 +70,10 @@ def realization_scale(
     weights = gain.reshape(n_freq, n_in, n_real, -1)
     rows = residual.reshape(n_freq, n_real, -1, n_out)
     basis = orthonormal.reshape(n_freq, n_real, rows.shape[2], -1)
+    # What each realization's residuals add to the response, squared; independent rows would add level times kept.
     added = (np.abs(np.einsum("fimk,fmko->fmoi", weights, rows, optimize=True)) ** 2).sum(axis=1)
     own = (np.abs(weights) ** 2).sum(axis=(2, 3))
+    # Residuals lack what the fit took out: the share of a realization's weights that lies in its column space.
     kept = own - (np.abs(np.einsum("fimk,fmkq->fimq", weights, basis, optimize=True)) ** 2).sum(axis=(2, 3))
     level = np.real(np.diagonal(covariance, axis1=1, axis2=2))
     expected = level[:, :, None] * kept[:, None, :]
@@ -140,8 +144,7 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
         DataError: If the bins around hardly any line determine the model.
 
     Source:
-        Pintelon and Schoukens (2012), System Identification, 2nd ed., ch. 7; McKelvey and Guerin (2012), IFAC
-        SYSID (rational); docs/methods, sec. 4.
+        Pintelon and Schoukens (2012), ch. 7; McKelvey and Guerin (2012), IFAC SYSID (rational); docs/methods, sec. 4.
     """
     n_in, n_power = blocks.inputs.shape[2], options.local_order + 1
     inputs, outputs = windows.rows(blocks.inputs), windows.rows(blocks.outputs)
@@ -149,22 +152,22 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
     regressor = inputs if blocks.reference is None else windows.rows(blocks.reference)
     explained = np.concatenate([inputs, outputs], axis=-1) if indirect else outputs
     powers = windows.offset[:, :, None] ** np.arange(n_power)
+    # The transient is a polynomial of each experiment: projecting it out spares its coefficients (Frisch and Waugh).
     silence = _transient_projection(powers) if options.estimator == "local" else None
-    columns = _products(powers, regressor)
-    fit = _Fit(_flat(columns, silence), n_in)
+    fit = _Fit(_flat(_products(powers, regressor), silence), n_in)
     if not fit.determined.all():
         return replace(local_fit(blocks, windows.at(fit.determined), options), determined=fit.determined)
     observed = _flat(explained, silence)
+    # Each experiment's transient, each input's numerator, and the denominator take their coefficients' freedom.
     own = regressor.shape[1] * n_power * (silence is not None)
     freedom = float(observed.shape[1] - own - n_power * n_in - options.local_denominator)
     denominator = None
     if options.local_denominator:
-        degrees = np.arange(1, options.local_denominator + 1)
-        products = _flat(_products(windows.offset[:, :, None] ** degrees, explained), silence)
-        denominator = _Denominator(fit, observed, products.reshape(*products.shape[:2], degrees.size, -1))
+        degrees = windows.offset[:, :, None] ** np.arange(1, options.local_denominator + 1)
+        products = _flat(_products(degrees, explained), silence)
+        denominator = _Denominator(fit, observed, products.reshape(*products.shape[:2], degrees.shape[-1], -1))
         observed = observed + denominator.change
-    n_real = blocks.inputs.shape[0]
-    found = _estimate(fit, observed, denominator, freedom, n_in, n_real, windows, indirect=indirect)
+    found = _estimate(fit, observed, denominator, freedom, n_in, len(blocks.inputs), windows, indirect=indirect)
     return found if silence is None else replace(found, hidden=_hidden(_products(powers, inputs), silence, n_in))
 
 
@@ -191,14 +194,17 @@ def _estimate(
     indirect: bool,
 ) -> LocalEstimate:
     """Reads the response off a fit; of an indirect one the first observations are the inputs."""
+    # At the line itself the offset is zero: the model there is its constant coefficient.
     centre, output = fit.centre(observed, n_in), fit.residual(observed)
     turn = np.eye(n_in)[None].astype(complex)
     response = np.swapaxes(centre, 1, 2)
     if indirect:
+        # Both sides are fitted to the reference: G = (Y/R) (U/R)^-1.
         turn = np.linalg.inv(centre[..., :n_in])
         response = np.swapaxes(turn @ centre[..., n_in:], 1, 2)
         output = _output_part(output, response, n_in)
     gain = turn @ fit.gain(n_in)
+    # Residuals over the freedom that coefficients and transients leave.
     covariance = np.einsum("fro,frp->fop", output, output.conj()) / freedom
     scale = realization_scale(gain, output, fit.orthonormal, covariance, n_real)
     if denominator is not None:
@@ -215,7 +221,9 @@ class _Fit:
     """Least squares of all lines at once by QR."""
 
     def __init__(self, columns: ComplexArray, n_in: int) -> None:
+        # QR instead of normal equations, which would square the condition.
         self.orthonormal, self._triangle = np.linalg.qr(columns)
+        # Columns of one input over their largest size, so that units of inputs do not enter the condition.
         size = np.linalg.norm(self._triangle, axis=1).reshape(len(columns), -1, n_in).max(axis=1)
         divisor = np.where(size > 0, size, 1.0)
         scaled = self._triangle / np.tile(divisor, columns.shape[2] // n_in)[:, None]
@@ -254,11 +262,13 @@ class _Denominator:
     def __init__(self, fit: _Fit, observed: ComplexArray, products: ComplexArray) -> None:
         self._fit, self._products = fit, products
         flat = products.reshape(*products.shape[:2], -1)
+        # The numerator is eliminated: only what it leaves of (D - 1) Y tells the denominator.
         left, moved = fit.residual(observed), fit.residual(flat).reshape(products.shape)
         rest = left
         # The weights settle after one step; noise-free outputs keep a floor.
         for _ in range(2):
             variance = np.mean(np.abs(rest) ** 2, axis=1) + 1e-24 * np.mean(np.abs(observed) ** 2, axis=1)
+            # Each output weighs by its own residual's variance, as all share one denominator.
             weighted = moved.conj() / variance[:, None, None]
             self._normal = np.einsum("frso,frto->fst", weighted, moved)
             self._coefficients = -np.linalg.solve(self._normal, np.einsum("frso,fro->fs", weighted, left)[..., None])
@@ -306,6 +316,7 @@ def _element_scale(
     moved: ComplexArray, denominator: ComplexArray, gain: ComplexArray, covariance: ComplexArray
 ) -> FloatArray:
     """Variance (n_out, n_in) with that of the denominator, over the product's, mean over the lines."""
+    # Variance through the denominator: its sensitivity times its covariance, to first order.
     added = np.real(np.einsum("fsio,fst,ftio->foi", moved, denominator, moved.conj()))
     rows = np.real(np.diagonal(covariance, axis1=1, axis2=2))
     product = rows[:, :, None] * (np.abs(gain) ** 2).sum(axis=2)[:, None]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -90,6 +91,7 @@ def judge(frf: Frf) -> Quality:
     """Says how well a response is known."""
     size = np.abs(known_response(frf))
     columns = np.sqrt(np.real(np.diagonal(frf.input_factor, axis1=-2, axis2=-1)))
+    # Over the input factor's root: the input that gives the best known response, not the largest one.
     reach = np.nan_to_num(size / np.maximum(columns, np.finfo(float).tiny)[..., None, :])
     strongest = reach.argmax(axis=-1)
     unknown = np.full(size.shape[:3], np.nan)
@@ -168,6 +170,14 @@ def driving_points(frf: Frf) -> DrivingPoints:
     )
 
 
+def _share_outside(phase: FloatArray, omega: FloatArray, margin: FloatArray, used: BoolArray, delay_s: float) -> float:
+    """Share of the lines at which the median motor would make energy if the delay were this."""
+    # sin(phase) < 0 of acceleration per torque is a negative real part of speed per torque: energy comes out.
+    outside = (np.sin(phase + delay_s * omega) < -margin) & used
+    shares = np.sort(outside.sum(axis=(0, 1)) / used.sum(axis=(0, 1)))
+    return float(shares[(shares.size - 1) // 2])
+
+
 def undeclared_delay(points: DrivingPoints, declared_s: float) -> float | None:
     """Finds the least delay with which motors absorb energy at all lines, where the declared one falls far short.
 
@@ -188,6 +198,7 @@ def undeclared_delay(points: DrivingPoints, declared_s: float) -> float | None:
         A driving point of a passive structure is positive real.
     """
     ratio = np.full(points.response.shape, np.inf) if points.signal_to_noise is None else points.signal_to_noise
+    # Phase noise of a response is 1 / sqrt(2 SNR) radians; three of these and ten degrees may lead out.
     margin = _OUTSIDE + _DEVIATIONS / np.sqrt(2 * np.maximum(ratio, 1e-3))
     used = margin < _FARTHEST
     enough = used.sum(axis=(0, 1)) >= _LEAST_LINES
@@ -196,17 +207,16 @@ def undeclared_delay(points: DrivingPoints, declared_s: float) -> float | None:
     if seen.size < 2 or seen.max() < _LEAST_BAND * seen.min():
         return None
     omega = 2 * np.pi * points.frequency_hz[:, None]
+    # The hold lags by half a period, which is no delay of the drive.
     phase = np.angle(points.response[:, :, enough]) + 0.5 * (points.hold_period_s or 0.0) * omega
 
-    def share_outside(delay_s: float) -> float:
-        outside = (np.sin(phase + delay_s * omega) < -margin) & used
-        shares = np.sort(outside.sum(axis=(0, 1)) / used.sum(axis=(0, 1)))
-        return float(shares[(shares.size - 1) // 2])
-
+    share_outside = partial(_share_outside, phase, omega, margin, used)
     usual = declared_s + FEW_SAMPLES * points.sampling_period_s
     if share_outside(usual) < _CLEARLY or share_outside(declared_s) < _CLEARLY:
         return None
+    # Beyond a quarter turn from line to line the phases of neighbours say nothing of a delay.
     reach = min(_LONGEST_S, 0.25 / float(np.median(np.diff(np.sort(seen)))))
+    # A step turns the highest line by five degrees at most, so that no admissible delay is passed over.
     tried = np.arange(declared_s, declared_s + reach, _STEP / float(seen.max())).tolist()
     found = next((delay for delay in tried if share_outside(delay) <= _ALLOWED), None)
     return found if found is not None and found > usual else None

@@ -76,6 +76,7 @@ def half_width(options: EstimateOptions, n_exp: int, n_in: int, n_out: int, segm
         DataError: If the width that was set leaves no freedom.
     """
     short = options.estimator == "local"
+    # A transient polynomial takes its coefficients from each experiment, the response's from all together.
     own = (options.local_order + 1) * short
     common = (options.local_order + 1) * n_in + options.local_denominator
     needed = own + (common + (n_out if short else max(n_out, common))) / n_exp
@@ -106,6 +107,7 @@ def bin_windows(lines: IntArray, half: int, highest: int) -> tuple[IntArray, Win
         DataError: If the windows do not fit.
     """
     _check_fit(highest - 1, half, "bins")
+    # Windows shift inwards at the ends of the band; the line is then not in the middle.
     window = np.clip(lines - half, 1, highest - 2 * half - 1)[:, None] + np.arange(2 * half + 1)
     bins = np.unique(window)
     return bins, _windows(bins, np.searchsorted(bins, window), np.searchsorted(bins, lines))
@@ -170,6 +172,7 @@ class Spectra:
             return spectrum
         if not record.is_arbitrary:
             return spectrum[:, self.windows.lines]
+        # An arbitrary signal has a random size at each bin: its power is that of the window.
         power = (np.abs(spectrum[:, self.windows.index]) ** 2).mean(axis=2)
         return np.asarray(np.exp(1j * np.angle(spectrum[:, self.windows.lines])) * np.sqrt(power))
 
@@ -189,6 +192,7 @@ def read_spectra(
     transform = partial(record_blocks, with_reference=options.estimator in READS_REFERENCE, accelerations=accelerations)
     blocks = transform(record, lines)
     removed = _removed(record, lines, laws, delay_s)
+    # Silent and excited lines are transformed together: the torque laws run over all samples once.
     silent = _without(blocks, removed).select(np.arange(n_freq, len(lines)))
     blocks, removed, windows = blocks.select(np.arange(n_freq)), removed.select(np.arange(n_freq)), None
     if options.estimator == "robust_local":

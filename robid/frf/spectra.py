@@ -73,16 +73,8 @@ def record_blocks(
     inputs, input_scatter = _mean_and_scatter(record.inputs[0], lines, beside)
     outputs, output_scatter = _mean_and_scatter(record.outputs[0], lines, beside, factor)
     injected = record.reference if with_reference else None
-    reference = None if injected is None else line_amplitudes(injected[0], lines)
-    return Blocks(
-        lines=lines,
-        inputs=inputs,
-        outputs=outputs,
-        reference=None if reference is None else _experiments_last(reference),
-        input_scatter=input_scatter,
-        output_scatter=output_scatter,
-        scatter_freedom=record.inputs.shape[3] - 1,
-    )
+    reference = None if injected is None else _experiments_last(line_amplitudes(injected[0], lines))
+    return Blocks(lines, inputs, outputs, reference, input_scatter, output_scatter, record.inputs.shape[3] - 1)
 
 
 def line_amplitudes(samples: FloatArray, lines: IntArray) -> ComplexArray:
@@ -99,6 +91,7 @@ def line_amplitudes(samples: FloatArray, lines: IntArray) -> ComplexArray:
 @functools.lru_cache(maxsize=8)
 def _dft_rows(n_sample: int, lines: bytes, dtype: str) -> FloatArray:
     """Real and imaginary rows (2 n_lines, n_sample) of the DFT, over the number of samples."""
+    # Whole turns off first, so that large products of line and sample keep their digits.
     turns = np.outer(np.frombuffer(lines, dtype), np.arange(n_sample)) % n_sample / n_sample
     return np.concatenate([np.cos(2 * np.pi * turns), -np.sin(2 * np.pi * turns)]) / n_sample
 
@@ -167,8 +160,10 @@ def _mean_and_scatter(
     n_period, chosen = samples.shape[2], lines - lines.min()
     band = _band(samples, int(lines.min()), int(lines.max()), drifts=factor is not None)
     plain = band[..., 1:-1, :]
+    # Hann window by neighbours in frequency; sqrt(1.5) makes white noise as large as without.
     hann = (plain - 0.5 * (band[..., :-2, :] + band[..., 2:, :])) / np.sqrt(1.5)
     scale = np.ones(1) if factor is None else factor
+    # One part in P + 1 of plain deviations holds the leakage that is left in the mean; see above.
     share = np.where(beside, 1.0, 1 / (n_period + 1))[:, None]
     scatter = [
         (each - each.mean(axis=2, keepdims=True))[..., chosen, :] * (scale * np.sqrt(part / n_period))
@@ -186,6 +181,7 @@ def _band(samples: FloatArray, first: int, last: int, *, drifts: bool) -> Comple
     spectrum = rfft(samples, axis=-2, norm="forward")
     band = spectrum[..., lines, :]
     if drifts and n_period > 1:
+        # A ramp from mean to mean of the periods is taken off: drift would leak over all lines.
         per_period = np.gradient(spectrum[..., 0, :].real, axis=2)
         band = band - per_period[..., None, :] * rfft(ramp_of_period(n_sample), axis=0, norm="forward")[lines]
     beyond = [(0, 0)] * (band.ndim - 2) + [(int(first == 0), int(last == end)), (0, 0)]
@@ -212,13 +208,13 @@ def robust_blocks(record: Record, lines: IntArray, options: EstimateOptions, *, 
         DataError: If the record holds one period only, or fewer bins than the window needs.
 
     Source:
-        Pintelon, Schoukens, Vandersteen and Barbe (2010), Mechanical Systems and Signal Processing 24(3) (robust
-        method).
+        Pintelon, Schoukens, Vandersteen and Barbe (2010), MSSP 24(3), robust method.
     """
     periods, n_sample = record.inputs.shape[3:5]
     half_width = options.local_order + 1 if options.local_half_width_lines is None else options.local_half_width_lines
     _check(periods, n_sample, half_width, options.local_order)
     long, bins = record.as_one_period(), lines * periods
+    # Bins between the lines hold transient and noise only: the excitation has none there.
     window = _silent_bins(bins, periods, half_width, periods * n_sample // 2)
     smooth = _Smooth((window - bins[:, None]) / (half_width * periods), options.local_order)
     both = np.concatenate([bins[:, None], window], axis=1)
@@ -227,16 +223,10 @@ def robust_blocks(record: Record, lines: IntArray, options: EstimateOptions, *, 
     motion = line_amplitudes(long.outputs[0, :, :, 0], both.ravel())
     factor = output_factor(long, both.ravel(), accelerations=accelerations)
     outputs, output_scatter = smooth.split(motion * factor)
-    reference = None if record.reference is None else line_amplitudes(record.reference[0], lines)
-    return Blocks(
-        lines=lines,
-        inputs=inputs,
-        outputs=outputs,
-        reference=None if reference is None else np.moveaxis(reference, 1, -1),
-        input_scatter=input_scatter,
-        output_scatter=output_scatter,
-        scatter_freedom=2 * half_width - options.local_order - 1,
-    )
+    reference = None if record.reference is None else _experiments_last(line_amplitudes(record.reference[0], lines))
+    # 2 half_width bins, of which the polynomial's coefficients take order + 1.
+    freedom = 2 * half_width - options.local_order - 1
+    return Blocks(lines, inputs, outputs, reference, input_scatter, output_scatter, freedom)
 
 
 class _Smooth:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TypedDict
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from robid.robot.description import Robot
 from robid.robot.linearize import Equilibrium, LinearModel, Shifts, gravity_torque, linearize
 from robid.robot.model import ElasticModel, build_model
 from robid.robot.response import ElasticParameters, Response, fast_limit, mass_matrix
-from robid.robot.rest import Moves, Springs, SpringSlopes, settle_springs, spring_slopes
+from robid.robot.rest import MatrixSlopes, Moves, Springs, SpringSlopes, settle_springs, spring_slopes
 
 _STEP_RAD = 1e-3
 _STEP_M = 1e-3
@@ -39,17 +38,13 @@ def expand(
         The same with `rest.moves`, by central differences in MuJoCo.
     """
     chosen = np.zeros(0, int) if located is None else located
-    n_motor = len(model.motor)
-    to_rest = model.to_spring[:, n_motor:]
-    pairs = []
-    for index in range(to_rest.shape[1]):
-        sides = [
-            replace(equilibrium, position=equilibrium.position + step * to_rest[:, index]) for step in _sides(_STEP_RAD)
-        ]
+    to_rest = model.to_spring[:, len(model.motor) :]
+    pairs, torques = [], []
+    for moved in to_rest.T:
+        sides = [replace(equilibrium, position=equilibrium.position + step * moved) for step in _sides(_STEP_RAD)]
         pairs.append([linearize(model, side, output_names) for side in sides])
-    torques = []
     for element in chosen.tolist():
-        models = [build_model(moved_spring(model.robot, element, step)) for step in _sides(_STEP_M)]
+        models = [build_model(_moved_spring(model.robot, element, step)) for step in _sides(_STEP_M)]
         pairs.append([linearize(each, equilibrium, output_names) for each in models])
         behind, ahead = (gravity_torque(each, equilibrium.position) @ to_rest for each in models)
         torques.append((ahead - behind) / (2 * _STEP_M))
@@ -76,8 +71,8 @@ def shifts_between(
     return Shifts(amounts=amounts, torque=torque, **_slopes(pairs, width))
 
 
-def moved_spring(robot: Robot, element: int, by_m: float) -> Robot:
-    """Returns the robot with one element of its springs' flattened locations moved."""
+def _moved_spring(robot: Robot, element: int, by_m: float) -> Robot:
+    """The robot with one element of its springs' flattened locations moved."""
     spring = robot.springs[element // 3]
     point = spring.point_m + by_m * np.eye(3)[element % 3]
     return with_springs_at(robot, {spring.name: point})
@@ -93,20 +88,12 @@ def _sides(step: float) -> tuple[float, float]:
     return -step, step
 
 
-class _Slopes(TypedDict):
-    mass: FloatArray
-    gravity_stiffness: FloatArray
-    output: FloatArray
-    tilt: FloatArray
-
-
-def _slopes(pairs: Sequence[Sequence[LinearModel]], width: FloatArray) -> _Slopes:
-    return _Slopes(
-        mass=_differences([[_whole_mass(side) for side in pair] for pair in pairs], width),
-        gravity_stiffness=_differences([[side.gravity_stiffness for side in pair] for pair in pairs], width),
-        output=_differences([[side.output for side in pair] for pair in pairs], width),
-        tilt=_differences([[side.tilt for side in pair] for pair in pairs], width),
-    )
+def _slopes(pairs: Sequence[Sequence[LinearModel]], width: FloatArray) -> dict[str, FloatArray]:
+    """Central differences of everything that `MatrixSlopes` has."""
+    found = {"mass": _differences([[_whole_mass(side) for side in pair] for pair in pairs], width)}
+    for name in ("gravity_stiffness", "output", "tilt"):
+        found[name] = _differences([[getattr(side, name) for side in pair] for pair in pairs], width)
+    return found
 
 
 def _whole_mass(linear: LinearModel) -> FloatArray:
@@ -229,7 +216,7 @@ def _rest_columns(
     return columns
 
 
-def _move_columns(parameters: ElasticParameters, result: Response, moves: Moves | Shifts) -> ComplexArray:
+def _move_columns(parameters: ElasticParameters, result: Response, moves: MatrixSlopes) -> ComplexArray:
     """Derivatives (n_conf, n_freq, n_out, n_in, n_move) along displacements of the rest, or amounts of doubts."""
     model, square = result.model, result.omega**2
     columns = _inertia_columns(model, parameters, result, moves.mass)

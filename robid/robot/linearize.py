@@ -11,7 +11,7 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.robot.description import HarmonicBalance, Sensor
 from robid.robot.model import ElasticModel, site_name
-from robid.robot.rest import Rest
+from robid.robot.rest import MatrixSlopes, Rest
 from robid.robot.spring_laws import GearEffects
 from robid.signals.quantities import Rate
 
@@ -39,23 +39,15 @@ class Equilibrium:
 
 
 @dataclass(frozen=True)
-class Shifts:
-    """How the linearised matrices move with what a robot file may have wrong, to first order.
+class Shifts(MatrixSlopes):
+    """How the linearised matrices move with nuisance parameters, what a robot file may have wrong, to first order.
 
     Attributes:
         amounts (n_doubt,): With which the robot was linearised, zero where the file is right.
-        mass (n_conf, n_doubt, n, n): Derivative of the whole inertia matrix.
-        gravity_stiffness (n_conf, n_doubt, n, n): Of the symmetrised gradient of gravity.
-        output (n_conf, n_doubt, n_out, n): Of the outputs.
-        tilt (n_conf, n_doubt, n_out, n): Of gravity's part of the outputs.
         torque (n_doubt, n_joint): Of the logarithm of the torque that a motor gives per torque recorded.
     """
 
     amounts: FloatArray
-    mass: FloatArray
-    gravity_stiffness: FloatArray
-    output: FloatArray
-    tilt: FloatArray
     torque: FloatArray
 
 
@@ -162,15 +154,10 @@ def linearize(
         output_names: Outputs: a joint's name is its motor angle, `<joint>.arm` its arm angle, others are the
             robot's sensors; by default all motors.
 
-    Returns:
-        Constant matrices of all configurations.
-
     Source:
         Wernholt and Moberg (2008), sec. 5; docs/methods, sec. 1.
     """
-    data = mujoco.MjData(model.mujoco)
-    to_spring = model.to_spring
-    axial = axial_inertia(model)
+    data, to_spring, axial = mujoco.MjData(model.mujoco), model.to_spring, axial_inertia(model)
     masses, gravities, links, outputs = [], [], [], []
     names = output_names or tuple(joint.name for joint in model.robot.joints)
     factor = model.varying.factors(equilibrium.position)
@@ -179,32 +166,35 @@ def linearize(
         if model.varying:
             load = load + _varying_gradient(model, equilibrium, row, factor[row])
         gravities.append(to_spring.T @ load @ to_spring)
-        mass, moves = _inertia(model, data, position)
-        moves = moves @ to_spring
+        mass, moves = _inertia(model, data, position, to_spring)
         links.append((moves[..., :, None] * moves[..., None, :]).sum(axis=1))
         outputs.append(_in_springs(model, names, _outputs(model, data, names), to_spring))
         masses.append(to_spring.T @ mass @ to_spring - np.einsum("l,lij->ij", axial, links[-1]))
-    n_motor = len(model.motor)
-    gravity = np.array(gravities)
     return LinearModel(
         mass=np.array(masses),
-        gravity_stiffness=gravity,
+        gravity_stiffness=np.array(gravities),
         link_inertia=np.array(links),
-        output=np.array([output for output, _ in outputs]),
-        tilt=np.array([tilt for _, tilt in outputs]),
+        output=np.array(outputs)[:, 0],
+        tilt=np.array(outputs)[:, 1],
         arm=to_spring[model.arm],
         rotor=model.robot.motor_inertia_kgm2,
         axial=axial,
-        rest=Rest(
-            deflection=equilibrium.deflection,
-            torque=equilibrium.spring_torque,
-            gradient=gravity[:, n_motor:, n_motor:],
-            location=model.robot.spring_points_m,
-            power=np.zeros((len(gravity), 0, len(model.robot.springs))),
-            omega=np.zeros(0),
-            shape=np.ones((len(gravity), len(model.robot.springs))),
-            factor=factor,
-        ),
+        rest=_rest(model, equilibrium, np.array(gravities), factor),
+    )
+
+
+def _rest(model: ElasticModel, equilibrium: Equilibrium, gravity: FloatArray, factor: FloatArray) -> Rest:
+    """Where the springs rest, without any excitation that lets them swing."""
+    n_motor = len(model.motor)
+    return Rest(
+        deflection=equilibrium.deflection,
+        torque=equilibrium.spring_torque,
+        gradient=gravity[:, n_motor:, n_motor:],
+        location=model.robot.spring_points_m,
+        power=np.zeros((len(gravity), 0, len(model.robot.springs))),
+        omega=np.zeros(0),
+        shape=np.ones((len(gravity), len(model.robot.springs))),
+        factor=factor,
     )
 
 
@@ -309,8 +299,10 @@ def gravity_gradient(model: ElasticModel, data: mujoco.MjData, position: FloatAr
     return np.asarray(gradient)
 
 
-def _inertia(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Inertia matrix without rotors, and the rates (n_joint, 3, n_dof) whose squares each link's inertia multiplies.
+def _inertia(
+    model: ElasticModel, data: mujoco.MjData, position: FloatArray, to_spring: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Inertia matrix without rotors, and the rates (n_joint, 3, n) whose squares each link's inertia multiplies.
 
     These are its rotation rate about its joint axis, and two zeros; where it slides, the speed of its centre of mass.
     """
@@ -330,7 +322,7 @@ def _inertia(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> 
             continue
         mujoco.mj_jacBody(model.mujoco, data, None, rotation, body)
         rates[row, 0] = frame[:, 2] @ rotation
-    return mass, rates
+    return mass, rates @ to_spring
 
 
 def axial_inertia(model: ElasticModel) -> FloatArray:

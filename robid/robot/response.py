@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.robot.description import Robot
-from robid.robot.linearize import LinearModel, Shifts
-from robid.robot.rest import Moves, Springs, SpringValues, settle_springs
+from robid.robot.linearize import LinearModel
+from robid.robot.rest import MatrixSlopes, Springs, SpringValues, settle_springs
 from robid.robot.sampling import Folding, hold_factor, make_folding
 
 
@@ -156,16 +157,12 @@ def _continuous(
 def at_rest(model: LinearModel, parameters: ElasticParameters) -> tuple[LinearModel, Springs]:
     """Returns the linear model where the parameters let it rest, to first order, and its springs there."""
     model = _shifted(model, parameters)
-    if not parameters.cubic.any() and model.rest.moves is None:
-        rest = model.rest
+    rest = model.rest
+    if not parameters.cubic.any() and rest.moves is None:
         stiffness = rest.factor * parameters.stiffness
         return model, Springs(stiffness, rest.deflection, np.zeros((len(stiffness), 0)))
-    springs = settle_springs(model.rest, parameters.springs)
-    moves = model.rest.moves
-    if moves is None:
-        return model, springs
-    by = springs.displacement
-    return _along(model, moves, by), springs
+    springs = settle_springs(rest, parameters.springs)
+    return (model if rest.moves is None else _along(model, rest.moves, springs.displacement)), springs
 
 
 def _shifted(model: LinearModel, parameters: ElasticParameters) -> LinearModel:
@@ -177,19 +174,13 @@ def _shifted(model: LinearModel, parameters: ElasticParameters) -> LinearModel:
     return replace(_along(model, shifts, by), shifts=replace(shifts, amounts=parameters.doubt))
 
 
-def _along(model: LinearModel, slopes: Moves | Shifts, by: FloatArray) -> LinearModel:
+def _along(model: LinearModel, slopes: MatrixSlopes, by: FloatArray) -> LinearModel:
     """The model some way (n_conf, n_slope) along its slopes."""
-    return replace(
-        model,
-        mass=_moved(model.mass, slopes.mass, by),
-        gravity_stiffness=_moved(model.gravity_stiffness, slopes.gravity_stiffness, by),
-        output=_moved(model.output, slopes.output, by),
-        tilt=_moved(model.tilt, slopes.tilt, by),
-    )
-
-
-def _moved(matrix: FloatArray, slopes: FloatArray, displacement: FloatArray) -> FloatArray:
-    return np.asarray(matrix + np.einsum("cm,cmij->cij", displacement, slopes))
+    moved: dict[str, Any] = {
+        each.name: getattr(model, each.name) + np.einsum("cm,cmij->cij", by, getattr(slopes, each.name))
+        for each in fields(MatrixSlopes)
+    }
+    return replace(model, **moved)
 
 
 def motion_matrices(

@@ -13,22 +13,31 @@ _NEWTON_TOLERANCE = 1e-13
 
 
 @dataclass(frozen=True)
-class Moves:
-    """First derivatives of the linearised matrices along the spring deflections, then along spring locations.
+class MatrixSlopes:
+    """First derivatives of the linearised matrices along some moves.
 
     Attributes:
         mass (n_conf, n_move, n, n): Of the whole inertia matrix.
         gravity_stiffness (n_conf, n_move, n, n): Of the symmetrised gradient of gravity.
         output (n_conf, n_move, n_out, n): Of the outputs.
         tilt (n_conf, n_move, n_out, n): Of gravity's part of the outputs.
-        torque (n_conf, n_location, n_spring): Of gravity's torque on the springs, deflections held, along locations.
-        located (n_location,): Which elements of the flattened locations these are.
     """
 
     mass: FloatArray
     gravity_stiffness: FloatArray
     output: FloatArray
     tilt: FloatArray
+
+
+@dataclass(frozen=True)
+class Moves(MatrixSlopes):
+    """Derivatives along the spring deflections, then along spring locations.
+
+    Attributes:
+        torque (n_conf, n_location, n_spring): Of gravity's torque on the springs, deflections held, along locations.
+        located (n_location,): Which elements of the flattened locations these are.
+    """
+
     torque: FloatArray
     located: IntArray
 
@@ -168,25 +177,12 @@ def spring_slopes(rest: Rest, values: SpringValues, springs: Springs) -> dict[st
         springs: What `settle_springs` found for them.
     """
     values = _here(rest, values)
-    d, k1, k3 = springs.deflection, values.stiffness, values.cubic
+    d, k1 = springs.deflection, values.stiffness
     n = d.shape[1]
     ratio = springs.stiffness / k1
     swing = swing_of(rest, values, springs.stiffness)
     matrix = _equations(rest, values, d, ratio, swing, _shift(rest, values))[1]
-    torque = np.zeros((*d.shape, values.location.size))
-    if rest.moves is not None:
-        torque[:, :, rest.moves.located] = np.swapaxes(rest.moves.torque, 1, 2)
-    mean_square = d**2 + rest.shape * swing.variance
-    right = {
-        # The ratio's own equation holds `k1` below the cubic coefficient and in the slope that it stands for.
-        "stiffness": (
-            _diagonal(d + 3 * k3 * d * swing.by_stiffness * ratio),
-            _diagonal(3 * k3 / k1**2 * mean_square - 3 * k3 / k1 * rest.shape * swing.by_stiffness * ratio),
-        ),
-        "cubic": (_diagonal(d**3 + 3 * swing.variance * d), _diagonal(-3 / k1 * mean_square)),
-        "damping": (_diagonal(3 * k3 * d * swing.by_damping), _diagonal(-3 * k3 / k1 * rest.shape * swing.by_damping)),
-        "location": (torque, np.zeros_like(torque)),
-    }
+    right = _parameter_columns(rest, values, d, ratio, swing)
     slopes = {}
     for kind, (force, own) in right.items():
         moved = -np.linalg.solve(matrix, np.concatenate([force, own], axis=1))
@@ -197,6 +193,27 @@ def spring_slopes(rest: Rest, values: SpringValues, springs: Springs) -> dict[st
             stiffness = stiffness + _diagonal(rest.factor * ratio)
         slopes[kind] = SpringSlopes(stiffness, _displacement_slopes(rest, moved[:, :n], kind))
     return slopes
+
+
+def _parameter_columns(
+    rest: Rest, values: SpringValues, d: FloatArray, ratio: FloatArray, swing: Swing
+) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Derivatives (n_conf, n, n_element) of both of the `_equations`' residuals by each kind of parameter."""
+    k1, k3 = values.stiffness, values.cubic
+    torque = np.zeros((*d.shape, values.location.size))
+    if rest.moves is not None:
+        torque[:, :, rest.moves.located] = np.swapaxes(rest.moves.torque, 1, 2)
+    mean_square = d**2 + rest.shape * swing.variance
+    return {
+        # The ratio's own equation holds `k1` below the cubic coefficient and in the slope that it stands for.
+        "stiffness": (
+            _diagonal(d + 3 * k3 * d * swing.by_stiffness * ratio),
+            _diagonal(3 * k3 / k1**2 * mean_square - 3 * k3 / k1 * rest.shape * swing.by_stiffness * ratio),
+        ),
+        "cubic": (_diagonal(d**3 + 3 * swing.variance * d), _diagonal(-3 / k1 * mean_square)),
+        "damping": (_diagonal(3 * k3 * d * swing.by_damping), _diagonal(-3 * k3 / k1 * rest.shape * swing.by_damping)),
+        "location": (torque, np.zeros_like(torque)),
+    }
 
 
 def swing_of(rest: Rest, values: SpringValues, stiffness: FloatArray) -> Swing:

@@ -83,8 +83,8 @@ def hold_factor(omega: FloatArray, delay_s: float, sampling_period_s: float | No
     return np.asarray(np.sinc(half / np.pi) * np.exp(-1j * half) * lag)
 
 
-def alias_factor(omega: FloatArray, delay_s: float, sampling_period_s: float) -> tuple[ComplexArray, ComplexArray]:
-    """Returns what the fast limit is multiplied by as it folds down (n_freq,), and its derivative by the delay."""
+def _alias_factor(omega: FloatArray, delay_s: float, sampling_period_s: float) -> tuple[ComplexArray, ComplexArray]:
+    """What the fast limit is multiplied by as it folds down (n_freq,), and its derivative by the delay."""
     total = np.zeros(omega.size, complex)
     slope = np.zeros(omega.size, complex)
     for shift in _ALIASES:
@@ -124,11 +124,10 @@ def make_folding(
         if rate or images:
             chosen = np.ones_like(high) if rate else high
             for one, terms in zip(pair, _terms(omega, delay_s, sampling_period_s, rate), strict=True):
-                one.fast[:, columns] = np.where(chosen, terms.fast, 0)[:, None]
-                one.weight[:, :, columns] = np.where(chosen, terms.weight, 0)[..., None]
-                one.tail[:, :, columns] = np.where(chosen, terms.tail, 0)[..., None]
+                for target, factor in zip((one.fast, one.weight, one.tail), terms, strict=True):
+                    target[..., columns] = np.where(chosen, factor, 0)[..., None]
         if rate == 0:
-            for one, factor in zip(pair, alias_factor(omega, delay_s, sampling_period_s), strict=True):
+            for one, factor in zip(pair, _alias_factor(omega, delay_s, sampling_period_s), strict=True):
                 one.fast[:, columns] = np.where(high[:, None], one.fast[:, columns], factor[:, None])
     return pair[0], pair[1]
 
@@ -159,17 +158,8 @@ def _last(period_s: float) -> complex:
     return complex(2 * np.pi / period_s * _LAST)
 
 
-@dataclass(frozen=True)
-class _Terms:
-    """The factors of a `Folding` of one kind of output."""
-
-    fast: ComplexArray
-    weight: ComplexArray
-    tail: ComplexArray
-
-
-def _terms(omega: FloatArray, delay_s: float, period_s: float, rate: int) -> tuple[_Terms, _Terms]:
-    """What folds down onto outputs that were differentiated once or twice, and its derivative by the delay."""
+def _terms(omega: FloatArray, delay_s: float, period_s: float, rate: int) -> list[tuple[ComplexArray, ...]]:
+    """`fast`, `weight` and `tail` of outputs that were differentiated `rate` times, and their derivatives by delay."""
     images, powers = _images(omega, period_s), 1 / _last(period_s) ** np.array([1, 2])
     seen = np.stack([powers.real, powers.imag])
     every = np.concatenate([omega[None], images])
@@ -177,7 +167,7 @@ def _terms(omega: FloatArray, delay_s: float, period_s: float, rate: int) -> tup
     # hold(w_k) = (1 - exp(-j w T)) exp(-j w_k T_d) / (j w_k T): of the power -p of j w_k, all images together are
     sums = _power_sums(omega, delay_s, period_s, 5 - rate)
     common = (1 - np.exp(-1j * omega * period_s)) / period_s * (1j * omega) ** (2 - rate)
-    found = []
+    found: list[tuple[ComplexArray, ...]] = []
     for by_delay in (False, True):
         own = -1j * every * factor if by_delay else factor
         whole = -sums[2 - rate : 5 - rate] if by_delay else sums[3 - rate : 6 - rate]
@@ -185,8 +175,8 @@ def _terms(omega: FloatArray, delay_s: float, period_s: float, rate: int) -> tup
         rest = common * whole - np.stack([(own / (1j * every) ** power).sum(axis=0) for power in range(3)])
         # F_1 / s + F_2 / s^2 = A(s) - F_0 at the last one, real and imaginary part
         tail = np.linalg.solve(seen.T, rest[1:])
-        found.append(_Terms(rest[0] - tail[0], own[1:], tail))
-    return found[0], found[1]
+        found.append((rest[0] - tail[0], own[1:], tail))
+    return found
 
 
 def _power_sums(omega: FloatArray, delay_s: float, period_s: float, highest: int) -> ComplexArray:

@@ -66,23 +66,17 @@ def state_space(
         docs/methods, sec. 1 (Linearisation), in spring coordinates.
     """
     mass, damping, stiffness = motion_matrices(model, parameters, configuration)
-    n, n_motor, output = mass.shape[0], model.n_motor, model.output[configuration]
+    n, n_motor, output = len(mass), model.n_motor, model.output[configuration]
     solved = np.linalg.solve(mass, np.hstack([stiffness, damping, np.eye(n, n_motor)]))
-    back, drive = -solved[:, : 2 * n], solved[:, 2 * n :]
-    none = np.zeros_like(output)
+    back, drive, none = -solved[:, : 2 * n], solved[:, 2 * n :], np.zeros_like(output)
+    states = [(motors, "motor_angle"), (springs, "deflection"), (motors, "motor_speed"), (springs, "deflection_rate")]
     acceleration = output @ back - np.hstack([model.tilt[configuration], none])
-    no_drive = np.zeros((2 * len(output), n_motor))
     return StateSpace(
         A=np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), back]),
         B=np.vstack([np.zeros((n, n_motor)), drive]),
         C=np.vstack([np.hstack([output, none]), np.hstack([none, output]), acceleration]),
-        D=np.vstack([no_drive, output @ drive]),
-        states=(
-            *(f"{name}.motor_angle" for name in motors),
-            *(f"{name}.deflection" for name in springs),
-            *(f"{name}.motor_speed" for name in motors),
-            *(f"{name}.deflection_rate" for name in springs),
-        ),
+        D=np.vstack([np.zeros((2 * len(output), n_motor)), output @ drive]),
+        states=tuple(f"{name}.{state}" for names, state in states for name in names),
         inputs=tuple(f"{name}.torque" for name in motors),
         outputs=tuple(f"{name}.{kind}" for kind in ("angle", "speed", "acceleration") for name in outputs),
     )

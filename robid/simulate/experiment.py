@@ -21,8 +21,8 @@ from robid.simulate.steps import Steps, choose_steps, peak_motor_speed, visited
 from robid.simulate.truth import recorded_torque_factor
 
 
-def further_channels(robot: Robot, names: Sequence[str]) -> tuple[Channel, ...]:
-    """Returns what outputs beyond the motors are: arm angles, and the tool's positions and accelerations."""
+def _further_channels(robot: Robot, names: Sequence[str]) -> tuple[Channel, ...]:
+    """What outputs beyond the motors are: arm angles, and the tool's positions and accelerations."""
     kinds: dict[str, str] = {sensor.name: sensor.kind for sensor in robot.sensors}
     sliding = zip(robot.joints, robot.prismatic.tolist(), strict=True)
     kinds |= {f"{joint.name}.arm": "slide" for joint, slides in sliding if slides}
@@ -181,24 +181,52 @@ def simulate(experiment: SimulatedExperiment, configuration: FloatArray, index: 
             kept = period - experiment.options.transient_periods
             run.period(*((torque[kept], angle[kept]) if kept >= 0 else scrap))
             refuse_explosion(batch, model.robot, configuration, index, f"period {period + 1}")
-    recorded = recorded_torque_factor(experiment.robot, experiment.options.truth)
     offset = np.concatenate([model.robot.motor_per_arm @ configuration, run.rest_outputs])
+    return _record(experiment, model.robot, configuration, torque, angle, offset)
+
+
+def _record(
+    experiment: SimulatedExperiment,
+    robot: Robot,
+    configuration: FloatArray,
+    torque: FloatArray,
+    angle: FloatArray,
+    offset: FloatArray,
+) -> Record:
+    """The record of torques and outputs (n_period, n_sample, n_sim, n_channel)."""
+    n_real, n_exp, n_sample, n_motor = experiment.reference.shape
+    recorded = recorded_torque_factor(experiment.robot, experiment.options.truth)
     shape = (experiment.periods, n_sample, n_real, n_exp)
     names = tuple(joint.name for joint in experiment.robot.joints)
     return Record(
         sampling_period_s=experiment.controller.sampling_period_s,
         configurations=configuration[None],
         inputs=(recorded * torque).reshape(*shape, n_motor).transpose(2, 3, 0, 1, 4)[None],
-        outputs=(angle - offset).reshape(*shape, n_out).transpose(2, 3, 0, 1, 4)[None],
+        outputs=(angle - offset).reshape(*shape, offset.size).transpose(2, 3, 0, 1, 4)[None],
         reference=experiment.reference[None],
         reference_channels=motor_channels(names, INJECTED[experiment.inject]),
         excited_lines=experiment.excited_lines,
         detection_lines=experiment.detection_lines,
         input_channels=motor_channels(names, "torque"),
-        output_channels=(*motor_channels(names, "angle"), *further_channels(model.robot, experiment.outputs)),
+        output_channels=(*motor_channels(names, "angle"), *_further_channels(robot, experiment.outputs)),
         output_offset=offset[None],
-        joint_units=model.robot.joint_units,
+        joint_units=robot.joint_units,
     )
+
+
+def _references(experiment: SimulatedExperiment, reference: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What one period (n_sim, n_sample, n_motor) tells speed, angle and torque (n_sample, n_sim, n_motor)."""
+    told = np.ascontiguousarray(reference.transpose(1, 0, 2))
+    speed = angle = torque = np.zeros_like(told)
+    if experiment.inject == "speed_reference":
+        speed = told
+        integral = angle_reference(reference, experiment.controller.sampling_period_s)
+        angle = np.ascontiguousarray(integral.transpose(1, 0, 2))
+    elif experiment.inject == "position_reference":
+        angle = told
+    else:
+        torque = told
+    return speed, angle if experiment.travel is None else angle + experiment.travel[:, None], torque
 
 
 class _Run:
@@ -215,36 +243,23 @@ class _Run:
         self._experiment, self._batch, self._generator = experiment, batch, generator
         n_sim = batch.nsim
         reference = experiment.reference.reshape(n_sim, *experiment.reference.shape[2:])
-        self._reference = np.ascontiguousarray(reference.transpose(1, 0, 2))
         self._motor, self._turns = model.motor, model.turns
         self.names = experiment.outputs
         self._further = FurtherOutputs(model, batch, experiment.outputs)
         self._varying = VaryingStiffness(model, batch, experiment.controller.sampling_period_s)
-        self._effects = LoadEffects(
-            model, batch, experiment.options.imperfections, experiment.controller.sampling_period_s
-        )
+        flaws, period_s = experiment.options.imperfections, experiment.controller.sampling_period_s
+        self._effects = LoadEffects(model, batch, flaws, period_s)
         self._varying.follow()
         self._effects.follow()
         batch.ctrl[:, : model.motor.size] = rest_torque
         batch.forward()
         self.rest_outputs = self._further.read()[0]
-        self._sensor_noise = self._further.noise_std(experiment.options.imperfections)
-        resolution = self._further.resolution(experiment.options.imperfections)
+        self._sensor_noise = self._further.noise_std(flaws)
+        resolution = self._further.resolution(flaws)
         self._stepped, self._step = np.flatnonzero(resolution), resolution[resolution > 0]
         self._rest = model.motor_angles(batch.qpos)
-        zero = np.zeros_like(self._reference)
-        speed, angle, torque = zero, zero, zero
-        if experiment.inject == "speed_reference":
-            speed = self._reference
-            integral = angle_reference(reference, experiment.controller.sampling_period_s)
-            angle = np.ascontiguousarray(integral.transpose(1, 0, 2))
-        elif experiment.inject == "position_reference":
-            angle = self._reference
-        else:
-            torque = self._reference
-        if experiment.travel is not None:
-            angle = angle + experiment.travel[:, None]
-        self._speed, self._angle, self._torque = speed, self._rest + angle, torque
+        self._speed, angle, self._torque = _references(experiment, reference)
+        self._angle = self._rest + angle
         self._cascade = Cascade(
             experiment.controller,
             experiment.robot.motor_inertia_kgm2,

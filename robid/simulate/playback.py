@@ -16,7 +16,7 @@ from robid.simulate.controller import Cascade
 from robid.simulate.engine import LoadEffects, VaryingStiffness, quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.experiment import encoder_readings
 from robid.simulate.options import Controller, SimulateOptions
-from robid.simulate.steps import settled
+from robid.simulate.steps import choose_steps
 
 _TOOL = "tool_point"
 _BAND = (1e-3, 0.1)  # over the sampling rate: where a step moves the robot
@@ -82,7 +82,8 @@ def play(
     if options.steps_per_sample is None:
         told = np.abs(np.diff(motion.angle, axis=0)).max(axis=(0, 1), initial=0.0) / controller.sampling_period_s
         band_hz = np.geomspace(*_BAND, _BAND_LINES) / controller.sampling_period_s
-        options = settled(robot, controller, options, configuration[None], band_hz, told)
+        needed = choose_steps(robot, controller, options, configuration[None], band_hz, told)
+        options = replace(options, steps_per_sample=needed.count)
     steps = options.steps_per_sample or 1
     model, flaws = true_model(robot, controller, options, sensors=True), options.imperfections
     rest = solve_statics(model, configuration[None])

@@ -104,21 +104,20 @@ def simulate_poses(experiment: PoseExperiment, configuration: FloatArray, index:
     robot = replace(experiment.robot, sensors=(*experiment.robot.sensors, tool_sensor(experiment.arm)))
     model = true_model(robot, experiment.controller, experiment.options, sensors=False)
     loop = _Loop(experiment, model, configuration, index, threads)
-    total = experiment.options.transient_periods + experiment.periods
-    measured = []
+    transient, measured = experiment.options.transient_periods, []
     with quiet_mujoco():
-        for period in range(total):
+        for period in range(transient + experiment.periods):
             shown = loop.period(is_first=period == 0)
             refuse_explosion(loop.batch, experiment.robot, configuration, index, f"period {period + 1}")
-            if period >= experiment.options.transient_periods:
+            if period >= transient:
                 measured.append(shown)
-    n_real, n_exp, n_sample, n_channel = experiment.reference.shape
-    outputs = np.array(measured).reshape(experiment.periods, n_real, n_exp, n_sample, n_channel)
+    n_real, n_exp, *rest = experiment.reference.shape
+    outputs = np.array(measured).reshape(experiment.periods, n_real, n_exp, *rest)
     reference = experiment.reference[:, :, None]
     return Record(
         sampling_period_s=experiment.interface.sampling_period_s,
         configurations=configuration[None],
-        inputs=np.broadcast_to(reference, (n_real, n_exp, experiment.periods, n_sample, n_channel))[None],
+        inputs=np.broadcast_to(reference, (n_real, n_exp, experiment.periods, *rest))[None],
         outputs=outputs.transpose(1, 2, 0, 3, 4)[None],
         excited_lines=experiment.excited_lines,
         input_channels=pose_command_channels(experiment.channels),
@@ -160,9 +159,8 @@ class _Loop:
         self.batch.qpos[:] = rest.position
         self.batch.ctrl[:, : model.motor.size] = rest.motor_torque[0]
         self._varying = VaryingStiffness(model, self.batch, experiment.controller.sampling_period_s)
-        self._effects = LoadEffects(
-            model, self.batch, experiment.options.imperfections, experiment.controller.sampling_period_s
-        )
+        flaws, period_s = experiment.options.imperfections, experiment.controller.sampling_period_s
+        self._effects = LoadEffects(model, self.batch, flaws, period_s)
         self._varying.follow()
         self._effects.follow()
         self.batch.forward()
@@ -237,7 +235,7 @@ class _Loop:
         arms = positions[..., model.arm]
         point, turn = _tool_poses(model, positions)
         # Seen from the carriage of the rail, whose way the rail's own channel has.
-        base = root_pose(arm, arms[..., : arm.external])
+        base = _root_pose(arm, arms[..., : arm.external])
         point, turn = (point - base[0]) @ base[1], base[1].T @ turn
         displaced = displacement(*arm.poses(self._home[arm.external :]), point, turn @ arm.tool_rotation)
         found = channel_motion(arm, channels, self._home, arms)
@@ -256,13 +254,8 @@ class _Loop:
         return np.asarray(np.where(step > 0, np.round(motion / np.where(step > 0, step, 1)) * step, motion))
 
 
-def root_pose(arm: ToolArm, external: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns where the root is in the world: positions (..., 3) [m], and its orientation (3, 3).
-
-    Args:
-        arm: The arm; its external axes slide.
-        external (..., n_external): Their positions [m].
-    """
+def _root_pose(arm: ToolArm, external: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where the root is when external slides are at (..., n_external): (..., 3) [m], and its orientation (3, 3)."""
     point, turn = np.zeros((*external.shape[:-1], 3)), np.eye(3)
     for index, joint in enumerate(arm.robot.joints[: arm.external]):
         point, turn = point + turn @ joint.position_m, turn @ joint.rotation

@@ -63,16 +63,7 @@ def choose_parameters(
     Raises:
         SettingsError: If a kind cannot be designed for, or a fixed name is unknown.
     """
-    wrong = [kind for kind in kinds if kind not in LOGARITHMIC]
-    wrong += [kind for kind in nuisance if kind not in (*LOGARITHMIC, *RESPONSE_NUISANCE)]
-    if wrong:
-        message = f"configurations cannot be designed for {', '.join(wrong)}"
-        raise SettingsError(
-            message, where="design", remedy=f"choose among {', '.join((*LOGARITHMIC, *RESPONSE_NUISANCE))}"
-        )
-    if twice := set(kinds) & set(nuisance):
-        message = f"{', '.join(sorted(twice))} cannot be both wanted and a nuisance"
-        raise SettingsError(message, where="design", remedy="name each kind once")
+    _check_kinds(kinds, nuisance)
     every = (*dict.fromkeys(kinds), *dict.fromkeys(nuisance))
     pairs = [(kind, name) for kind in every for name in element_names(robot, kind) if name is not None]
     unknown = [name for name in fixed if name not in {known for _, known in pairs}]
@@ -85,6 +76,19 @@ def choose_parameters(
     deviation = [np.inf if kind in kinds else known.get(name, np.inf) for kind, name in pairs]
     names = tuple(name for kind, name in pairs if kind in kinds and name not in fixed)
     return ParametersOfInterest(every, columns, names, 1 / np.array(deviation)[columns] ** 2)
+
+
+def _check_kinds(kinds: Sequence[str], nuisance: Sequence[str]) -> None:
+    wrong = [kind for kind in kinds if kind not in LOGARITHMIC]
+    wrong += [kind for kind in nuisance if kind not in (*LOGARITHMIC, *RESPONSE_NUISANCE)]
+    if wrong:
+        message = f"configurations cannot be designed for {', '.join(wrong)}"
+        raise SettingsError(
+            message, where="design", remedy=f"choose among {', '.join((*LOGARITHMIC, *RESPONSE_NUISANCE))}"
+        )
+    if twice := set(kinds) & set(nuisance):
+        message = f"{', '.join(sorted(twice))} cannot be both wanted and a nuisance"
+        raise SettingsError(message, where="design", remedy="name each kind once")
 
 
 def eliminated(matrices: Sequence[FloatArray], precision: FloatArray, count: int) -> list[FloatArray]:
@@ -162,11 +166,6 @@ def candidate_information(
     information = 2 * np.real(rows.conj().swapaxes(1, 2) @ rows)
     matrices = [eliminated([each], wanted.precision, len(wanted.names))[0] for each in information]
     return np.array(matrices), wanted.names
-
-
-def log_slopes(nominal: ElasticParameters, sampling_period_s: float) -> FloatArray:
-    """Scale (n_param,) of each parameter of `KINDS`: its value, or for the nuisance what is natural to it."""
-    return natural_scales(nominal, sampling_period_s, KINDS)
 
 
 def visit_cost_s(robot: Robot, configurations: FloatArray, measuring_s: float, speed_share: float) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -334,14 +335,11 @@ def stability(
         DataError: If a trial's information leaves a combination of parameters unseen.
     """
     kept, efficiency = [], []
+    again = partial(design_configurations, prior=prior, cost=cost, between=between)
+    given = design.configurations, design.parameter_names, options
     often = np.zeros(len(design.configurations))
     for trial in trials:
-        own, other = (
-            design_configurations(
-                each, design.configurations, design.parameter_names, options, prior=prior, cost=cost, between=between
-            )
-            for each in (trial.chosen_by, trial.judged_by)
-        )
+        own, other = (again(each, *given) for each in (trial.chosen_by, trial.judged_by))
         kept.append(np.isin(design.chosen, own.chosen).mean())
         often[own.chosen] += 1 / len(trials)
         apart = np.zeros(len(design.parameter_names)) if between is None else between

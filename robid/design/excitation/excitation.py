@@ -25,6 +25,7 @@ from robid.signals.quantities import Channel
 from robid.signals.waveforms import crest_factor, multisine, orthogonal_matrix, resting_series, slow_motion, time_signal
 
 _PLAYED_SHARE = 1e-6  # Size of a line, relative to the largest, below which it holds only rounding
+_PLANNED = ("speed", "torque", "excursion")
 UNITS = {"speed_reference": "rad/s", "position_reference": "rad", "torque": "N m", "pose_reference": "m, or rad"}
 
 
@@ -83,6 +84,20 @@ class ExcitationPlan:
     def excursion_margin(self) -> FloatArray:
         """Share of the excursion limit (n_conf, n_motor) that is left."""
         return np.asarray(1 - self.excursion_peak / self.excursion_limit)
+
+
+def make_plan(rms: FloatArray, peak: FloatArray, limits: FloatArray, admissible_scale: FloatArray) -> ExcitationPlan:
+    """Makes a plan of speeds, torques and excursions.
+
+    Args:
+        rms (3, n_conf, n_motor): Predicted RMS of each.
+        peak (3, n_conf, n_motor): Predicted peak of each.
+        limits (3, n_motor): Limit of each.
+        admissible_scale (n_conf, n_motor): See `ExcitationPlan`.
+    """
+    kinds = (("rms", rms), ("peak", peak), ("limit", limits))
+    found = {f"{what}_{kind}": each[row] for kind, each in kinds for row, what in enumerate(_PLANNED)}
+    return ExcitationPlan(**found, admissible_scale=admissible_scale)
 
 
 @dataclass(frozen=True)
@@ -194,7 +209,7 @@ def design_excitation(
     Source:
         Wernholt and Moberg (2008), sec. 4.
     """
-    rms = rms_per_motor(options.rms, n_motor)
+    rms = _rms_per_motor(options.rms, n_motor)
     excited, detection = choose_lines(options, sampling_period_s)
     # The vectors are short: on a busy machine BLAS threads would only wait for each other.
     with threadpool_limits(1, user_api="blas"):
@@ -203,16 +218,8 @@ def design_excitation(
         phase = np.array([_phases(options, amplitude, excited, index, turn, loop) for index in range(realizations)])
     spectrum = multisine(amplitude, phase, turn)
     reference = time_signal(spectrum, excited, samples_per_period(options.period_s, sampling_period_s))
-    return Excitation(
-        reference=reference,
-        kind=options.inject,
-        excited_lines=excited,
-        detection_lines=detection,
-        sampling_period_s=sampling_period_s,
-        spectrum=spectrum,
-        rms=rms,
-        crest_factor=crest_factor(reference),
-    )
+    crest = crest_factor(reference)
+    return Excitation(reference, options.inject, excited, detection, sampling_period_s, spectrum, rms, crest)
 
 
 def _amplitude(options: MultisineOptions, rms: FloatArray, n_lines: int, loop: NominalLoop | None) -> FloatArray:
@@ -266,12 +273,8 @@ def _needed(loop: NominalLoop | None) -> NominalLoop:
     return loop
 
 
-def rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
-    """Returns the RMS of each motor's signal (n_motor,).
-
-    Raises:
-        SettingsError: If the values do not fit the motors or are not positive.
-    """
+def _rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
+    """The RMS of each motor's signal (n_motor,)."""
     values = np.full(n_motor, rms, float) if np.ndim(rms) == 0 else np.asarray(rms, float)
     problems = [] if len(values) == n_motor else [f"{len(values)} values for {n_motor} motors"]
     problems += [
@@ -318,14 +321,8 @@ def design_signal(
     amplitude = options.slow_motion_rad_s
     if options.inject == "position_reference":
         amplitude *= options.period_s / (2 * np.pi * options.slow_motion_line)
-    added = slow_motion(
-        amplitude,
-        options.slow_motion_line,
-        realizations,
-        n_motor,
-        excitation.reference.shape[2],
-        np.random.default_rng([options.seed, 3]),
-    )
+    n_sample, generator = excitation.reference.shape[2], np.random.default_rng([options.seed, 3])
+    added = slow_motion(amplitude, options.slow_motion_line, realizations, n_motor, n_sample, generator)
     return replace(excitation, reference=excitation.reference + added)
 
 
@@ -335,20 +332,12 @@ def _design_other(
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     excited, detection = signal_lines(options, sampling_period_s)
     lines, base = _series(options, excited, n_motor, realizations, sampling_period_s)
-    rms = rms_per_motor(options.rms, n_motor)
+    rms = _rms_per_motor(options.rms, n_motor)
     base = base * (rms[:, None] / np.sqrt(np.sum(np.abs(base) ** 2, axis=-1, keepdims=True) / 2))
     block = np.einsum("rik,ie->reki", base, orthogonal_matrix(n_motor))
-    reference = time_signal(block, lines, n_sample)
-    return Excitation(
-        reference=reference,
-        kind=options.inject,
-        excited_lines=excited,
-        detection_lines=detection,
-        sampling_period_s=sampling_period_s,
-        spectrum=block[:, :, np.searchsorted(lines, excited)],
-        rms=rms,
-        crest_factor=crest_factor(reference),
-    )
+    reference, spectrum = time_signal(block, lines, n_sample), block[:, :, np.searchsorted(lines, excited)]
+    crest = crest_factor(reference)
+    return Excitation(reference, options.inject, excited, detection, sampling_period_s, spectrum, rms, crest)
 
 
 def _series(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.design.configurations.candidates import KINDS, log_slopes
+from robid.design.configurations.candidates import KINDS, natural_scales
 from robid.frf.covariance import pool
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
@@ -232,7 +232,7 @@ def _log_jacobian(loop: NominalLoop, linear: LinearModel, index: int) -> Complex
     period_s = loop.controller.sampling_period_s
     nominal = nominal_parameters(loop.robot, part, loop.delay_s)
     result = response(part, nominal, loop.frequency_hz, period_s)
-    return np.asarray(jacobian(part, nominal, result, KINDS)[0] * log_slopes(nominal, period_s))
+    return np.asarray(jacobian(part, nominal, result, KINDS)[0] * natural_scales(nominal, period_s, KINDS))
 
 
 def _scores(power: FloatArray, each: FloatArray, count: int) -> FloatArray:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.design.excitation.excitation import Excitation, ExcitationPlan
+from robid.design.excitation.excitation import Excitation, ExcitationPlan, make_plan
 from robid.design.excitation.lines import check_signal, pose_chirp, signal_lines
 from robid.design.excitation.options import PoseChirpOptions
 from robid.errors import SettingsError
@@ -51,8 +51,8 @@ class PoseLimits:
         return np.array([self.speed, self.torque, (self.upper - self.lower) / 2])
 
 
-def pose_limits(robot: Robot) -> PoseLimits:
-    """Returns the limits of a robot file."""
+def _pose_limits(robot: Robot) -> PoseLimits:
+    """The limits of a robot file."""
     return PoseLimits(
         lower=robot.lower,
         upper=robot.upper,
@@ -61,13 +61,13 @@ def pose_limits(robot: Robot) -> PoseLimits:
     )
 
 
-def used(motion: PoseMotion, limits: PoseLimits) -> tuple[FloatArray, FloatArray]:
+def _used(motion: PoseMotion, limits: PoseLimits) -> tuple[FloatArray, FloatArray]:
     """Returns least and greatest speed, torque and distance from the middle (3, n_exp, n_joint) of a motion."""
     every = np.stack([motion.speed, motion.torque, motion.path.positions - limits.middle])
     return every.min(axis=2), every.max(axis=2)
 
 
-def check_poses(
+def _check_poses(
     robot: Robot,
     channels: Sequence[str],
     configurations: FloatArray,
@@ -75,20 +75,12 @@ def check_poses(
     commands: FloatArray,
     reach: Reach,
 ) -> None:
-    """Refuses commands that the robot cannot follow from one of its homes.
-
-    Args:
-        robot: The nominal robot.
-        channels: Names of the commands, one experiment each.
-        configurations (n_conf, n_joint): Homes, arm side [rad, or m].
-        motions: The motion from each.
-        commands (n_exp, n_sample, n_channel): One period [m, rad].
-        reach: Floor and shapes.
+    """Refuses commands (n_exp, n_sample, n_channel) that the robot cannot follow from one of its homes.
 
     Raises:
         SettingsError: With the worst of each channel, its home and the amplitude that would do.
     """
-    limits, found = pose_limits(robot), []
+    limits, found = _pose_limits(robot), []
     for column, channel in enumerate(channels):
         own = commands[column, :, column]
         told = [
@@ -121,11 +113,11 @@ def _problems(
     if share.min() < 1:
         yield float(share.min()), _unreached(robot, motion)
         return
-    least, most = (each[:, experiment] for each in used(motion, limits))
+    least, most = (each[:, experiment] for each in _used(motion, limits))
     offset = np.zeros_like(least)
     home = motion.path.positions[experiment, np.argmin(np.abs(own))]
     offset[1], offset[2] = motion.static, home - limits.middle
-    room = admissible(least, most, offset, limits.whole)
+    room = _admissible(least, most, offset, limits.whole)
     for index, quantity in enumerate(("speed", "torque", "position")):
         joint = int(np.argmin(room[index]))
         if room[index, joint] < 1:
@@ -139,7 +131,7 @@ def _problems(
             yield max(amount / float(np.abs(own).max()) - 2 / _LOOKED_AT, 0.0), hit
 
 
-def admissible(least: FloatArray, most: FloatArray, offset: FloatArray, limits: FloatArray) -> FloatArray:
+def _admissible(least: FloatArray, most: FloatArray, offset: FloatArray, limits: FloatArray) -> FloatArray:
     """Factor on a motion about an offset at which each quantity meets its limit, infinite for what stands still."""
     limits = np.broadcast_to(limits, least.shape)
     sides = ((limits - offset, most - offset), (limits + offset, offset - least))
@@ -197,7 +189,7 @@ def design_pose_chirp(
     periods: int = 1,
     transient_periods: int = 0,
 ) -> Excitation:
-    """Designs a chirp of each channel and holds it against the robot's limits.
+    """Designs a chirp of each channel, in place of motor references, and holds it against the robot's limits.
 
     Args:
         options: Band, amplitudes and period.
@@ -209,9 +201,6 @@ def design_pose_chirp(
         periods: Recorded periods of each experiment.
         transient_periods: Periods before those.
 
-    Returns:
-        The commands in place of motor references, with their plan.
-
     Raises:
         SettingsError: If the chirp cannot be made, or with everything that keeps the robot from following it.
 
@@ -220,56 +209,44 @@ def design_pose_chirp(
     """
     period_s = robot.interface.sampling_period_s
     check_signal(options, period_s)
-    signal = pose_chirp(options, period_s)
-    amplitude = np.array([options.amplitude(channel) or 0.0 for channel in channels])
+    signal, amplitude = pose_chirp(options, period_s), [options.amplitude(channel) or 0.0 for channel in channels]
     commands = np.einsum("en,s->esn", np.diag(amplitude), signal)
-    motions = [pose_motion(robot, channels, home, commands) for home in configurations]
-    check_poses(robot.arm.robot, channels, configurations, motions, commands, reach)
-    lines, _ = signal_lines(options, period_s)
-    reference = np.broadcast_to(commands, (realizations, *commands.shape)).copy()
-    rms = amplitude * np.sqrt(np.mean(signal**2))
-    crest = np.abs(signal).max() / np.sqrt(np.mean(signal**2)) * np.eye(len(channels))
-    duration_s = float(reference[..., 0, 0].size * len(configurations) * (periods + transient_periods))
-    return Excitation(
-        reference=reference,
-        kind=options.inject,
-        excited_lines=lines,
-        detection_lines=np.zeros(0, int),
-        sampling_period_s=period_s,
-        spectrum=np.fft.rfft(reference, axis=2)[:, :, lines] * (2 / len(signal)),
-        rms=rms,
-        crest_factor=np.broadcast_to(crest, (realizations, *crest.shape)).copy(),
-        plan=_plan(robot, configurations, motions, duration_s * options.period_s),
-        channels=pose_command_channels(channels),
-    )
+    motions = [_pose_motion(robot, channels, home, commands) for home in configurations]
+    _check_poses(robot.arm.robot, channels, configurations, motions, commands, reach)
+    length_s = realizations * len(channels) * len(configurations) * (periods + transient_periods) * options.period_s
+    reference = np.broadcast_to(commands, (realizations, *commands.shape))
+    played = _played(options, signal, np.array(amplitude), reference, period_s)
+    plan = _plan(robot, configurations, motions, float(length_s))
+    return replace(played, plan=plan, channels=pose_command_channels(channels))
+
+
+def _played(
+    options: PoseChirpOptions, signal: FloatArray, amplitude: FloatArray, commands: FloatArray, period_s: float
+) -> Excitation:
+    """Commands (n_real, n_exp, n_sample, n_channel) of one signal and amplitudes (n_channel,) as an excitation."""
+    reference, lines = commands.copy(), signal_lines(options, period_s)[0]
+    spectrum = np.fft.rfft(reference, axis=2)[:, :, lines] * (2 / len(signal))
+    size = np.sqrt(np.mean(signal**2))
+    crest = np.abs(signal).max() / size * np.eye(len(amplitude))
+    crest = np.broadcast_to(crest, (len(commands), *crest.shape)).copy()
+    return Excitation(reference, options.inject, lines, np.zeros(0, int), period_s, spectrum, amplitude * size, crest)
 
 
 def _plan(
     robot: PoseRobot, configurations: FloatArray, motions: Sequence[PoseMotion], duration_s: float
 ) -> ExcitationPlan:
     """What the motors do at most over all channels; excursions are distances from the middle of a joint's range."""
-    limits = pose_limits(robot.arm.robot)
-    reached = [used(motion, limits) for motion in motions]
+    limits = _pose_limits(robot.arm.robot)
+    reached = [_used(motion, limits) for motion in motions]
     least = np.stack([each.min(axis=1) for each, _ in reached], axis=1)
     most = np.stack([each.max(axis=1) for _, each in reached], axis=1)
     offset = np.zeros_like(least)
     offset[1] = [motion.static for motion in motions]
     offset[2] = configurations - limits.middle
     rms = np.stack([_rms(motion, limits.middle) for motion in motions], axis=1)
-    peak, whole = np.maximum(np.abs(most), np.abs(least)), limits.whole
-    return ExcitationPlan(
-        speed_rms=rms[0],
-        speed_peak=peak[0],
-        torque_rms=rms[1],
-        torque_peak=peak[1],
-        excursion_rms=rms[2],
-        excursion_peak=peak[2],
-        speed_limit=whole[0],
-        torque_limit=whole[1],
-        excursion_limit=whole[2],
-        admissible_scale=admissible(least, most, offset, whole[:, None]).min(axis=0),
-        duration_s=duration_s,
-    )
+    scale = _admissible(least, most, offset, limits.whole[:, None]).min(axis=0)
+    peak = np.maximum(np.abs(most), np.abs(least))
+    return replace(make_plan(rms, peak, limits.whole, scale), duration_s=duration_s)
 
 
 def _rms(motion: PoseMotion, middle: FloatArray) -> FloatArray:
@@ -309,16 +286,12 @@ class PoseMotion:
     static: FloatArray
 
 
-def pose_motion(
+def _pose_motion(
     robot: PoseRobot, channels: tuple[str, ...], configuration: FloatArray, commands: FloatArray
 ) -> PoseMotion:
-    """Follows one period of commands in the steady state, interpolated linearly from sample to sample.
+    """Follows one period of commands (n_exp, n_sample, n_channel) from a home (n_joint,), in the steady state.
 
-    Args:
-        robot: The nominal robot.
-        channels: Names of the commands.
-        configuration (n_joint,): Home, arm side [rad, or m].
-        commands (n_exp, n_sample, n_channel): One period [m, rad].
+    They are interpolated linearly from sample to sample.
     """
     period_s = robot.interface.sampling_period_s
     twice = followed(np.concatenate([commands, commands], axis=1), robot.interface)

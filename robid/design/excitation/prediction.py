@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from robid.arrays import FloatArray, check_shape
-from robid.design.excitation.excitation import UNITS, Excitation, ExcitationPlan
+from robid.design.excitation.excitation import UNITS, Excitation, make_plan
 from robid.design.excitation.loop import NominalLoop, predicted_snr_db, residual_covariance
 from robid.design.excitation.options import PerturbationOptions, Travel
 from robid.errors import SettingsError
@@ -48,17 +49,11 @@ def predict(
     check_shape("response", loop.response, "n_conf n_freq n_motor n_motor", **axes)
     check_shape("static_torque", loop.static_torque, "n_conf n_motor", n_conf=n_conf, n_motor=n_motor)
     limits = _limits(loop.robot, options)
-    played = excitation.played_lines
-    moving = loop if np.array_equal(played, excitation.excited_lines) else loop.at(played / excitation.period_s)
-    found = [_reach(excitation, moving, index) for index in range(n_conf)]
-    reach, crest = np.stack([each for each, _ in found], axis=2), np.array([each for _, each in found])
+    reach, crest = _reaches(excitation, loop)
     if options.limit_share is not None:
         share = admissible_scale(reach[0], reach[1], options.limit_share * limits, loop.static_torque)
         factor = _common_factor(share, loop.robot, options.limit_share)
-        excitation = _scaled(excitation, factor)
-        offset = np.zeros((3, n_conf, n_motor))
-        offset[1] = loop.static_torque
-        reach = _scaled_reach(reach, offset, factor)
+        excitation, reach = _scaled(excitation, factor), _scaled_reach(reach, loop.static_torque, factor)
     minimum, maximum, rms = reach
     peak = np.maximum(maximum, -minimum)
     scale = admissible_scale(minimum, maximum, limits, loop.static_torque)
@@ -66,22 +61,22 @@ def predict(
     _check_limits(excitation, loop.robot, peak, limits, scale, every)
     length = np.prod(excitation.reference.shape[:2]) * n_conf * (periods + transient_periods)
     whole = excitation.reference.shape[1] == n_motor
-    plan = ExcitationPlan(
-        speed_rms=rms[0],
-        speed_peak=peak[0],
-        torque_rms=rms[1],
-        torque_peak=peak[1],
-        excursion_rms=rms[2],
-        excursion_peak=peak[2],
-        speed_limit=limits[0],
-        torque_limit=limits[1],
-        excursion_limit=limits[2],
-        admissible_scale=scale.min(axis=0),
+    plan = replace(
+        make_plan(rms, peak, limits, scale.min(axis=0)),
         speed_crest=crest,
         snr_db=np.array([_snr_db(excitation, loop, i, options, periods) for i in range(n_conf)]) if whole else None,
         duration_s=float(length) * excitation.period_s,
     )
     return replace(excitation, plan=plan)
+
+
+def _reaches(excitation: Excitation, loop: NominalLoop) -> tuple[FloatArray, FloatArray]:
+    """What `_reach` finds in all configurations (3, 3, n_conf, n_motor), (n_conf, n_motor)."""
+    played = excitation.played_lines
+    # A slow motion and a sweep's edges move the robot too, at lines that the loop was not made for.
+    moving = loop if np.array_equal(played, excitation.excited_lines) else loop.at(played / excitation.period_s)
+    found = [_reach(excitation, moving, index) for index in range(len(loop.response))]
+    return np.stack([each for each, _ in found], axis=2), np.array([each for _, each in found])
 
 
 def _limits(robot: Robot, options: PerturbationOptions) -> FloatArray:
@@ -138,16 +133,14 @@ def _common_factor(share: FloatArray, robot: Robot, limit_share: float) -> float
 
 
 def _scaled(excitation: Excitation, factor: float) -> Excitation:
-    return replace(
-        excitation,
-        reference=factor * excitation.reference,
-        spectrum=factor * excitation.spectrum,
-        rms=factor * excitation.rms,
-    )
+    scaled: dict[str, Any] = {name: factor * getattr(excitation, name) for name in ("reference", "spectrum", "rms")}
+    return replace(excitation, **scaled)
 
 
-def _scaled_reach(reach: FloatArray, offset: FloatArray, factor: float) -> FloatArray:
-    """Minimum, maximum and RMS around an offset that does not scale."""
+def _scaled_reach(reach: FloatArray, static_torque: FloatArray, factor: float) -> FloatArray:
+    """Minimum, maximum and RMS around a static torque (n_conf, n_motor) that does not scale."""
+    offset = np.zeros_like(reach[0])
+    offset[1] = static_torque
     minimum, maximum = offset + factor * (reach[0] - offset), offset + factor * (reach[1] - offset)
     rms = np.sqrt(offset**2 + factor**2 * np.maximum(reach[2] ** 2 - offset**2, 0))
     return np.stack([minimum, maximum, rms])

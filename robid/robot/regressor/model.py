@@ -144,10 +144,8 @@ class RigidModel:
         """
         motion = self._motion(position, velocity, acceleration, friction_speed, torque)
         out = np.zeros((len(self.robot.joints), len(self.parameters), len(position)))
-        components = [
-            () if body.is_payload and not loaded else own
-            for body, own in zip(self.tree.bodies, self.components, strict=True)
-        ]
+        pairs = zip(self.tree.bodies, self.components, strict=True)
+        components = [() if body.is_payload and not loaded else own for body, own in pairs]
         add_inertial_columns(self.tree, motion[0], motion[1], motion[2], components, out)
         for index, term in enumerate(self.terms, start=len(self.parameters) - len(self.terms)):
             _add_term(term, motion, out[:, index])

@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.design.excitation.excitation import Excitation, ExcitationPlan
+from robid.design.excitation.excitation import Excitation, ExcitationPlan, make_plan
 from robid.design.excitation.lines import check_signal, samples_per_period
 from robid.design.excitation.options import TrajectoryOptions
 from robid.design.excitation.prediction import admissible_scale
@@ -135,22 +135,14 @@ class Trajectory:
     condition: float
 
 
-def trajectory_plan(
+def _trajectory_plan(
     problem: TrajectoryProblem,
     options: TrajectoryOptions,
     found: Sequence[Trajectory],
     n_sample: int,
     duration_s: float,
 ) -> ExcitationPlan:
-    """Returns what trajectories use of the whole limits; excursions are those to the side that comes nearest its end.
-
-    Args:
-        problem: What was optimised.
-        options: Shares of the limits.
-        found: The trajectory of each realization.
-        n_sample: Samples of a period.
-        duration_s: Time that the campaign takes [s].
-    """
+    """What trajectories use of the whole limits; excursions are those to the side that comes nearest its end."""
     motions = np.array([problem.series.grid(n_sample) @ each.coefficients for each in found])
     torque = np.array([problem.base.torques(problem.configurations, motion) for motion in motions])
     still = problem.base.torques(problem.configurations, np.zeros((3, 1, motions.shape[-1])))[:, 0]
@@ -161,17 +153,8 @@ def trajectory_plan(
     whole = np.array([limits.speed / options.speed_share, limits.torque / options.torque_share, room])
     whole[2] /= options.position_share
     least[2] = -most[2]
-    return ExcitationPlan(
-        speed_rms=rms[0],
-        speed_peak=peak[0],
-        torque_rms=rms[1],
-        torque_peak=peak[1],
-        excursion_rms=rms[2],
-        excursion_peak=peak[2],
-        speed_limit=whole[0],
-        torque_limit=whole[1],
-        excursion_limit=whole[2],
-        admissible_scale=admissible_scale(least, most, whole, still).min(axis=0),
+    return replace(
+        make_plan(rms, peak, whole, admissible_scale(least, most, whole, still).min(axis=0)),
         speed_crest=np.broadcast_to(crest_factor(speed).max(axis=0), still.shape).copy(),
         duration_s=duration_s,
         condition=np.array([each.condition for each in found]),
@@ -304,17 +287,14 @@ def design_trajectory(
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     with threadpool_limits(1, user_api="blas"):
         problem = trajectory_problem(base, configurations, options, reach.floor_m)
-    tasks = [
-        _Start(problem, options, realization, index, n_sample, reach)
-        for realization in range(realizations)
-        for index in range(options.starts)
-    ]
+    places = np.ndindex(realizations, options.starts)
+    tasks = [_Start(problem, options, realization, index, n_sample, reach) for realization, index in places]
     ends = np.array(parallel_map(_descended, tasks), object).reshape(realizations, options.starts)
     found = [min(row, key=lambda each: each.value) for row in ends.tolist()]
     _check_motion(found, configurations, problem)
     excitation = _excitation(problem, options, found, sampling_period_s, n_sample)
     duration_s = realizations * len(configurations) * (periods + transient_periods) * options.period_s
-    return replace(excitation, plan=trajectory_plan(problem, options, found, n_sample, duration_s))
+    return replace(excitation, plan=_trajectory_plan(problem, options, found, n_sample, duration_s))
 
 
 def _check_motion(found: list[Trajectory], configurations: FloatArray, problem: TrajectoryProblem) -> None:
@@ -341,13 +321,5 @@ def _excitation(
     if options.inject == "speed_reference":
         spectrum = np.asarray(spectrum * (2j * np.pi * lines / options.period_s)[:, None])
     reference = time_signal(spectrum, lines, n_sample)
-    return Excitation(
-        reference=reference,
-        kind=options.inject,
-        excited_lines=lines,
-        detection_lines=np.zeros(0, int),
-        sampling_period_s=sampling_period_s,
-        spectrum=spectrum,
-        rms=np.sqrt(np.mean(reference**2, axis=(0, 1, 2))),
-        crest_factor=crest_factor(reference),
-    )
+    rms, crest = np.sqrt(np.mean(reference**2, axis=(0, 1, 2))), crest_factor(reference)
+    return Excitation(reference, options.inject, lines, np.zeros(0, int), sampling_period_s, spectrum, rms, crest)
