@@ -39,6 +39,7 @@ def expand(
     """
     chosen = np.zeros(0, int) if located is None else located
     to_rest = model.to_spring[:, len(model.motor) :]
+    # Columns of to_rest move one deflection each, with all motors held.
     pairs, torques = [], []
     for moved in to_rest.T:
         sides = [replace(equilibrium, position=equilibrium.position + step * moved) for step in _sides(_STEP_RAD)]
@@ -46,6 +47,7 @@ def expand(
     for element in chosen.tolist():
         models = [build_model(_moved_spring(model.robot, element, step)) for step in _sides(_STEP_M)]
         pairs.append([linearize(each, equilibrium, output_names) for each in models])
+        # Where a spring sits changes what gravity does to the deflections, at the same configuration.
         behind, ahead = (gravity_torque(each, equilibrium.position) @ to_rest for each in models)
         torques.append((ahead - behind) / (2 * _STEP_M))
     width = np.array([_STEP_RAD] * to_rest.shape[1] + [_STEP_M] * chosen.size) * 2
@@ -102,6 +104,7 @@ def _whole_mass(linear: LinearModel) -> FloatArray:
 
 def _differences(pairs: list[list[FloatArray]], width: FloatArray) -> FloatArray:
     """Central differences (n_conf, n_move, ...)."""
+    # Central differences: their error falls with the square of the step.
     slopes = [(ahead - behind) / wide for (behind, ahead), wide in zip(pairs, width.tolist(), strict=True)]
     return np.stack(slopes, axis=1)
 
@@ -129,12 +132,14 @@ def jacobian(
     columns = _all_columns(parameters, result, kinds, slopes)
     if result.images is not None and result.folding is not None:
         plain = replace(model, effects=None, added=None)
+        # Images: the same columns at the folding's own frequencies, folded down by the same linear map.
         above = _all_columns(parameters, replace(result.images, model=plain), kinds, slopes)
         folded = (
             None if kind == "delay" else result.folding.images(each) for kind, each in zip(kinds, above, strict=True)
         )
         columns = [own if more is None else own + more for own, more in zip(columns, folded, strict=True)]
     if model.shifts is not None and "doubt" in kinds:
+        # Gains are exp(sum a t) of the motors' torques: the derivative of a logarithm is relative.
         columns[kinds.index("doubt")] += (result.sampled / result.gain)[..., None] * model.shifts.torque.T
     return np.concatenate(columns, axis=-1) * result.gain[:, None]
 
@@ -157,6 +162,7 @@ def _columns(
     scale = (result.hold * result.omega**2)[:, None, None, None]
     rate = 1j * result.omega[:, None, None, None]
     if kind == "damping":
+        # dZ of a damper is j w at its place.
         own = scale * rate * _outer(result, slice(n_motor, None))
         if model.effects is not None:
             own = own * model.effects.growth(parameters.doubt)[:, None, None, None]
@@ -164,6 +170,7 @@ def _columns(
     if through_rest is not None:
         return through_rest
     if kind == "stiffness":
+        # dZ of a spring is 1 at its place, times the law's factor at this configuration.
         return scale * _spring_outer(result) * model.rest.factor[:, None, None, None]
     if kind == "viscous":
         return scale * rate * _outer(result, slice(0, n_motor))
@@ -189,6 +196,7 @@ def loaded_slopes(
         springs: Its springs there.
         kinds: Kinds whose derivatives are asked for.
     """
+    # Linear springs at fixed rest: nothing passes through the rest.
     constant = not parameters.cubic.any() and model.rest.moves is None
     if constant and {"cubic", "location"}.isdisjoint(kinds):
         return {}
@@ -210,6 +218,7 @@ def _rest_columns(
         kind: stiffness @ each.stiffness[:, None, None] for kind, each in slopes.items()
     }
     if model.rest.moves is not None:
+        # Second path: parameters move the rest, and the rest moves matrices.
         moved = _move_columns(parameters, result, model.rest.moves)
         for kind, each in slopes.items():
             columns[kind] += moved @ each.displacement[:, None, None]
@@ -222,10 +231,12 @@ def _move_columns(parameters: ElasticParameters, result: Response, moves: Matrix
     columns = _inertia_columns(model, parameters, result, moves.mass)
     left, right = np.swapaxes(result.outputs, -1, -2), result.inputs
     for index in range(moves.mass.shape[1]):
+        # dG = -w^2 ((dC) Z^-1 B - C Z^-1 (dZ) Z^-1 B), with dZ the gradient of gravity here; inertia is above.
         change = square[:, None, None] * (left @ (moves.gravity_stiffness[:, index, None] @ right))
         seen = square[:, None, None] * moves.output[:, index, None] + moves.tilt[:, index, None]
         columns[..., index] += result.hold[:, None, None] * (change - seen @ right)
     if result.folding is not None:
+        # The fast limit C M^-1 B moves with the outputs; its motion with M is in the inertia columns.
         inverse = np.linalg.inv(mass_matrix(model, parameters))[..., : model.n_motor]
         fast = np.einsum("cmoa,cai->coim", moves.output, inverse)
         columns += result.folding.fast[..., None, None] * fast[:, None]
@@ -265,11 +276,13 @@ def _inertia_columns(
     spread = np.broadcast_to(directions, (model.mass.shape[0], *directions.shape[1:]))
     places = zip(result.outputs, spread, result.inputs, strict=True)
     change = np.stack([_quadratic(outputs, own, inputs) for outputs, own, inputs in places])
+    # dG = w^2 x_o (-w^2 dM) x_i.
     columns = -(result.hold * result.omega**4)[:, None, None, None] * change
     if result.folding is None:
         return np.asarray(columns)
     inverse = np.linalg.inv(mass_matrix(model, parameters))
     left, right = model.output @ inverse, inverse[..., : model.n_motor]
+    # d(C M^-1 B) = -C M^-1 (dM) M^-1 B.
     fast = -np.einsum("coa,clab,cbi->coil", left, spread, right, optimize=True)
     return np.asarray(columns + result.folding.fast[..., None, None] * fast[:, None])
 
@@ -277,6 +290,7 @@ def _inertia_columns(
 def _quadratic(outputs: ComplexArray, directions: FloatArray, inputs: ComplexArray) -> ComplexArray:
     """Forms `outputs' D inputs` (n_freq, n_out, n_in, n_direction) of real matrices (n_direction, n_row, n_row)."""
     n_freq, n_row, n_in = inputs.shape
+    # One real matrix product over real and imaginary parts side by side, for all lines at once.
     flat = np.ascontiguousarray(inputs.swapaxes(0, 1)).reshape(n_row, -1).view(float)
     moved = (directions.reshape(-1, n_row) @ flat).view(complex).reshape(-1, n_row, n_freq, n_in)
     right = np.ascontiguousarray(moved.transpose(2, 1, 3, 0)).reshape(n_freq, n_row, -1)
@@ -288,6 +302,7 @@ def _delay_column(model: LinearModel, parameters: ElasticParameters, result: Res
     if result.folding is None or result.by_delay is None:
         return np.asarray(rate * result.sampled / result.gain)[..., None]
     fast = fast_limit(model, parameters)[:, None]
+    # A delay turns the line by -j w, but each image by its own frequency: these are taken apart.
     own = result.sampled / result.gain - result.folding.fast[..., None] * fast
     column = rate * own + result.by_delay.fast[..., None] * fast
     if result.images is not None:

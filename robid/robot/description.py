@@ -90,6 +90,7 @@ class HarmonicBalance:
 
     def torque_nm(self, angle: float) -> float:
         """Returns the torque on the arm at an angle of the joint [rad]."""
+        # Harmonics of the joint's angle, the first one of gravity on the balanced link.
         orders = np.arange(1, len(self.sine_nm) + 1) * angle
         return float(self.sine_nm @ np.sin(orders) + self.cosine_nm @ np.cos(orders))
 
@@ -327,6 +328,7 @@ class Robot:
     def arm_per_motor(self) -> FloatArray:
         """Arm motion (n_joint, n_joint) per motor angle: inverse gear ratios, and couplings off the diagonal."""
         names = [joint.name for joint in self.joints]
+        # q_arm = N q_motor: inverse ratios on the diagonal, couplings beside it.
         turns = np.diag(1 / self.gear_ratio)
         for row, joint in enumerate(self.joints):
             for name, turn in joint.couplings.items():

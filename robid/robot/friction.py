@@ -458,6 +458,7 @@ def periodic_recurrence(decay: FloatArray, drive: FloatArray) -> FloatArray:
     Returns:
         z of the same shape; 0 at the start where the factors' product is 1.
     """
+    # As many stretches as divide the period evenly: they run side by side in one vectorised loop.
     n_stretch = next(count for count in range(max(1, len(decay) // _STRETCH), 0, -1) if len(decay) % count == 0)
     shape = (n_stretch, len(decay) // n_stretch, *decay.shape[1:])
     factors, additions = decay.reshape(shape), drive.reshape(shape)

@@ -36,6 +36,7 @@ def roll_pitch_yaw(angles_deg: tuple[float, float, float]) -> FloatArray:
 def combine(first: Inertial, second: Inertial) -> Inertial:
     """Returns the mass properties of two bodies joined rigidly, in their common frame."""
     return _from_moments(
+        # Mass, first moment and inertia about one origin add up.
         first.mass_kg + second.mass_kg,
         first.mass_kg * first.com_m + second.mass_kg * second.com_m,
         about_origin(first) + about_origin(second),
@@ -62,6 +63,7 @@ def _from_moments(mass: float, first_moment: FloatArray, inertia: FloatArray) ->
 
 
 def _steiner(offset: FloatArray) -> FloatArray:
+    # Steiner: m (c' c I - c c').
     return np.asarray(offset @ offset * np.eye(3) - np.outer(offset, offset))
 
 
@@ -91,6 +93,7 @@ def stretched_inertia(
         reach = 0.0
         for index in range(first, len(links)):
             reach += float(np.linalg.norm(offsets[index])) + travel[index] if index > first else 0.0
+            # m (reach + |c|)^2 bounds Steiner's term for every position of the joints between.
             distance = reach + float(np.linalg.norm(links[index].com_m))
             largest[first] += np.linalg.eigvalsh(links[index].inertia_kgm2)[-1] + links[index].mass_kg * distance**2
     return largest

@@ -90,6 +90,7 @@ class ToolArm:
         axes: list[tuple[FloatArray, FloatArray]] = []
         for joint, moved in zip(self.joints, np.moveaxis(positions, -1, 0), strict=True):
             point, turn = point + turn @ joint.position_m, turn @ joint.rotation
+            # The axis and a point on it give each column of the Jacobian: omega x r, and omega.
             axes.append((turn[..., 2], point))
             if joint.type == "prismatic":
                 point = point + moved[..., None] * turn[..., 2]
@@ -104,6 +105,7 @@ class ToolArm:
             if joint.type == "prismatic":
                 jacobian[..., :3, index] = axis
             else:
+                # A turn moves the tool by axis x (tool - origin).
                 jacobian[..., :3, index] = np.cross(axis, point - origin)
                 jacobian[..., 3:, index] = axis
         return jacobian
@@ -146,6 +148,7 @@ def reach_poses(arm: ToolArm, home: FloatArray, displaced: FloatArray) -> Reache
     """
     check_shape("displaced", displaced, "n_sample axis", axis=6)
     at = arm.poses(home)
+    # Poses move by at most a stride at once: Newton stays on the branch that it is on.
     strides = max(1, int(np.ceil(np.abs(displaced).max(initial=0.0) / _STRIDE)))
     found = np.broadcast_to(home, (len(displaced), home.size)).copy()
     share = np.zeros(len(displaced))
@@ -157,6 +160,7 @@ def reach_poses(arm: ToolArm, home: FloatArray, displaced: FloatArray) -> Reache
         found[going], share[going] = positions[arrived], stride / strides
     for halving in range(1, _HALVINGS + 1):
         lost = np.flatnonzero(share < 1)
+        # Halving finds how far the last stride leads; what is lost keeps its last position.
         ahead = share[lost] + 0.5**halving / strides
         positions, arrived = _newton(arm, found[lost], displaced_pose(*at, displaced[lost] * ahead[:, None]))
         found[lost[arrived]], share[lost[arrived]] = positions[arrived], ahead[arrived]
@@ -176,10 +180,12 @@ def _newton(arm: ToolArm, positions: FloatArray, goal: tuple[FloatArray, FloatAr
         if not len(busy):
             break
         point, turn, axes = arm.chain(positions[busy])
+        # Position error and the vector of the small turn between, as one screw.
         error = np.concatenate([goal[0][busy] - point, _small_turn(goal[1][busy], turn)], axis=-1)
         size = np.abs(error).max(axis=1)
         close[busy[size <= _CLOSE]] = True
         step = _solved(arm.moves(point, axes), error)
+        # No step beyond 1 rad or m: near singular poses Newton would leave the branch.
         far = np.abs(step).max(axis=1, initial=0.0)
         positions[busy] += step * np.where(far > 1, 1 / np.maximum(far, 1), 1.0)[:, None]
     return positions, close & ~is_singular(arm.jacobian(positions))
@@ -201,6 +207,7 @@ def is_singular(jacobian: FloatArray) -> BoolArray:
 
 def _loose(arm: ToolArm, positions: FloatArray) -> BoolArray:
     """Which joints take part in the motion that moves the tool least, where it hardly moves it at all."""
+    # The right singular vector of the least singular value moves joints against each other.
     _, size, motion = np.linalg.svd(arm.jacobian(positions))
     if size[-1] > _HARDLY * size[0]:
         return np.zeros(positions.size, bool)
@@ -209,6 +216,7 @@ def _loose(arm: ToolArm, positions: FloatArray) -> BoolArray:
 
 def _small_turn(goal: FloatArray, turn: FloatArray) -> FloatArray:
     """Turns (n, 3) that lead from orientations to others nearby, to second order [rad]."""
+    # The skew part of R R' is the axis times the sine of the angle.
     between = goal @ turn.swapaxes(-1, -2)
     return 0.5 * np.stack(
         [

@@ -128,17 +128,20 @@ def solve_statics(
     linear = np.array([s.stiffness for s in springs]) if stiffness is None else stiffness
     third = np.array([s.cubic for s in springs]) if cubic is None else cubic
     swing = np.zeros((len(configurations), len(springs))) if variance is None else variance
+    # A swing v adds 3 k3 v to the slope that the mean deflection feels (docs/methods, sec. 1).
     slope = linear + 3 * third * swing
     data = mujoco.MjData(model.mujoco)
     pairs = zip(configurations, slope, strict=True)
     position = np.array([_settle(model, data, own, third, configuration) for configuration, own in pairs])
     deflection = position @ model.deflection.T
     torque = model.varying.factors(position) * (slope * deflection + third * deflection**3)
+    # E' tau: what the springs do to each coordinate; motors must hold it.
     load = torque @ model.deflection
     besides = gravity_torque(model, position)
     if model.varying:
         energy = 0.5 * slope * deflection**2 + 0.25 * third * deflection**4
         besides = besides + [model.varying.load(*each) for each in zip(position, energy, strict=True)]
+    # A rigid arm is its motor's coordinate: gravity acts on the motor directly.
     load[:, model.arm] += np.where(model.robot.rigid, besides[:, model.arm], 0.0)
     return Equilibrium(position, load[:, model.motor] / model.turns, deflection, -torque)
 
@@ -165,10 +168,13 @@ def linearize(
         load = gravity_gradient(model, data, position)
         if model.varying:
             load = load + _varying_gradient(model, equilibrium, row, factor[row])
+        # Congruence with z = T^-1 q keeps the gradient symmetric: T' (dg/dq) T.
         gravities.append(to_spring.T @ load @ to_spring)
         mass, moves = _inertia(model, data, position, to_spring)
+        # Sum over directions of t t': the derivative of the inertia matrix by the link's own inertia.
         links.append((moves[..., :, None] * moves[..., None, :]).sum(axis=1))
         outputs.append(_in_springs(model, names, _outputs(model, data, names), to_spring))
+        # What parameters add again is taken out: the links' own axial inertia, and the rotors in `_inertia`.
         masses.append(to_spring.T @ mass @ to_spring - np.einsum("l,lij->ij", axial, links[-1]))
     return LinearModel(
         mass=np.array(masses),
@@ -223,6 +229,7 @@ def _settle(
     model: ElasticModel, data: mujoco.MjData, linear: FloatArray, cubic: FloatArray, configuration: FloatArray
 ) -> FloatArray:
     position = np.zeros(model.mujoco.nv)
+    # Encoders fix the motors; arms start where rigid gears would have them.
     position[model.motor] = model.robot.motor_per_arm @ configuration / model.turns
     position[model.arm] = configuration
     free = model.passive
@@ -242,6 +249,7 @@ def _settle(
             gradient = gradient + model.varying.gradient(position, energy, torque, model.deflection)
             factor = model.varying.factors(position)
             torque, slope = factor * torque, factor * slope
+        # g(q) = E' tau_s(d) on the free coordinates; Newton's matrix has springs, gravity and varying stiffness.
         residual = (model.deflection.T @ torque + besides)[free]
         hessian = model.deflection.T @ (slope[:, None] * model.deflection)
         jacobian = (hessian + gradient)[np.ix_(free, free)]
@@ -289,8 +297,11 @@ def gravity_gradient(model: ElasticModel, data: mujoco.MjData, position: FloatAr
     mujoco.mj_comPos(model.mujoco, data)
     body, joint = model.mujoco.dof_bodyid, model.mujoco.dof_jntid
     turns = (model.mujoco.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE)[:, None]
+    # Gravity's torque about an axis is that of the mass carried: its moment turns with every axis before it.
     mass, axis = model.mujoco.body_subtreemass[body, None], data.xaxis[joint]
+    # m axis x (c - o) is how the first moment moves with a turn; m axis with a slide.
     moment = mass * np.where(turns, _cross(axis, data.subtree_com[body] - data.xanchor[joint]), axis)
+    # -(g x a_i) . moment_j for j at or after i in the chain; the matrix is symmetric.
     later = -(_cross(model.mujoco.opt.gravity, axis) * turns) @ moment.T * model.carries
     gradient = later + np.triu(later, 1).T
     for own, arm in zip(model.robot.joints, model.arm, strict=True):
@@ -310,6 +321,7 @@ def _inertia(
     mujoco.mj_forward(model.mujoco, data)
     mass = np.zeros((position.size, position.size))
     mujoco.mj_fullM(model.mujoco, data, mass)
+    # MuJoCo has the rotors as inertia or armature; as parameters they are added in `mass_matrix`.
     mass[model.motor, model.motor] -= model.turns**2 * model.robot.motor_inertia_kgm2
     rates = np.zeros((len(model.robot.joints), 3, position.size))
     rotation = np.zeros((3, position.size))
@@ -377,5 +389,6 @@ def _sensed(model: ElasticModel, data: mujoco.MjData, sensor: Sensor) -> FloatAr
     mujoco.mj_jacSite(model.mujoco, data, moving, turning, site)
     if sensor.kind == "tracker":
         return np.stack([sensor.axis @ moving, np.zeros(model.mujoco.nv)])
+    # An accelerometer's axis turns with the link: gravity along it changes by (axis x g) . turn.
     axis = data.site_xmat[site].reshape(3, 3) @ sensor.axis
     return np.stack([axis @ moving, np.cross(axis, model.mujoco.opt.gravity) @ turning])

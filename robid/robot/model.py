@@ -99,6 +99,7 @@ class ElasticModel:
         found = np.eye(self.mujoco.nv, dtype=bool)
         for index, before in enumerate(self.mujoco.dof_parentid.tolist()):
             if before >= 0:
+                # A coordinate is carried by all its ancestors in the tree.
                 found[:, index] |= found[:, before]
         return found
 
@@ -155,6 +156,7 @@ def build_model(
     _check_rigid(robot)
     spec = mujoco.MjSpec()
     spec.option.timestep = timestep_s
+    # RK4 hardly damps modes that its steps resolve; implicit integrators would damp the stiffest ones.
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
     spec.option.gravity = robot.gravity_m_s2
     flags = mujoco.mjtDisableBit
@@ -162,6 +164,7 @@ def build_model(
     parent, offset = _add_base(spec.worldbody, robot)
     for index, joint in enumerate(robot.joints):
         is_last = index == len(robot.joints) - 1
+        # Spong's assumption: a rotor's energy is that of its own turn alone, as if it stood in the world.
         carrier = parent if robot.rotor == "on_link" else spec.worldbody
         if not robot.rigid[index]:
             add_shafts(add_motor(carrier, joint, offset, robot.rotor), robot, index)
@@ -275,6 +278,7 @@ def _add_link(
     _add_arm(body, joint, rigid=bool(robot.rigid[index]))
     for spring in bearings if joint.type == "prismatic" else ():
         add_elastic_hinge(body, spring)
+    # A split link keeps what lies before the split; each part beyond hangs on its spring.
     whole = joint.link
     origin: FloatArray = np.zeros(3)
     for spring in springs:
@@ -295,6 +299,7 @@ def _add_arm(body: mujoco.MjsBody, joint: Joint, *, rigid: bool) -> None:
     arm = body.add_joint(name=f"q_a_{joint.name}", type=kind, axis=[0, 0, 1])
     if rigid:
         motor = joint.motor
+        # A rigid gear reflects the rotor as n^2 J, and its viscous friction as n^2 d.
         arm.armature = motor.gear_ratio**2 * motor.inertia_kgm2
     moving = joint.motor.gear_ratio**2 * joint.motor.friction.viscous_nms_rad if rigid else 0.0
     arm.damping = np.array([moving + joint.arm_viscous, 0.0, 0.0])
@@ -314,6 +319,7 @@ def _add_transmission(spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlas
     for index, (drive, turns) in enumerate(motor_drives(robot)):
         arm = float(robot.arm_per_motor[spring.joint, index])
         if arm != 0:
+            # The tendon's length is the gear's deflection: arm motion per motor turns, less the arm.
             tendon.wrap_joint(drive, arm * turns)
             for shaft in shafts_of(robot, index):
                 tendon.wrap_joint(f"q_e_{shaft.name}", arm)
@@ -323,6 +329,7 @@ def _add_transmission(spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlas
     tendon.springlength = [-0.5 * backlash, 0.5 * backlash]
     if hysteresis > 0:
         bristle = HYSTERESIS_SHARE * spring.stiffness
+        # Equal Coulomb and breakaway levels without bristle damping: LuGre is then Dahl's element.
         law = [bristle, 0.0, hysteresis, hysteresis, 1.0]
         bristles = spec.add_actuator(
             name=f"hysteresis_{joint.name}", trntype=mujoco.mjtTrn.mjTRN_TENDON, target=spring.name
@@ -351,5 +358,6 @@ def _compile(spec: mujoco.MjSpec, robot: Robot) -> ElasticModel:
                 deflection[row, twist] = robot.arm_per_motor[spring.joint, shaft.joint]
         else:
             deflection[row, model.joint(f"q_e_{spring.name}").dofadr[0]] = 1.0
+    # What motors do not drive is free to settle: arms behind elastic gears, and all elastic angles.
     passive = np.setdiff1d(np.arange(model.nv), motor)
     return ElasticModel(robot, model, spec, motor, turns, arm, passive, deflection)

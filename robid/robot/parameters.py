@@ -244,4 +244,5 @@ def viscous_scale(inertia: FloatArray) -> FloatArray:
     Returns:
         Scales [N m s/rad, or N s/m].
     """
+    # At 1 Hz the torque w d q' of a damper is that of the inertia w^2 J where d = 2 pi J.
     return np.asarray(2 * np.pi * inertia)

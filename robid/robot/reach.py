@@ -94,6 +94,7 @@ def heights(robot: Robot, configurations: FloatArray) -> tuple[FloatArray, Float
     for row, (carrier, point) in enumerate(found):
         for index in range(carrier + 1):
             slides = robot.joints[index].type == "prismatic"
+            # dz of a point: the axis of a slide, axis x lever of a turn, their vertical part.
             moved = axes[index] if slides else np.cross(axes[index], point - origins[index])
             slopes[:, row, index] = moved[:, 2]
     return np.stack([point[:, 2] for _, point in found], axis=1), slopes
@@ -198,6 +199,8 @@ def mirror(robot: Robot, configurations: FloatArray) -> FloatArray:
     model = build_model(robot)
     at_zero = next(_poses(model, np.zeros((1, len(robot.joints)))))
     axes, anchors = at_zero.xaxis[model.arm].copy(), at_zero.xanchor[model.arm].copy()
+    # A mirror image keeps turns about axes across the plane and reverses those within it; of slides the other way
+    # round.
     across = np.abs(axes[:, 1]) > 1 - _ASLANT
     aslant = ~across & (np.abs(axes[:, 1]) > _ASLANT)
     aside = ~across & ~robot.prismatic & (np.abs(anchors[:, 1]) > TOUCH_M)

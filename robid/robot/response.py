@@ -121,6 +121,7 @@ def response(
     if sampling_period_s is None:
         return replace(whole, sampled=sampled * gain, hold=hold)
     timing = float(parameters.delay[0]), sampling_period_s
+    # A held torque has images of every line; what of them the outputs show folds down onto it.
     folding, by_delay = make_folding(omega, *timing, model.rates, model.output.shape[1])
     sampled = sampled + folding.fast[:, :, None] * fast_limit(model, parameters)[:, None]
     images = None
@@ -143,10 +144,12 @@ def _continuous(
     stiffness = _dynamic_stiffness(model, parameters, springs, omega)
     n_motor, n = model.n_motor, model.mass.shape[-1]
     collocated = model.output.shape[1] == n_motor and bool((model.output == np.eye(n_motor, n)).all())
+    # C at each line: G = -w^2 C Z^-1 B.
     seen = _seen(model, omega)
     right = np.broadcast_to(np.eye(n, n_motor), (*stiffness.shape[:2], n, n_motor))
     if not collocated:
         right = np.concatenate([right, np.swapaxes(seen, -1, -2)], axis=-1)
+    # One factorisation for Z^-1 B and Z^-1 C' (Z is symmetric); with C = B' they are the same.
     solved = np.linalg.solve(stiffness, right)
     inputs = solved[..., :n_motor]
     outputs = inputs if collocated else solved[..., n_motor:]
@@ -170,6 +173,7 @@ def _shifted(model: LinearModel, parameters: ElasticParameters) -> LinearModel:
     shifts = model.shifts
     if shifts is None or np.array_equal(shifts.amounts, parameters.doubt):
         return model
+    # First order about the amounts that the robot was linearised with.
     by = np.broadcast_to(parameters.doubt - shifts.amounts, (len(model.mass), shifts.amounts.size))
     return replace(_along(model, shifts, by), shifts=replace(shifts, amounts=parameters.doubt))
 
@@ -196,6 +200,7 @@ def motion_matrices(
     if model.effects is not None and omega is not None:
         added = model.effects.stiffness(parameters.doubt, np.array([omega]))[configuration, 0]
         own = np.diag(np.pad(added, (model.n_motor, 0)))
+        # A complex stiffness k + j b acts at one frequency as the spring k with the damper b / w.
         stiffness, damping = stiffness + own.real, damping + own.imag / omega
     return mass_matrix(model, parameters)[configuration], damping, stiffness
 
@@ -218,6 +223,7 @@ def _dampers(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
     if model.effects is None:
         diagonal = np.diag(np.concatenate([parameters.viscous, parameters.damping]))
         return np.asarray(diagonal + arm_dampers(model, parameters))
+    # Dampers that grow with the load differ between configurations.
     grown = parameters.damping * model.effects.growth(parameters.doubt)
     viscous = np.broadcast_to(parameters.viscous, (len(grown), model.n_motor))
     own = np.concatenate([viscous, grown], axis=1)
@@ -234,6 +240,7 @@ def _dynamic_stiffness(
     model: LinearModel, parameters: ElasticParameters, springs: Springs, omega: FloatArray | ComplexArray
 ) -> ComplexArray:
     constant = (model.gravity_stiffness + _springs(model, springs))[:, None]
+    # Z(w) = -w^2 M + j w D + K + dg/dq (docs/methods, sec. 1).
     inertial = constant - (omega**2)[:, None, None] * mass_matrix(model, parameters)[:, None]
     dynamic = inertial + _beside(model, springs)
     if model.effects is None:
@@ -261,6 +268,7 @@ def _on_springs(model: LinearModel, values: ComplexArray) -> ComplexArray:
 
 def _seen(model: LinearModel, omega: FloatArray | ComplexArray) -> FloatArray | ComplexArray:
     """Outputs (n_conf, n_freq, n_out, n) as positions; an accelerometer that tilts seems to move."""
+    # Outputs are multiplied by -w^2 afterwards, which gravity's part is not: it is divided by w^2 here.
     return np.asarray(model.output[:, None] + model.tilt[:, None] / (omega**2)[:, None, None])
 
 

@@ -152,9 +152,11 @@ def settle_springs(rest: Rest, values: SpringValues) -> Springs:
     values = _here(rest, values)
     deflection, shift = rest.deflection.copy(), _shift(rest, values)
     n = deflection.shape[1]
+    # The unknowns: mean deflection, and expected slope over k1, which starts at that without swing.
     ratio = 1 + 3 * values.cubic / values.stiffness * deflection**2
     for _ in range(_NEWTON_STEPS):
         swing = swing_of(rest, values, ratio * values.stiffness)
+        # Newton for both unknowns together: the swing depends on the slope, and the slope on the swing.
         residual, matrix = _equations(rest, values, deflection, ratio, swing, shift)
         if not (np.isfinite(matrix).all() and np.isfinite(residual).all()):
             break
@@ -181,6 +183,7 @@ def spring_slopes(rest: Rest, values: SpringValues, springs: Springs) -> dict[st
     n = d.shape[1]
     ratio = springs.stiffness / k1
     swing = swing_of(rest, values, springs.stiffness)
+    # Implicit function theorem: d(unknowns) = -(Jacobian)^-1 d(residuals) by each parameter.
     matrix = _equations(rest, values, d, ratio, swing, _shift(rest, values))[1]
     right = _parameter_columns(rest, values, d, ratio, swing)
     slopes = {}
@@ -190,6 +193,7 @@ def spring_slopes(rest: Rest, values: SpringValues, springs: Springs) -> dict[st
             moved = moved * rest.factor[:, None]
         stiffness = k1[..., None] * moved[:, n:]
         if kind == "stiffness":
+            # k = k1 ratio: the product's own derivative by k1 comes besides.
             stiffness = stiffness + _diagonal(rest.factor * ratio)
         slopes[kind] = SpringSlopes(stiffness, _displacement_slopes(rest, moved[:, :n], kind))
     return slopes
@@ -219,8 +223,10 @@ def _parameter_columns(
 def swing_of(rest: Rest, values: SpringValues, stiffness: FloatArray) -> Swing:
     """How far springs of some expected slope (n_conf, n_spring) swing under the power that goes through them."""
     square = rest.omega[:, None] ** 2
+    # |k + j w d|^2 turns the power of the torque into that of the deflection.
     dynamic = stiffness[:, None] ** 2 + square * values.damping**2
     lines = rest.power / dynamic
+    # d(P / |Z|^2) / d(k) = -2 k P / |Z|^4, and likewise by the damper with w^2 d.
     by_dynamic = -2 * lines / dynamic
     by_damping = (square * by_dynamic).sum(axis=1) * values.damping
     return Swing(lines.sum(axis=1), stiffness * by_dynamic.sum(axis=1), by_damping)
@@ -254,6 +260,7 @@ def _shift(rest: Rest, values: SpringValues) -> FloatArray:
     if rest.moves is None:
         return np.zeros_like(rest.torque)
     located = (values.location - rest.location)[rest.moves.located]
+    # To first order in where the springs sit.
     return np.asarray(np.einsum("l,cls->cs", located, rest.moves.torque))
 
 
@@ -263,7 +270,9 @@ def _equations(
     """Residuals (n_conf, 2 n) of mean torque and of slope over linear stiffness, and their derivative."""
     k1, k3, d = values.stiffness, values.cubic, deflection
     moved = np.einsum("cst,ct->cs", rest.gradient, d - rest.deflection)
+    # E[tau] = k1 d + k3 (d^3 + 3 d v), in balance with gravity linearised about the rest.
     torque = k1 * d + k3 * d * (d**2 + 3 * swing.variance) + rest.torque + shift + moved
+    # Slope over k1: 1 + 3 k3 / k1 (d^2 + s v), s for signals that are not normal.
     slope = ratio - 1 - 3 * k3 / k1 * (d**2 + rest.shape * swing.variance)
     matrix = np.block(
         [

@@ -79,6 +79,7 @@ def hold_factor(omega: FloatArray, delay_s: float, sampling_period_s: float | No
     lag = np.exp(-1j * omega * delay_s)
     if sampling_period_s is None:
         return np.asarray(lag)
+    # zoh = sinc(w T / 2 pi) exp(-j w T / 2), times the delay.
     half = 0.5 * omega * sampling_period_s
     return np.asarray(np.sinc(half / np.pi) * np.exp(-1j * half) * lag)
 
@@ -88,6 +89,7 @@ def _alias_factor(omega: FloatArray, delay_s: float, sampling_period_s: float) -
     total = np.zeros(omega.size, complex)
     slope = np.zeros(omega.size, complex)
     for shift in _ALIASES:
+        # Two aliases on each side: what images of positions add falls with the cube of frequency.
         alias = omega + shift * 2 * np.pi / sampling_period_s
         term = (omega / alias) ** 2 * hold_factor(alias, delay_s, sampling_period_s)
         total += term
@@ -115,6 +117,7 @@ def make_folding(
         Poisson's sum formula; docs/methods, sec. 1 (Sampling) for positions.
     """
     share = omega * sampling_period_s / (2 * np.pi)
+    # Below this share of the sampling rate the fast limit stands well enough for images of positions.
     high = (share > _SIMPLE_SHARE) & (share < 0.5) & bool(rates)
     rates = rates or _POSITION * n_out
     images = any(rates) or (0 in rates and bool(high.any()))
@@ -138,6 +141,7 @@ def _nothing(omega: FloatArray, period_s: float, n_out: int, *, images: bool) ->
     if images:
         places = np.append(_images(omega, period_s).ravel(), _last(period_s) / 1j)
     n_freq = omega.size
+    # Responses of real systems are conjugate at negative frequencies, so that positive ones will do.
     mirrored = (places.real < 0) & (places.imag == 0)
     return Folding(
         fast=np.zeros((n_freq, n_out), complex),
@@ -162,6 +166,7 @@ def _terms(omega: FloatArray, delay_s: float, period_s: float, rate: int) -> lis
     """`fast`, `weight` and `tail` of outputs that were differentiated `rate` times, and their derivatives by delay."""
     images, powers = _images(omega, period_s), 1 / _last(period_s) ** np.array([1, 2])
     seen = np.stack([powers.real, powers.imag])
+    # The line itself is the image k = 0: it is taken off the sum over all k as well.
     every = np.concatenate([omega[None], images])
     factor = (omega / every) ** (2 - rate) * hold_factor(every, delay_s, period_s)
     # hold(w_k) = (1 - exp(-j w T)) exp(-j w_k T_d) / (j w_k T): of the power -p of j w_k, all images together are
@@ -187,10 +192,12 @@ def _power_sums(omega: FloatArray, delay_s: float, period_s: float, highest: int
     """
     samples = delay_s / period_s
     whole = np.floor(samples + _SAME_INSTANT)
+    # Delay as whole samples and a share: T_d = (n + p) T.
     part = max(samples - whole, 0.0)
     z = np.exp(1j * omega * period_s)
     coefficients: list[ComplexArray] = []
     for power in range(highest):
+        # Coefficients of exp((1 - p) x) / (z - exp(x)) by power series division, one after the other.
         below = sum((each / factorial(power - index) for index, each in enumerate(coefficients)), 0 * z)
         coefficients.append(((1 - part) ** power / factorial(power) + below) / (z - 1))
     powers = [period_s ** (power + 1) * z**-whole * each for power, each in enumerate(coefficients)]

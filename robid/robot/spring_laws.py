@@ -40,6 +40,7 @@ class BristleTable:
         """What bristles that slip at a torque add (n_conf, n_freq), odd in that torque."""
         least = _LEAST_SLIP * np.exp(self.log_slip[0])
         slip = max(abs(torque) / self.stiffness, least)
+        # Maxwell element: stiffness g k_b above its corner frequency w_h, damper below.
         gain, corner = np.exp(self._laws(np.log(slip)))[..., None]
         # Below the least slip, which does nothing, the effect fades in proportion.
         share = float(np.clip(torque / self.stiffness / least, -1.0, 1.0))
@@ -47,6 +48,7 @@ class BristleTable:
 
     def slope(self, torque: float, omega: FloatArray) -> ComplexArray:
         """Derivative (n_conf, n_freq) of that by the torque."""
+        # No closed form: the table's laws are splines in the logarithm of the slip.
         step = _STEP * max(abs(torque), _LEAST_SLIP * np.exp(self.log_slip[0]) * self.stiffness)
         return np.asarray((self.added(torque + step, omega) - self.added(torque - step, omega)) / (2 * step))
 
@@ -109,6 +111,7 @@ class GearEffects:
         """
         found = np.zeros((len(self.load), omega.size, self.load.shape[1], doubt.size), complex)
         for row, spring in self.damped.tolist():
+            # d(j w d (1 + a l)) / da = j w d l.
             found[:, :, spring, row] = 1j * omega * damping[spring] * self.load[:, spring, None]
         for (row, spring), bristle in zip(self.slipping.tolist(), self.bristles, strict=True):
             found[:, :, spring, row] = bristle.slope(float(doubt[row]), omega)
@@ -170,11 +173,13 @@ class LawFactor:
         curvature = _sum(self._parts[2], position)
         factor, slope = self.rise(position)
         if self._form == "compliance":
+            # (1/c)'' = 2 c'^2 / c^3 - c'' / c^2, with f = 1/c and f' = -c' / c^2.
             curvature = 2 * slope * slope / factor - curvature * factor * factor
         return Factor(factor, slope, curvature)
 
     def _tabulated(self, position: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         inside = np.clip(position, self._table[0], self._table[-1])
+        # The piece of the cubic that each position is in; beyond the ends the value is held and slopes are zero.
         piece = np.clip(np.searchsorted(self._table, inside, side="right") - 1, 0, self._table.size - 2)
         x, (a, b, c, d) = inside - self._table[piece], self._pieces[:, piece]
         within = inside == position
@@ -258,6 +263,7 @@ class VaryingSprings:
         found = np.zeros((position.size, position.size))
         for index, place, law in zip(self.indices, self.scheduled, self.laws, strict=True):
             factor = law.whole(position[place])
+            # d^2 (f U) / dp dq = f' U' dd/dq; the diagonal in p takes f'' U, and both orders of p and q count.
             across = factor.slope * torque[index] * deflection[index]
             found[place, place] += factor.curvature * energy[index]
             found[place] += across

@@ -67,9 +67,11 @@ def state_space(
     """
     mass, damping, stiffness = motion_matrices(model, parameters, configuration)
     n, n_motor, output = len(mass), model.n_motor, model.output[configuration]
+    # M z'' = -(K z + D z') + B u as rows of accelerations.
     solved = np.linalg.solve(mass, np.hstack([stiffness, damping, np.eye(n, n_motor)]))
     back, drive, none = -solved[:, : 2 * n], solved[:, 2 * n :], np.zeros_like(output)
     states = [(motors, "motor_angle"), (springs, "deflection"), (motors, "motor_speed"), (springs, "deflection_rate")]
+    # An accelerometer reads its motion less gravity, which its tilt turns into view.
     acceleration = output @ back - np.hstack([model.tilt[configuration], none])
     return StateSpace(
         A=np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), back]),
@@ -106,8 +108,10 @@ def discretise(system: StateSpace, period_s: float, delay_s: float) -> StateSpac
     n, n_in = system.B.shape
     whole = int(np.floor(delay_s / period_s + _SAME_INSTANT))
     part = max(0.0, delay_s - whole * period_s)
+    # A delay of whole samples only shifts commands; the state then waits for none within the period.
     part = part if part > _SAME_INSTANT * period_s else 0.0
     waiting = whole + (part > 0)
+    # Within a period the old command acts for `part`, the new one for the rest: A and both effects follow by exp.
     first, late = _held(system, period_s - part), _held(system, part)
     total = n + waiting * n_in
     A, B = np.zeros((total, total)), np.zeros((total, n_in))
@@ -139,6 +143,7 @@ def _held(system: StateSpace, time_s: float) -> tuple[FloatArray, FloatArray]:
     """Transition of the state over a time, and the effect of an input held meanwhile."""
     n, n_in = system.B.shape
     generator = np.zeros((n + n_in, n + n_in))
+    # exp([[A, B], [0, 0]] t) = [[exp(A t), int exp(A s) ds B], [0, 1]]: both at once, for singular A too.
     generator[:n, :n], generator[:n, n:] = system.A, system.B
     power = expm(generator * time_s)
     return power[:n, :n], power[:n, n:]

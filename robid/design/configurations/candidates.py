@@ -72,6 +72,7 @@ def choose_parameters(
         raise SettingsError(message, where="design.fixed", remedy="correct `fixed`, or the kinds of parameters")
     columns = np.array([name not in fixed for _, name in pairs])
     known = {f"{joint.name}.motor_inertia": joint.motor.inertia_relative_std for joint in robot.joints}
+    # A standard deviation in decades is log(10) times as large in natural logarithms.
     known |= {name: np.log(10) * prior_decades for kind, name in pairs if kind in LOGARITHMIC and name not in known}
     deviation = [np.inf if kind in kinds else known.get(name, np.inf) for kind, name in pairs]
     names = tuple(name for kind, name in pairs if kind in kinds and name not in fixed)
@@ -107,6 +108,7 @@ def eliminated(matrices: Sequence[FloatArray], precision: FloatArray, count: int
     # In units of each nuisance's own effect: seconds and newton metres differ by many decades.
     scale = np.sqrt(np.where(np.diag(nuisance) > 0, np.diag(nuisance), 1.0))
     inverse = np.linalg.pinv(nuisance / (scale[:, None] * scale), rcond=1e-13, hermitian=True)
+    # Schur complement as [I; -K]' H [I; -K] with K = H_nn^-1 H_nw; further matrices follow the same K.
     follow = np.vstack([np.eye(count), -(inverse @ (mixed / scale[:, None])) / scale[:, None]])
     return [follow.T @ matrix @ follow for matrix in whole]
 
@@ -159,10 +161,12 @@ def candidate_information(
     nominal = nominal_parameters(robot, linear, delay_s)
     result = response(linear, nominal, frequency_hz, sampling_period_s)
     plain = jacobian(linear, nominal, result, wanted.kinds)[..., wanted.columns]
+    # d log G / d log p = p (dG / dp) / G: information about log-parameters (Zimmermann et al. 2023, eq. 4).
     relative = plain * wanted.scales(nominal, sampling_period_s) / result.sampled[..., None]
     if weights is not None:
         relative = relative * np.sqrt(weights)[..., None]
     rows = relative.reshape(len(configurations), -1, relative.shape[-1]) / relative_error
+    # Complex residuals have two real parts of half the variance each: 2 Re(J^H J).
     information = 2 * np.real(rows.conj().swapaxes(1, 2) @ rows)
     matrices = [eliminated([each], wanted.precision, len(wanted.names))[0] for each in information]
     return np.array(matrices), wanted.names
@@ -185,5 +189,6 @@ def visit_cost_s(robot: Robot, configurations: FloatArray, measuring_s: float, s
     """
     check_shape("configurations", configurations, "n_conf n_joint", n_joint=len(robot.joints))
     speed = np.array([joint.motor.max_speed_rad_s / abs(joint.motor.gear_ratio) for joint in robot.joints])
+    # Joints travel together: the slowest one decides.
     way = np.abs(configurations - configurations[0]) / (speed_share * speed)
     return np.asarray(measuring_s + way.max(axis=1))

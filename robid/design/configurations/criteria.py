@@ -28,6 +28,7 @@ def worth(criterion: Criterion, totals: FloatArray) -> FloatArray:
     """
     size = totals.shape[-1]
     if criterion == "d":
+        # det^(1/n) is homogeneous of degree one; the mean of log det over draws is its geometric mean.
         sign, value = np.linalg.slogdet(totals)
         return np.asarray(np.exp(np.where(sign > 0, value, -np.inf).mean(axis=0) / size))
     if criterion == "a":
@@ -37,6 +38,7 @@ def worth(criterion: Criterion, totals: FloatArray) -> FloatArray:
 
 def _inverse_trace(totals: FloatArray) -> FloatArray:
     try:
+        # tr(M^-1) = |L^-1|_F^2.
         return np.asarray((np.linalg.inv(np.linalg.cholesky(totals)) ** 2).sum(axis=(-2, -1)))
     except np.linalg.LinAlgError:
         values = np.linalg.eigvalsh(totals)
@@ -66,13 +68,16 @@ def tangent(criterion: Criterion, totals: FloatArray, smoothing: float) -> Bound
     sec. 6: arithmetic over geometric mean for `d`, Cauchy and Schwarz for `a`, `lambda_min(M*) <= tr(Z M*)` for `e`.
     """
     if criterion == "e":
+        # lambda_min(M*) <= tr(Z M*) for every positive Z of trace one (docs/methods, sec. 6).
         factors = smooth_dual(totals, smoothing)
         lowest = float(np.linalg.eigvalsh(totals)[..., 0].min())
         return Bound(factors, lowest, float((factors * totals).sum()) - lowest)
     inverse = np.linalg.inv(totals)
     inverse = 0.5 * (inverse + inverse.swapaxes(1, 2))
     if criterion == "d":
+        # Gradient of mean log det is M^-1 / n_draw; tr(M^-1 M) = n scales it.
         return Bound(inverse / len(totals), float(totals.shape[-1]), 0.0)
+    # Gradient of -tr M^-1 is M^-2, and tr(M^-2 M) = tr M^-1.
     return Bound(inverse @ inverse / len(totals), float(np.trace(inverse, axis1=1, axis2=2).mean()), 0.0)
 
 
@@ -86,6 +91,7 @@ def loss(criterion: Criterion, totals: FloatArray, smoothing: float) -> float:
     if criterion == "a":
         return float((1 / values).sum() / len(totals))
     shift = _shift(values, smoothing)
+    # max t + mu log det(M - t 1) over t: concave in M, and the smallest eigenvalue as mu falls.
     return -shift - smoothing * float(np.log(values - shift).sum())
 
 
@@ -104,6 +110,7 @@ def derivatives(
     units, shifts = np.empty((2, n_draw, size * size))
     for draw, (total, own) in enumerate(zip(totals, matrices, strict=True)):
         whitening = np.linalg.inv(np.linalg.cholesky(total - shift * np.eye(size)))
+        # W H W' with W'W = (M - t 1)^-1: slopes are traces of it, curvature is the Gram matrix of these.
         half = (own.reshape(-1, size) @ whitening.T).reshape(count, size, size)
         white = half.swapaxes(1, 2).reshape(-1, size) @ whitening.T
         rows[:, draw] = (white @ whitening if criterion == "a" else white).reshape(count, -1)
@@ -122,6 +129,7 @@ def derivatives(
 def smooth_dual(totals: FloatArray, smoothing: float) -> FloatArray:
     """Matrices `Z` (n_draw, n_param, n_param), positive with traces that sum to 1, near the lowest eigenspace."""
     values, vectors = np.linalg.eigh(totals)
+    # Where the shift is best these shares sum to one.
     share = smoothing / (values - _shift(values, smoothing))
     share /= share.sum()
     return np.asarray((vectors * share[:, None]) @ vectors.swapaxes(1, 2))
@@ -172,6 +180,7 @@ def check_different(matrices: FloatArray) -> None:
     if matrices.shape[1] < 2:
         return
     first = matrices[:, :1]
+    # Regression of each matrix on the first one: the factor by which it would be the same.
     factor = (matrices * first).sum(axis=(0, 2, 3)) / (first**2).sum() if first.any() else np.zeros(matrices.shape[1])
     if matrices.shape[-1] == 1:
         # A single parameter leaves the factor to choose by.
@@ -218,6 +227,7 @@ def is_regular(total: FloatArray) -> bool:
 
 def _combination(vector: FloatArray, names: tuple[str, ...]) -> str:
     """Writes a direction in log-parameters with its larger terms."""
+    # Normed to the largest term; smaller ones than 5 % are left out.
     scaled = vector / vector[np.argmax(np.abs(vector))]
     order = [index for index in np.argsort(-np.abs(scaled), kind="stable") if abs(scaled[index]) > 0.05]
     return " ".join(f"{scaled[index]:+.2g} log({names[index]})" for index in order)

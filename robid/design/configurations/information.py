@@ -125,6 +125,7 @@ def information(jacobian: FloatArray | ComplexArray, variance: FloatArray) -> Fl
     scaled = jacobian / np.sqrt(np.broadcast_to(variance, jacobian.shape[:-1]))[..., None]
     rows = scaled.reshape(len(scaled), -1, scaled.shape[-1])
     if np.iscomplexobj(rows):
+        # Real and imaginary part are independent with half of E|r|^2 each.
         rows = np.sqrt(2) * np.concatenate([rows.real, rows.imag], axis=1)
     return np.asarray(rows.swapaxes(1, 2) @ rows)
 
@@ -179,7 +180,9 @@ def design_configurations(
         checked_scale(known + draw.mean(axis=0), parameter_names, "the candidates", _FIX)
     check_different(draws)
     apart = np.zeros(n_param) if between is None else between
+    # (I^-1 + T)^-1 in place of a visit's information, with T what clusters differ by (docs/methods, sec. 11).
     visits = make_visits(draws[:, :, None], apart**2)
+    # D is the same in any scale of the parameters: over their own information numbers stay near one.
     scale = np.sqrt(np.diag(known + visits.once[-1, :, 0].mean(axis=0)))
     if options.criterion != "d":
         # The other criteria depend on the parameters' scale: that of the log-parameters stays.
@@ -195,6 +198,7 @@ def design_configurations(
     chosen = np.flatnonzero(counts)
     _check_chosen(plan, counts, parameter_names)
     found, own = plan.worth(counts), plan.shared_out(counts)
+    # Predicted variances of log-parameters: the diagonal of the inverse total, mean over the draws.
     deviation = np.diagonal(np.linalg.inv(plan.totals(counts)), axis1=1, axis2=2).mean(axis=0)
     beforehand = is_regular(known / np.outer(scale, scale))
     return ConfigurationDesign(
@@ -236,9 +240,11 @@ def _plan(
     apart = np.concatenate([visits.between * scale**2, np.zeros(len(own.precision) - scale.size)])
     parts = make_visits(own.parts(), apart)
     own = replace(own, best=make_visits(own.best[:, :, None], apart).once[:, :, 0])
+    # The bound holds for any visits and is tight at these: made tight where the last weights were, it falls.
     tight = np.full(price.size, budget / price.sum())
     lowest = np.inf
     for _ in range(_TIGHTENED):
+        # Matrices that add and never fall short of what the fit makes of their sum.
         bound, beside = own.bound(known, tight)
         plan = ConfigurationPlan(options, bound, parts, beside, own.base(known), price, experiments, budget)
         relaxed = plan.relaxed()
@@ -257,6 +263,7 @@ def _shares(plan: ConfigurationPlan, relaxed: Relaxed) -> Relaxed:
 
 def _gain(plan: ConfigurationPlan, counts: IntArray) -> FloatArray:
     here, more = plan.sums(counts), plan.visits.more(np.arange(counts.size), counts)
+    # log det with one visit more, less that without.
     before = np.linalg.slogdet(merged(here, plan.wanted))[1]
     after = np.linalg.slogdet(merged(here[:, None] + more, plan.wanted))[1]
     return np.asarray((after - before[:, None]).mean(axis=0))
@@ -306,6 +313,7 @@ def halves(n_real: int) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
         return []
     size, found = n_real // 2, []
     for partner in range(1, min(_WAYS, n_real - 1) + 1):
+        # Round-robin pairing: halves of different ways share few realizations.
         first = tuple(sorted((0, *((partner + step - 1) % (n_real - 1) + 1 for step in range(size - 1)))))
         found.append((first, tuple(index for index in range(n_real) if index not in first)))
     return found
@@ -344,6 +352,7 @@ def stability(
         often[own.chosen] += 1 / len(trials)
         apart = np.zeros(len(design.parameter_names)) if between is None else between
         visits = make_visits(trial.judged_by[None, :, None], apart**2)
+        # By information that it did not choose by: its worth over that of the choice by this information.
         ratio = _worth(own.counts, visits, options, prior) / _worth(other.counts, visits, options, prior)
         efficiency.append(other.efficiency * ratio)
     return Stability(source, np.array(kept), np.array(efficiency), often)

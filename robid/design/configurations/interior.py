@@ -53,6 +53,7 @@ def pack(matrices: FloatArray) -> FloatArray:
     flat = matrices.reshape(-1, size * size)
     rows = np.empty((len(flat), upper.size))
     for begin in range(0, len(flat), _CHUNK):
+        # tr(A B) = sum_i a_ii b_ii + 2 sum_i<j a_ij b_ij: off-diagonals times sqrt(2) in each row.
         np.multiply(flat[begin : begin + _CHUNK, upper], scale, out=rows[begin : begin + _CHUNK])
     return rows.reshape(*matrices.shape[:-2], upper.size)
 
@@ -99,6 +100,7 @@ class RelaxedProblem:
 
 def most(slopes: FloatArray, limit: float) -> float:
     """Largest product with weights on the simplex, none above the limit."""
+    # A linear function over the simplex with limits: the largest slopes take their limit, the next one the rest.
     whole = min(int(1 / limit * (1 + 1e-12)), slopes.size)
     if whole >= slopes.size:
         return float(slopes.mean())
@@ -135,6 +137,7 @@ def descend(
     for step in range(limit + 1):
         totals = (weights @ flat).reshape(-1, *matrices.shape[2:]) + problem.prior
         room = problem.limit - weights if bounded else np.ones(weights.size)
+        # Duality gap on these candidates: no weights gain more than the tangent allows.
         bound = tangent(problem.criterion, totals, barrier)
         slopes = (flat @ bound.factors.reshape(len(flat), -1, 1))[..., 0].sum(axis=0)
         gap = (most(slopes, problem.limit) - slopes @ weights + bound.excess) / bound.scale
@@ -142,20 +145,26 @@ def descend(
             break
         if problem.criterion == "e":
             barrier *= reduction if step else 1.0
+            # Primal barrier of `e`: multipliers are barrier over slack.
             lower, upper = barrier / weights, barrier / room if bounded else np.zeros(weights.size)
         else:
             if step == 0:
+                # Multipliers that slopes suggest: what lacks slope presses against zero.
                 lower, upper = _first_duals(problem, slopes, 0.1 * gap * bound.scale)
+            # Complementarity: the mean product of slack and multiplier, aimed at a share of what it is.
             barrier = (reduction if step else 0.3) * float(lower @ weights + upper @ room) / weights.size
         slopes, root = derivatives(problem.criterion, totals, matrices, barrier)
         force = slopes + barrier / weights - (barrier / room if bounded else 0)
+        # Newton step of the perturbed KKT conditions, multipliers eliminated (primal-dual interior point).
         direction = _constrained_step(root, lower / weights + upper / room, force)
+        # The multipliers' steps follow from w z = barrier, linearised.
         lower_step = barrier / weights - lower - lower / weights * direction
         upper_step = barrier / room - upper + upper / room * direction if bounded else upper
         longest = _longest(weights, direction, room if bounded else None)
         taken = _searched(problem, flat, weights, direction, longest, barrier, force)
         if taken == 0.0:
             break
+        # Primal and dual steps each go as far as positivity allows.
         dual = min(_longest(lower, lower_step, None), _longest(upper, upper_step, None) if bounded else 1.0)
         weights = weights + taken * direction
         weights = weights / weights.sum()
@@ -177,9 +186,11 @@ def _first_duals(problem: RelaxedProblem, slopes: FloatArray, least: float) -> t
 
 def _constrained_step(root: FloatArray, diagonal: FloatArray, force: FloatArray) -> FloatArray:
     """Newton step that keeps the sum of the weights, with curvature `root root' + diag(diagonal)`."""
+    # Unit diagonal before factorising: weights near zero make huge barrier terms.
     scale = np.sqrt((root**2).sum(axis=1) + diagonal)
     scaled, added = root / scale[:, None], diagonal / scale**2
     factor = cho_factor(scaled @ scaled.T + np.diag(added + _RIDGE), check_finite=False)
+    # The multiplier of sum w = 1 makes the step sum to zero: a second solve with ones.
     free, even = (cho_solve(factor, each / scale, check_finite=False) / scale for each in (force, np.ones_like(force)))
     return np.asarray(free - even * (free.sum() / even.sum()))
 
@@ -212,6 +223,7 @@ def _searched(
     here, falling = merit(weights), -float(force @ direction)
     noise = 1e-12 * (1 + abs(here))
     taken = longest
+    # Armijo's rule on loss and barrier, halving.
     while taken > 1e-6:
         if merit(weights + taken * direction) <= here + 1e-4 * taken * falling + noise:
             return taken

@@ -53,6 +53,7 @@ class Exchange:
 
     def addable(self, counts: IntArray) -> BoolArray:
         """Which candidates may be measured (once more) beside some numbers of experiments."""
+        # Rounding of prices shall not forbid the last experiment.
         affordable = counts @ self.cost + self.cost <= self.budget * (1 + 1e-12)
         used = counts > 0
         if used.sum() >= self.distinct:
@@ -116,6 +117,7 @@ class Exchange:
             return np.full(size, np.inf), np.zeros(size)
         totals = self.total(counts)[:, 0]
         smoothing = _SMOOTHING * float(np.linalg.eigvalsh(totals)[..., 0].min()) if self.criterion == "e" else 0.0
+        # Concavity: worth(M + H) <= worth(M) + slope, so slopes screen what cannot gain.
         bound = tangent(self.criterion, totals, smoothing)
         used = np.flatnonzero(counts)
         adding = _traces(self.visits.more(np.arange(size), counts), bound.factors)
@@ -127,6 +129,7 @@ class Exchange:
         indices = np.flatnonzero(allowed)
         if indices.size == 0:
             return -1, 0.0
+        # All candidates at once: totals with one experiment more of each.
         together = self.total(counts)[:, None] + self.visits.more(indices, counts)
         values = worth(self.criterion, merged(together, self.wanted))
         return int(indices[np.argmax(values)]), float(values.max())
@@ -156,6 +159,7 @@ def best_exchange(problem: Exchange, weights: FloatArray, restarts: int, seed: i
     """
     generator = np.random.default_rng(seed)
     nothing = np.zeros(weights.size, int)
+    # Half by the relaxed weights, half even: starts differ, and none is impossible.
     favour = 0.5 * weights / weights.sum() + 0.5 / weights.size
     orders = [np.argsort(-weights, kind="stable")]
     orders += [generator.choice(weights.size, weights.size, replace=False, p=favour) for _ in range(restarts)]
@@ -181,6 +185,7 @@ def efficient_rounding(weights: FloatArray, experiments: int) -> IntArray:
     if used.size > experiments:
         raise ValueError(f"Argument `experiments` must be at least {used.size}, one per weight, but is {experiments}.")
     share = weights[used] / weights[used].sum()
+    # Pukelsheim and Rieder: start at ceil((n - l / 2) w), then adjust where the share suffers least.
     counts = np.ceil((experiments - used.size / 2) * share).astype(int)
     while counts.sum() < experiments:
         counts[np.argmin(counts / share)] += 1
@@ -263,6 +268,7 @@ class ConfigurationPlan:
         used = np.flatnonzero(counts)
         if not self.visits.between.any() or self.visits.alone.shape[2] > 1:
             return self.relaxed(used)
+        # Concave in the number of visits: the tangent at the given numbers bounds all others from above.
         slope = slopes(self.visits.alone[:, used, 0], counts[used], self.visits.between)
         beside = self.visits.total(counts)[:, 0] - np.tensordot(slope, counts[used], ((1,), (0,)))
         return self._relaxed(slope / self.cost[used][:, None, None], self.prior + beside, 1.0)
@@ -270,6 +276,7 @@ class ConfigurationPlan:
     def most(self) -> float:
         """What as many candidates as are allowed are worth at most, each with all that could be paid there."""
         count = self.options.count
+        # Each candidate with all the visits that it could have bounds what any choice makes of it.
         times = np.minimum(np.floor(self.budget * (1 + 1e-12) / self.cost), self.experiments).astype(int)
         matrices = self.visits.of(np.arange(self.cost.size), times)[:, :, 0]
         found = self._relaxed(matrices * count / self.budget, self.prior, 1 / count)
@@ -312,6 +319,7 @@ def checked_plan(options: DesignOptions, cost: FloatArray) -> tuple[int, float]:
 
 def choose_counts(plan: ConfigurationPlan, relaxed: Relaxed) -> IntArray:
     """Numbers of experiments (n_cand,): different candidates by exchange, then shares of repeats among them."""
+    # Exchange looks at the best slopes, and at all that have weight.
     order = np.argsort(-relaxed.slopes, kind="stable")
     pool = np.union1d(order[:_POOL], np.flatnonzero(relaxed.weights))
     visits = relaxed.weights / plan.cost

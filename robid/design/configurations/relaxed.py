@@ -71,6 +71,7 @@ def relaxed_design(
     size = matrices.n_param
     gap = max(gap, _LEAST_GAP_E) if criterion == "e" else gap
     problem = RelaxedProblem(criterion, matrices, np.zeros((size, size)) if prior is None else prior, limit)
+    # Column generation: interior point on few candidates, then prices of all others; newcomers enter.
     working, weights, smoothing = _start(problem)
     wanted, steps, stalled = 1e-2, 0, 0
     best: Relaxed | None = None
@@ -84,6 +85,7 @@ def relaxed_design(
         best = found if best is None or found.gap < best.gap else best
         if best.gap <= gap or steps >= iterations or stalled == _PATIENCE:
             return _pruned(problem, best, smoothing, gap, iterations - steps)
+        # Early rounds need no small gap: the working set still changes.
         wanted = max(min(0.1 * found.gap, 0.1 * wanted), 0.3 * gap)
         working, weights = _enlarged(problem, working, weights, slopes)
         # Newcomers are far from the path that ends where the weights are: it is joined where it is wider.
@@ -99,6 +101,7 @@ def _start(problem: RelaxedProblem) -> tuple[IntArray, FloatArray, float]:
         totals = problem.totals(weights)
         smoothing = 0.3 * float(np.linalg.eigvalsh(totals)[..., 0].min()) / packed.n_param
         slopes = packed.traces(tangent(problem.criterion, totals, smoothing).factors)
+        # Multiplicative update (Titterington): weights times their slopes stay on the simplex and never lower D.
         weights = weights * np.maximum(slopes, 0) ** power
         weights /= weights.sum()
     count = max(3 * packed.n_param, 30, int(np.ceil(2 / problem.limit)) if problem.limit < 1 else 0)
@@ -119,6 +122,7 @@ def _spread(problem: RelaxedProblem, weights: FloatArray) -> FloatArray:
     mixed = 0.9 * weights / weights.sum() + 0.1 * even
     if mixed.max() < problem.limit:
         return np.asarray(mixed)
+    # A convex mixture with even weights brings the largest one below its limit.
     share = 0.9 * max(problem.limit - even, 0) / (mixed.max() - even) if mixed.max() > even else 0.0
     return np.asarray(even + share * (mixed - even))
 
@@ -147,6 +151,7 @@ def _enlarged(
 
 def _pruned(problem: RelaxedProblem, found: Relaxed, smoothing: float, gap: float, most_steps: int) -> Relaxed:
     """Leaves out what the optimum does not need: weights that are smaller than their candidates' lack of slope."""
+    # Complementary slackness: at the optimum a candidate with weight has the full slope.
     lack = level(found.slopes, problem.limit) - found.slopes
     kept = np.flatnonzero(found.weights > np.maximum(lack, 0))
     weights = found.weights[kept] / found.weights[kept].sum()
@@ -168,5 +173,6 @@ def _priced(problem: RelaxedProblem, weights: FloatArray, smoothing: float, step
         return Relaxed(weights, np.inf, np.zeros(weights.size), 0.0, steps), np.zeros(weights.size)
     bound = tangent(problem.criterion, totals, smoothing)
     slopes = problem.candidates.traces(bound.factors)
+    # Certificate for all candidates: the largest tangent over the simplex less that at the weights.
     gap = float((most(slopes, problem.limit) - slopes @ weights + bound.excess) / bound.scale)
     return Relaxed(weights, max(gap, 0.0), slopes / (slopes @ weights), value, steps), slopes

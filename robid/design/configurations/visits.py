@@ -41,6 +41,7 @@ class Visits:
         found = self.once[:, candidates] * counts[:, None, None, None]
         more = counts > 1
         if self.between.any() and more.any():
+            # Of n visits to one configuration (I^-1 / n + T)^-1: it saturates at T^-1.
             found[:, more] = _allowed(self.alone[:, candidates[more]] * counts[more, None, None, None], self.between)
         return np.asarray(found)
 
@@ -56,6 +57,7 @@ class Visits:
         found, again = self.once[:, candidates], np.flatnonzero(counts[candidates])
         if self.between.any() and again.size:
             visited = candidates[again]
+            # One visit more where some are: the difference of two saturated informations.
             found[:, again] = self.of(visited, counts[visited] + 1) - self.of(visited, counts[visited])
         return np.asarray(found)
 
@@ -95,6 +97,7 @@ def slopes(alone: FloatArray, counts: IntArray, between: FloatArray) -> FloatArr
 def _allowed(parts: FloatArray, between: FloatArray) -> FloatArray:
     if parts.shape[2] == 1:
         return saturate(parts, between)
+    # Scores of a fit with its own weights vary by B T B between clusters, besides what the meat has.
     bread, meat = parts[:, :, 0], parts[:, :, 1]
     return np.stack([bread, meat + (bread * between) @ bread], axis=2)
 
@@ -168,6 +171,7 @@ class FittedInformation:
         whole = self.base(known)[0]
         total = whole + np.tensordot(self.best, visits, ((1,), (0,)))
         keep = np.broadcast_to(np.eye(count), (len(total), count, count))
+        # K that is best for these visits: [I; -K]' M [I; -K] bounds the Schur complement for all others.
         follow = np.concatenate([keep, -np.linalg.solve(total[:, count:, count:], total[:, count:, :count])], axis=1)
         back = follow.swapaxes(1, 2)
         return back[:, None] @ self.best @ follow[:, None], back @ whole @ follow
@@ -186,6 +190,7 @@ def merged(parts: FloatArray, count: int | None = None) -> FloatArray:
     bread = own[..., 0, :, :]
     if own.shape[-3] == 1:
         return np.asarray(bread)
+    # Inverse of the sandwich covariance B^-1 S B^-1.
     whole = bread @ np.linalg.solve(own[..., 1, :, :], bread)
     return np.asarray(0.5 * (whole + whole.swapaxes(-1, -2)))
 
@@ -195,6 +200,7 @@ def reduced(parts: FloatArray, count: int) -> FloatArray:
     if parts.shape[-1] == count:
         return parts
     first = parts[..., 0, :, :]
+    # Nuisances at their best for the first part, the bread; the meat follows.
     follow = -np.linalg.solve(first[..., count:, count:], first[..., count:, :count])[..., None, :, :]
     mixed = parts[..., :count, count:] @ follow
     others = follow.swapaxes(-1, -2) @ parts[..., count:, count:] @ follow

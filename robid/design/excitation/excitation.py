@@ -224,6 +224,7 @@ def design_excitation(
 
 def _amplitude(options: MultisineOptions, rms: FloatArray, n_lines: int, loop: NominalLoop | None) -> FloatArray:
     """Amplitude (n_motor, n_lines) of each line."""
+    # A sum of n cosines of amplitude a has the RMS a sqrt(n / 2).
     flat = np.repeat(rms[:, None] * np.sqrt(2 / n_lines), n_lines, axis=1)
     if options.amplitude == "flat":
         return flat
@@ -248,6 +249,7 @@ def _phases(
 ) -> FloatArray:
     """Phases (n_motor, n_lines) of one realization; a start beyond one per motor goes to the worst motor so far."""
     n_motor, n_lines = amplitude.shape
+    # Motor i of experiment l plays the same phases plus those of T[i, l]: R = R_diag T, T T^H = n 1.
     shifts = np.angle(orthogonal_matrix(n_motor))
     own = None if turn is None else turn[realization]
     if own is not None:
@@ -255,6 +257,7 @@ def _phases(
     generators = [np.random.default_rng([options.seed, 2, realization, motor]) for motor in range(n_motor)]
     phases, crest = np.zeros(amplitude.shape), np.full(n_motor, np.inf)
     for _ in range(max(options.phase_starts, n_motor)):
+        # Each further start goes to the motor whose crest factor is the worst.
         motor = int(np.argmax(crest))
         start = generators[motor].uniform(0, 2 * np.pi, (n_lines,))
         found, peak = reduce_crest(start, amplitude[motor], lines, shifts[motor], iterations=options.phase_iterations)
@@ -320,6 +323,7 @@ def design_signal(
         return excitation
     amplitude = options.slow_motion_rad_s
     if options.inject == "position_reference":
+        # A speed v at the line k is the angle v T / (2 pi k).
         amplitude *= options.period_s / (2 * np.pi * options.slow_motion_line)
     n_sample, generator = excitation.reference.shape[2], np.random.default_rng([options.seed, 3])
     added = slow_motion(amplitude, options.slow_motion_line, realizations, n_motor, n_sample, generator)
@@ -333,6 +337,7 @@ def _design_other(
     excited, detection = signal_lines(options, sampling_period_s)
     lines, base = _series(options, excited, n_motor, realizations, sampling_period_s)
     rms = _rms_per_motor(options.rms, n_motor)
+    # RMS of complex amplitudes is sqrt(sum |a|^2 / 2).
     base = base * (rms[:, None] / np.sqrt(np.sum(np.abs(base) ** 2, axis=-1, keepdims=True) / 2))
     block = np.einsum("rik,ie->reki", base, orthogonal_matrix(n_motor))
     reference, spectrum = time_signal(block, lines, n_sample), block[:, :, np.searchsorted(lines, excited)]

@@ -104,6 +104,7 @@ def choose_lines(options: ChosenLineOptions, sampling_period_s: float) -> tuple[
     _refuse(problems)
     chosen = _spread(grid, total, options.spacing)
     generator = np.random.default_rng([options.seed, 1])
+    # Detection lines are drawn from equal runs, ends apart, so that they cover the band.
     inner = np.arange(1, total - 1) if total >= n_detection + 2 else np.arange(total)
     drawn = [int(generator.choice(run)) for run in np.array_split(inner, n_detection)] if n_detection else []
     excited = np.delete(chosen, drawn)
@@ -186,6 +187,7 @@ def _spread(grid: IntArray, count: int, spacing: str) -> IntArray:
     chosen = [0]
     for left in range(count - 1, 0, -1):
         last = int(grid[chosen[-1]])
+        # The geometric way to the highest line, divided by the lines that are left; never the same line twice.
         target = last * (highest / last) ** (1 / left) if spacing == "log" else last + (highest - last) / left
         nearest = round(float(np.interp(target, grid, np.arange(len(grid)))))
         chosen.append(min(max(nearest, chosen[-1] + 1), len(grid) - left))
@@ -349,6 +351,7 @@ def pose_chirp(options: PoseChirpOptions, sampling_period_s: float) -> FloatArra
 def sweep(options: SweepOptions, sampling_period_s: float) -> FloatArray:
     """One period of a chirp or stepped sine; the odd grid repeats its first half with the opposite sign."""
     n_sample = samples_per_period(options.period_s, sampling_period_s)
+    # A half period that repeats with the opposite sign has odd lines only.
     is_odd = options.grid == "odd"
     length = n_sample // 2 if is_odd else n_sample
     if isinstance(options, ChirpOptions):

@@ -37,6 +37,7 @@ def residual_covariance(
         `w^4 s_q^2 I + s_u^2 G G^H` (n_freq, n_out, n_out); divided by samples times periods it is the covariance
         of the averaged DFT coefficients [rad^2/s^4].
     """
+    # Angle noise is differentiated twice: w^4; a torque disturbance shows through G.
     encoder = (angle_noise_rad**2 * omega**4)[:, None, None] * np.eye(response.shape[-2])
     return np.asarray(encoder + torque_noise_nm**2 * response @ response.conj().swapaxes(-1, -2))
 
@@ -64,6 +65,7 @@ def predicted_snr_db(
     """
     # A DFT over the number of samples gives half of a cosine's amplitude.
     inverse = np.linalg.inv(torque.transpose(0, 2, 3, 1) / 2)
+    # Diagonal of the input factor: mean over realizations of |U^-1|^2 over their number (docs/methods, sec. 4).
     factor = np.sum(np.abs(inverse) ** 2, axis=(0, 2)) / len(torque) ** 2
     noise = np.real(np.diagonal(residual, axis1=-2, axis2=-1)) / (n_sample * periods)
     variance = noise[:, :, None] * factor[:, None, :]
@@ -112,6 +114,7 @@ class NominalLoop:
         """
         reference, angle = frequency_response(self.controller, self.robot.motor_inertia_kgm2, self.omega, inject)
         # U = C_r R - C_q Q with Q = -G U / w^2.
+        # Motor angle per torque, from acceleration per torque.
         plant = -self.response[index] / self.omega[:, None, None] ** 2
         identity = np.eye(plant.shape[-1])
         torque = np.linalg.solve(identity + angle[:, :, None] * plant, reference[:, :, None] * identity)
@@ -187,6 +190,7 @@ def sensitivity_amplitude(
     """
     power = np.moveaxis(amplitude**2, 0, 1)
     each = line_information(loop, inject, angle_noise_rad, torque_noise_nm)
+    # Silvey, Titterington and Torsney: power times its own directional derivative is one step towards D-optimality.
     score = pool(_scores(power, each, 2 * len(loop.robot.springs)).astype(complex), _SMOOTHED_LINES).real
     wanted = power * score
     share = wanted / wanted.mean(axis=0)
@@ -212,8 +216,10 @@ def line_information(loop: NominalLoop, inject: str, angle_noise_rad: float, tor
     for index in range(len(loop.response)):
         slopes = _log_jacobian(loop, loop.linear, index)
         torque, _ = loop.gains(index, inject)
+        # A motor's line of unit reference moves all torques by the loop's gains: dY = dG U.
         moved = np.einsum("foip,fij->fjop", slopes, torque, optimize=True)
         noise = residual_covariance(loop.response[index], loop.omega, angle_noise_rad, torque_noise_nm)
+        # Whitened by the residual's covariance: J^H C^-1 J.
         white = np.linalg.solve(np.linalg.cholesky(noise)[:, None], moved)
         total = total + np.real(white.conj().swapaxes(-1, -2) @ white)
     return np.asarray(total)
@@ -247,4 +253,5 @@ def _scores(power: FloatArray, each: FloatArray, count: int) -> FloatArray:
         inverse = np.linalg.inv(matrix + _RIDGE * np.eye(len(matrix)))
         return np.asarray(np.einsum("fmpq,qp->fm", lines[..., kept, kept], inverse))
 
+    # log det of the wanted part is that of all less that of the nuisances: so is its slope.
     return np.maximum(gain(slice(None)) - gain(slice(count, None)), 0.0)

@@ -134,6 +134,7 @@ def _problems(
 def _admissible(least: FloatArray, most: FloatArray, offset: FloatArray, limits: FloatArray) -> FloatArray:
     """Factor on a motion about an offset at which each quantity meets its limit, infinite for what stands still."""
     limits = np.broadcast_to(limits, least.shape)
+    # Room over way on either side of what does not scale.
     sides = ((limits - offset, most - offset), (limits + offset, offset - least))
     factors = [
         np.divide(room, way, out=np.full(least.shape, np.inf), where=way > _STILL * limits) for room, way in sides
@@ -294,10 +295,12 @@ def _pose_motion(
     They are interpolated linearly from sample to sample.
     """
     period_s = robot.interface.sampling_period_s
+    # Two periods, of which the second is steady: delay and average have filled.
     twice = followed(np.concatenate([commands, commands], axis=1), robot.interface)
     path = joint_path(robot.arm, channels, configuration, twice[:, commands.shape[1] :])
     to_motor = robot.arm.robot.motor_per_arm.T
     angle = path.positions @ to_motor
+    # Forward difference: linear interpolation moves at this speed until the next command.
     speed = (np.roll(angle, -1, axis=1) - angle) / period_s
     acceleration = (speed - np.roll(speed, 1, axis=1)) / period_s
     joints = angle.shape[-1]

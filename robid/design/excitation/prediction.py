@@ -95,7 +95,9 @@ def _reach(excitation: Excitation, loop: NominalLoop, index: int) -> tuple[Float
     """Minimum, maximum and RMS (3, 3, n_motor) of speed, torque and excursion, and the speed's crest (n_motor,)."""
     to_torque, to_angle = loop.gains(index, excitation.kind)
     rate = 1j * loop.omega[:, None, None]
+    # Speed j w q, torque, and arm excursion, each as a gain from the references.
     gains = np.stack([rate * to_angle, to_torque, loop.robot.arm_per_motor @ to_angle])
+    # All experiments at once: complex amplitudes of the played lines, then one inverse transform.
     stacked = np.einsum("qkmi,reki->qrekm", gains, excitation.played_spectrum, optimize=True)
     signal = time_signal(stacked, excitation.played_lines, excitation.reference.shape[2])
     crest = crest_factor(signal[0]).max(axis=(0, 1))
@@ -142,6 +144,7 @@ def _scaled_reach(reach: FloatArray, static_torque: FloatArray, factor: float) -
     offset = np.zeros_like(reach[0])
     offset[1] = static_torque
     minimum, maximum = offset + factor * (reach[0] - offset), offset + factor * (reach[1] - offset)
+    # RMS about an offset: the varying part alone scales.
     rms = np.sqrt(offset**2 + factor**2 * np.maximum(reach[2] ** 2 - offset**2, 0))
     return np.stack([minimum, maximum, rms])
 
@@ -163,6 +166,7 @@ def admissible_scale(
     offset = np.zeros_like(minimum)
     offset[1] = static_torque
     tiny = np.finfo(float).tiny
+    # Factor at which the varying part meets what the static torque leaves of the limit.
     upward = (limits[:, None] - offset) / np.maximum(maximum - offset, tiny)
     downward = (limits[:, None] + offset) / np.maximum(offset - minimum, tiny)
     return np.asarray(np.maximum(np.minimum(upward, downward), 0))
@@ -259,6 +263,7 @@ def travel_demand(travel: FloatArray, loop: NominalLoop, index: int) -> FloatArr
         Two signals (2, n_sample, n_motor) [rad/s, N m].
     """
     spectrum = np.fft.rfft(travel, axis=0)
+    # A travel is one line: amplitude and phase at it say all.
     line = int(np.abs(spectrum).max(axis=1).argmax())
     slow = loop.at(np.array([line / (len(travel) * loop.controller.sampling_period_s)]))
     to_torque, to_angle = (gain[0] @ spectrum[line] for gain in slow.gains(index, "position_reference"))

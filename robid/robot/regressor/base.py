@@ -69,6 +69,7 @@ def find_base_parameters(model: RigidModel, options: BaseOptions | None = None) 
     """
     chosen = options or BaseOptions()
     columns = random_columns(model, chosen)
+    # Joints over their typical torque: else the largest one would decide what is dependent.
     size = np.sqrt((columns**2).mean(axis=(0, 2), keepdims=True))
     rows = (columns / np.where(size > 0, size, 1.0)).reshape(-1, len(model.names))
     return select_base(rows, model, chosen.threshold)
@@ -117,9 +118,11 @@ def select_base(factor: FloatArray, model: RigidModel, threshold: float = BaseOp
     scale = np.where(silent, 1.0, length)
     scaled = np.where(silent, 0.0, factor / scale)
     if len(scaled) > scaled.shape[1]:
+        # Only R matters: Q does not change which columns depend on others, nor singular values.
         scaled = np.asarray(qr(scaled, mode="r")[0][: scaled.shape[1]])
     kept = np.sort(_independent(scaled, _preference(model), threshold))
     singular = np.linalg.svd(scaled, compute_uv=False)
+    # W x = W_b (x_b + C x_d) with W_d = W_b C; scales of the columns are taken back.
     combination = _combination(scaled, kept) * scale[None] / scale[kept, None]
     others = np.setdiff1d(np.flatnonzero(np.abs(combination).sum(axis=0) > 0), kept)
     return BaseParameters(
@@ -170,10 +173,12 @@ def _independent(scaled: FloatArray, groups: IntArray, threshold: float) -> IntA
     rest, kept = scaled.copy(), np.zeros(0, int)
     for group in np.unique(groups):
         members = np.flatnonzero(groups == group)
+        # Pivoted QR: the diagonal falls, and what is below the threshold is dependent on what came before.
         triangle, order = qr(rest[:, members], mode="r", pivoting=True)
         count = int((np.abs(np.diag(triangle)) > threshold).sum())
         kept = np.concatenate([kept, members[order[:count]]])
         basis = np.linalg.qr(scaled[:, kept])[0]
+        # What is left of all other columns outside the span of those kept (Gram and Schmidt by projection).
         rest = scaled - basis @ (basis.T @ scaled)
     return kept
 
@@ -181,6 +186,7 @@ def _independent(scaled: FloatArray, groups: IntArray, threshold: float) -> IntA
 def _combination(scaled: FloatArray, kept: IntArray) -> FloatArray:
     """Scaled columns as combinations of those kept (n_base, n_std), rounding removed."""
     basis, triangle = np.linalg.qr(scaled[:, kept])
+    # Coefficients of all columns in those kept, R c = Q' w.
     found = np.asarray(solve_triangular(triangle, basis.T @ scaled))
     found[np.abs(found) < _TIDY] = 0.0
     found[:, kept] = np.eye(kept.size)

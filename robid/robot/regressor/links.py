@@ -148,12 +148,14 @@ def body_motions(
     """
     own = [tree.turns @ position + tree.offset[:, None], tree.turns @ velocity, tree.turns @ acceleration]
     base = np.zeros((_SCREWS, 2, 3, position.shape[1]))
+    # Gravity as an acceleration of the base upwards: every body then feels its weight.
     base[_ACCELERATION, 1] = -tree.gravity_m_s2[:, None]
     for index, (body, state) in enumerate(zip(tree.bodies, states, strict=True)):
         _carry(states[body.parent] if body.parent >= 0 else base, body, state)
         move = _slide if body.slides else _turn
         move(state, *(values[index] for values in own))
         reach = len(state) - _SCREWS
+        # The body's own joint adds to the screw of every coordinate that moves it.
         state[_SCREWS:, 1 if body.slides else 0, 2] += tree.turns[index, :reach, None]
         yield BodyMotion(
             rate=state[_VELOCITY, 0],
@@ -179,7 +181,9 @@ def _carry(parent: FloatArray, body: Body, state: FloatArray) -> None:
     np.matmul(turned, parent, out=state[:size])
     state[size:] = 0.0
     if body.position_m.any():
+        # v_o = v_p + w x r, for velocities, accelerations and screws alike.
         state[:size, 1] -= (turned @ cross_matrix(body.position_m)) @ parent[:, 0]
+        # Centripetal part of the origin's acceleration: w x (w x r) = w (w . r) - r w^2.
         offset, rate = turned @ body.position_m, state[_VELOCITY, 0]
         state[_ACCELERATION, 1] += rate * (offset @ rate) - offset[:, None] * (rate * rate).sum(axis=0)
 
@@ -195,6 +199,7 @@ def _turn(state: FloatArray, angle: FloatArray, speed: FloatArray, acceleration:
     y -= x
     x[...] = turned
     rate, angular = state[_VELOCITY, 0], state[_ACCELERATION, 0]
+    # w_parent x z q': the frame turns while its parent does.
     angular[0] += rate[1] * speed
     angular[1] -= rate[0] * speed
     angular[2] += acceleration
@@ -206,6 +211,7 @@ def _slide(state: FloatArray, travel: FloatArray, speed: FloatArray, acceleratio
     state[:, 1, 0] += travel * state[:, 0, 1]
     state[:, 1, 1] -= travel * state[:, 0, 0]
     rate, linear = state[_VELOCITY, 0], state[_ACCELERATION, 1]
+    # Along a slide that moves: Coriolis 2 w x v and centripetal w x (w x r) with r = (0, 0, travel).
     linear[0] += travel * rate[0] * rate[2] + 2 * speed * rate[1]
     linear[1] += travel * rate[1] * rate[2] - 2 * speed * rate[0]
     linear[2] += acceleration - travel * (rate[0] ** 2 + rate[1] ** 2)
@@ -276,6 +282,7 @@ def _write_link(motion: BodyMotion, chosen: Sequence[int], out: FloatArray) -> N
     turned = [component for component in chosen if component < _N_TURNED]
     shifted = [component - _N_INERTIA for component in chosen if component >= _N_INERTIA]
     if turned:
+        # Torque on each coordinate: its screw times moment and force (virtual power).
         np.einsum("kcn,fcn->kfn", motion.turn, _moments(motion, turned), out=out[:, : len(turned)])
     if shifted:
         out[:, len(chosen) - len(shifted) :] += np.einsum("kcn,fcn->kfn", motion.shift, _forces(motion, shifted))
@@ -284,6 +291,7 @@ def _write_link(motion: BodyMotion, chosen: Sequence[int], out: FloatArray) -> N
 def _moments(motion: BodyMotion, chosen: Sequence[int]) -> FloatArray:
     """Torque (n_chosen, 3, n_sample) about the origin per unit of each inertia and first moment."""
     (x, y, z), (ax, ay, az), (lx, ly, lz) = motion.rate, motion.angular, motion.linear
+    # Newton and Euler about the origin, linear in each inertia: I a + w x (I w); first moments add m c x a_o.
     yz, xz, xy = y * z, x * z, x * y
     xx, yy, zz = motion.rate**2
     zero = np.zeros_like(x)
@@ -305,6 +313,7 @@ def _moments(motion: BodyMotion, chosen: Sequence[int]) -> FloatArray:
 def _forces(motion: BodyMotion, chosen: Sequence[int]) -> FloatArray:
     """Force (n_chosen, 3, n_sample) per unit of each first moment and of the mass."""
     (x, y, z), (ax, ay, az) = motion.rate, motion.angular
+    # Force on first moments is a x c + w x (w x c), on the mass the acceleration of the origin.
     yz, xz, xy = y * z, x * z, x * y
     xx, yy, zz = motion.rate**2
     rows: tuple[Callable[[], Sequence[FloatArray]], ...] = (
@@ -320,5 +329,6 @@ def _rotor_column(motion: BodyMotion) -> FloatArray:
     """Torque (n_reach, n_sample) per unit of a disc's inertia about its axis."""
     (x, y, z), (ax, ay, az) = motion.rate, motion.angular
     xx, yy, zz = ROTOR[[0, 3, 5]]
+    # Euler's equations of a disc about its own axes.
     moment = np.array([xx * ax + (zz - yy) * y * z, yy * ay + (xx - zz) * x * z, zz * az + (yy - xx) * x * y])
     return np.asarray(np.einsum("kcn,cn->kn", motion.turn, moment))

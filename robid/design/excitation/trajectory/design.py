@@ -40,6 +40,7 @@ def random_trajectory(problem: TrajectoryProblem, generator: np.random.Generator
     drawn = generator.standard_normal(shape)
     share = generator.uniform(_LEAST_USE, 1, shape[1])
     used = problem.limits.used(problem.robot, problem.waves @ drawn, none)
+    # Joints differ in how much of their range and acceleration they use.
     drawn = drawn * share / used[[0, 2]].max(axis=0)
     speed = problem.limits.used(problem.robot, problem.waves @ drawn, none)[1].max()
     drawn = drawn / max(speed, 1.0)
@@ -57,6 +58,7 @@ def descend(problem: TrajectoryProblem, start: FloatArray, evaluations: int) -> 
         tool = nlopt.opt(algorithm, start.size)
         tool.set_maxeval(max(round(share * evaluations), 1))
         end = _round(problem, best, tool, sharpness)
+        # Optimisers end slightly outside: the way is shrunk until it is within.
         end = end * _allowed(problem, end)
         reached = problem.criterion.value(problem.regressor(end))
         if reached < value:
@@ -66,6 +68,7 @@ def descend(problem: TrajectoryProblem, start: FloatArray, evaluations: int) -> 
 
 def _round(problem: TrajectoryProblem, start: FloatArray, tool: nlopt.opt, sharpness: float) -> FloatArray:
     """Where an optimizer ends; it may exceed limits there."""
+    # Objective and constraints come from one evaluation, though the optimiser asks for them apart.
     walk = _Walk(problem, (start / problem.scale).ravel(), sharpness)
     tool.set_min_objective(walk.objective)
     tool.add_inequality_mconstraint(walk.constraints, np.full(walk.latest.used.size, _WITHIN))
@@ -213,6 +216,7 @@ def trajectory_problem(
     problem = TrajectoryProblem(base, plain, configurations, series, waves, limits, floor_m)
     generator = np.random.default_rng([options.seed, 0])
     drawn = [plain.rows(problem.regressor(random_trajectory(problem, generator))) for _ in range(_SIZING_DRAWS)]
+    # Columns over their size in random motions: condition numbers then do not depend on units.
     size = np.sqrt(np.mean(np.concatenate(drawn) ** 2, axis=0))
     return replace(problem, criterion=replace(plain, column_size=np.where(size > 0, size, 1.0)))
 

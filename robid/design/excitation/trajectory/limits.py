@@ -67,7 +67,9 @@ def resting_series(harmonics: int, period_s: float) -> RestingSeries:
         message = f"a series at rest needs two harmonics or more, not {harmonics}"
         raise ValueError(message)
     order, none = np.arange(1, harmonics + 1), np.zeros(harmonics)
+    # Value, slope and curvature at the beginning: sums of cosines, of k sines, of k^2 cosines vanish.
     conditions = np.array([[*none, *np.ones(harmonics)], [*order, *none], [*none, *order**2]])
+    # The null space of the three conditions: right singular vectors beyond the third.
     _, _, rows = np.linalg.svd(conditions / np.linalg.norm(conditions, axis=1, keepdims=True))
     return RestingSeries(period_s, rows[3:].T)
 

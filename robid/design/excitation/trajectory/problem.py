@@ -62,6 +62,7 @@ class BaseModel:
             for joint in range(motion.shape[2]):
                 moved = states.copy()
                 moved[kind, ..., joint] += _STEP
+                # Forward differences: columns are cheap to evaluate, and polynomial in speeds and accelerations.
                 found[kind, joint] = (self._columns(moved, motion[1]) - columns) / _STEP
         return found
 
@@ -112,11 +113,14 @@ class Criterion:
         values, vectors = np.linalg.eigh(information)
         values = np.maximum(values, _RIDGE * values[-1])
         if self.kind == "d_optimal":
+            # d log det A = tr(A^-1 dA).
             value, slope = -float(np.log(values).mean()), -(vectors / values) @ vectors.T / len(values)
         else:
             value = 0.5 * float(np.log(values[-1] / values[0]))
+            # d lambda = v' dA v for the largest and the smallest eigenvalue; half, as A = W'W.
             ends = vectors[:, [-1, 0]]
             slope = 0.5 * (ends * [1 / values[-1], -1 / values[0]]) @ ends.T
+        # dA = (dW' W + W' dW) / n.
         by_row = (2 / len(rows)) * (rows @ slope)
         return value, by_row.reshape(columns.shape) * self.row_weight[:, None] / self.column_size
 
@@ -198,6 +202,7 @@ class TrajectoryProblem:
         columns = self.base.columns(self.configurations, motion)
         slopes = self.base.slopes(self.configurations, motion, columns)
         value, by_element = self.criterion.with_slopes(columns[..., self.base.judged])
+        # Chain rule: elements of the regressor by position, speed and acceleration, then these by coefficients.
         by_motion = np.einsum("kicnmp,cnmp->kni", slopes[..., self.base.judged], by_element, optimize=True)
         found = [*self._kinematic(motion, sharpness), self._torques(columns, slopes, sharpness)]
         if self.floor_m is not None:
@@ -239,6 +244,7 @@ class TrajectoryProblem:
         height, by_way = self._height(way)
         moves = np.abs(by_way).max(axis=(0, 1, 3)) > _STILL
         height, by_way = height[..., moves], by_way[..., moves, :]
+        # A height h above the floor f keeps 1 + f - h below one.
         use, weight = _smooth_maximum(1 + floor_m - height.reshape(-1, 1), sharpness)
         slopes = np.zeros((1, 3, *way.shape))
         slopes[0, 0] = -np.einsum("cnp,cnpi->ni", weight.reshape(height.shape), by_way)
@@ -274,6 +280,7 @@ def _smooth_use(
 def _smooth_maximum(values: FloatArray, sharpness: float) -> tuple[FloatArray, FloatArray]:
     """Smooth maximum (n,) over the first axis of (n_value, n), and its slope (n_value, n)."""
     top = values.max(axis=0)
+    # Kreisselmeier and Steinhauser: log-sum-exp, shifted by the maximum against overflow.
     part = np.exp(sharpness * (values - top))
     total = part.sum(axis=0)
     return np.asarray(top + np.log(total) / sharpness), np.asarray(part / total)
