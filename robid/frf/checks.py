@@ -32,8 +32,6 @@ class Finding:
     Attributes:
         kind: `period`, `dropped`, `jitter`, `saturation`, `still`, `weak` or `loop`.
         what: What is wrong, with channel, experiment, realization, period and sample where they are known.
-        remedy: What to do next.
-        fatal: Whether the record cannot be used.
     """
 
     kind: str

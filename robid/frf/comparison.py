@@ -194,8 +194,6 @@ class ElementDifference:
     """How far the second response is from the first in one element.
 
     Attributes:
-        output: Name of the output.
-        input: Name of the input.
         lines: Lines compared, over all configurations.
         decibels: Median of the second's magnitude over the first's [dB].
         degrees: Median of the second's phase less the first's [degrees].
@@ -227,10 +225,8 @@ class Comparison:
     """Two responses held against each other.
 
     Attributes:
-        aligned: Both at the same lines.
         elements: The difference of each element, over all configurations.
         each: The same for each pair of configurations; the limits are for one of them at a time.
-        notes: What the reader must know.
     """
 
     aligned: Aligned

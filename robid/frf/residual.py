@@ -19,7 +19,6 @@ class Residual:
     """Measured minus modelled response, Wernholt and Moberg (2008), eq. 4c; other residuals override what differs.
 
     Attributes:
-        name: Name of the estimator in settings.
         parts: Real numbers that each element's residual has: 2 where it is complex, 1 where it is real.
         drops_noise: Whether elements that drown in noise are left out, as their residual is biased.
         from_afar: Name of the estimator that comes closer from starts far away.

@@ -26,8 +26,6 @@ class Shift:
     """One period that runs apart from the period before it.
 
     Attributes:
-        realization: Index.
-        experiment: Index.
         period: Index of the later of the two periods.
         lost: Samples missing between the two; negative where there are too many.
         sample: Sample of that period (of the one before, if negative: counted back from its end) where it begins.
@@ -71,7 +69,6 @@ class Samples:
         count: How many; 0 where the period is too short.
         reach: Distance of the samples around them.
         before: `reach` samples earlier.
-        here: The samples.
         after: `reach` samples later.
     """
 

@@ -19,12 +19,10 @@ class ForeignJoint:
     """A hinge or slide of a foreign robot, turned so that its axis is z, and the link that it moves.
 
     Attributes:
-        name: Name of the joint.
         position_m (3,): Origin of the joint frame in the previous joint's frame [m].
         rotation (3, 3): Orientation of the joint frame in the previous joint's frame at zero angle.
         link: Mass properties of all that it moves up to the next joint, in the joint frame.
         range: Lower and upper limit [rad, or m]; None where the file has none.
-        slides: Whether it is a slide.
         body_position_m (3,): Origin of the file's own body frame in the joint frame [m].
         body_rotation (3, 3): Orientation of the file's own body frame in the joint frame.
     """

@@ -52,11 +52,8 @@ class Constraint:
     """An equality constraint as it stands in the file; MuJoCo's own data of joints.
 
     Attributes:
-        kind: Its kind.
-        name: Its name.
         first: Name of the first thing that it ties.
         second: Name of the second one; empty where it is held.
-        data: Coefficients.
         joints: Of tendons, the joints.
     """
 

@@ -43,7 +43,6 @@ class Friction:
         static_nm: Breakaway level [N m].
         stribeck_rad_s: Stribeck speed [rad/s].
         presliding_rad: Bristle deflection at the Coulomb level: `sigma_0 = coulomb / presliding` [rad].
-        relative_std: Standard deviation of the relative error of the coefficients.
     """
 
     viscous_nms_rad: float = 0.0
@@ -119,7 +118,6 @@ class FrictionLaw(ABC):
     """How the friction of a motor follows its motion.
 
     Attributes:
-        name: Name of the law in settings.
         widths: Widths that are tried where nothing is known of a motor; none for a law that is the limit of another.
         step_limits: What one step of the integrator may be at most of each of its rates.
     """
@@ -285,7 +283,6 @@ class Coordinate(NamedTuple):
     """A number in which the identification of a law moves.
 
     Attributes:
-        name: What it is.
         prior_std: Standard deviation about its start of what is believed beforehand.
         largest_step: What one iteration moves it at most.
     """
@@ -318,11 +315,8 @@ class TorqueLaw:
         width: Width of the law, such as LuGre's deflection [rad] or the speed of a smoothed sign [rad/s].
         relative_std: Standard deviation of the relative error of levels and of speeds and deflections.
         ripple_nm: Amplitude of the torque ripple [N m].
-        ripple_order: Ripple periods per motor turn.
-        law: How friction follows the motion.
         lag_samples: Known lag of the friction behind the motion [samples].
         ripple_sin: Known part of the ripple that opposes the motion with the sine of its order, over its amplitude.
-        ripple_cos: The same with the cosine.
         offset: How far each coefficient in `KINDS` is from the robot file's.
         identified_std: Standard deviations of the values in `VALUES` where they were identified; None otherwise.
         uneven_nms_rad: Half of what viscous friction is larger forward than backward: a torque per size of the speed,

@@ -28,7 +28,6 @@ class ToolArm:
     """A rigid arm on its root, and its tool.
 
     Attributes:
-        robot: The robot; its springs are taken as rigid.
         external: How many joints, from the first on, ride below the root.
         tool_m (3,): Tool point in the last joint's frame [m].
         tool_rotation (3, 3): Orientation of the tool in the last joint's frame.

@@ -63,9 +63,6 @@ class ElasticModel:
     """A compiled elastic robot; all joints are hinges and slides, so positions and velocities share indices.
 
     Attributes:
-        robot: What it was built from.
-        mujoco: The compiled model.
-        spec: What was compiled.
         motor (n_joint,): Indices of the coordinates that motors drive: motor angles `q_m`, arm angles of rigid joints.
         turns (n_joint,): Motor angle per unit of these: 1, or the gear ratio of a rigid joint.
         arm (n_joint,): Indices of the arm positions `q_a`.

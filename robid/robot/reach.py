@@ -119,7 +119,6 @@ class Reach:
     """What keeps a robot from a configuration.
 
     Attributes:
-        robot: The robot; its joint limits are one bound.
         floor_m: Height of the floor in the world frame; None where there is none [m].
         shapes: Shapes that must not touch each other; None where the robot has none.
     """

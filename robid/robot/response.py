@@ -58,8 +58,6 @@ class Response:
         outputs (n_conf, n_freq, n, n_out): `Z^-1 C'`.
         hold (n_freq,): Zero-order hold and delay.
         omega (n_freq,): Angular frequency [rad/s].
-        model: The linearised robot where these parameters let it rest.
-        springs: Its springs there.
         gain (n_in,): Torque that each motor gives per torque recorded, where that is doubted; in `sampled` only.
         folding: What sampling folds down from above; None in continuous time.
         by_delay: Its derivative by the delay.

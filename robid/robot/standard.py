@@ -23,7 +23,6 @@ class StandardRobot:
     """A robot with given standard parameters.
 
     Attributes:
-        robot: The robot.
         payload_is_in_link: Whether its payload is in its last link, as no real body would be left without it.
         homeless: Parameters that differ from zero and that a robot's description has no place for.
         averaged: Joints whose friction differs between the directions, of which the description has the mean.

@@ -24,9 +24,6 @@ class StateSpace:
         B (n_state, n_in): Input matrix.
         C (n_out, n_state): Output matrix.
         D (n_out, n_in): Direct feedthrough.
-        states: Name of each state.
-        inputs: Name of each input.
-        outputs: Name of each output.
         period_s: Sampling period [s]; None in continuous time.
     """
 

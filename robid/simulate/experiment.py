@@ -102,13 +102,9 @@ class SimulatedExperiment:
 
     Attributes:
         robot: The true robot.
-        controller: Its controller.
-        options: Imperfections, steps and seed.
         reference (n_real, n_exp, n_sample, n_motor): One period of the excitation [unit of its kind].
-        inject: Where the excitation enters.
         excited_lines (n_freq,): Excited lines.
         detection_lines (n_detection,): Lines left out on purpose.
-        periods: Recorded periods.
         outputs: What is recorded after the motors: `<joint>.arm` and sensors.
         travel (n_sample, n_motor): Position reference beneath the excitation, from the configuration; None without
             one [rad].

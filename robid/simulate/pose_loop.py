@@ -34,13 +34,9 @@ class PoseExperiment:
     Attributes:
         robot: The true robot.
         arm: The rigid arm as the controller knows it.
-        controller: Its controller.
-        interface: How it takes commands and reports poses.
-        options: Imperfections, steps and seed.
         channels: Names of the commanded channels, which are those measured.
         reference (n_real, n_exp, n_sample, n_channel): One period of the commands [m, rad].
         excited_lines (n_freq,): Excited lines.
-        periods: Recorded periods.
     """
 
     robot: Robot

@@ -26,12 +26,7 @@ _TAYLOR = [1 / 24, 1 / 6, 1 / 2, 1.0, 1.0]
 
 @dataclass(frozen=True)
 class Steps:
-    """How many steps, and why.
-
-    Attributes:
-        count: RK4 steps per controller sample.
-        reason: What asks for as many, in a phrase.
-    """
+    """How many RK4 steps per controller sample, and what asks for as many, in a phrase."""
 
     count: int
     reason: str

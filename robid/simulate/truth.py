@@ -20,12 +20,7 @@ class TrueRobot:
     """The robot that was simulated, and what of its simulation a fit may estimate.
 
     Attributes:
-        robot: The robot with all deviations and further springs.
-        truth: How it deviates from its file.
-        imperfections: What the simulation does beyond the linear model.
         delay_s: Delay from recorded to applied torque, or of pose commands, hold excluded [s].
-        seed: Seed of the noise.
-        steps_per_sample: RK4 steps per controller sample.
     """
 
     robot: Robot

@@ -30,7 +30,6 @@ class ConfigurationDesign:
             differ between configurations and none is repeated, no share is larger than that of one visit.
         gap: Certificate of the weights: no others are worth more than `1 + gap` times as much; for `d` without prior
             `(max tr(M^-1 H_i) - n) / n`.
-        criterion: `d`, `a` or `e`.
         efficiency: Worth of the chosen numbers over the certified bound on any weights, 0 to 1; what is missing is
             also the price of few configurations and whole numbers.
         choice_efficiency: The same over the certified bound on choices of as many different candidates, with equal

@@ -21,7 +21,6 @@ class Packed:
     Attributes:
         rows (n_draw, n_cand, n_param (n_param + 1) / 2): Upper triangles, off-diagonals times sqrt(2): the product of
             two rows is the trace of the product of their matrices.
-        n_param: Size of a matrix.
     """
 
     rows: FloatArray
@@ -82,10 +81,7 @@ class RelaxedProblem:
     """A relaxed design.
 
     Attributes:
-        criterion: `d`, `a` or `e`.
-        candidates: Their information.
         prior (n_param, n_param): What is added to it.
-        limit: Largest weight.
     """
 
     criterion: Criterion

@@ -186,7 +186,7 @@ def measured_information(
         # Best weights; where lines share noise, the meat holds what they add, and B S^-1 B is the information.
         pull, best = _best(own, errors, weight)
         parts = [best, best + errors.between(pull)]
-        # The inverse of an estimated covariance is too large by nu / (nu - n): the mean of an inverse complex Wishart matrix.
+        # An inverse complex Wishart matrix has the mean nu / (nu - n) times the inverse covariance.
         scale = (freedom - n_out) / freedom if corrected else 1.0
         parts = eliminated([scale * part for part in parts], derivatives.precision, len(derivatives.names))
         matrices.append(parts[0] if errors.correlation is None else _outside(*parts))

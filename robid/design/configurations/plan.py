@@ -22,14 +22,10 @@ class Exchange:
     """What may be measured, and what it is worth.
 
     Attributes:
-        criterion: `d`, `a` or `e`.
         visits: What experiments of each candidate add, see `merged`.
         base (n_draw, n_part, n_all, n_all): What is there without any.
-        experiments: Number of experiments.
         distinct: Number of different candidates at most.
-        repeats: Whether a candidate may be measured more than once.
         cost (n_cand,): Cost of one experiment.
-        budget: What they may cost together.
         wanted: Number of parameters that the choice is about, the first ones; all when not given.
     """
 
@@ -206,7 +202,6 @@ class ConfigurationPlan:
     """A choice to be made.
 
     Attributes:
-        options: Criterion, numbers and limits.
         matrices (n_draw, n_cand, n_param, n_param): Information of one experiment in each candidate, or for a fit
             with its own weights what its sums never exceed. So many times it, no number of experiments tells more.
         visits: What adds up over experiments: the information alone, or bread and meat of a fit with its own weights,
@@ -214,8 +209,6 @@ class ConfigurationPlan:
         prior (n_param, n_param): What is known beforehand, beside `matrices`; may be one for each draw.
         base (n_part, n_all, n_all): The same beside `visits`.
         cost (n_cand,): Cost of one experiment.
-        experiments: Number of experiments.
-        budget: What they may cost together.
     """
 
     options: DesignOptions

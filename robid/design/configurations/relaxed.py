@@ -26,7 +26,6 @@ class Relaxed:
         slopes (n_cand,): Slope of the criterion by each weight, relative to what the optimum's support has: a
             candidate at 1 is as good as the chosen ones, one at 0 is useless.
         worth: What the weighted information is worth, see `robid.design.configurations.criteria.worth`.
-        steps: Interior-point steps taken.
     """
 
     weights: FloatArray

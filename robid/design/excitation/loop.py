@@ -78,7 +78,6 @@ class NominalLoop:
 
     Attributes:
         robot: Names, limits, gear ratios and rotor inertias.
-        controller: The controller.
         configurations (n_conf, n_joint): Arm-side joint angles [rad].
         frequency_hz (n_freq,): Excited frequencies [Hz].
         response (n_conf, n_freq, n_motor, n_motor): Sampled response from motor torque to motor acceleration, hold

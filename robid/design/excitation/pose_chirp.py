@@ -257,13 +257,7 @@ def _rms(motion: PoseMotion, middle: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class PoseRobot:
-    """The nominal robot that follows commands.
-
-    Attributes:
-        arm: Its rigid arm.
-        interface: How it takes commands.
-        rigid: Its rigid dynamics, friction in them.
-    """
+    """The nominal robot that follows commands."""
 
     arm: ToolArm
     interface: PoseInterface

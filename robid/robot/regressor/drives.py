@@ -82,11 +82,7 @@ class DriveTerm:
     """A torque that one parameter gives.
 
     Attributes:
-        owner: Joint it belongs to.
         component: What its name says beside the joint.
-        kind: Kind of the parameter.
-        unit: Its unit.
-        nominal: Value of the robot file.
         row (n_joint,): Motion of what it acts on per motor angle; the motors feel it by the same factors.
         effect: Its torque per unit of the parameter, (n_sample,).
     """

@@ -19,7 +19,6 @@ class RigidDynamics:
     """A rigid robot with given parameters, or one of its kind for each sample; everything on the motor side.
 
     Attributes:
-        tree: Its bodies.
         inertias: Of each body the matrix (6, 6, 1 or n_sample) that makes a momentum, first the angular one about its
             frame's origin, of angular velocity and velocity of that origin.
         motor (n_joint, n_joint, 1 or n_sample): Inertia of what turns with motors and coupled gears [kg m^2].

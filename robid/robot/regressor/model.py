@@ -33,9 +33,6 @@ class StandardParameter:
 
     Attributes:
         name: Its name: the joint, loop link or `payload` it belongs to, a dot, and what it is.
-        kind: Its kind in `robid.robot.parameters`.
-        unit: Its unit.
-        nominal: Its value by the robot file.
     """
 
     name: str
@@ -49,9 +46,6 @@ class RigidModel:
     """A rigid robot whose motor torques are linear in its standard parameters; everything on the motor side.
 
     Attributes:
-        robot: The robot; its springs are taken as rigid.
-        options: What it has beside its links.
-        tree: Its bodies.
         components: For each body which of its ten standard parameters are among the columns, ascending; of a rotor
             that rides on a link its inertia, 0.
         terms: Its motors, coupled gears and counterbalances.

@@ -129,7 +129,6 @@ class Trajectory:
 
     Attributes:
         coefficients (n_shape, n_joint): Coefficients of its shapes, arm side [rad, or m].
-        value: Its criterion.
         condition: Condition number of its regressor, each column over its size in random motions.
     """
 

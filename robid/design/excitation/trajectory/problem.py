@@ -144,12 +144,8 @@ class TrajectoryProblem:
     """What is optimised: coefficients (n_shape, n_joint) of the way from the configurations.
 
     Attributes:
-        base: The rigid model.
-        criterion: What its regressor is worth.
         configurations (n_conf, n_joint): Arm-side joint positions that the motion begins in [rad, or m].
-        series: The shapes of the series.
         waves (3, n_time, n_shape): Their values and derivatives at the samples that are judged.
-        limits: What the motion may use.
         floor_m: Height that no point may go below; None for none [m].
     """
 
@@ -256,7 +252,6 @@ class Evaluation:
     """What a point is worth and uses.
 
     Attributes:
-        value: The criterion.
         slope (n_variable,): Its slope.
         used (n_limit,): Share of each limit, by a smooth maximum over all samples; 1 is all of it.
         used_slope (n_limit, n_variable): Its slope.
