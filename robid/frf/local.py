@@ -17,17 +17,11 @@ from robid.frf.spectra import Blocks
 _FEWEST = 1e-9  # share of a realization's own variance that the fit left
 
 
-def window_correlation(gain: ComplexArray, index: IntArray) -> FloatArray:
-    """Correlation of each line's error with those of the next lines, mean over the inputs.
+def _window_correlation(gain: ComplexArray, index: IntArray) -> FloatArray:
+    """Correlation (n_freq, n_next) of each line's error with those of the next lines, mean over the inputs.
 
-    An error at one bin is in all windows that hold the bin: the correlation is that of the weights there.
-
-    Args:
-        gain (n_freq, n_in, n_row): What turns rows, bin after bin of each experiment, into the model at the line.
-        index (n_freq, width): Position of each window's bins, one after the other.
-
-    Returns:
-        (n_freq, n_next), 0 where windows have no bin in common and beyond the last line.
+    An error at one bin is in all windows (n_freq, width) that hold the bin: the correlation is that of the weights
+    (n_freq, n_in, n_row) there, rows bin after bin of each experiment; 0 where windows have no bin in common.
     """
     n_freq, width = index.shape
     weights = gain.reshape(n_freq, -1, width)
@@ -48,7 +42,7 @@ def window_correlation(gain: ComplexArray, index: IntArray) -> FloatArray:
     return np.stack(found, axis=1) if found else np.zeros((n_freq, 0))
 
 
-def realization_scale(
+def _realization_scale(
     gain: ComplexArray, residual: ComplexArray, orthonormal: ComplexArray, covariance: ComplexArray, n_real: int
 ) -> FloatArray:
     """Variance of each element between realizations over that of independent rows (n_out, n_in), mean over the lines.
@@ -56,12 +50,7 @@ def realization_scale(
     Distortion errs alike at all lines and experiments of a realization. What a realization's residuals add to the
     response is compared with what independent ones would, less the part that the fit itself took out.
 
-    Args:
-        gain (n_freq, n_in, n_row): What turns rows, realization after realization, into the response.
-        residual (n_freq, n_row, n_out): Output residual of each row.
-        orthonormal (n_freq, n_row, n_column): Basis of what the fit took out.
-        covariance (n_freq, n_out, n_out): Covariance of the output residual.
-        n_real: Realizations; a single one has no scale of its own.
+    Rows (n_freq, n_row, n_out) go realization after realization; a single one has no scale of its own.
     """
     n_freq, n_in, _ = gain.shape
     n_out = residual.shape[-1]
@@ -206,12 +195,12 @@ def _estimate(
     gain = turn @ fit.gain(n_in)
     # Residuals over the freedom that coefficients and transients leave.
     covariance = np.einsum("fro,frp->fop", output, output.conj()) / freedom
-    scale = realization_scale(gain, output, fit.orthonormal, covariance, n_real)
+    scale = _realization_scale(gain, output, fit.orthonormal, covariance, n_real)
     if denominator is not None:
         slope = turn[:, None] @ denominator.sensitivity(n_in)
         slope = _output_part(slope, response[:, None], n_in) if indirect else slope
         scale = scale * _element_scale(slope, denominator.covariance(freedom), gain, covariance)
-    correlation = window_correlation(gain, windows.index)
+    correlation = _window_correlation(gain, windows.index)
     weights = np.swapaxes(gain, 1, 2)[None]
     hidden = np.zeros((len(response), n_in), bool)
     return LocalEstimate(response, weights, covariance, freedom, scale, correlation, fit.determined, hidden)

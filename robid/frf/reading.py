@@ -92,19 +92,10 @@ def half_width(options: EstimateOptions, n_exp: int, n_in: int, n_out: int, segm
     return options.local_half_width_lines
 
 
-def bin_windows(lines: IntArray, half: int, highest: int) -> tuple[IntArray, Windows]:
-    """Windows of neighbouring DFT bins around some of them.
+def _bin_windows(lines: IntArray, half: int, highest: int) -> tuple[IntArray, Windows]:
+    """Windows of `half` neighbouring DFT bins on each side of some lines (n_freq,), and the bins needed, rising.
 
-    Args:
-        lines (n_freq,): Bins at the centres.
-        half: Bins on each side; near the band's ends the window shifts inwards.
-        highest: First bin that is not available.
-
-    Returns:
-        The bins needed, rising, and the windows over them.
-
-    Raises:
-        DataError: If the windows do not fit.
+    They shift inwards near the band's ends; bins from `highest` on are not available.
     """
     _check_fit(highest - 1, half, "bins")
     # Windows shift inwards at the ends of the band; the line is then not in the middle.
@@ -113,12 +104,8 @@ def bin_windows(lines: IntArray, half: int, highest: int) -> tuple[IntArray, Win
     return bins, _windows(bins, np.searchsorted(bins, window), np.searchsorted(bins, lines))
 
 
-def line_windows(lines: IntArray, half: int) -> Windows:
-    """Windows over neighbouring excited lines, shifted inwards at the ends of the band.
-
-    Raises:
-        DataError: If the windows do not fit.
-    """
+def _line_windows(lines: IntArray, half: int) -> Windows:
+    """Windows over neighbouring excited lines, shifted inwards at the ends of the band."""
     _check_fit(lines.size, half, "excited lines")
     centre = np.arange(lines.size)
     first = np.clip(centre - half, 0, lines.size - 2 * half - 1)
@@ -201,10 +188,10 @@ def read_spectra(
         n_in, n_out = len(record.input_names), len(record.output_names)
         half = half_width(options, record.inputs.shape[1] * record.inputs.shape[2], n_in, n_out, record.segments)
         if options.estimator == "local_periodic":
-            windows = line_windows(record.excited_lines, half)
+            windows = _line_windows(record.excited_lines, half)
         else:
             source = record.as_one_period()
-            lines, windows = bin_windows(source.excited_lines, half, source.inputs.shape[4] // 2)
+            lines, windows = _bin_windows(source.excited_lines, half, source.inputs.shape[4] // 2)
             blocks = transform(source, lines)
             removed = _removed(source, lines, laws, delay_s)
     if not (np.isfinite(blocks.inputs).all() and np.isfinite(blocks.outputs).all()):

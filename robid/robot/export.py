@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.robot.actuators import quaternion_of
 from robid.robot.description import Inertial, Joint, Robot
 from robid.robot.inertia import combine
 from robid.robot.linearize import Equilibrium
@@ -228,9 +229,7 @@ def _angles(rotation: FloatArray) -> FloatArray:
 
 
 def _mjcf_link(parent: mujoco.MjsBody, joint: Joint, inertial: Inertial) -> mujoco.MjsBody:
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, np.asarray(joint.rotation, float).ravel())
-    body = parent.add_body(name=f"link_{joint.name}", pos=joint.position_m, quat=quaternion)
+    body = parent.add_body(name=f"link_{joint.name}", pos=joint.position_m, quat=quaternion_of(joint.rotation))
     tensor = inertial.inertia_kgm2
     body.explicitinertial = True
     body.mass, body.ipos = inertial.mass_kg, inertial.com_m

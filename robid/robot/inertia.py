@@ -97,3 +97,20 @@ def stretched_inertia(
             distance = reach + float(np.linalg.norm(links[index].com_m))
             largest[first] += np.linalg.eigvalsh(links[index].inertia_kgm2)[-1] + links[index].mass_kg * distance**2
     return largest
+
+
+def about_z(angle: FloatArray) -> FloatArray:
+    """Returns the matrices (n, 3, 3) of turns about the z axis by angles (n,) [rad]."""
+    turn = np.zeros((angle.size, 3, 3))
+    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
+    turn[:, 1, 0] = np.sin(angle)
+    turn[:, 0, 1] = -turn[:, 1, 0]
+    turn[:, 2, 2] = 1.0
+    return turn
+
+
+def turned_about_z(turn: FloatArray, angle: FloatArray) -> FloatArray:
+    """Returns orientations (..., 3, 3) after turns by angles (...,) about their own z [rad]."""
+    cosine, sine = np.cos(angle)[..., None], np.sin(angle)[..., None]
+    x, y = turn[..., 0], turn[..., 1]
+    return np.stack([cosine * x + sine * y, cosine * y - sine * x, turn[..., 2]], axis=-1)

@@ -12,6 +12,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, check_shape
 from robid.robot.description import Joint, Robot
+from robid.robot.inertia import about_z, turned_about_z
 from robid.signals.pose import POSE, RAIL, displaced_pose
 
 _NEWTON_STEPS = 12
@@ -94,7 +95,7 @@ class ToolArm:
             if joint.type == "prismatic":
                 point = point + moved[..., None] * turn[..., 2]
             else:
-                turn = _turned(turn, moved)
+                turn = turned_about_z(turn, moved)
         return point + turn @ self.tool_m, turn @ self.tool_rotation, axes
 
     def moves(self, point: FloatArray, axes: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
@@ -227,13 +228,6 @@ def _small_turn(goal: FloatArray, turn: FloatArray) -> FloatArray:
     )
 
 
-def _turned(turn: FloatArray, angle: FloatArray) -> FloatArray:
-    """Orientations (..., 3, 3) after turns about their own z."""
-    cosine, sine = np.cos(angle)[..., None], np.sin(angle)[..., None]
-    x, y = turn[..., 0], turn[..., 1]
-    return np.stack([cosine * x + sine * y, cosine * y - sine * x, turn[..., 2]], axis=-1)
-
-
 def skeleton(robot: Robot, configurations: FloatArray, tool_m: FloatArray | None = None) -> FloatArray:
     """Places base, joints and tool point; springs do not deflect.
 
@@ -255,17 +249,7 @@ def skeleton(robot: Robot, configurations: FloatArray, tool_m: FloatArray | None
         if joint.type == "prismatic":
             position = position + moved[:, None] * rotation[:, :, 2]
         else:
-            rotation = rotation @ _about_z(moved)
+            rotation = rotation @ about_z(moved)
         points.append(position)
     points.append(position + rotation @ (robot.payload.com_m if tool_m is None else tool_m))
     return np.stack(points, axis=1)
-
-
-def _about_z(angle: FloatArray) -> FloatArray:
-    """Rotations (n, 3, 3) about the z axis."""
-    turn = np.zeros((angle.size, 3, 3))
-    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
-    turn[:, 1, 0] = np.sin(angle)
-    turn[:, 0, 1] = -turn[:, 1, 0]
-    turn[:, 2, 2] = 1.0
-    return turn

@@ -14,6 +14,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.description import Robot
 from robid.robot.foreign import name_everything
+from robid.robot.inertia import about_z
 from robid.robot.model import ElasticModel, build_model, quiet_reading
 from robid.robot.urdf import read_urdf
 
@@ -86,7 +87,7 @@ def heights(robot: Robot, configurations: FloatArray) -> tuple[FloatArray, Float
         if joint.type == "prismatic":
             position = position + configurations[:, index, None] * axes[-1]
         else:
-            rotation = rotation @ _about_z(configurations[:, index])
+            rotation = rotation @ about_z(configurations[:, index])
         origins.append(position)
         own = [np.zeros(3), joint.link.com_m] + ([robot.payload.com_m] if index == last else [])
         found += [(index, position + rotation @ point) for point in own]
@@ -98,16 +99,6 @@ def heights(robot: Robot, configurations: FloatArray) -> tuple[FloatArray, Float
             moved = axes[index] if slides else np.cross(axes[index], point - origins[index])
             slopes[:, row, index] = moved[:, 2]
     return np.stack([point[:, 2] for _, point in found], axis=1), slopes
-
-
-def _about_z(angle: FloatArray) -> FloatArray:
-    """Rotations (n_conf, 3, 3) about the z axis."""
-    cosine, sine = np.cos(angle), np.sin(angle)
-    turned = np.zeros((len(angle), 3, 3))
-    turned[:, 0, 0], turned[:, 0, 1] = cosine, -sine
-    turned[:, 1, 0], turned[:, 1, 1] = sine, cosine
-    turned[:, 2, 2] = 1.0
-    return turned
 
 
 TOUCH_M = 1e-3  # How far a point may be below the floor

@@ -13,7 +13,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.robot.description import Inertial, LoopLink, Robot
-from robid.robot.inertia import about_origin
+from robid.robot.inertia import about_origin, turned_about_z
 
 Side = Literal["motor", "arm"]
 PAYLOAD = "payload"  # Name of the payload as a body of its own
@@ -146,10 +146,8 @@ def _poses(tree: Tree, positions: FloatArray) -> tuple[list[FloatArray], list[Fl
             origins.append(origin + frame[:, :, 2] * own[:, index, None])
             turns.append(frame)
         else:
-            cosine, sine = np.cos(own[:, index, None]), np.sin(own[:, index, None])
-            x, y, z = np.moveaxis(frame, 2, 0)
             origins.append(origin)
-            turns.append(np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=2))
+            turns.append(turned_about_z(frame, own[:, index]))
     return origins, turns
 
 

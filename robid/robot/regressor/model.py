@@ -224,26 +224,6 @@ def build_rigid_model(robot: Robot, options: RigidOptions | None = None) -> Rigi
     return RigidModel(robot, chosen, tree, components, terms, tuple(parameters))
 
 
-def arm_columns(robot: Robot, position: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
-    """Computes the arm side's regressor of links and loop links alone.
-
-    Args:
-        robot: The robot.
-        position (n_sample, n_joint): Arm positions [rad, or m].
-        velocity (n_sample, n_joint): Arm speeds.
-        acceleration (n_sample, n_joint): Arm accelerations.
-
-    Returns:
-        Regressor (n_sample, n_joint, 10 n_body) of the joints' torques and forces, a view with samples last; each
-        body's columns are those of `COMPONENTS`.
-    """
-    tree = rigid_tree(robot, "arm")
-    out = np.zeros((len(robot.joints), len(COMPONENTS) * len(tree.bodies), len(position)))
-    motion = [np.ascontiguousarray(array.T, float) for array in (position, velocity, acceleration)]
-    add_inertial_columns(tree, motion[0], motion[1], motion[2], [range(len(COMPONENTS))] * len(tree.bodies), out)
-    return np.moveaxis(out, 2, 0)
-
-
 def _inertials(robot: Robot, options: RigidOptions) -> dict[str, Inertial]:
     """Mass properties of all bodies but rotors by name."""
     found = {joint.name: joint.link for joint in robot.joints} | {link.name: link.link for link in robot.loop_links}
