@@ -171,16 +171,13 @@ def law_table(record: Record, laws: Sequence[TorqueLaw]) -> tuple[tuple[str, ...
 
 
 def periodic_speed(angle: FloatArray, sampling_period_s: float, cut_hz: float, oversampling: int) -> FloatArray:
-    """Differentiates one period of an angle by its DFT, on a finer grid.
+    """Differentiates one period of an angle by its DFT: speed (n_sample * oversampling, ...) on a finer grid [rad/s].
 
     Args:
         angle (n_sample, ...): One period [rad].
         sampling_period_s: Sampling period [s].
         cut_hz: Content above is dropped: it is noise of the encoder.
         oversampling: Grid points per sample.
-
-    Returns:
-        Speed (n_sample * oversampling, ...) [rad/s].
     """
     n_sample = angle.shape[0]
     spectrum = rfft(angle, axis=0)

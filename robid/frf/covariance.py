@@ -196,15 +196,12 @@ _FEWEST_FREEDOM = 2.0  # degrees of freedom below which inverted variances have 
 
 
 def total_covariance(residual: ComplexArray, n_in: int, pooled: int) -> tuple[ComplexArray | None, float]:
-    """Covariance of one experiment's output residual over realizations.
+    """Covariance (n_freq, n_out, n_out) of the output residual over realizations, and its complex degrees of freedom.
 
     Args:
         residual (n_real, n_freq, n_out, n_exp): `Y - G U` of the period averages.
         n_in: Inputs, that is experiments' worth of freedom that the estimate of G took.
         pooled: Neighbouring lines pooled.
-
-    Returns:
-        Covariance (n_freq, n_out, n_out) and its complex degrees of freedom; None and 0 without freedom left.
     """
     n_real, n_freq, _, n_exp = residual.shape
     freedom = n_exp * n_real - n_in
@@ -259,15 +256,12 @@ def distinct_experiments(residual: ComplexArray) -> float:
 
 
 def noise_covariance(scatter: ComplexArray, freedom: int, pooled: int) -> tuple[ComplexArray | None, float]:
-    """Covariance of one experiment's output residual that noise causes.
+    """Covariance (n_freq, n_out, n_out) of the output residual that noise causes, and its degrees of freedom.
 
     Args:
         scatter (n_real, n_scatter, n_freq, n_out, n_exp): Deviations `dY - G dU`, see `robid.frf.spectra.Blocks`.
         freedom: Complex degrees of freedom of the scatter in each experiment.
         pooled: Neighbouring lines pooled.
-
-    Returns:
-        Covariance (n_freq, n_out, n_out) and its complex degrees of freedom; None and 0 without freedom.
     """
     n_real, _, n_freq, _, n_exp = scatter.shape
     if freedom < 1:

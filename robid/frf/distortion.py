@@ -38,7 +38,7 @@ def silent_lines(excited: IntArray) -> IntArray:
 
 
 def silent_levels(silent: Blocks, lines: IntArray, response: ComplexArray) -> SilentLevels:
-    """Residual at silent lines, corrected for feedback.
+    """Residual at silent lines, corrected for feedback; empty without any.
 
     What appears at a silent line was made by the robot (nonlinearity, noise) and fed back by the controller as
     input; `Y - G U` takes out the linear robot's answer to that input. Real and imaginary part of G's elements
@@ -49,9 +49,6 @@ def silent_levels(silent: Blocks, lines: IntArray, response: ComplexArray) -> Si
         silent: Spectra at the silent lines, compensated as those at the excited ones were.
         lines (n_freq,): Excited lines.
         response (n_freq, n_out, n_in): Response at the excited lines.
-
-    Returns:
-        The levels; all empty without silent lines.
     """
     between = interpolate_response(lines, response, silent.lines)
     level = _rms(silent.outputs - between @ silent.inputs)
@@ -80,15 +77,12 @@ def interpolate_response(lines: Lines, response: ComplexArray, wanted: Lines) ->
 
 
 def multiple_coherence(outputs: ComplexArray, covariance: ComplexArray | None) -> FloatArray:
-    """Share of each output's power that the response explains, over experiments and realizations.
+    """Share (n_freq, n_out) of each output's power that the response explains; NaN without a covariance.
 
     Args:
         outputs (n_real, n_freq, n_out, n_exp): Output spectra.
         covariance (n_freq, n_out, n_out): Covariance of the output residual `Y - G U`, corrected for the freedom
             that the estimate took: total, or of the noise where a single realization leaves no residual; or None.
-
-    Returns:
-        (n_freq, n_out), within 0 and 1; NaN without a covariance.
     """
     power = (np.abs(outputs) ** 2).mean(axis=(0, -1))
     if covariance is None:
@@ -98,7 +92,7 @@ def multiple_coherence(outputs: ComplexArray, covariance: ComplexArray | None) -
 
 
 def explained_coherence(response: ComplexArray, inputs: ComplexArray, covariance: ComplexArray) -> FloatArray:
-    """Multiple coherence of a local model: what the response makes of the inputs, over that and the residual.
+    """Multiple coherence (n_freq, n_out) of a local model: what the response makes of inputs, over it and residual.
 
     The outputs themselves hold the transient too, which is neither, and may be far larger than both.
 
@@ -106,9 +100,6 @@ def explained_coherence(response: ComplexArray, inputs: ComplexArray, covariance
         response (n_freq, n_out, n_in): Response.
         inputs (n_freq, n_exp, width, n_in): Input spectra at the bins around each line.
         covariance (n_freq, n_out, n_out): Covariance of one experiment's output residual.
-
-    Returns:
-        (n_freq, n_out), within 0 and 1.
     """
     made = inputs @ np.swapaxes(response, 1, 2)[:, None]
     power = (np.abs(made) ** 2).mean(axis=(1, 2))
@@ -152,7 +143,7 @@ _BY_LINE = {
 
 
 def weak_inputs(response: ComplexArray, variance: FloatArray, limit: float) -> BoolArray:
-    """Finds inputs of which a line tells too little: even their best known response is not known to its usual size.
+    """Finds inputs (n_freq, n_in) of which a line tells too little: even their best response is not known to its size.
 
     The usual size is that of the lines around, so that an antiresonance, where little comes of much, tells all the
     same. Where no variance is known nothing is weak.
@@ -161,9 +152,6 @@ def weak_inputs(response: ComplexArray, variance: FloatArray, limit: float) -> B
         response (n_freq, n_out, n_in): Response.
         variance (n_freq, n_out, n_in): Its variance.
         limit: Standard deviation over the usual size from which a response counts as unknown.
-
-    Returns:
-        (n_freq, n_in).
     """
     # Odd, so that the median is centred.
     width = max(_AROUND, len(response) // 5) | 1

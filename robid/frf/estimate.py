@@ -70,16 +70,13 @@ class _Found:
 def estimate_frf(
     record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ...] | None = None, delay_s: float = 0.0
 ) -> Frf:
-    """Estimates the frequency response of one configuration.
+    """Estimates the frequency response of one configuration with its covariance; the configuration axis is kept.
 
     Args:
         record: Record of a single configuration.
         options: Estimator, compensation and pooling.
         laws: Torque laws per motor to subtract, where there is compensation: the robot file's or identified ones.
         delay_s: Delay from recorded to applied torque, hold excluded [s].
-
-    Returns:
-        The response with its covariance; configuration axis kept.
 
     Raises:
         DataError: If an experiment block does not excite every input, the data are not finite, or their time base

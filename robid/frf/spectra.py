@@ -57,16 +57,13 @@ class Blocks:
 def record_blocks(
     record: Record, lines: IntArray, *, with_reference: bool = False, accelerations: bool = True
 ) -> Blocks:
-    """Transforms one configuration's record, drift of the outputs removed.
+    """Transforms one configuration's record, averaged over the periods, drift of the outputs removed.
 
     Args:
         record: Record of a single configuration.
         lines (n_freq,): DFT lines of one period.
         with_reference: Whether what was injected is transformed too, if it was recorded.
         accelerations: Whether motions are brought to accelerations; else they stay as they were measured.
-
-    Returns:
-        The spectra, averaged over the periods.
     """
     factor = output_factor(record, lines, accelerations=accelerations)
     beside = np.isin(lines - 1, record.excited_lines) | np.isin(lines + 1, record.excited_lines)
@@ -189,7 +186,7 @@ def _band(samples: FloatArray, first: int, last: int, *, drifts: bool) -> Comple
 
 
 def robust_blocks(record: Record, lines: IntArray, options: EstimateOptions, *, accelerations: bool = True) -> Blocks:
-    """Transforms one configuration's record with its transient removed, noise from the bins between the lines.
+    """Transforms a record with its transient removed; scatter is the noise of lines and of the transient's estimate.
 
     In the spectrum over all P periods the excitation and what it causes lies at every P-th bin; between them are
     the transient, which is smooth over the bins, and noise. A polynomial through the bins around a line is the
@@ -200,9 +197,6 @@ def robust_blocks(record: Record, lines: IntArray, options: EstimateOptions, *, 
         lines (n_freq,): DFT lines of one period.
         options: `local_order` and `local_half_width_lines`, here bins without excitation on each side of a line.
         accelerations: As in `robid.frf.spectra.record_blocks`.
-
-    Returns:
-        The spectra; their scatter is the noise of the line and of the transient's estimate.
 
     Raises:
         DataError: If the record holds one period only, or fewer bins than the window needs.

@@ -155,15 +155,12 @@ class Collocated:
         return np.asarray(sampled)
 
     def derivatives(self, kinds: tuple[str, ...], masks: tuple[BoolArray, ...], scale: ComplexArray) -> ComplexArray:
-        """Derivatives at the point of the last response with respect to plain values.
+        """Derivatives (n_param, n_pair, n_line) at the last response by plain values, valid until the next call.
 
         Args:
             kinds: Kinds of parameters, in the order wanted.
             masks: Which elements of each.
             scale (n_pair, n_line): Factor of each element.
-
-        Returns:
-            (n_param, n_pair, n_line), valid until the next call.
 
         Raises:
             ValueError: If there was no response before.

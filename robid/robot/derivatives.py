@@ -25,7 +25,7 @@ def expand(
     output_names: tuple[str, ...],
     located: IntArray | None = None,
 ) -> LinearModel:
-    """Adds to a linearised robot how its matrices move to first order.
+    """Adds `rest.moves`, how the matrices move to first order, by central differences in MuJoCo.
 
     Args:
         model: The elastic model.
@@ -33,9 +33,6 @@ def expand(
         linear: The result.
         output_names: Its outputs.
         located (n_location,): Elements of the flattened locations that may move; none by default.
-
-    Returns:
-        The same with `rest.moves`, by central differences in MuJoCo.
     """
     chosen = np.zeros(0, int) if located is None else located
     to_rest = model.to_spring[:, len(model.motor) :]
@@ -112,16 +109,13 @@ def _differences(pairs: list[list[FloatArray]], width: FloatArray) -> FloatArray
 def jacobian(
     model: LinearModel, parameters: ElasticParameters, result: Response, kinds: tuple[str, ...]
 ) -> ComplexArray:
-    """Derivatives of the sampled response, springs and dampers as outer products.
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_param) of the sampled response by plain, not logarithmic, values.
 
     Args:
         model: Linearised robot.
         parameters: Where `result` was computed.
         result: The response.
         kinds: Field names of `ElasticParameters`, in the order wanted.
-
-    Returns:
-        (n_conf, n_freq, n_out, n_in, n_param), with respect to the plain (not logarithmic) values.
 
     Source:
         docs/methods, sec. 1: `dG = w^2 X_o' (dZ) X_i`.

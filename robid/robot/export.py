@@ -24,7 +24,7 @@ _PRINTED = 1e-4  # MuJoCo prints six digits
 
 
 def to_mjcf(model: ElasticModel, equilibrium: Equilibrium, keyframes: tuple[str, ...], header: str) -> str:
-    """Writes an elastic model as MJCF.
+    """Writes an elastic model as the text of an MJCF file.
 
     Args:
         model: The elastic model.
@@ -32,9 +32,6 @@ def to_mjcf(model: ElasticModel, equilibrium: Equilibrium, keyframes: tuple[str,
         keyframes: Name of the keyframe of each configuration: positions and holding torques at rest. Stiffness that
             depends on a joint's position is that of the first one.
         header: What a reader should know; becomes the comment at the top.
-
-    Returns:
-        The text of the file.
     """
     spec = model.spec.copy()
     spec.modelname = model.robot.name

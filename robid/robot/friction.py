@@ -411,15 +411,12 @@ def with_level(law: _Levels, coulomb_nm: float) -> _Levels:
 
 
 def friction_torque(speed: FloatArray, step_s: float, laws: Sequence[TorqueLaw]) -> FloatArray:
-    """Friction along one period of a motion in the periodic steady state; lag and ripple are left out.
+    """Friction against one period of a motion in the periodic steady state, of its shape; no lag, no ripple [N m].
 
     Args:
         speed (n_step, ..., n_motor): One period of the motor speed [rad/s].
         step_s: Grid step [s].
         laws: One law per motor.
-
-    Returns:
-        Torque that opposes the motion, of the same shape [N m].
     """
     kinds = {one.law.name: one.law for one in laws}
     torque = np.empty_like(speed)

@@ -37,7 +37,7 @@ class MotorMotion:
 def inverse_motion(
     model: ElasticModel, rest: Equilibrium, motion: FloatArray, period_s: float, stride: int = 1
 ) -> MotorMotion:
-    """Finds the motor motion and torque that move the tool as a rigid robot would.
+    """Finds the motor motion and torque at all samples that move the tool as a rigid robot would.
 
     Stiffness that depends on a joint's position stays as it is at rest. The springs beyond the transmissions deflect
     quasi-statically under the torques of the rigid motion, and the arm angles make good what they do to the tool. The
@@ -51,9 +51,6 @@ def inverse_motion(
             [rad, rad/s, rad/s^2].
         period_s: Time between samples [s].
         stride: Samples from one evaluation of the rigid dynamics to the next; splines fill in.
-
-    Returns:
-        Motor angles and torques at all samples.
 
     Raises:
         DataError: If the springs give way, or a shaft lies between a motor and its transmission.

@@ -64,13 +64,10 @@ class ToolArm:
         return point, turn
 
     def jacobian(self, positions: FloatArray) -> FloatArray:
-        """Returns how the joints move the tool.
+        """Jacobians (..., 6, n_arm): velocity of the tool point [m], and angular velocity [1], in the root.
 
         Args:
             positions (..., n_arm): Arm-side positions of the joints above the root [rad, or m].
-
-        Returns:
-            Jacobians (..., 6, n_arm): velocity of the tool point [m], and angular velocity [1], in the root.
         """
         point, _, axes = self.chain(positions)
         return self.moves(point, axes)
@@ -229,15 +226,12 @@ def _small_turn(goal: FloatArray, turn: FloatArray) -> FloatArray:
 
 
 def skeleton(robot: Robot, configurations: FloatArray, tool_m: FloatArray | None = None) -> FloatArray:
-    """Places base, joints and tool point; springs do not deflect.
+    """Points (n_conf, n_joint + 2, 3) of base, joints and tool in the base frame; springs do not deflect [m].
 
     Args:
         robot: The robot.
         configurations (n_conf, n_joint): Arm-side positions [rad, or m].
         tool_m (3,): Tool point in the last joint's frame; the payload's centre of mass by default [m].
-
-    Returns:
-        Points (n_conf, n_joint + 2, 3) in the base frame: its origin, the joints' origins, the tool point [m].
     """
     check_shape("configurations", configurations, "n_conf n_joint", n_joint=len(robot.joints))
     n_conf = len(configurations)

@@ -107,7 +107,7 @@ def solve_statics(
     cubic: FloatArray | None = None,
     variance: FloatArray | None = None,
 ) -> Equilibrium:
-    """Solves the statics with the motor angles held by the encoders.
+    """Solves the statics of every configuration with the motor angles held by the encoders.
 
     Args:
         model: The elastic model.
@@ -116,9 +116,6 @@ def solve_statics(
         cubic (n_spring,): Cubic coefficients to use instead of the robot's own [N m/rad^3].
         variance (n_conf, n_spring): Mean square deflections of swinging springs, whose cubic part then carries more
             of the mean torque; none by default [rad^2].
-
-    Returns:
-        The equilibrium of every configuration.
 
     Raises:
         DataError: If a configuration has no equilibrium within reach.

@@ -123,7 +123,7 @@ def build_model(
     sensors: bool = False,
     balanced: bool = False,
 ) -> ElasticModel:
-    """Builds the elastic MuJoCo model of a robot.
+    """Builds the elastic MuJoCo model of a robot; its controls are the motor torques [N m].
 
     Args:
         robot: The robot.
@@ -137,9 +137,6 @@ def build_model(
         timestep_s: Integration step [s].
         sensors: Adds MuJoCo sensors for those of the robot; their sites are always there.
         balanced: Takes counterbalances by harmonics, which act in the engine, in statics and linearization.
-
-    Returns:
-        The compiled model; its controls are the motor torques [N m].
 
     Raises:
         ValueError: If rotors ride on the links and a joint is rigid.

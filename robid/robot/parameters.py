@@ -236,13 +236,10 @@ def name_of(owner: str, kind: str) -> str:
 
 
 def viscous_scale(inertia: FloatArray) -> FloatArray:
-    """What is natural to viscous friction (n_joint,): what the inertia of a rotor or link asks for at 1 Hz.
+    """What is natural to viscous friction (n_joint,): what an inertia asks for at 1 Hz [N m s/rad, or N s/m].
 
     Args:
         inertia (n_joint,): Inertia of each, or mass of links that slide [kg m^2, or kg].
-
-    Returns:
-        Scales [N m s/rad, or N s/m].
     """
     # At 1 Hz the torque w d q' of a damper is that of the inertia w^2 J where d = 2 pi J.
     return np.asarray(2 * np.pi * inertia)

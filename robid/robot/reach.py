@@ -119,13 +119,10 @@ class Reach:
     shapes: Shapes | None = None
 
     def problems(self, configurations: FloatArray) -> list[str]:
-        """Says of each configuration why it is out of reach.
+        """Says in a phrase why each configuration is out of reach; empty where it is in reach.
 
         Args:
             configurations (n_conf, n_joint): Arm-side joint angles [rad].
-
-        Returns:
-            One phrase per configuration, empty where it is in reach.
         """
         beyond = [self._beyond(row) for row in configurations]
         low = self._under_floor(configurations)
@@ -150,14 +147,11 @@ class Reach:
 
 
 def points(robot: Robot, configurations: FloatArray) -> FloatArray:
-    """Returns joint origins and centres of mass of the links, payload included, springs at rest.
+    """Points (n_conf, n_point, 3) in the world: joint origins, centres of mass with the payload's, springs at rest [m].
 
     Args:
         robot: The robot.
         configurations (n_conf, n_joint): Arm-side joint angles [rad].
-
-    Returns:
-        Points (n_conf, n_point, 3) in the world frame [m].
     """
     model = build_model(robot)
     moved = [body for body in range(1, model.mujoco.nbody) if model.mujoco.body_jntnum[body]]
@@ -171,14 +165,11 @@ def points(robot: Robot, configurations: FloatArray) -> FloatArray:
 
 
 def mirror(robot: Robot, configurations: FloatArray) -> FloatArray:
-    """Mirrors configurations at the vertical plane through the world's x axis.
+    """Mirrors joint angles (n_conf, n_joint) at the vertical plane through the world's x axis [rad].
 
     Args:
         robot: The robot.
         configurations (n_conf, n_joint): Arm-side joint angles [rad].
-
-    Returns:
-        Mirrored joint angles (n_conf, n_joint) [rad].
 
     Raises:
         DataError: If the robot is not symmetric about that plane, its lateral offsets apart.

@@ -131,7 +131,7 @@ class Swing:
 
 
 def settle_springs(rest: Rest, values: SpringValues) -> Springs:
-    """Finds mean deflections and expected slopes under gravity and excitation.
+    """Mean deflections and expected slopes under gravity and excitation; not finite where a spring gives way.
 
     A cubic spring `k1 d + k3 d^3` that swings by `x` about `d0` has the mean torque `k1 d0 + k3 (d0^3 + 3 d0 v)` with
     `v = E[x^2]`, and shows the slope of the regression of its torque on `x`: `k1 + 3 k3 (d0^2 + s v)`, where
@@ -142,9 +142,6 @@ def settle_springs(rest: Rest, values: SpringValues) -> Springs:
     Args:
         rest: What the springs carry.
         values: Parameter values.
-
-    Returns:
-        The springs; not finite where a softening one gives way.
 
     Source:
         docs/methods, sec. 1 (Linearisation), for signals that need not be normal.

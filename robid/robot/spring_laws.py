@@ -232,14 +232,11 @@ class VaryingSprings:
         return found
 
     def load(self, position: FloatArray, energy: FloatArray) -> FloatArray:
-        """Gradient of the energies along the scheduling coordinates.
+        """What coordinates (n_dof,) feel besides the springs' torques: the gradient `f' U` [N m, or N].
 
         Args:
             position (n_dof,): Coordinates [rad, or m].
             energy (n_spring,): Energy `U` of each spring without its factor [J].
-
-        Returns:
-            What the coordinates (n_dof,) feel besides the springs' torques, as the gradient `f' U` [N m, or N].
         """
         found = np.zeros_like(position)
         for index, place, law in zip(self.indices, self.scheduled, self.laws, strict=True):
@@ -249,16 +246,13 @@ class VaryingSprings:
     def gradient(
         self, position: FloatArray, energy: FloatArray, torque: FloatArray, deflection: FloatArray
     ) -> FloatArray:
-        """Hessian of the energies less what the springs' own stiffness gives.
+        """Hessian (n_dof, n_dof) of the energies less the springs' own: `f'' U`, and `f' U'` with the deflection.
 
         Args:
             position (n_dof,): Coordinates [rad, or m].
             energy (n_spring,): Energy `U` of each spring without its factor [J].
             torque (n_spring,): Its derivative `U'` [N m, or N].
             deflection (n_spring, n_dof): Deflection per coordinate.
-
-        Returns:
-            `f'' U` at the scheduling coordinate and `f' U'` between it and the deflection (n_dof, n_dof).
         """
         found = np.zeros((position.size, position.size))
         for index, place, law in zip(self.indices, self.scheduled, self.laws, strict=True):

@@ -145,16 +145,13 @@ def with_settled_steps(
 
 
 def simulate(experiment: SimulatedExperiment, configuration: FloatArray, index: int, threads: int = 1) -> Record:
-    """Simulates every realization and experiment of one configuration in closed loop.
+    """Simulates every realization and experiment of one configuration: torque commands and measured motor angles.
 
     Args:
         experiment: The campaign.
         configuration (n_joint,): Arm-side angles [rad].
         index: The configuration's index, which seeds its noise.
         threads: Simulation threads; the result does not depend on them.
-
-    Returns:
-        The record of this configuration: torque commands and measured motor angles.
 
     Raises:
         DataError: If the simulation blows up, naming the configuration.

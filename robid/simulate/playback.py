@@ -63,7 +63,7 @@ def play(
     index: int,
     motion: Playback,
 ) -> Played:
-    """Plays motor motions from rest, feedback around the feed-forward, one simulation each.
+    """Plays motor motions from rest, feedback around the feed-forward: tool positions and torques at the samples.
 
     Args:
         robot: The robot that moves, with its tool point.
@@ -72,9 +72,6 @@ def play(
         configuration (n_joint,): Arm-side angles that the encoders show at rest [rad].
         index: The configuration's index, which seeds its noise.
         motion: What the controller is told to do.
-
-    Returns:
-        Tool positions and torques at the controller's samples.
 
     Raises:
         DataError: If the simulation blows up, naming the configuration.
@@ -126,16 +123,13 @@ def play(
 
 
 def turned_tool(model: ElasticModel, rest: Equilibrium, axis: int, angle: FloatArray) -> FloatArray:
-    """Where the tool point goes when one joint moves from rest and all else stays as it is.
+    """Displacement (n_time, 3) of the tool point when one joint moves from rest and all else stays as it is [m].
 
     Args:
         model: The elastic model of a robot with its tool point.
         rest: Where it rests; one configuration.
         axis: Which joint moves.
         angle (n_time,): By how much [rad, or m].
-
-    Returns:
-        Displacement from rest (n_time, 3) [m].
     """
     data = mujoco.MjData(model.mujoco)
     data.qpos[:] = rest.position[0]

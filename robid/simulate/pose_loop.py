@@ -82,16 +82,13 @@ def _paths(experiment: PoseExperiment, configurations: FloatArray) -> FloatArray
 
 
 def simulate_poses(experiment: PoseExperiment, configuration: FloatArray, index: int, threads: int = 1) -> Record:
-    """Simulates every realization and channel from one home at once.
+    """Simulates every realization and channel from one home: commanded and measured displacements.
 
     Args:
         experiment: The campaign.
         configuration (n_joint,): Home, arm side [rad, or m].
         index: The configuration's index, which seeds its noise.
         threads: Simulation threads; the result does not depend on them.
-
-    Returns:
-        The record of this configuration: commanded and measured displacements of the channels.
 
     Raises:
         DataError: If a pose is out of reach or the simulation blows up, naming the configuration.

@@ -93,15 +93,12 @@ def _check_kinds(kinds: Sequence[str], nuisance: Sequence[str]) -> None:
 
 
 def eliminated(matrices: Sequence[FloatArray], precision: FloatArray, count: int) -> list[FloatArray]:
-    """Takes out what is estimated along.
+    """Takes out what is estimated along: matrices (count, count), prior precision included.
 
     Args:
         matrices (n_all, n_all): Information, and further matrices that follow the same elimination.
         precision (n_all,): What is known beforehand.
         count: Number of parameters that stay.
-
-    Returns:
-        Matrices (count, count) with the nuisances at their best for the first matrix, prior precision included.
     """
     whole = [matrix + np.diag(precision) for matrix in matrices]
     nuisance, mixed = whole[0][count:, count:], whole[0][count:, :count]
@@ -130,7 +127,7 @@ def candidate_information(
     fixed: Sequence[str] = (),
     weights: FloatArray | None = None,
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Information matrices about log-parameters, the nuisance parameters eliminated in each configuration.
+    """Information (n_conf, n_param, n_param) about log-parameters, nuisances eliminated in each, and their names.
 
     What the robot file knows of motor inertias that are estimated along counts in each.
 
@@ -145,9 +142,6 @@ def candidate_information(
         nuisance: Kinds that are estimated along.
         fixed: Names of single parameters that are known.
         weights (n_freq, n_out, n_in): Design weights, 1 for full importance.
-
-    Returns:
-        Matrices (n_conf, n_param, n_param) and the parameters' names.
 
     Raises:
         SettingsError: If a kind cannot be designed for, or a fixed name is unknown.
@@ -173,7 +167,7 @@ def candidate_information(
 
 
 def visit_cost_s(robot: Robot, configurations: FloatArray, measuring_s: float, speed_share: float) -> FloatArray:
-    """Time that a visit to each configuration takes: the experiments there and the way from the first one.
+    """Time (n_conf,) that a visit takes: the experiments there and the way from the first configuration [s].
 
     All joints travel together; the one that needs longest at its share of the motor's largest speed decides. The first
     configuration stands for wherever the robot comes from: the order of the visits is not known yet.
@@ -183,9 +177,6 @@ def visit_cost_s(robot: Robot, configurations: FloatArray, measuring_s: float, s
         configurations (n_conf, n_joint): Arm-side angles, the first one where the robot is at home [rad].
         measuring_s: Time of the experiments of one visit [s].
         speed_share: Share of the largest speed at which the robot travels.
-
-    Returns:
-        Times (n_conf,) [s].
     """
     check_shape("configurations", configurations, "n_conf n_joint", n_joint=len(robot.joints))
     speed = np.array([joint.motor.max_speed_rad_s / abs(joint.motor.gear_ratio) for joint in robot.joints])

@@ -109,14 +109,11 @@ class Stability:
 
 
 def information(jacobian: FloatArray | ComplexArray, variance: FloatArray) -> FloatArray:
-    """Sums the information of independent residuals per candidate.
+    """Information (n_conf, n_param, n_param) of residuals: `J' V^-1 J`, of complex ones `2 Re(J^H V^-1 J)`.
 
     Args:
         jacobian (n_conf, ..., n_param): Derivative of each residual with respect to the log-parameters.
         variance: Variance of each residual, `E|r|^2` for circular complex ones; broadcast to (n_conf, ...).
-
-    Returns:
-        Information (n_conf, n_param, n_param): `J' V^-1 J` for real, `2 Re(J^H V^-1 J)` for complex residuals.
 
     Source:
         Zimmermann et al. (2023), eq. 4.

@@ -113,7 +113,7 @@ def level(slopes: FloatArray, limit: float) -> float:
 def descend(
     problem: RelaxedProblem, working: IntArray, weights: FloatArray, smoothing: float, wanted: float, most_steps: int
 ) -> tuple[FloatArray, float, int]:
-    """Primal-dual interior-point steps on some candidates until their own gap is small.
+    """Interior-point steps on some candidates: weights (n,) of a small gap, the smoothing reached, number of steps.
 
     Args:
         problem: The design.
@@ -122,9 +122,6 @@ def descend(
         smoothing: Smoothing of `e` at first.
         wanted: Relative gap at which to stop.
         most_steps: Limit on the steps.
-
-    Returns:
-        Weights (n,), the smoothing reached, and the number of steps.
     """
     matrices = problem.candidates.matrices(working)
     flat = matrices.reshape(*matrices.shape[:2], -1)

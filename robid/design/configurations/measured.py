@@ -147,7 +147,7 @@ def measured_information(
     prior_decades: float = np.inf,
     corrected: bool = True,
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Information of each configuration of a response about the log-parameters, by its structured covariance.
+    """Information (n_conf, n_param, n_param) of a response about log-parameters by its covariance, and their names.
 
     `J^H W^1/2 Lambda^-1 W^1/2 J`, its nuisance parameters (the friction scales among them) eliminated in each
     configuration; so a nuisance may differ from one to the other, and what the robot file knows of it counts in each.
@@ -165,9 +165,6 @@ def measured_information(
         model_error: Relative model error that the covariance allows for, besides, one for both couplings of two motors.
         prior_decades: What the robot file knows of springs, dampers and link inertias that are estimated along.
         corrected: Whether the inverse is corrected for the covariance's degrees of freedom.
-
-    Returns:
-        Matrices (n_conf, n_param, n_param) and the parameters' names.
 
     Raises:
         SettingsError: If a kind cannot be designed for, or a fixed name is unknown.
@@ -207,7 +204,7 @@ def fitted_information(
     model_error: float = 0.0,
     prior_decades: float = np.inf,
 ) -> tuple[FittedInformation, tuple[str, ...]]:
-    """What a fit with weights of its own makes of each configuration.
+    """Parts of every configuration in a fit with weights of its own, for one draw, and the parameters' names.
 
     The covariance of such a fit is a sandwich, which does not add over configurations, but its two parts do. As in
     the fit, nuisance parameters, the friction scales last, are the same in all configurations, and what the robot
@@ -228,9 +225,6 @@ def fitted_information(
         fixed: Names of single parameters that are known.
         model_error: As for `measured_information`.
         prior_decades: As for `measured_information`.
-
-    Returns:
-        Parts of every configuration, for one draw, and the names of the wanted parameters.
 
     Raises:
         SettingsError: If a kind cannot be designed for, or a fixed name is unknown.

@@ -165,14 +165,11 @@ def best_exchange(problem: Exchange, weights: FloatArray, restarts: int, seed: i
 
 
 def efficient_rounding(weights: FloatArray, experiments: int) -> IntArray:
-    """Rounds weights to whole numbers of experiments so that each weight loses the least share of itself.
+    """Rounds weights to numbers (n,) of experiments so that each weight loses the least share of itself.
 
     Args:
         weights (n,): Weights; those at 0 get nothing.
         experiments: Number of experiments, at least one for each positive weight.
-
-    Returns:
-        Numbers (n,) with the stated sum.
 
     Source:
         Pukelsheim and Rieder (1992), "Efficient rounding of approximate designs".

@@ -44,7 +44,7 @@ def relaxed_design(
     prior: FloatArray | None = None,
     limit: float = 1.0,
 ) -> Relaxed:
-    """Maximises the worth of `H_0 + sum_i w_i H_i` over weights on the simplex.
+    """Maximises the worth of `H_0 + sum_i w_i H_i` over the simplex; the certificate holds at any gap.
 
     Costs are substituted: give `H_i / c_i` and read the weights as shares of the cost.
 
@@ -57,9 +57,6 @@ def relaxed_design(
         iterations: Limit on interior-point steps, of which there are tens.
         prior (n_param, n_param): What is known beforehand, `H_0`, over the planned number of experiments.
         limit: Largest weight, at least `1 / n_cand`: `1 / k` bounds every design of k different candidates.
-
-    Returns:
-        The weights with their certificate, which holds whether or not the gap was reached.
 
     Source:
         Equivalence theorem: Kiefer and Wolfowitz (1960); Zimmermann et al. (2023), eq. 5-6.

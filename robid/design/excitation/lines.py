@@ -69,7 +69,7 @@ def period_samples(options: ExcitationOptions, sampling_period_s: float) -> int:
 
 
 def choose_lines(options: ChosenLineOptions, sampling_period_s: float) -> tuple[IntArray, IntArray]:
-    """Chooses the excited lines and, interleaved with them, the detection lines.
+    """Chooses excited lines (count,) and, interleaved with them, detection lines (n_detection,), both rising.
 
     Logarithmic spacing takes consecutive lines of the grid where it would be finer than the grid, so that the
     numbers of lines come out exactly. One detection line is drawn in each of equal runs of the chosen lines; the
@@ -78,9 +78,6 @@ def choose_lines(options: ChosenLineOptions, sampling_period_s: float) -> tuple[
     Args:
         options: Period, band, count, spacing, grid, detection share and seed.
         sampling_period_s: Sampling period of the controller or of the log [s].
-
-    Returns:
-        Excited lines (count,) and detection lines (n_detection,), both rising.
 
     Raises:
         SettingsError: If the period is no whole number of samples, the band is empty or reaches the Nyquist

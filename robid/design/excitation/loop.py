@@ -45,7 +45,7 @@ def residual_covariance(
 def predicted_snr_db(
     response: ComplexArray, torque: ComplexArray, residual: ComplexArray, n_sample: int, periods: int
 ) -> FloatArray:
-    """Power of each element of the response over the variance that noise will give its estimate.
+    """Power (n_freq, n_out, n_in) of the response over the variance that noise will give it, at least -120 dB [dB].
 
     The variance has the form of the estimate's own: input factor times the covariance of the residual. Distortion by
     friction and other nonlinearities is not in it.
@@ -56,9 +56,6 @@ def predicted_snr_db(
         residual (n_freq, n_motor, n_motor): Covariance of the residual per sample [rad^2/s^4].
         n_sample: Samples in a period.
         periods: Recorded periods.
-
-    Returns:
-        Signal-to-noise ratio (n_freq, n_out, n_in), at least -120 dB [dB].
 
     Source:
         docs/methods, sec. 4 (covariance).
@@ -167,7 +164,7 @@ _RIDGE = 1e-9
 def sensitivity_amplitude(
     amplitude: FloatArray, loop: NominalLoop, inject: str, angle_noise_rad: float, torque_noise_nm: float
 ) -> FloatArray:
-    """Shapes the amplitude of each motor's lines by the information they carry.
+    """Shapes the amplitudes (n_motor, n_lines) of each motor's lines by their information; the RMS stays.
 
     The information about the log-parameters is linear in the power of each line. One step of the multiplicative
     algorithm for D-optimality, from the flat spectrum and with all configurations together, gives a line power in
@@ -180,9 +177,6 @@ def sensitivity_amplitude(
         inject: Where the excitation enters.
         angle_noise_rad: Assumed noise of the motor angle per sample [rad].
         torque_noise_nm: Assumed torque disturbance per sample [N m].
-
-    Returns:
-        Amplitudes (n_motor, n_lines) of the same RMS per motor.
 
     Source:
         Silvey, Titterington and Torsney (1978); Zimmermann et al. (2023), eq. 4.

@@ -26,7 +26,7 @@ def predict(
     periods: int = 1,
     transient_periods: int = 0,
 ) -> Excitation:
-    """Predicts what the nominal closed loop will do, uses its limits and holds it against them.
+    """Predicts what the nominal closed loop will do, scaled where a share of its limits is asked for; refuses more.
 
     Friction is not in the prediction: a margin of a few N m should be left for it. The static torque is not scaled.
     A travel counts for speed and torque, not for the excursion.
@@ -37,9 +37,6 @@ def predict(
         options: Share of the limits to use, limit of the excursion and assumed noise.
         periods: Recorded periods of each experiment.
         transient_periods: Periods of each experiment before those.
-
-    Returns:
-        The excitation with its plan, scaled where a share of the limits is asked for.
 
     Raises:
         SettingsError: If a motor's speed, torque or excursion exceeds its limit in any configuration.
@@ -152,16 +149,13 @@ def _scaled_reach(reach: FloatArray, static_torque: FloatArray, factor: float) -
 def admissible_scale(
     minimum: FloatArray, maximum: FloatArray, limits: FloatArray, static_torque: FloatArray
 ) -> FloatArray:
-    """Factor on the excitation at which each quantity meets its limit; static torque does not scale.
+    """Factor (3, n_conf, n_motor) at which each quantity meets its limit; static torque does not scale.
 
     Args:
         minimum (3, n_conf, n_motor): Least speed, torque and excursion [rad/s, N m, rad or m].
         maximum (3, n_conf, n_motor): The greatest of each.
         limits (3, n_motor): Their limits.
         static_torque (n_conf, n_motor): Motor torque that holds the arm [N m].
-
-    Returns:
-        Factors (3, n_conf, n_motor).
     """
     offset = np.zeros_like(minimum)
     offset[1] = static_torque
@@ -252,15 +246,12 @@ def with_travel(excitation: Excitation, travel: Travel | None, robot: Robot, con
 
 
 def travel_demand(travel: FloatArray, loop: NominalLoop, index: int) -> FloatArray:
-    """Predicts speed and torque of the motors on their way, by the robot in the travel's middle.
+    """Speed and torque (2, n_sample, n_motor) on a travel, by the robot in its middle [rad/s, N m].
 
     Args:
         travel (n_sample, n_motor): Position reference of the motors [rad].
         loop: The nominal loop with its linearised robot.
         index: The configuration.
-
-    Returns:
-        Two signals (2, n_sample, n_motor) [rad/s, N m].
     """
     spectrum = np.fft.rfft(travel, axis=0)
     # A travel is one line: amplitude and phase at it say all.

@@ -111,14 +111,11 @@ def _parent(link: LoopLink, bodies: list[Body]) -> int:
 
 
 def pin_gaps(robot: Robot, positions: FloatArray) -> FloatArray:
-    """Returns how far each pinned loop link is from where it is held.
+    """Distances (n_sample, n_pin) of pinned loop links from where they are held, in the links' order [m].
 
     Args:
         robot: The robot.
         positions (n_sample, n_joint): Arm positions of the joints [rad, or m].
-
-    Returns:
-        Distances (n_sample, n_pin), in the order of the loop links that have a pin [m].
     """
     tree = rigid_tree(robot, "arm")
     origins, turns = _poses(tree, positions)
