@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 
@@ -12,11 +12,14 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
 from robid.signals.quantities import Channel, Rate, channel_names, joint_unit, response_unit, units_text
 
 Level = Literal["odd", "even", "noise"]
+_Float: TypeAlias = FloatArray | None
+_Complex: TypeAlias = ComplexArray | None
 LEVELS: tuple[Level, ...] = ("odd", "even", "noise")
 _NEIGHBOURS = 4  # Silent lines whose mean power stands for an excited line
 _RESPONSE = "configuration frequency output input"
 _COVARIANCE = "configuration frequency output output"
 _SILENT = "configuration silent output"
+_INPUT, _OUTPUT, _ELEMENT = "configuration input", "configuration output", "configuration output input"
 
 
 @dataclass(frozen=True)
@@ -68,15 +71,9 @@ class Frf:
         ComplexArray,
         Quantity("1/{per_input}^2", "configuration frequency input input", "Input factor of the covariance"),
     ]
-    element_scale: Annotated[
-        FloatArray, Quantity("1", "configuration output input", "Element variance over that of the product")
-    ]
-    total_covariance: Annotated[
-        ComplexArray | None, Quantity("({output})^2", _COVARIANCE, "Output factor, from realizations")
-    ]
-    noise_covariance: Annotated[
-        ComplexArray | None, Quantity("({output})^2", _COVARIANCE, "Output factor, from periods")
-    ]
+    element_scale: Annotated[FloatArray, Quantity("1", _ELEMENT, "Element variance over that of the product")]
+    total_covariance: Annotated[_Complex, Quantity("({output})^2", _COVARIANCE, "Output factor, from realizations")]
+    noise_covariance: Annotated[_Complex, Quantity("({output})^2", _COVARIANCE, "Output factor, from periods")]
     total_degrees_of_freedom: float
     noise_degrees_of_freedom: float
     sensitivity: Annotated[
@@ -91,15 +88,15 @@ class Frf:
     coefficient_relative_std: Annotated[
         FloatArray, Quantity("1", "coefficient", "Standard deviation of the relative error")
     ]
-    removed_torque_rms: Annotated[FloatArray, Quantity("{input}", "configuration input", "What compensation removed")]
+    removed_torque_rms: Annotated[FloatArray, Quantity("{input}", _INPUT, "What compensation removed")]
     sampling_period_s: float
     input_channels: Annotated[tuple[Channel, ...], Quantity("1", "input", "What each input is")]
     output_channels: Annotated[tuple[Channel, ...], Quantity("1", "output", "What each output is")]
     coefficient_offset: Annotated[
-        FloatArray | None, Quantity("1", "coefficient", "Distance of the subtracted coefficient from the file's")
+        _Float, Quantity("1", "coefficient", "Distance of the subtracted coefficient from the file's")
     ] = None
     uncompensated_response: Annotated[
-        ComplexArray | None, Quantity("{response}", _RESPONSE, "The response without compensation")
+        _Complex, Quantity("{response}", _RESPONSE, "The response without compensation")
     ] = None
     law_names: Annotated[tuple[str, ...], Quantity("1", "value", "Values of the subtracted torque laws")] = ()
     law_values: Annotated[
@@ -112,52 +109,39 @@ class Frf:
     input_hold: Literal["zoh", "band_limited"] = "zoh"
     notes: Annotated[tuple[str, ...], Quantity("1", "note")] = field(default=())
     coherence: Annotated[
-        FloatArray | None, Quantity("1", "configuration frequency output", "Share of power that the response explains")
+        _Float, Quantity("1", "configuration frequency output", "Share of power that the response explains")
     ] = None
     silent_lines: Annotated[IntArray, Quantity("1", "silent", "Lines of the band that were not excited")] = field(
         default_factory=lambda: np.zeros(0, int)
     )
-    silent_level: Annotated[
-        FloatArray | None, Quantity("{output}", _SILENT, "RMS amplitude of the output residual there")
-    ] = None
+    silent_level: Annotated[_Float, Quantity("{output}", _SILENT, "RMS amplitude of the output residual there")] = None
     silent_noise: Annotated[FloatArray | None, Quantity("{output}", _SILENT, "The part of it that is noise")] = None
     silent_interpolation: Annotated[
-        FloatArray | None, Quantity("{output}", _SILENT, "What interpolating the response may add")
+        _Float, Quantity("{output}", _SILENT, "What interpolating the response may add")
     ] = None
     realization_error: Annotated[
-        ComplexArray | None,
+        _Complex,
         Quantity("{response}", "configuration realization frequency output input", "What each realization adds to it"),
     ] = None
     input_amplitude: Annotated[
-        ComplexArray | None,
-        Quantity("{input}", "configuration frequency input block", "Half amplitudes in every experiment"),
+        _Complex, Quantity("{input}", "configuration frequency input block", "Half amplitudes in every experiment")
     ] = None
-    mean_input: Annotated[FloatArray | None, Quantity("{input}", "configuration input", "Mean inputs as recorded")] = (
-        None
-    )
-    mean_output: Annotated[
-        FloatArray | None, Quantity("{measured}", "configuration output", "Mean outputs as measured")
-    ] = None
-    motion_rms: Annotated[
-        FloatArray | None, Quantity("{measured}", "configuration output", "RMS of the outputs about their means")
-    ] = None
+    mean_input: Annotated[_Float, Quantity("{input}", _INPUT, "Mean inputs as recorded")] = None
+    mean_output: Annotated[_Float, Quantity("{measured}", _OUTPUT, "Mean outputs as measured")] = None
+    motion_rms: Annotated[_Float, Quantity("{measured}", _OUTPUT, "RMS of the outputs about their means")] = None
     compensation: str = ""
     line_correlation: Annotated[
-        FloatArray | None, Quantity("1", "configuration frequency next", "Of errors at overlapping windows")
+        _Float, Quantity("1", "configuration frequency next", "Of errors at overlapping windows")
     ] = None
     freedom_share: Annotated[
-        FloatArray | None, Quantity("1", "configuration", "Of the degrees of freedom, left by experiments that repeat")
+        _Float, Quantity("1", "configuration", "Of the degrees of freedom, left by experiments that repeat")
     ] = None
     joint_units: Annotated[tuple[str, ...] | None, Quantity("1", "joint", "Units of the joints' positions")] = None
     dropped: Annotated[
         BoolArray | None, Quantity("1", "configuration frequency input", "Lines that tell too little of an input")
     ] = None
-    saturated_inputs: Annotated[FloatArray | None, Quantity("1", "configuration input", "Share of time at a limit")] = (
-        None
-    )
-    saturated_outputs: Annotated[
-        FloatArray | None, Quantity("1", "configuration output", "Share of time at a limit")
-    ] = None
+    saturated_inputs: Annotated[_Float, Quantity("1", _INPUT, "Share of time at a limit")] = None
+    saturated_outputs: Annotated[_Float, Quantity("1", _OUTPUT, "Share of time at a limit")] = None
 
     @property
     def input_names(self) -> tuple[str, ...]:

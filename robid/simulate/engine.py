@@ -82,11 +82,6 @@ class VaryingStiffness:
 
     A stiffness is held over the sample at its value in the sample's middle, where the speed carries the joint: what is
     left is of second order in the sampling period. The joint feels how the spring's energy changes with its position.
-
-    Args:
-        model: The elastic model.
-        batch: Its simulations; nothing of them changes where no stiffness depends on a position.
-        period_s: Time for which a stiffness is held [s].
     """
 
     def __init__(self, model: ElasticModel, batch: Batch, period_s: float) -> None:
@@ -144,12 +139,6 @@ class LoadEffects:
 
     They are held over the sample: at the load in its middle, where the speed carries the gears, and at the direction of
     its beginning. What friction does at these levels happens inside the integrator.
-
-    Args:
-        model: The elastic model.
-        batch: Its simulations; nothing of them changes where no such imperfection is on.
-        flaws: The imperfections.
-        period_s: Time for which a level is held [s].
     """
 
     def __init__(self, model: ElasticModel, batch: Batch, flaws: Imperfections, period_s: float) -> None:
@@ -212,3 +201,23 @@ def _levels(model: ElasticModel, batch: Batch, law: FrictionLaw) -> list[tuple[i
         limits = batch.expand("actuator_forcerange")
         levels += [(motor, limits[:, row], engine.actuator_forcerange[row].copy()) for motor, row in rows]
     return levels
+
+
+class Followers:
+    """Everything of a batch that follows its motion and is held over a sample.
+
+    Args:
+        model: The elastic model.
+        batch: Its simulations.
+        controller: Whose samples these are.
+        flaws: The imperfections.
+    """
+
+    def __init__(self, model: ElasticModel, batch: Batch, controller: Controller, flaws: Imperfections) -> None:
+        period_s = controller.sampling_period_s
+        self._parts = VaryingStiffness(model, batch, period_s), LoadEffects(model, batch, flaws, period_s)
+
+    def follow(self) -> None:
+        """Moves everything on to the coming sample."""
+        for part in self._parts:
+            part.follow()

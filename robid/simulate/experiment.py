@@ -15,7 +15,7 @@ from robid.robot.model import ElasticModel
 from robid.signals.quantities import INJECTED, Channel, QuantityName, Side, motor_channels
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade, angle_reference
-from robid.simulate.engine import LoadEffects, VaryingStiffness, quiet_mujoco, refuse_explosion, true_model
+from robid.simulate.engine import Followers, quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.steps import Steps, choose_steps, peak_motor_speed, visited
 from robid.simulate.truth import recorded_torque_factor
@@ -239,11 +239,9 @@ class _Run:
         self._motor, self._turns = model.motor, model.turns
         self.names = experiment.outputs
         self._further = FurtherOutputs(model, batch, experiment.outputs)
-        self._varying = VaryingStiffness(model, batch, experiment.controller.sampling_period_s)
-        flaws, period_s = experiment.options.imperfections, experiment.controller.sampling_period_s
-        self._effects = LoadEffects(model, batch, flaws, period_s)
-        self._varying.follow()
-        self._effects.follow()
+        flaws = experiment.options.imperfections
+        self._followers = Followers(model, batch, experiment.controller, flaws)
+        self._followers.follow()
         batch.ctrl[:, : model.motor.size] = rest_torque
         batch.forward()
         self.rest_outputs = self._further.read()[0]
@@ -278,8 +276,7 @@ class _Run:
             angle[sample, :, : self._motor.size], torque[sample] = measured, command
             self._pending.append(command)
             ctrl[:] = self._pending.pop(0) + disturbance[sample]
-            self._varying.follow()
-            self._effects.follow()
+            self._followers.follow()
             if not self.names:
                 batch.step(nstep=steps)
                 continue

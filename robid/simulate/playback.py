@@ -13,7 +13,7 @@ from robid.robot.description import Robot, Sensor
 from robid.robot.linearize import Equilibrium, solve_statics
 from robid.robot.model import ElasticModel, site_name
 from robid.simulate.controller import Cascade
-from robid.simulate.engine import LoadEffects, VaryingStiffness, quiet_mujoco, refuse_explosion, true_model
+from robid.simulate.engine import Followers, quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.experiment import encoder_readings
 from robid.simulate.options import Controller, SimulateOptions
 from robid.simulate.steps import choose_steps
@@ -99,8 +99,7 @@ def play(
     tool = flaws.tracker_noise_m * generator.standard_normal((n_time, n_sim, 3))
     torque = np.empty_like(motion.angle)
     speed = np.diff(motion.angle, axis=0, prepend=motion.angle[:1]) / controller.sampling_period_s
-    varying = VaryingStiffness(model, batch, controller.sampling_period_s)
-    effects = LoadEffects(model, batch, flaws, controller.sampling_period_s)
+    followers = Followers(model, batch, controller, flaws)
     watched = batch.sensordata  # bound before the first step, or that one is missed
     start = int(model.mujoco.sensor(model.robot.sensors[0].name).adr[0])
     with quiet_mujoco():
@@ -112,8 +111,7 @@ def play(
             torque[sample] = np.clip(feedback + motion.torque[sample], -limit, limit)
             pending.append(torque[sample])
             batch.ctrl[:, :n_motor] = pending.pop(0) + flaws.torque_noise_nm * torque_noise[sample]
-            varying.follow()
-            effects.follow()
+            followers.follow()
             batch.step(nstep=1)  # sensors show the state at its beginning
             tool[sample] += watched[:, start : start + 3]
             if steps > 1:

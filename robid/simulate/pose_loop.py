@@ -17,7 +17,7 @@ from robid.robot.model import ElasticModel, site_name
 from robid.signals.pose import ANGLES, POSE, displacement, pose_channels, pose_command_channels
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade
-from robid.simulate.engine import LoadEffects, VaryingStiffness, quiet_mujoco, refuse_explosion, true_model
+from robid.simulate.engine import Followers, quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.experiment import encoder_readings
 from robid.simulate.options import Controller, PoseInterface, SimulateOptions
 from robid.simulate.pose_path import channel_motion, followed, joint_path
@@ -151,11 +151,8 @@ class _Loop:
         self.batch = Batch(model.mujoco, n_real * n_exp, nthread=threads)
         self.batch.qpos[:] = rest.position
         self.batch.ctrl[:, : model.motor.size] = rest.motor_torque[0]
-        self._varying = VaryingStiffness(model, self.batch, experiment.controller.sampling_period_s)
-        flaws, period_s = experiment.options.imperfections, experiment.controller.sampling_period_s
-        self._effects = LoadEffects(model, self.batch, flaws, period_s)
-        self._varying.follow()
-        self._effects.follow()
+        self._followers = Followers(model, self.batch, experiment.controller, experiment.options.imperfections)
+        self._followers.follow()
         self.batch.forward()
         self._first, self._steady = self._told(index)
         self._last = model.motor_angles(self.batch.qpos)
@@ -216,8 +213,7 @@ class _Loop:
             reference = self._last + ((sub + 1) / count) * change
             self._pending.append(self._cascade.command(measured, reference, speed))
             batch.ctrl[:, : model.motor.size] = self._pending.pop(0) + disturbance[sub]
-            self._varying.follow()
-            self._effects.follow()
+            self._followers.follow()
             batch.step(nstep=steps)
         self._last = told
 
