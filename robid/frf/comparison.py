@@ -99,11 +99,7 @@ def pair_configurations(first: Frf, second: Frf) -> Pairs:
 
 
 def _elements(first: Frf, second: Frf) -> tuple[Pairs, Pairs]:
-    """Pairs the channels of one name.
-
-    Raises:
-        DataError: If they are something else, or there is none on one side.
-    """
+    """Pairs the channels of one name; refuses those that are something else, and sides without any."""
     sides = (
         ("output", first.output_channels, second.output_channels),
         ("input", first.input_channels, second.input_channels),
@@ -131,11 +127,7 @@ def _told(channel: Channel) -> str:
 
 
 def _lines(first: FloatArray, second: FloatArray) -> tuple[FloatArray, How]:
-    """Frequencies to compare at, and how the responses come to them.
-
-    Raises:
-        DataError: If the bands do not overlap.
-    """
+    """Frequencies to compare at, and how the responses come to them; refuses bands that do not overlap."""
     slack = 1 + _SAME_FREQUENCY
     low, high = max(first[0], second[0]) / slack, min(first[-1], second[-1]) * slack
     mine, theirs = (each[(each >= low) & (each <= high)] for each in (first, second))

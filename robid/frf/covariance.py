@@ -176,12 +176,9 @@ def _diagonal(covariance: ComplexArray) -> FloatArray:
 
 
 def _freedom_left(own: FloatArray, leaked: FloatArray, single: float) -> float:
-    """Degrees of freedom of a mean of unequal parts and what leaks into all, harmonic mean over lines and outputs.
+    """Degrees of freedom, harmonic mean over lines and outputs, of a mean of unequal parts and what leaks into all.
 
-    Args:
-        own (n_pooled, n_freq, n_out): Variance of each line that is pooled.
-        leaked (n_freq, n_out): Variance that leaks, of few lines.
-        single: Degrees of freedom of each part.
+    Pooled variances are (n_pooled, n_freq, n_out), those that leak (n_freq, n_out); each part has `single` of its own.
     """
     whole = own.mean(axis=0) + leaked
     # A squared estimate is too large by its own variance.

@@ -136,11 +136,7 @@ def _at_lines(frf: Frf, own: IntArray, lines: IntArray, frequency_hz: FloatArray
 
 
 def _common_period(frfs: Sequence[Frf], names: Sequence[str]) -> float:
-    """Shortest period whose lines are those of all responses [s].
-
-    Raises:
-        DataError: If it is much longer than theirs.
-    """
+    """Shortest period whose lines are those of all responses [s]; refused if it is much longer than theirs."""
     # Of an arbitrary signal the log's whole length is counted, of which its resolution needs a part.
     periods_s = [float(frf.lines[-1] / np.gcd.reduce(frf.lines) / frf.frequency_hz[-1]) for frf in frfs]
     # Periods as small fractions of the first one: their lines have a common grid in the least common multiple.

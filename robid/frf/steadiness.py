@@ -164,12 +164,7 @@ def _scatter_share(moved: _Deviations, mean: ComplexArray) -> FloatArray:
 
 
 def _transient(residual: _Deviations, level: _Deviations) -> tuple[int, float]:
-    """Periods at the beginning whose loss lowers the variance of the mean most, and to what share of it.
-
-    Args:
-        residual (n_real, n_period, n_freq, n_channel, n_exp): Deviations of the periods from their mean.
-        level (n_real, n_period, n_freq, n_channel, n_exp): The same without their slopes.
-    """
+    """Periods at the beginning whose loss lowers the variance of the mean most, and to what share."""
     leading, used = _leading(level, _GAIN), level
     if not leading:  # a slow decay is a slope in its first period mostly
         leading, used = _leading(residual, _DRIFT_GAIN), residual

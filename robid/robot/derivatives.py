@@ -59,10 +59,10 @@ def expand(
 def shifts_between(
     pairs: Sequence[tuple[LinearModel, LinearModel]], width: FloatArray, amounts: FloatArray, torque: FloatArray
 ) -> Shifts:
-    """Returns how a linearised robot moves with doubts, by central differences.
+    """Returns how a linearised robot moves with nuisance parameters, by central differences.
 
     Args:
-        pairs: The robot with less and with more of each doubt.
+        pairs: The robot with less and with more of each.
         width (n_doubt,): By how much each pair differs.
         amounts (n_doubt,): Amounts in the middle.
         torque (n_doubt, n_joint): As in `Shifts`.
@@ -220,7 +220,7 @@ def _rest_columns(
 
 
 def _move_columns(parameters: ElasticParameters, result: Response, moves: MatrixSlopes) -> ComplexArray:
-    """Derivatives (n_conf, n_freq, n_out, n_in, n_move) along displacements of the rest, or amounts of doubts."""
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_move) along displacements of the rest, or nuisance parameters."""
     model, square = result.model, result.omega**2
     columns = _inertia_columns(model, parameters, result, moves.mass)
     left, right = np.swapaxes(result.outputs, -1, -2), result.inputs

@@ -69,8 +69,8 @@ class LinearModel:
         arm (n_joint, n): Arm-side positions in these coordinates.
         rotor (n_joint,): Rotor inertias of the robot file [kg m^2].
         axial (n_joint,): Links' own inertia about the joint axis direction, or mass, payload included [kg m^2, or kg].
-        shifts: How all this moves with doubts that a fit estimates; None without any.
-        effects: What gears do beside springs and dampers by such doubts; None without any.
+        shifts: How all this moves with nuisance parameters that a fit estimates; None without any.
+        effects: What gears do beside springs and dampers by such parameters; None without any.
         added (n_conf, n_freq, n_spring): What springs have at each frequency of a response beyond their stiffness, over
             it; None for nothing.
         clinging (n_conf, n_motor): Torques that follow the motors' angles, as complex stiffnesses [N m/rad]; None for

@@ -58,7 +58,7 @@ class Response:
         outputs (n_conf, n_freq, n, n_out): `Z^-1 C'`.
         hold (n_freq,): Zero-order hold and delay.
         omega (n_freq,): Angular frequency [rad/s].
-        gain (n_in,): Torque that each motor gives per torque recorded, where that is doubted; in `sampled` only.
+        gain (n_in,): Torque that each motor gives per torque recorded, where that is a nuisance; in `sampled` only.
         folding: What sampling folds down from above; None in continuous time.
         by_delay: Its derivative by the delay.
         images: The continuous response at the folding's own frequencies; None where it needs none.
@@ -167,7 +167,7 @@ def at_rest(model: LinearModel, parameters: ElasticParameters) -> tuple[LinearMo
 
 
 def _shifted(model: LinearModel, parameters: ElasticParameters) -> LinearModel:
-    """The model with other amounts of its doubts."""
+    """The model with other amounts of its nuisance parameters."""
     shifts = model.shifts
     if shifts is None or np.array_equal(shifts.amounts, parameters.doubt):
         return model

@@ -65,14 +65,14 @@ class BristleTable:
 
 @dataclass(frozen=True)
 class GearEffects:
-    """Effects whose sizes are doubts that a fit estimates, under the motion of a measurement.
+    """Effects whose sizes are nuisance parameters of a fit, under the motion of a measurement.
 
     Attributes:
         load (n_conf, n_spring): Mean size of each deflection, swing included [rad, or m].
-        damped (n_damped, 2): Doubt and spring of each damper that grows; amounts are shares per deflection.
-        slipping (n_slipping, 2): Doubt and spring of each hysteresis; amounts are torques at which bristles slip.
+        damped (n_damped, 2): Nuisance parameter and spring of each damper that grows; amounts are shares per deflection.
+        slipping (n_slipping, 2): Nuisance parameter and spring of each hysteresis; amounts are torques at which bristles slip.
         bristles (n_slipping): What each of them does.
-        damped_names (n_damped): Names of the doubts of dampers.
+        damped_names (n_damped): Names of those of dampers.
         slipping_names (n_slipping): Names of those of hysteresis.
     """
 
@@ -84,7 +84,7 @@ class GearEffects:
     slipping_names: tuple[str, ...] = ()
 
     def growth(self, doubt: FloatArray) -> FloatArray:
-        """Dampers (n_conf, n_spring) over those without load, by amounts (n_doubt,) of all doubts.
+        """Dampers (n_conf, n_spring) over those without load, by amounts (n_doubt,) of all nuisance parameters.
 
         Under a normal swing `d (1 + a |x|) dx/dt` is linearised to `d (1 + a E|x|) dx/dt`: deflection and speed do not
         correlate.
@@ -102,7 +102,7 @@ class GearEffects:
         return added
 
     def slopes(self, doubt: FloatArray, damping: FloatArray, omega: FloatArray) -> ComplexArray:
-        """Derivative (n_conf, n_freq, n_spring, n_doubt) of the springs' dynamic stiffness by all doubts.
+        """Derivative (n_conf, n_freq, n_spring, n_doubt) of the springs' dynamic stiffness by all nuisance parameters.
 
         Args:
             doubt (n_doubt,): Amounts.

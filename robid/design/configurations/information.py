@@ -251,7 +251,7 @@ def _plan(
 
 
 def _shares(plan: ConfigurationPlan, relaxed: Relaxed) -> Relaxed:
-    """Optimal weights of which further visits to one place have no part, since they would tell less than the first."""
+    """Optimal weights without further visits to one configuration, which would tell less than the first."""
     options = plan.options
     once = options.experiments is None and np.ptp(plan.cost) == 0 and 1 < options.count < plan.cost.size
     return plan.relaxed(limit=1 / options.count) if once and plan.visits.between.any() else relaxed

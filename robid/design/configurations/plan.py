@@ -252,8 +252,8 @@ class ConfigurationPlan:
     def shared_out(self, counts: IntArray) -> Relaxed:
         """Optimal shares of the cost among the candidates that have numbers of experiments (n_cand,).
 
-        Where places differ, what further experiments tell falls with their number; it stays below its tangent at the
-        given numbers, so the bound holds for all others.
+        Where configurations differ, what further experiments tell falls with their number; it stays below its tangent
+        at the given numbers, so the bound holds for all others.
         """
         used = np.flatnonzero(counts)
         if not self.visits.between.any() or self.visits.alone.shape[2] > 1:

@@ -17,10 +17,10 @@ class Visits:
     """What visits to each candidate add.
 
     Attributes:
-        alone (n_draw, n_cand, n_part, n_all, n_all): One visit, were all places alike: the information, or bread and
-            meat of a fit with weights of its own. Of n visits it is n times as much.
-        between (n_all,): Variance of each parameter between places; 0 for what all of them share.
-        once (n_draw, n_cand, n_part, n_all, n_all): One visit, what differs between places allowed for.
+        alone (n_draw, n_cand, n_part, n_all, n_all): One visit, were all configurations alike: the information, or
+            bread and meat of a fit with weights of its own. Of n visits it is n times as much.
+        between (n_all,): Variance of each parameter between configurations; 0 for what all of them share.
+        once (n_draw, n_cand, n_part, n_all, n_all): One visit, what differs between configurations allowed for.
     """
 
     alone: FloatArray
@@ -63,11 +63,11 @@ class Visits:
 
 
 def make_visits(alone: FloatArray, between: FloatArray) -> Visits:
-    """Allows for what differs between places.
+    """Allows for what differs between configurations.
 
     Args:
-        alone (n_draw, n_cand, n_part, n_all, n_all): One visit, were all places alike.
-        between (n_all,): Variance of each parameter between places.
+        alone (n_draw, n_cand, n_part, n_all, n_all): One visit, were all configurations alike.
+        between (n_all,): Variance of each parameter between configurations.
 
     Source:
         docs/methods, sec. 11: `(I^-1 + T)^-1` in place of the information; the scores of a fit with weights of its own
@@ -86,9 +86,9 @@ def slopes(alone: FloatArray, counts: IntArray, between: FloatArray) -> FloatArr
     """Derivative of the information of numbers of visits (n_cand,) by these numbers.
 
     Args:
-        alone (n_draw, n_cand, n_all, n_all): Information of one visit, were all places alike.
+        alone (n_draw, n_cand, n_all, n_all): Information of one visit, were all configurations alike.
         counts (n_cand,): Numbers of visits, at least one each.
-        between (n_all,): Variance of each parameter between places.
+        between (n_all,): Variance of each parameter between configurations.
     """
     times = counts[:, None, None]
     return np.asarray(saturation_slope(alone * times, between) / times)

@@ -75,11 +75,7 @@ def _check_poses(
     commands: FloatArray,
     reach: Reach,
 ) -> None:
-    """Refuses commands (n_exp, n_sample, n_channel) that the robot cannot follow from one of its homes.
-
-    Raises:
-        SettingsError: With the worst of each channel, its home and the amplitude that would do.
-    """
+    """Refuses commands (n_exp, n_sample, n_channel) that a home's robot cannot follow, with what would do for each."""
     limits, found = _pose_limits(robot), []
     for column, channel in enumerate(channels):
         own = commands[column, :, column]
