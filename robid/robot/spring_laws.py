@@ -69,8 +69,8 @@ class GearEffects:
 
     Attributes:
         load (n_conf, n_spring): Mean size of each deflection, swing included [rad, or m].
-        damped (n_damped, 2): Nuisance parameter and spring of each damper that grows; amounts are shares per deflection.
-        slipping (n_slipping, 2): Nuisance parameter and spring of each hysteresis; amounts are torques at which bristles slip.
+        damped (n_damped, 2): Nuisance and spring of each damper that grows; amounts are shares per deflection.
+        slipping (n_slipping, 2): Nuisance and spring of each hysteresis; amounts are torques at which bristles slip.
         bristles (n_slipping): What each of them does.
         damped_names (n_damped): Names of those of dampers.
         slipping_names (n_slipping): Names of those of hysteresis.
