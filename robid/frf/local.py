@@ -119,10 +119,9 @@ class LocalEstimate(BlockEstimate):
 def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> LocalEstimate:
     """Fits `D Y = N U + T` around every line by linear least squares, over all experiments at once.
 
-    N is a matrix polynomial in the frequency, D a polynomial common to all outputs (1 without
-    `local_denominator`), T the transient of each experiment (`local` only). Where the reference was recorded,
-    inputs and outputs are both fitted to it and the response is their ratio, as the loop is closed. The
-    covariance is of first order in the noise: the denominator's is underestimated where noise is large.
+    N is a matrix polynomial in the frequency, D a polynomial common to all outputs (1 without `local_denominator`), T
+    the transient of each experiment (`local` only). Where the reference was recorded, inputs and outputs are both
+    fitted to it and the response is their ratio, as the loop is closed. The covariance is of first order in the noise.
 
     Args:
         blocks: Spectra at the windows' bins.
@@ -137,9 +136,9 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
     """
     n_in, n_power = blocks.inputs.shape[2], options.local_order + 1
     inputs, outputs = windows.rows(blocks.inputs), windows.rows(blocks.outputs)
-    indirect = blocks.reference is not None
-    regressor = inputs if blocks.reference is None else windows.rows(blocks.reference)
-    explained = np.concatenate([inputs, outputs], axis=-1) if indirect else outputs
+    indirect, regressor, explained = blocks.reference is not None, inputs, outputs
+    if blocks.reference is not None:
+        regressor, explained = windows.rows(blocks.reference), np.concatenate([inputs, outputs], axis=-1)
     powers = windows.offset[:, :, None] ** np.arange(n_power)
     # The transient is a polynomial of each experiment: projecting it out spares its coefficients (Frisch and Waugh).
     silence = _transient_projection(powers) if options.estimator == "local" else None
@@ -148,13 +147,12 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
         return replace(local_fit(blocks, windows.at(fit.determined), options), determined=fit.determined)
     observed = _flat(explained, silence)
     # Each experiment's transient, each input's numerator, and the denominator take their coefficients' freedom.
-    own = regressor.shape[1] * n_power * (silence is not None)
-    freedom = float(observed.shape[1] - own - n_power * n_in - options.local_denominator)
+    own = n_power * (n_in + regressor.shape[1] * (silence is not None))
+    freedom = float(observed.shape[1] - own - options.local_denominator)
     denominator = None
     if options.local_denominator:
         degrees = windows.offset[:, :, None] ** np.arange(1, options.local_denominator + 1)
-        products = _flat(_products(degrees, explained), silence)
-        denominator = _Denominator(fit, observed, products.reshape(*products.shape[:2], degrees.shape[-1], -1))
+        denominator = _Denominator(fit, observed, _flat(_products(degrees, explained), silence), degrees.shape[-1])
         observed = observed + denominator.change
     found = _estimate(fit, observed, denominator, freedom, n_in, len(blocks.inputs), windows, indirect=indirect)
     return found if silence is None else replace(found, hidden=_hidden(_products(powers, inputs), silence, n_in))
@@ -248,9 +246,9 @@ class _Fit:
 class _Denominator:
     """Coefficients of the denominator that all outputs share, weighted by the residual of each."""
 
-    def __init__(self, fit: _Fit, observed: ComplexArray, products: ComplexArray) -> None:
+    def __init__(self, fit: _Fit, observed: ComplexArray, flat: ComplexArray, order: int) -> None:
+        products = flat.reshape(*flat.shape[:2], order, -1)
         self._fit, self._products = fit, products
-        flat = products.reshape(*products.shape[:2], -1)
         # The numerator is eliminated: only what it leaves of (D - 1) Y tells the denominator.
         left, moved = fit.residual(observed), fit.residual(flat).reshape(products.shape)
         rest = left

@@ -181,10 +181,10 @@ def _share_outside(phase: FloatArray, omega: FloatArray, margin: FloatArray, use
 def undeclared_delay(points: DrivingPoints, declared_s: float) -> float | None:
     """Finds the least delay with which motors absorb energy at all lines, where the declared one falls far short.
 
-    Whatever hangs on a motor, its speed and its torque have a phase between -90 and 90 degrees and its acceleration
-    and torque one between 0 and 180, hold and delay apart. Below every antiresonance a motor moves as a mass, at 0
-    degrees, so that the least delay is the true one but for what damping and friction add. Half of the motors decide:
-    one with a reversed sign seems to make energy.
+    A driving point of a passive structure is positive real: speed per torque has a phase between -90 and 90 degrees,
+    acceleration per torque one between 0 and 180, hold and delay apart. Below every antiresonance a motor moves as a
+    mass, at 0 degrees, so that the least delay is the true one but for what damping and friction add. Half of the
+    motors decide: one with a reversed sign seems to make energy.
 
     Args:
         points: The driving points.
@@ -193,9 +193,6 @@ def undeclared_delay(points: DrivingPoints, declared_s: float) -> float | None:
     Returns:
         The delay, hold excluded [s]; None where a few samples more than declared will do, where no delay within
         reach would, or where too little is seen.
-
-    Source:
-        A driving point of a passive structure is positive real.
     """
     ratio = np.full(points.response.shape, np.inf) if points.signal_to_noise is None else points.signal_to_noise
     # Phase noise of a response is 1 / sqrt(2 SNR) radians; three of these and ten degrees may lead out.
@@ -209,7 +206,6 @@ def undeclared_delay(points: DrivingPoints, declared_s: float) -> float | None:
     omega = 2 * np.pi * points.frequency_hz[:, None]
     # The hold lags by half a period, which is no delay of the drive.
     phase = np.angle(points.response[:, :, enough]) + 0.5 * (points.hold_period_s or 0.0) * omega
-
     share_outside = partial(_share_outside, phase, omega, margin, used)
     usual = declared_s + FEW_SAMPLES * points.sampling_period_s
     if share_outside(usual) < _CLEARLY or share_outside(declared_s) < _CLEARLY:

@@ -150,8 +150,7 @@ def linearize(
     Args:
         model: The elastic model.
         equilibrium: Where to linearise.
-        output_names: Outputs: a joint's name is its motor angle, `<joint>.arm` its arm angle, others are the
-            robot's sensors; by default all motors.
+        output_names: Joints for their motors, `<joint>.arm` for their arms, names of sensors; all motors by default.
 
     Source:
         Wernholt and Moberg (2008), sec. 5; docs/methods, sec. 1.

@@ -47,6 +47,8 @@ def state_space(
 ) -> StateSpace:
     """Writes one configuration as a continuous state space, without the delay.
 
+    States are motor angles, spring deflections and their rates; outputs the angles, then speeds, then accelerations.
+
     Args:
         model: Linearised robot.
         parameters: Parameter values.
@@ -54,10 +56,6 @@ def state_space(
         motors: Name of each motor.
         springs: Name of each spring.
         outputs: Name of each output angle of the model.
-
-    Returns:
-        States are motor angles, spring deflections and their rates; outputs the angles, then their speeds, then
-        their accelerations.
 
     Source:
         docs/methods, sec. 1 (Linearisation), in spring coordinates.
