@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, get_type_hints
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 Instance = TypeVar("Instance", bound="DataclassInstance")
+Default = TypeVar("Default")
 
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
 ComplexArray: TypeAlias = NDArray[np.complexfloating[Any, Any]]
@@ -68,6 +69,17 @@ def part_of(value: Instance, axis: str, chosen: slice | IntArray) -> Instance:
         else:
             part[name] = None if whole is None else whole[(*[slice(None)] * place, chosen)]
     return dataclasses.replace(value, **part)
+
+
+def option(default: Default, description: str, **limits: float) -> Default:
+    """Declares an option of an algorithm: its default, what it is, and limits such as `ge`, for schema and checks."""
+    return field(default=default, metadata={"description": description, **limits})
+
+
+def group(kind: Callable[[], Default], description: str) -> Default:
+    """Declares a group of options, each with its default, as a field of a frozen dataclass."""
+    declared: Any = field(default_factory=kind, metadata={"description": description})
+    return declared  # type: ignore[no-any-return]
 
 
 def check_shape(name: str, array: NDArray[Any], axes: str, **sizes: int) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robid.design.configurations.exchange import Exchange
+from robid.design.configurations.plan import Exchange
 from robid.design.configurations.visits import make_visits
 
 

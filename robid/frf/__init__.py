@@ -1,4 +1,1 @@
-"""Frequency responses.
-
-Read `frf`, `estimate`, `blocks`, `windows`, `local`, then friction: `compensation`, `silent`, `laws`.
-"""
+"""Frequency responses: `frf`, `estimate`, `reading`, `blocks`, `local`, `covariance`; `compensation`, `silent`."""

@@ -8,28 +8,19 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.frf.channels import saturated_channels, saturation_error
 from robid.frf.frf import Frf
-from robid.frf.saturation import saturated_channels, saturation_error
 from robid.frf.timing import Shift, common_shift, find_shifts, measure_jitter, period_differences, sparse_samples
 from robid.signals.quantities import DRIVES, shown
 from robid.signals.record import Record
 
-JITTER_LIMIT = 0.1
-"""Standard deviation of the sampling instants above which a record is refused [samples]."""
-
-JITTER_SIGMAS = 5.0
-"""Standard deviations by which jitter must stand out to be believed."""
-
-INCOHERENT = 0.9
-"""Coherence below which noise may have a say in the response of a loop."""
-
-STILL_SHARE = 0.25
-"""Share of the time in which a motor stands still above which it is told."""
-
+JITTER_LIMIT = 0.1  # Standard deviation of the sampling instants above which a record is refused [samples]
+JITTER_SIGMAS = 5.0  # Standard deviations by which jitter must stand out to be believed
+INCOHERENT = 0.9  # Coherence below which noise may have a say in the response of a loop
+STILL_SHARE = 0.25  # Share of the time in which a motor stands still above which it is told
 _WHERE = "configuration at"
 _STILL_SPEED = 0.05
 _PLACES = ("angle", "position")
-
 _MOVED = 1.5
 _SHOWN = 3
 
@@ -41,8 +32,6 @@ class Finding:
     Attributes:
         kind: `period`, `dropped`, `jitter`, `saturation`, `still`, `weak` or `loop`.
         what: What is wrong, with channel, experiment, realization, period and sample where they are known.
-        remedy: What to do next.
-        fatal: Whether the record cannot be used.
     """
 
     kind: str
@@ -74,6 +63,7 @@ def fed_back(record: Record, frf: Frf) -> list[Finding]:
     drives = all(channel.quantity in DRIVES for channel in record.input_channels)
     if not (record.is_arbitrary and drives) or record.reference is not None or frf.coherence is None:
         return []
+    # Any output that the inputs do not explain tells of noise in the loop.
     low = np.nan_to_num(frf.coherence[0], nan=1.0).min(axis=1) < INCOHERENT
     if not low.any():
         return []
@@ -188,6 +178,7 @@ def _still(record: Record) -> list[Finding]:
     if not chosen.count:
         return []
     step = (record.outputs[0][..., chosen.after, :] - record.outputs[0][..., chosen.before, :])[..., moved]
+    # Speeds as differences of nearby samples, mean over the periods.
     mean = step.mean(axis=2)
     usual = np.sqrt((mean**2).mean(axis=(0, 1, 2)))
     noise = _noise(step)

@@ -91,6 +91,7 @@ def record_motion(record: Record, lines: IntArray, delay_s: float, oversampling:
     speed = periodic_speed(level, period_s, _NOISE_CUT * record.frequency_hz[-1], oversampling)
     speed = speed + rise / record.period_s
     omega = 2 * np.pi * lines / record.period_s
+    # A zero-order hold is sinc(w T / 2 pi) exp(-j w T / 2); numpy's sinc has pi inside.
     half = 0.5 * omega * period_s * (record.input_hold == "zoh")
     return Motion(
         angle=angle,
@@ -118,6 +119,7 @@ def _check_motors(record: Record) -> None:
 def friction_spectrum(motion: Motion, laws: Sequence[TorqueLaw]) -> ComplexArray:
     """Friction (n_real, n_freq, n_in, n_exp) of the laws, lag included, ripple not [N m]."""
     torque = friction_torque(motion.speed, motion.step_s, laws)
+    # A lag of the friction behind the motion turns its spectrum.
     lag_s = motion.sampling_period_s * np.array([law.lag_samples for law in laws])
     later = np.exp(-1j * np.outer(motion.omega, lag_s))
     return np.asarray(_held(motion, torque) * later[:, :, None])
@@ -130,6 +132,7 @@ def ripple_spectra(motion: Motion, laws: Sequence[TorqueLaw]) -> ComplexArray:
         n_real, n_exp, n_in = motion.angle.shape[1:]
         return np.zeros((2, n_real, len(motion.lines), n_in, n_exp), complex)
     phase = motion.angle * np.array([law.ripple_order for law in laws])
+    # Whole turns are taken off before single precision, which has 1e-7 of the phase's size.
     turns = np.round(phase.mean(axis=0) / (2 * np.pi))
     phase = (phase - 2 * np.pi * turns).astype(np.float32)
     return np.stack([_held(motion, amplitude.astype(np.float32) * wave(phase)) for wave in (np.sin, np.cos)])
@@ -138,10 +141,12 @@ def ripple_spectra(motion: Motion, laws: Sequence[TorqueLaw]) -> ComplexArray:
 def disturbance(motion: Motion, laws: Sequence[TorqueLaw]) -> Disturbance:
     """Torque of the laws along a motion, and what each coefficient changes."""
     level = friction_spectrum(motion, laws)
+    # Level and lag enter in closed form; the shape only as a difference over a step of 5 %.
     changed = friction_spectrum(motion, [law.shaped(1 + _SHAPE_STEP) for law in laws])
     ripple = ripple_spectra(motion, laws)
     known = np.array([[law.ripple_sin for law in laws], [law.ripple_cos for law in laws]])
     lag = -1j * (motion.omega * motion.sampling_period_s)[:, None, None] * level
+    # Coefficients are relative to the robot file's: a law at 1 + offset of it has its derivative over that.
     stated = 1 + np.array([law.offset[:2] for law in laws]).T[:, :, None]
     derivative = np.stack([level / stated[0], (changed - level) / (_SHAPE_STEP * stated[1]), lag, *ripple])
     return Disturbance(level + np.einsum("wi,wrfie->rfie", known, ripple), derivative)
@@ -166,16 +171,13 @@ def law_table(record: Record, laws: Sequence[TorqueLaw]) -> tuple[tuple[str, ...
 
 
 def periodic_speed(angle: FloatArray, sampling_period_s: float, cut_hz: float, oversampling: int) -> FloatArray:
-    """Differentiates one period of an angle by its DFT, on a finer grid.
+    """Differentiates one period of an angle by its DFT: speed (n_sample * oversampling, ...) on a finer grid [rad/s].
 
     Args:
         angle (n_sample, ...): One period [rad].
         sampling_period_s: Sampling period [s].
         cut_hz: Content above is dropped: it is noise of the encoder.
         oversampling: Grid points per sample.
-
-    Returns:
-        Speed (n_sample * oversampling, ...) [rad/s].
     """
     n_sample = angle.shape[0]
     spectrum = rfft(angle, axis=0)
@@ -188,5 +190,6 @@ def periodic_speed(angle: FloatArray, sampling_period_s: float, cut_hz: float, o
 
 def _held(motion: Motion, torque: FloatArray) -> ComplexArray:
     """Spectrum (n_real, n_freq, n_in, n_exp) of a torque (n_step, n_real, n_exp, n_in), over the hold."""
+    # A held command of this spectrum over the hold gives the continuous torque at these lines.
     flat = line_amplitudes(torque.reshape(len(torque), -1), motion.lines) / motion.hold[:, None]
     return np.asarray(flat.reshape(-1, *torque.shape[1:]).transpose(1, 0, 3, 2))

@@ -3,32 +3,46 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.frf.block_checks import place_of, solvable_lines
-from robid.frf.blocks import ESTIMATORS, BlockEstimate
+from robid.frf.blocks import ESTIMATORS, BlockEstimate, place_of, solvable_lines
 from robid.frf.channels import channel_levels, response_channels, to_accelerations
 from robid.frf.checks import Finding, check_record, fed_back, finding_notes, refuse_faults
-from robid.frf.coefficients import coefficients
-from robid.frf.covariance import element_scale, freedom_share, noise_covariance, total_covariance
-from robid.frf.distortion import explained_coherence, multiple_coherence, silent_levels
-from robid.frf.dropped import FEWEST, completed, hidden_inputs, lost_inputs, require_lines, weak_inputs
+from robid.frf.covariance import (
+    FEW_PERIODS,
+    element_scale,
+    exceeds,
+    freedom_share,
+    noise_covariance,
+    period_noise,
+    total_covariance,
+)
+from robid.frf.distortion import (
+    FEWEST,
+    completed,
+    explained_coherence,
+    hidden_inputs,
+    lost_inputs,
+    multiple_coherence,
+    require_lines,
+    silent_levels,
+    weak_inputs,
+)
 from robid.frf.frf import Frf
+from robid.frf.friction import coefficients
 from robid.frf.local import local_fit
 from robid.frf.options import EstimateOptions
-from robid.frf.period_noise import FEW_PERIODS, exceeds, period_noise
-from robid.frf.reading import Spectra, read_spectra, silent_of
+from robid.frf.reading import Spectra, Windows, read_spectra, silent_of
 from robid.frf.spectra import Blocks
 from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_notes
-from robid.frf.windows import Windows
 from robid.robot.friction import TorqueLaw
 from robid.signals.record import Record
 
-UNSTEADY = frozenset({"local", "robust_local"})
-"""Estimators that need no period to repeat another one."""
+UNSTEADY = frozenset({"local", "robust_local"})  # Estimators that need no period to repeat another one
 
 
 @dataclass(frozen=True)
@@ -54,21 +68,15 @@ class _Found:
 
 
 def estimate_frf(
-    record: Record,
-    options: EstimateOptions,
-    laws: tuple[TorqueLaw, ...] | None = None,
-    delay_s: float = 0.0,
+    record: Record, options: EstimateOptions, laws: tuple[TorqueLaw, ...] | None = None, delay_s: float = 0.0
 ) -> Frf:
-    """Estimates the frequency response of one configuration.
+    """Estimates the frequency response of one configuration with its covariance; the configuration axis is kept.
 
     Args:
         record: Record of a single configuration.
         options: Estimator, compensation and pooling.
         laws: Torque laws per motor to subtract, where there is compensation: the robot file's or identified ones.
         delay_s: Delay from recorded to applied torque, hold excluded [s].
-
-    Returns:
-        The response with its covariance; configuration axis kept.
 
     Raises:
         DataError: If an experiment block does not excite every input, the data are not finite, or their time base
@@ -87,16 +95,20 @@ def estimate_frf(
         refuse_faults(record, findings)
     found, solved = _found(record, spectra, options)
     steady = _steadiness(record, spectra.at(solved), found, options)
+    findings = _with_steadiness(record, findings, steady)
+    frf = _frf(record, record.excited_lines[solved], spectra.at(solved), found, options, laws, steady)
+    frf, lost = _without_lost(frf, record, spectra, found, solved, options)
+    told = () if steady is None else steadiness_notes(steady, record)
+    return replace(frf, notes=(*frf.notes, *told, *finding_notes(record, [*findings, *lost, *fed_back(record, frf)])))
+
+
+def _with_steadiness(record: Record, findings: list[Finding], steady: Steadiness | None) -> list[Finding]:
+    """Findings with what the periods differ by; refuses what is fatal."""
     findings = [*(() if steady is None else steadiness_findings(steady, record)), *findings]
     if any(one.fatal and one.kind == "unsteady" for one in findings):
         findings = [one for one in findings if one.kind != "jitter"]
     refuse_faults(record, findings)
-    frf = _frf(record, record.excited_lines[solved], spectra.at(solved), found, options, laws, steady)
-    frf, lost = _without_lost(frf, record, spectra, found, solved, options)
-    findings += lost
-    findings += fed_back(record, frf)
-    told = () if steady is None else steadiness_notes(steady, record)
-    return replace(frf, notes=(*frf.notes, *told, *finding_notes(record, findings)))
+    return findings
 
 
 def _without_lost(
@@ -109,6 +121,7 @@ def _without_lost(
     dropped[solved] = weak_inputs(frf.response[0], frf.element_variance()[0], options.weak_line_std)
     if found.hidden is not None:
         hidden[solved] = found.hidden
+    # Lines that look like the transient are told apart from those that drown: the remedies differ.
     weak, dropped = dropped & ~hidden, dropped | hidden
     if hidden.any():
         findings.append(_hidden(record, spectra, hidden, ~dropped))
@@ -162,25 +175,20 @@ def _frf(
     steady: Steadiness | None,
 ) -> Frf:
     """The response at the lines that could be solved."""
-    response, blocks = found.estimate.response, spectra.at_lines
-    noise, noise_freedom, noise_share = _noise(record, blocks, response, options, steady)
-    levels = silent_levels(spectra.silent, lines, response)
+    noise, noise_freedom, noise_share = _noise(record, spectra.at_lines, found.estimate.response, options, steady)
+    arrays: dict[str, Any] = _arrays(lines, spectra, found, noise)
+    arrays["input_amplitude"] = spectra.amplitude(record)
+    arrays["uncompensated_response"] = None if laws is None else _uncompensated(spectra, options)
+    rows: dict[str, Any] = {name: None if array is None else array[None] for name, array in arrays.items()}
     return Frf(
+        **rows,
         **coefficients(record, laws, found.estimate, found.derivative),
         **channel_levels(record),
         frequency_hz=lines / record.period_s,
         lines=lines,
         configurations=record.require_periods("A frequency response"),
-        response=response[None],
-        input_factor=found.estimate.input_factor[None],
-        element_scale=found.element_scale[None],
-        realization_error=None if found.realization_error is None else found.realization_error[None],
-        total_covariance=None if found.total is None else found.total[None],
-        noise_covariance=None if noise is None else noise[None],
         total_degrees_of_freedom=found.total_freedom,
         noise_degrees_of_freedom=noise_freedom,
-        removed_torque_rms=_rms(spectra.removed_torque)[None],
-        uncompensated_response=None if laws is None else _uncompensated(spectra, options)[None],
         sampling_period_s=record.sampling_period_s,
         input_channels=record.input_channels,
         output_channels=response_channels(record, options),
@@ -188,16 +196,28 @@ def _frf(
         input_hold=record.input_hold,
         joint_units=record.joint_units,
         notes=(*record.notes, *_notes(found.total, record, spectra.windows)),
-        coherence=_coherence(spectra, response, noise if found.total is None else found.total)[None],
         silent_lines=spectra.silent.lines,
-        silent_level=levels.level[None],
-        silent_noise=None if levels.noise is None else levels.noise[None],
-        silent_interpolation=levels.doubt[None],
-        input_amplitude=spectra.amplitude(record)[None],
         compensation=_used(laws, options),
         freedom_share=np.array([noise_share if found.total is None else found.freedom_share]),
-        line_correlation=None if found.line_correlation is None else found.line_correlation[None],
     )
+
+
+def _arrays(lines: IntArray, spectra: Spectra, found: _Found, noise: ComplexArray | None) -> dict[str, Any]:
+    """Fields of an `Frf` that have a configuration axis, without it."""
+    response = found.estimate.response
+    silent = silent_levels(spectra.silent, lines, response)
+    return {
+        "response": response,
+        "input_factor": found.estimate.input_factor,
+        "element_scale": found.element_scale,
+        "realization_error": found.realization_error,
+        "total_covariance": found.total,
+        "noise_covariance": noise,
+        "line_correlation": found.line_correlation,
+        "removed_torque_rms": _rms(spectra.removed_torque),
+        "coherence": _coherence(spectra, response, noise if found.total is None else found.total),
+        **{f"silent_{name}": level for name, level in silent._asdict().items()},
+    }
 
 
 def _noise(
@@ -215,6 +235,7 @@ def _noise(
     accelerations = to_accelerations(record, options)
     found = period_noise(record, blocks.lines, response, options.pooled_lines, accelerations=accelerations)
     each, single = noise_covariance(moved, blocks.scatter_freedom, 1)
+    # The spectrum of the noise holds only where the periods scatter no more than it says.
     beyond = each is not None and exceeds(each, found.covariance, single)
     return scatter if beyond else found.covariance, found.freedom, found.share
 
@@ -238,6 +259,7 @@ def _used(laws: tuple[TorqueLaw, ...] | None, options: EstimateOptions) -> str:
 def _by_blocks(spectra: Spectra, options: EstimateOptions) -> _Found:
     """An estimate whose blocks each excite every input; its covariance is that of the realizations."""
     blocks = spectra.blocks
+    # Residuals of the period averages: V_m = Y_m - G U_m holds noise and distortion alike.
     estimate = ESTIMATORS[options.estimator](blocks)
     residual = blocks.outputs - estimate.response @ blocks.inputs
     total, freedom = total_covariance(residual, blocks.inputs.shape[2], options.pooled_lines)

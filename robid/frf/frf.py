@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 
@@ -12,14 +12,14 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
 from robid.signals.quantities import Channel, Rate, channel_names, joint_unit, response_unit, units_text
 
 Level = Literal["odd", "even", "noise"]
+_Float: TypeAlias = FloatArray | None
+_Complex: TypeAlias = ComplexArray | None
 LEVELS: tuple[Level, ...] = ("odd", "even", "noise")
-
-_NEIGHBOURS = 4
-"""Silent lines whose mean power stands for an excited line."""
-
+_NEIGHBOURS = 4  # Silent lines whose mean power stands for an excited line
 _RESPONSE = "configuration frequency output input"
 _COVARIANCE = "configuration frequency output output"
 _SILENT = "configuration silent output"
+_INPUT, _OUTPUT, _ELEMENT = "configuration input", "configuration output", "configuration output input"
 
 
 @dataclass(frozen=True)
@@ -38,22 +38,12 @@ class Frf:
             with one realization, or where an estimator has none of its own.
         total_degrees_of_freedom: Complex degrees of freedom behind `total_covariance` (0 if None).
         noise_degrees_of_freedom: The same for `noise_covariance`.
-        sensitivity (n_conf, n_coef, n_freq, n_out, n_in): Derivative of `response` with respect to the
-            relative error of each compensated torque coefficient; n_coef may be 0.
-        coefficient_names: Name of each compensated coefficient.
-        coefficient_relative_std (n_coef,): Standard deviation of its relative error, from the robot file.
-        removed_torque_rms (n_conf, n_in): RMS of the torque that compensation removed [N m].
-        coefficient_offset (n_coef,): How far each coefficient, as it was subtracted, is from the robot file's; None
-            for no distance.
-        uncompensated_response (n_conf, n_freq, n_out, n_in): The response without compensation, or None.
-        law_names: Name of each value of the subtracted torque laws, `<motor>.<value>`.
-        law_values (n_law,): The values, in the units of `robid.robot.friction.VALUES`.
-        law_std (n_law,): Their standard deviations.
+        coefficient_offset: None for no distance.
+        law_names: Each as `<motor>.<value>`, with the values of `robid.robot.friction.VALUES`.
         sampling_period_s: Sampling period of the experiment [s].
         output_channels: What each output is; motions have become accelerations where that was asked for.
         measured_channels: What each output was measured as; the same as `output_channels` where empty.
         input_hold: `zoh` or `band_limited`, see `robid.signals.record.Record`.
-        notes: What the estimator wants the reader to know.
         silent_level: RMS amplitude of `Y - G U` there, see `robid.frf.distortion`.
         silent_interpolation: What the error of interpolating G between the lines may add; a level that does not exceed
             it says nothing.
@@ -69,7 +59,7 @@ class Frf:
             residual or pooled lines are unequal or share what leaks; None where it is unknown.
         dropped: Lines that tell too little of an input: the response from it is interpolated there, and its variance
             infinite. None where it is unknown.
-        saturated_inputs: Share of the time in which each input saturates, see `robid.frf.saturation`. None where it is
+        saturated_inputs: Share of the time in which each input saturates, see `robid.frf.channels`. None where it is
             unknown.
     """
 
@@ -81,15 +71,9 @@ class Frf:
         ComplexArray,
         Quantity("1/{per_input}^2", "configuration frequency input input", "Input factor of the covariance"),
     ]
-    element_scale: Annotated[
-        FloatArray, Quantity("1", "configuration output input", "Element variance over that of the product")
-    ]
-    total_covariance: Annotated[
-        ComplexArray | None, Quantity("({output})^2", _COVARIANCE, "Output factor, from realizations")
-    ]
-    noise_covariance: Annotated[
-        ComplexArray | None, Quantity("({output})^2", _COVARIANCE, "Output factor, from periods")
-    ]
+    element_scale: Annotated[FloatArray, Quantity("1", _ELEMENT, "Element variance over that of the product")]
+    total_covariance: Annotated[_Complex, Quantity("({output})^2", _COVARIANCE, "Output factor, from realizations")]
+    noise_covariance: Annotated[_Complex, Quantity("({output})^2", _COVARIANCE, "Output factor, from periods")]
     total_degrees_of_freedom: float
     noise_degrees_of_freedom: float
     sensitivity: Annotated[
@@ -104,15 +88,15 @@ class Frf:
     coefficient_relative_std: Annotated[
         FloatArray, Quantity("1", "coefficient", "Standard deviation of the relative error")
     ]
-    removed_torque_rms: Annotated[FloatArray, Quantity("{input}", "configuration input", "What compensation removed")]
+    removed_torque_rms: Annotated[FloatArray, Quantity("{input}", _INPUT, "What compensation removed")]
     sampling_period_s: float
     input_channels: Annotated[tuple[Channel, ...], Quantity("1", "input", "What each input is")]
     output_channels: Annotated[tuple[Channel, ...], Quantity("1", "output", "What each output is")]
     coefficient_offset: Annotated[
-        FloatArray | None, Quantity("1", "coefficient", "Distance of the subtracted coefficient from the file's")
+        _Float, Quantity("1", "coefficient", "Distance of the subtracted coefficient from the file's")
     ] = None
     uncompensated_response: Annotated[
-        ComplexArray | None, Quantity("{response}", _RESPONSE, "The response without compensation")
+        _Complex, Quantity("{response}", _RESPONSE, "The response without compensation")
     ] = None
     law_names: Annotated[tuple[str, ...], Quantity("1", "value", "Values of the subtracted torque laws")] = ()
     law_values: Annotated[
@@ -125,52 +109,39 @@ class Frf:
     input_hold: Literal["zoh", "band_limited"] = "zoh"
     notes: Annotated[tuple[str, ...], Quantity("1", "note")] = field(default=())
     coherence: Annotated[
-        FloatArray | None, Quantity("1", "configuration frequency output", "Share of power that the response explains")
+        _Float, Quantity("1", "configuration frequency output", "Share of power that the response explains")
     ] = None
     silent_lines: Annotated[IntArray, Quantity("1", "silent", "Lines of the band that were not excited")] = field(
         default_factory=lambda: np.zeros(0, int)
     )
-    silent_level: Annotated[
-        FloatArray | None, Quantity("{output}", _SILENT, "RMS amplitude of the output residual there")
-    ] = None
+    silent_level: Annotated[_Float, Quantity("{output}", _SILENT, "RMS amplitude of the output residual there")] = None
     silent_noise: Annotated[FloatArray | None, Quantity("{output}", _SILENT, "The part of it that is noise")] = None
     silent_interpolation: Annotated[
-        FloatArray | None, Quantity("{output}", _SILENT, "What interpolating the response may add")
+        _Float, Quantity("{output}", _SILENT, "What interpolating the response may add")
     ] = None
     realization_error: Annotated[
-        ComplexArray | None,
+        _Complex,
         Quantity("{response}", "configuration realization frequency output input", "What each realization adds to it"),
     ] = None
     input_amplitude: Annotated[
-        ComplexArray | None,
-        Quantity("{input}", "configuration frequency input block", "Half amplitudes in every experiment"),
+        _Complex, Quantity("{input}", "configuration frequency input block", "Half amplitudes in every experiment")
     ] = None
-    mean_input: Annotated[FloatArray | None, Quantity("{input}", "configuration input", "Mean inputs as recorded")] = (
-        None
-    )
-    mean_output: Annotated[
-        FloatArray | None, Quantity("{measured}", "configuration output", "Mean outputs as measured")
-    ] = None
-    motion_rms: Annotated[
-        FloatArray | None, Quantity("{measured}", "configuration output", "RMS of the outputs about their means")
-    ] = None
+    mean_input: Annotated[_Float, Quantity("{input}", _INPUT, "Mean inputs as recorded")] = None
+    mean_output: Annotated[_Float, Quantity("{measured}", _OUTPUT, "Mean outputs as measured")] = None
+    motion_rms: Annotated[_Float, Quantity("{measured}", _OUTPUT, "RMS of the outputs about their means")] = None
     compensation: str = ""
     line_correlation: Annotated[
-        FloatArray | None, Quantity("1", "configuration frequency next", "Of errors at overlapping windows")
+        _Float, Quantity("1", "configuration frequency next", "Of errors at overlapping windows")
     ] = None
     freedom_share: Annotated[
-        FloatArray | None, Quantity("1", "configuration", "Of the degrees of freedom, left by experiments that repeat")
+        _Float, Quantity("1", "configuration", "Of the degrees of freedom, left by experiments that repeat")
     ] = None
     joint_units: Annotated[tuple[str, ...] | None, Quantity("1", "joint", "Units of the joints' positions")] = None
     dropped: Annotated[
         BoolArray | None, Quantity("1", "configuration frequency input", "Lines that tell too little of an input")
     ] = None
-    saturated_inputs: Annotated[FloatArray | None, Quantity("1", "configuration input", "Share of time at a limit")] = (
-        None
-    )
-    saturated_outputs: Annotated[
-        FloatArray | None, Quantity("1", "configuration output", "Share of time at a limit")
-    ] = None
+    saturated_inputs: Annotated[_Float, Quantity("1", _INPUT, "Share of time at a limit")] = None
+    saturated_outputs: Annotated[_Float, Quantity("1", _OUTPUT, "Share of time at a limit")] = None
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -234,6 +205,7 @@ class Frf:
         chosen = self.noise_covariance if noise_only else self.covariance
         if chosen is None:
             return np.zeros(self.response.shape)
+        # The diagonal of `input_factor (x) C_v`: element (o, i) has C_v[o, o] times the factor's [i, i].
         rows = np.real(np.diagonal(chosen, axis1=-2, axis2=-1))
         columns = np.real(np.diagonal(self.input_factor, axis1=-2, axis2=-1))
         scale = 1.0 if noise_only else self.element_scale[:, None]
@@ -251,6 +223,7 @@ class Frf:
         """Structured covariance of `vec G`, columns stacked, in one configuration (n_freq, n_out n_in, n_out n_in)."""
         left, right = self.input_factor[configuration], self.covariance[configuration]
         size = left.shape[1] * right.shape[1]
+        # vec stacks columns: the input is the slow index, the output the fast one, as in the Kronecker product.
         product = np.einsum("fij,fop->fiojp", left, right).reshape(-1, size, size)
         root = np.sqrt(self.element_scale[configuration].T.ravel())
         return np.asarray(product * np.outer(root, root))
@@ -267,6 +240,7 @@ class Frf:
 
     def radius_factor(self, level: float) -> float:
         """`error_radius` over an element's standard deviation; 0 where no variance is known."""
+        # F(2, 2 nu) has the closed quantile nu ((1 - p)^(-1/nu) - 1); expm1 and log1p keep its digits for large nu.
         freedom = self.degrees_of_freedom
         return float(np.sqrt(freedom * np.expm1(-np.log1p(-level) / freedom))) if freedom > 0 else 0.0
 
@@ -295,6 +269,7 @@ class Frf:
         amplitude = self.silent_noise if kind == "noise" else self.silent_level
         if amplitude is None or not chosen.any():
             return None
+        # Distortion is smooth over frequency, so that the nearest silent lines stand for an excited one.
         distance = np.abs(self.silent_lines[chosen] - self.lines[:, None])
         nearest = np.argsort(distance, axis=1, kind="stable")[:, :_NEIGHBOURS]
         return np.asarray(np.sqrt((amplitude[:, chosen][:, nearest] ** 2).mean(axis=2)))

@@ -1,16 +1,70 @@
-"""The measured response as its compensated friction changes: exact where the first order is not enough."""
+"""What removed torque and wrong torque scales do to a response: its sensitivity, and the exact move of it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.frf.blocks import BlockEstimate
+from robid.frf.compensation import coefficient_names, law_table
 from robid.frf.frf import Frf
+from robid.robot.friction import TorqueLaw
+from robid.signals.record import Record
 
-_ROUNDING = 1e-9
-"""Of a coefficient's torque, what counts as none at other motors."""
+
+def _sensitivity(response: ComplexArray, derivative: ComplexArray, weights: ComplexArray) -> ComplexArray:
+    """Derivative (n_coef, n_freq, n_out, n_in) of the response with respect to each motor's each coefficient."""
+    # dU = -dF of the removed torque changes G = Y W by G dF W: by each motor j and coefficient k.
+    moved = np.einsum("krfje,rfei->kfji", derivative, weights)
+    each = np.einsum("foj,kfji->kjfoi", response, moved)
+    return np.asarray(each.reshape(-1, *response.shape))
+
+
+def _scale_sensitivity(response: ComplexArray) -> ComplexArray:
+    """Derivative (n_in, n_freq, n_out, n_in) of the response with respect to each torque's relative error."""
+    # A torque that is really (1 + e) as large divides its column of G by that: dG/de = -G of this column.
+    n_in = response.shape[-1]
+    return np.asarray(-response * np.eye(n_in)[:, None, None, :])
+
+
+def coefficients(
+    record: Record, laws: tuple[TorqueLaw, ...] | None, estimate: BlockEstimate, derivative: ComplexArray
+) -> dict[str, Any]:
+    """Returns the fields of an `Frf` about its coefficients.
+
+    Args:
+        record: Record of a single configuration.
+        laws: The removed laws, or None.
+        estimate: The response.
+        derivative (n_kind, n_real, n_freq, n_in, n_exp): Of the removed torque, in the order of the weights.
+    """
+    response = estimate.response
+    scale = np.zeros(len(record.input_channels)) if record.input_relative_std is None else record.input_relative_std
+    names = tuple(f"{name}.torque_scale" for name in record.input_names)
+    deviation, offset = scale, np.zeros_like(scale)
+    table: tuple[tuple[str, ...], FloatArray, FloatArray] = ((), np.zeros(0), np.zeros(0))
+    if laws is not None:
+        names = coefficient_names(record) + names
+        deviation = np.concatenate([np.ravel(np.transpose([law.coefficient_std for law in laws])), deviation])
+        offset = np.concatenate([np.ravel(np.transpose([law.offset for law in laws])), offset])
+        table = law_table(record, laws)
+    moved = _sensitivity(response, derivative, estimate.weights), _scale_sensitivity(response)
+    unsure = deviation > 0
+    return {
+        "sensitivity": np.concatenate(moved)[None, unsure],
+        "coefficient_names": tuple(name for name, chosen in zip(names, unsure, strict=True) if chosen),
+        "coefficient_relative_std": deviation[unsure],
+        "coefficient_offset": offset[unsure],
+        "law_names": table[0],
+        "law_values": table[1],
+        "law_std": table[2],
+    }
+
+
+_ROUNDING = 1e-9  # Of a coefficient's torque, what counts as none at other motors
 
 
 @dataclass(frozen=True)
@@ -38,6 +92,7 @@ class FrictionMove:
         gain = self._gain(scales)
         shape = self.response.shape[:-1]
         # All coefficients in one product of matrices per line.
+        # d G(s) / d s_k = G gain D_k gain, from d(A^-1) = -A^-1 dA A^-1 with A = I - sum_k s_k D_k.
         moved = self.response @ gain @ self.share.reshape(*gain.shape[:-1], -1)
         changed = moved.reshape(*shape[:-1], -1, gain.shape[-1]) @ gain
         return np.asarray(np.swapaxes(changed.reshape(*shape, scales.size, -1), -1, -2))
@@ -65,6 +120,7 @@ class MotorFrictionMove:
 
         Its derivative by a coefficient is the column of its motor times its row.
         """
+        # D_k has one row only, so that sum_k s_k D_k is a product of small matrices.
         gain = np.linalg.inv(np.eye(len(self.motors)) - (self.motors * scales) @ self.share)
         return np.asarray(self.response @ gain), np.asarray(self.share @ gain)
 
@@ -86,6 +142,7 @@ def friction_move(frf: Frf) -> FrictionMove:
     Args:
         frf: Measured response; with more outputs than inputs, the shares that fit best, with fewer, the least ones.
     """
+    # S_k = G D_k, solved for D_k in the least squares sense.
     share = np.linalg.pinv(frf.response)[:, None] @ frf.sensitivity
     return FrictionMove(frf.response, np.ascontiguousarray(np.moveaxis(share, 1, 3)))
 

@@ -12,18 +12,14 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray, places_of
 from robid.errors import DataError
-from robid.frf.dropped import completed
+from robid.frf.distortion import completed
 from robid.frf.frf import Frf
 from robid.frf.friction import with_friction_moved
 
 _SAME = ("input_channels", "output_channels", "input_hold", "sampling_period_s", "coefficient_names")
 _SILENT = ("silent_level", "silent_noise", "silent_interpolation")
-
-_COMMON_PERIODS = 60
-"""Longest common period of several grids of lines, in periods of any of them."""
-
-_SAME_FREQUENCY = 1e-6
-"""Relative difference of frequencies that are the same line."""
+_COMMON_PERIODS = 60  # Longest common period of several grids of lines, in periods of any of them
+_SAME_FREQUENCY = 1e-6  # Relative difference of frequencies that are the same line
 
 
 def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
@@ -43,13 +39,7 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
         DataError: If they differ in channels or compensation, or their lines have no common grid.
     """
     first = frfs[0]
-    for other, name in zip(frfs[1:], names[1:], strict=True):
-        differing = [key for key in _SAME if getattr(other, key) != getattr(first, key)]
-        if differing:
-            message = f"D017 `{name}` cannot be joined to `{names[0]}`: {', '.join(differing).replace('_', ' ')} differ"
-            raise DataError(
-                message, where=name, remedy="give both campaigns the same channels, or fit them on their own"
-            )
+    _check_alike(frfs, names)
     blocks = max((frf.input_amplitude.shape[-1] for frf in frfs if frf.input_amplitude is not None), default=0)
     told: tuple[str, ...] = ()
     aligned = [_aligned(frf, first, blocks) for frf in frfs]
@@ -57,22 +47,36 @@ def join(frfs: Sequence[Frf], names: Sequence[str]) -> Frf:
         told = (_lines_note(frfs, names),)
         aligned = _on_all_lines(aligned, names)
     aligned = _equally_correlated(aligned)
-    whole: dict[str, Any] = {}
-    for key in places_of(Frf, "configuration"):
-        parts = [getattr(frf, key) for frf in aligned]
-        if key == "dropped" and any(part is not None for part in parts):
-            parts = [_none_dropped(frf) if frf.dropped is None else frf.dropped for frf in aligned]
-        alike = all(part is not None and part.shape[1:] == parts[0].shape[1:] for part in parts)
-        whole[key] = np.concatenate(parts) if alike else None
-    deviations = [frf.coefficient_relative_std for frf in frfs]
     return replace(
         aligned[0],
-        **whole,
-        coefficient_relative_std=np.max(deviations, axis=0),
+        **_concatenated(aligned),
+        coefficient_relative_std=np.max([frf.coefficient_relative_std for frf in frfs], axis=0),
         total_degrees_of_freedom=min(frf.total_degrees_of_freedom for frf in frfs),
         noise_degrees_of_freedom=min(frf.noise_degrees_of_freedom for frf in frfs),
         notes=(*dict.fromkeys(note for frf in frfs for note in frf.notes), *told),
     )
+
+
+def _check_alike(frfs: Sequence[Frf], names: Sequence[str]) -> None:
+    for other, name in zip(frfs[1:], names[1:], strict=True):
+        differing = [key for key in _SAME if getattr(other, key) != getattr(frfs[0], key)]
+        if differing:
+            message = f"`{name}` cannot be joined to `{names[0]}`: {', '.join(differing).replace('_', ' ')} differ"
+            raise DataError(
+                message, where=name, remedy="give both campaigns the same channels, or fit them on their own"
+            )
+
+
+def _concatenated(frfs: Sequence[Frf]) -> dict[str, Any]:
+    """Everything with a configuration axis, one response after the other; None for what only some have."""
+    whole: dict[str, Any] = {}
+    for key in places_of(Frf, "configuration"):
+        parts = [getattr(frf, key) for frf in frfs]
+        if key == "dropped" and any(part is not None for part in parts):
+            parts = [_none_dropped(frf) if frf.dropped is None else frf.dropped for frf in frfs]
+        alike = all(part is not None and part.shape[1:] == parts[0].shape[1:] for part in parts)
+        whole[key] = np.concatenate(parts) if alike else None
+    return whole
 
 
 def _same_lines(frf: Frf, first: Frf) -> bool:
@@ -108,6 +112,7 @@ def _on_all_lines(frfs: Sequence[Frf], names: Sequence[str]) -> list[Frf]:
 
 def _reach(frf: Frf, at: IntArray) -> int:
     """Lines of all over which the errors of a response's own lines, at these places, are correlated."""
+    # Errors are correlated over so many own lines; how far these are apart on the common grid is the reach.
     count = 0 if frf.line_correlation is None else min(frf.line_correlation.shape[2], len(at) - 1)
     return int((at[count:] - at[:-count]).max()) if count else 0
 
@@ -131,13 +136,10 @@ def _at_lines(frf: Frf, own: IntArray, lines: IntArray, frequency_hz: FloatArray
 
 
 def _common_period(frfs: Sequence[Frf], names: Sequence[str]) -> float:
-    """Shortest period whose lines are those of all responses [s].
-
-    Raises:
-        DataError: If it is much longer than theirs.
-    """
+    """Shortest period whose lines are those of all responses [s]; refused if it is much longer than theirs."""
     # Of an arbitrary signal the log's whole length is counted, of which its resolution needs a part.
     periods_s = [float(frf.lines[-1] / np.gcd.reduce(frf.lines) / frf.frequency_hz[-1]) for frf in frfs]
+    # Periods as small fractions of the first one: their lines have a common grid in the least common multiple.
     ratios = [Fraction(period_s / periods_s[0]).limit_denominator(_COMMON_PERIODS) for period_s in periods_s]
     common = Fraction(lcm(*(one.numerator for one in ratios)), gcd(*(one.denominator for one in ratios)))
     off = [abs(float(one) * periods_s[0] / period_s - 1) for one, period_s in zip(ratios, periods_s, strict=True)]

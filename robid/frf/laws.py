@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import BoolArray, FloatArray
 from robid.errors import DataError
 from robid.robot.friction import TorqueLaw, with_level
 
@@ -59,17 +59,8 @@ def combine_laws(
         DataError: If a law explains too little of what the silent lines show, or its level is above all torque that
             ever moved the motor.
     """
-    explained = np.median([estimate.explained for estimate in estimates], axis=0)
     significant = np.median([estimate.significance for estimate in estimates], axis=0) > _SIGNIFICANT
-    poor = significant & (explained < _MIN_EXPLAINED)
-    if poor.any():
-        shares = zip(names, explained, poor, strict=True)
-        worst = ", ".join(f"{name} ({100 * share:.0f} %)" for name, share, is_poor in shares if is_poor)
-        raise DataError(
-            f"D019 friction and ripple explain too little of the torque at the silent lines: {worst}",
-            where="compensation: silent_lines",
-            remedy="use `compensation: nominal` or `none`; look for saturation, backlash or a wrong delay",
-        )
+    _refuse_poor(np.median([estimate.explained for estimate in estimates], axis=0), significant, names)
     combined, notes = [], []
     for motor, law in enumerate(start):
         if significant[motor]:
@@ -79,6 +70,18 @@ def combine_laws(
             notes.append(f"Motor {names[motor]}: the silent lines show noise only, nothing was compensated.")
     _refuse_absurd(combined, np.max([estimate.torque_peak for estimate in estimates], axis=0), names)
     return tuple(combined), tuple(notes)
+
+
+def _refuse_poor(explained: FloatArray, significant: BoolArray, names: Sequence[str]) -> None:
+    poor = significant & (explained < _MIN_EXPLAINED)
+    if poor.any():
+        shares = zip(names, explained, poor, strict=True)
+        worst = ", ".join(f"{name} ({100 * share:.0f} %)" for name, share, is_poor in shares if is_poor)
+        raise DataError(
+            f"friction and ripple explain too little of the torque at the silent lines: {worst}",
+            where="compensation: silent_lines",
+            remedy="use `compensation: nominal` or `none`; look for saturation, backlash or a wrong delay",
+        )
 
 
 def _refuse_absurd(laws: Sequence[TorqueLaw], peak: FloatArray, names: Sequence[str]) -> None:
@@ -98,6 +101,7 @@ def _refuse_absurd(laws: Sequence[TorqueLaw], peak: FloatArray, names: Sequence[
 
 def _combine(estimates: Sequence[LawEstimate], motor: int, law: TorqueLaw) -> TorqueLaw:
     values = np.array([estimate.values[motor] for estimate in estimates])
+    # Weighted mean by the inverse covariances, and the scatter about it over its expectation.
     information = np.linalg.inv([estimate.covariance[motor] for estimate in estimates])
     covariance = np.linalg.inv(information.sum(axis=0))
     mean = covariance @ np.einsum("cij,cj->i", information, values)
@@ -106,6 +110,7 @@ def _combine(estimates: Sequence[LawEstimate], motor: int, law: TorqueLaw) -> To
     share = float(np.mean([estimate.form_share[motor] for estimate in estimates]))
     form = np.mean([estimate.form_deviation[motor] ** 2 for estimate in estimates], axis=0)
     scattered = np.diag(covariance) * (scatter / freedom if freedom else 1.0)
+    # The share that is an error of form does not average out over configurations; the rest does.
     deviation = np.sqrt(np.maximum((1 - share) * np.diag(covariance) + share * form, scattered))
     return law.at(mean).deviating(deviation)
 

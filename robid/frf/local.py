@@ -1,4 +1,4 @@
-"""Local polynomial and rational models of the response over neighbouring bins or lines."""
+"""Local polynomial and rational models of the response over neighbouring lines; what their overlap does to errors."""
 
 from __future__ import annotations
 
@@ -6,22 +6,89 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.blocks import BlockEstimate
-from robid.frf.dropped import FEWEST
+from robid.frf.distortion import FEWEST
 from robid.frf.options import EstimateOptions
-from robid.frf.overlap import realization_scale, window_correlation
+from robid.frf.reading import Windows
 from robid.frf.spectra import Blocks
-from robid.frf.windows import Windows
 
-LOCAL = ("local", "local_periodic")
-"""Estimators that fit the response over neighbouring bins or lines."""
+_FEWEST = 1e-9  # share of a realization's own variance that the fit left
+
+
+def _window_correlation(gain: ComplexArray, index: IntArray) -> FloatArray:
+    """Correlation (n_freq, n_next) of each line's error with those of the next lines, mean over the inputs.
+
+    An error at one bin is in all windows (n_freq, width) that hold the bin: the correlation is that of the weights
+    (n_freq, n_in, n_row) there, rows bin after bin of each experiment; 0 where windows have no bin in common.
+    """
+    n_freq, width = index.shape
+    weights = gain.reshape(n_freq, -1, width)
+    size = np.sqrt((np.abs(weights) ** 2).sum(axis=(1, 2)))
+    found: list[FloatArray] = []
+    for ahead in range(1, n_freq):
+        # Windows are runs of bins: how far the next one is shifted says which bins both hold.
+        shift = index[ahead:, 0] - index[:-ahead, 0]
+        correlation = np.zeros(n_freq)
+        for step in np.unique(shift[shift < width]):
+            first = np.flatnonzero(shift == step)
+            # cov(e_a, e_b) of white bins is the product of both weights, summed over shared bins.
+            shared = weights[first, :, step:].conj() * weights[first + ahead, :, : width - step]
+            correlation[first] = np.real(shared.sum(axis=(1, 2))) / (size[first] * size[first + ahead])
+        if not (shift < width).any():
+            break
+        found.append(correlation)
+    return np.stack(found, axis=1) if found else np.zeros((n_freq, 0))
+
+
+def _realization_scale(
+    gain: ComplexArray, residual: ComplexArray, orthonormal: ComplexArray, covariance: ComplexArray, n_real: int
+) -> FloatArray:
+    """Variance of each element between realizations over that of independent rows (n_out, n_in), mean over the lines.
+
+    Distortion errs alike at all lines and experiments of a realization. What a realization's residuals add to the
+    response is compared with what independent ones would, less the part that the fit itself took out.
+
+    Rows (n_freq, n_row, n_out) go realization after realization; a single one has no scale of its own.
+    """
+    n_freq, n_in, _ = gain.shape
+    n_out = residual.shape[-1]
+    if n_real < 2:
+        return np.ones((n_out, n_in))
+    weights = gain.reshape(n_freq, n_in, n_real, -1)
+    rows = residual.reshape(n_freq, n_real, -1, n_out)
+    basis = orthonormal.reshape(n_freq, n_real, rows.shape[2], -1)
+    # What each realization's residuals add to the response, squared; independent rows would add level times kept.
+    added = (np.abs(np.einsum("fimk,fmko->fmoi", weights, rows, optimize=True)) ** 2).sum(axis=1)
+    own = (np.abs(weights) ** 2).sum(axis=(2, 3))
+    # Residuals lack what the fit took out: the share of a realization's weights that lies in its column space.
+    kept = own - (np.abs(np.einsum("fimk,fmkq->fimq", weights, basis, optimize=True)) ** 2).sum(axis=(2, 3))
+    level = np.real(np.diagonal(covariance, axis1=1, axis2=2))
+    expected = level[:, :, None] * kept[:, None, :]
+    usable = (expected > 0) & (kept > _FEWEST * own)[:, None, :]
+    return np.asarray(np.divide(added, expected, out=np.ones_like(added), where=usable).mean(axis=0))
+
+
+def mean_correlation(correlation: FloatArray, told: BoolArray) -> FloatArray:
+    """Mean correlation (n_conf, n_next) of a line's error with those of the next lines, where both tell something.
+
+    Args:
+        correlation (n_conf, n_freq, n_next): Of each line's error with those of the next lines.
+        told (n_conf, n_freq): Lines that tell something; nothing is correlated with the others.
+    """
+    n_conf, n_freq, n_next = correlation.shape
+    mean = np.zeros((n_conf, n_next))
+    for ahead in range(1, min(n_next, n_freq - 1) + 1):
+        both = told[:, :-ahead] & told[:, ahead:]
+        shared = (correlation[:, :-ahead, ahead - 1] * both).sum(axis=1)
+        mean[:, ahead - 1] = shared / np.maximum(both.sum(axis=1), 1)
+    return mean
+
 
 _CONDITION_LIMIT = 1e8
-
+# Variance of a response with a transient beside it, over that without, from which it passes for the transient.
 _HIDDEN = 30.0
-"""Variance of a response with a transient beside it, over that without, from which it passes for the transient."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +119,9 @@ class LocalEstimate(BlockEstimate):
 def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> LocalEstimate:
     """Fits `D Y = N U + T` around every line by linear least squares, over all experiments at once.
 
-    N is a matrix polynomial in the frequency, D a polynomial common to all outputs (1 without
-    `local_denominator`), T the transient of each experiment (`local` only). Where the reference was recorded,
-    inputs and outputs are both fitted to it and the response is their ratio, as the loop is closed. The
-    covariance is of first order in the noise: the denominator's is underestimated where noise is large.
+    N is a matrix polynomial in the frequency, D a polynomial common to all outputs (1 without `local_denominator`), T
+    the transient of each experiment (`local` only). Where the reference was recorded, inputs and outputs are both
+    fitted to it and the response is their ratio, as the loop is closed. The covariance is of first order in the noise.
 
     Args:
         blocks: Spectra at the windows' bins.
@@ -66,31 +132,29 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
         DataError: If the bins around hardly any line determine the model.
 
     Source:
-        Pintelon and Schoukens (2012), System Identification, 2nd ed., ch. 7; McKelvey and Guerin (2012), IFAC
-        SYSID (rational); docs/methods, sec. 4.
+        Pintelon and Schoukens (2012), ch. 7; McKelvey and Guerin (2012), IFAC SYSID (rational); docs/methods, sec. 4.
     """
     n_in, n_power = blocks.inputs.shape[2], options.local_order + 1
     inputs, outputs = windows.rows(blocks.inputs), windows.rows(blocks.outputs)
-    indirect = blocks.reference is not None
-    regressor = inputs if blocks.reference is None else windows.rows(blocks.reference)
-    explained = np.concatenate([inputs, outputs], axis=-1) if indirect else outputs
+    indirect, regressor, explained = blocks.reference is not None, inputs, outputs
+    if blocks.reference is not None:
+        regressor, explained = windows.rows(blocks.reference), np.concatenate([inputs, outputs], axis=-1)
     powers = windows.offset[:, :, None] ** np.arange(n_power)
+    # The transient is a polynomial of each experiment: projecting it out spares its coefficients (Frisch and Waugh).
     silence = _transient_projection(powers) if options.estimator == "local" else None
-    columns = _products(powers, regressor)
-    fit = _Fit(_flat(columns, silence), n_in)
+    fit = _Fit(_flat(_products(powers, regressor), silence), n_in)
     if not fit.determined.all():
         return replace(local_fit(blocks, windows.at(fit.determined), options), determined=fit.determined)
     observed = _flat(explained, silence)
-    own = regressor.shape[1] * n_power * (silence is not None)
-    freedom = float(observed.shape[1] - own - n_power * n_in - options.local_denominator)
+    # Each experiment's transient, each input's numerator, and the denominator take their coefficients' freedom.
+    own = n_power * (n_in + regressor.shape[1] * (silence is not None))
+    freedom = float(observed.shape[1] - own - options.local_denominator)
     denominator = None
     if options.local_denominator:
-        degrees = np.arange(1, options.local_denominator + 1)
-        products = _flat(_products(windows.offset[:, :, None] ** degrees, explained), silence)
-        denominator = _Denominator(fit, observed, products.reshape(*products.shape[:2], degrees.size, -1))
+        degrees = windows.offset[:, :, None] ** np.arange(1, options.local_denominator + 1)
+        denominator = _Denominator(fit, observed, _flat(_products(degrees, explained), silence), degrees.shape[-1])
         observed = observed + denominator.change
-    n_real = blocks.inputs.shape[0]
-    found = _estimate(fit, observed, denominator, freedom, n_in, n_real, windows, indirect=indirect)
+    found = _estimate(fit, observed, denominator, freedom, n_in, len(blocks.inputs), windows, indirect=indirect)
     return found if silence is None else replace(found, hidden=_hidden(_products(powers, inputs), silence, n_in))
 
 
@@ -117,21 +181,24 @@ def _estimate(
     indirect: bool,
 ) -> LocalEstimate:
     """Reads the response off a fit; of an indirect one the first observations are the inputs."""
+    # At the line itself the offset is zero: the model there is its constant coefficient.
     centre, output = fit.centre(observed, n_in), fit.residual(observed)
     turn = np.eye(n_in)[None].astype(complex)
     response = np.swapaxes(centre, 1, 2)
     if indirect:
+        # Both sides are fitted to the reference: G = (Y/R) (U/R)^-1.
         turn = np.linalg.inv(centre[..., :n_in])
         response = np.swapaxes(turn @ centre[..., n_in:], 1, 2)
         output = _output_part(output, response, n_in)
     gain = turn @ fit.gain(n_in)
+    # Residuals over the freedom that coefficients and transients leave.
     covariance = np.einsum("fro,frp->fop", output, output.conj()) / freedom
-    scale = realization_scale(gain, output, fit.orthonormal, covariance, n_real)
+    scale = _realization_scale(gain, output, fit.orthonormal, covariance, n_real)
     if denominator is not None:
         slope = turn[:, None] @ denominator.sensitivity(n_in)
         slope = _output_part(slope, response[:, None], n_in) if indirect else slope
         scale = scale * _element_scale(slope, denominator.covariance(freedom), gain, covariance)
-    correlation = window_correlation(gain, windows.index)
+    correlation = _window_correlation(gain, windows.index)
     weights = np.swapaxes(gain, 1, 2)[None]
     hidden = np.zeros((len(response), n_in), bool)
     return LocalEstimate(response, weights, covariance, freedom, scale, correlation, fit.determined, hidden)
@@ -141,7 +208,9 @@ class _Fit:
     """Least squares of all lines at once by QR."""
 
     def __init__(self, columns: ComplexArray, n_in: int) -> None:
+        # QR instead of normal equations, which would square the condition.
         self.orthonormal, self._triangle = np.linalg.qr(columns)
+        # Columns of one input over their largest size, so that units of inputs do not enter the condition.
         size = np.linalg.norm(self._triangle, axis=1).reshape(len(columns), -1, n_in).max(axis=1)
         divisor = np.where(size > 0, size, 1.0)
         scaled = self._triangle / np.tile(divisor, columns.shape[2] // n_in)[:, None]
@@ -177,14 +246,16 @@ class _Fit:
 class _Denominator:
     """Coefficients of the denominator that all outputs share, weighted by the residual of each."""
 
-    def __init__(self, fit: _Fit, observed: ComplexArray, products: ComplexArray) -> None:
+    def __init__(self, fit: _Fit, observed: ComplexArray, flat: ComplexArray, order: int) -> None:
+        products = flat.reshape(*flat.shape[:2], order, -1)
         self._fit, self._products = fit, products
-        flat = products.reshape(*products.shape[:2], -1)
+        # The numerator is eliminated: only what it leaves of (D - 1) Y tells the denominator.
         left, moved = fit.residual(observed), fit.residual(flat).reshape(products.shape)
         rest = left
         # The weights settle after one step; noise-free outputs keep a floor.
         for _ in range(2):
             variance = np.mean(np.abs(rest) ** 2, axis=1) + 1e-24 * np.mean(np.abs(observed) ** 2, axis=1)
+            # Each output weighs by its own residual's variance, as all share one denominator.
             weighted = moved.conj() / variance[:, None, None]
             self._normal = np.einsum("frso,frto->fst", weighted, moved)
             self._coefficients = -np.linalg.solve(self._normal, np.einsum("frso,fro->fs", weighted, left)[..., None])
@@ -232,6 +303,7 @@ def _element_scale(
     moved: ComplexArray, denominator: ComplexArray, gain: ComplexArray, covariance: ComplexArray
 ) -> FloatArray:
     """Variance (n_out, n_in) with that of the denominator, over the product's, mean over the lines."""
+    # Variance through the denominator: its sensitivity times its covariance, to first order.
     added = np.real(np.einsum("fsio,fst,ftio->foi", moved, denominator, moved.conj()))
     rows = np.real(np.diagonal(covariance, axis1=1, axis2=2))
     product = rows[:, :, None] * (np.abs(gain) ** 2).sum(axis=2)[:, None]

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-IDENTIFYING = frozenset({"auto", "silent_lines"})
-"""Compensations that look at the silent lines."""
+from robid.arrays import option
+
+IDENTIFYING = frozenset({"auto", "silent_lines"})  # Compensations that look at the silent lines
 
 
 @dataclass(frozen=True)
@@ -22,67 +23,48 @@ class EstimateOptions:
 
     estimator: Literal[
         "logarithmic", "arithmetic", "joint", "h1", "indirect", "robust_local", "local", "local_periodic"
-    ] = field(
-        default="logarithmic",
-        metadata={
-            "description": "How the blocks are averaged. `logarithmic`, `arithmetic`: means of Y U^-1; `joint`: least"
-            " squares with the recorded reference as instrument; `h1`: with the torque, biased in closed loop;"
-            " `indirect`: closed-loop responses from the recorded reference; `robust_local`: `logarithmic` once the"
-            " transient between the lines of several periods is removed; `local` fits a polynomial to neighbouring"
-            " bins of any signal; `local_periodic` to neighbouring excited lines, for fewer experiments than motors."
-        },
+    ] = option(
+        "logarithmic",
+        "How the blocks are averaged. `logarithmic`, `arithmetic`: means of Y U^-1; `joint`: least squares with the"
+        " recorded reference as instrument; `h1`: with the torque, biased in closed loop; `indirect`: closed-loop"
+        " responses from the recorded reference; `robust_local`: `logarithmic` once the transient between the lines of"
+        " several periods is removed; `local` fits a polynomial to neighbouring bins of any signal; `local_periodic`"
+        " to neighbouring excited lines, for fewer experiments than motors.",
     )
-    outputs: Literal["auto", "acceleration", "measured"] = field(
-        default="auto",
-        metadata={
-            "description": "What angles, positions and speeds become: accelerations, or as they were measured; `auto`:"
-            " accelerations where the inputs are torques, currents or forces, as measured for any other."
-        },
+    outputs: Literal["auto", "acceleration", "measured"] = option(
+        "auto",
+        "What angles, positions and speeds become: accelerations, or as they were measured; `auto`: accelerations"
+        " where the inputs are torques, currents or forces, as measured for any other.",
     )
-    local_order: int = field(
-        default=2, metadata={"description": "Order of the local polynomials of response and transient.", "ge": 0}
+    local_order: int = option(2, "Order of the local polynomials of response and transient.", ge=0)
+    local_denominator: int = option(
+        0,
+        "Order of the denominator of `local` and `local_periodic`; 0 is a polynomial, 2 follows a resonance.",
+        ge=0,
+        le=4,
     )
-    local_denominator: int = field(
-        default=0,
-        metadata={
-            "description": "Order of the denominator of `local` and `local_periodic`; 0 is a polynomial, 2 follows"
-            " a resonance.",
-            "ge": 0,
-            "le": 4,
-        },
+    local_half_width_lines: int | None = option(
+        None,
+        "Bins or lines on each side of the one estimated that a local fit uses; the smallest number that leaves enough"
+        " freedom when not given.",
+        ge=0,
     )
-    local_half_width_lines: int | None = field(
-        default=None,
-        metadata={
-            "description": "Bins or lines on each side of the one estimated that a local fit uses;"
-            " the smallest number that leaves enough freedom when not given.",
-            "ge": 0,
-        },
+    compensation: Literal["auto", "none", "nominal", "silent_lines"] | FittedFriction = option(
+        "nominal",
+        "Friction and ripple subtracted from the torque: none, the robot file's, what the lines that are not excited"
+        " show, or what a fit of rigid dynamics found (`{fit: NAME}`); `auto`, the default of logs: `silent_lines`"
+        " where it can be, else `nominal`.",
     )
-    compensation: Literal["auto", "none", "nominal", "silent_lines"] | FittedFriction = field(
-        default="nominal",
-        metadata={
-            "description": "Friction and ripple subtracted from the torque: none, the robot file's, what the lines that"
-            " are not excited show, or what a fit of rigid dynamics found (`{fit: NAME}`); `auto`, the default of logs:"
-            " `silent_lines` where it can be, else `nominal`."
-        },
+    silent_configurations: int = option(
+        4, "Configurations, evenly spread, in which `silent_lines` identifies them.", ge=1
     )
-    silent_configurations: int = field(
-        default=4,
-        metadata={"description": "Configurations, evenly spread, in which `silent_lines` identifies them.", "ge": 1},
-    )
-    pooled_lines: int = field(
-        default=3,
-        metadata={"description": "Neighbouring lines (odd number) pooled in the residual covariance.", "ge": 1},
-    )
+    pooled_lines: int = option(3, "Neighbouring lines (odd number) pooled in the residual covariance.", ge=1)
 
-    weak_line_std: float = field(
-        default=0.5,
-        metadata={
-            "description": "Standard deviation of an input's best known response, over the response's usual size around"
-            " the line, from which the line is left out for this input.",
-            "gt": 0,
-        },
+    weak_line_std: float = option(
+        0.5,
+        "Standard deviation of an input's best known response, over the response's usual size around the line, from"
+        " which the line is left out for this input.",
+        gt=0,
     )
 
     @property

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,11 +15,10 @@ _TURN = 2 * np.pi
 
 
 @dataclass(frozen=True)
-class Residual(ABC):
-    """One way to compare responses; what differs between estimators is here and nowhere else.
+class Residual:
+    """Measured minus modelled response, Wernholt and Moberg (2008), eq. 4c; other residuals override what differs.
 
     Attributes:
-        name: Name of the estimator in settings.
         parts: Real numbers that each element's residual has: 2 where it is complex, 1 where it is real.
         drops_noise: Whether elements that drown in noise are left out, as their residual is biased.
         from_afar: Name of the estimator that comes closer from starts far away.
@@ -31,31 +29,31 @@ class Residual(ABC):
     drops_noise: bool
     from_afar: EstimatorKind
 
-    @abstractmethod
     def compare(self, measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
         """Residual of each element [1, or as the responses]."""
+        return np.asarray(measured - modelled)
 
-    @abstractmethod
     def transform(self, response: ComplexArray) -> ComplexArray | FloatArray:
         """What `subtract` takes of a response, for one that is compared many times; real where `parts` is 1."""
+        return response
 
-    @abstractmethod
     def subtract(
         self, measured: ComplexArray | FloatArray, modelled: ComplexArray | FloatArray
     ) -> ComplexArray | FloatArray:
         """Residual of responses that are transformed already."""
+        return np.asarray(measured - modelled)
 
-    @abstractmethod
     def part(self, values: ComplexArray) -> ComplexArray:
         """The part of a residual's complex derivatives or covariances that it has."""
+        return values
 
-    @abstractmethod
     def divisor(self, response: ComplexArray) -> ComplexArray:
         """What an error of a response is divided by to be one of the residual; of the shape of the response."""
+        return np.ones_like(response)
 
-    @abstractmethod
     def per_relative(self, response: ComplexArray) -> ComplexArray:
         """What a relative error of a response is multiplied with to be one of the residual."""
+        return response
 
 
 class _Logarithm(Residual):
@@ -77,14 +75,13 @@ class _Logarithm(Residual):
         self, measured: ComplexArray | FloatArray, modelled: ComplexArray | FloatArray
     ) -> ComplexArray | FloatArray:
         residual = np.asarray(measured - modelled)
+        # Two phases between -pi and pi differ by up to two turns; their quotient has the branch nearest to zero.
         turns = residual.imag
         turns -= _TURN * np.round(turns / _TURN)
         return residual
 
-    def part(self, values: ComplexArray) -> ComplexArray:
-        return values
-
     def divisor(self, response: ComplexArray) -> ComplexArray:
+        # d log G = dG / G, so that a relative error is the residual's own.
         return _shown(response)
 
     def per_relative(self, response: ComplexArray) -> ComplexArray:
@@ -106,37 +103,14 @@ class _Magnitude(_Logarithm):
         return np.asarray(values.real + 0j)
 
 
-class _Plain(Residual):
-    """Measured minus modelled response: Wernholt and Moberg (2008), eq. 4c."""
-
-    def compare(self, measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
-        return np.asarray(measured - modelled)
-
-    def transform(self, response: ComplexArray) -> ComplexArray | FloatArray:
-        return response
-
-    def subtract(
-        self, measured: ComplexArray | FloatArray, modelled: ComplexArray | FloatArray
-    ) -> ComplexArray | FloatArray:
-        return np.asarray(measured - modelled)
-
-    def part(self, values: ComplexArray) -> ComplexArray:
-        return values
-
-    def divisor(self, response: ComplexArray) -> ComplexArray:
-        return np.ones_like(response)
-
-    def per_relative(self, response: ComplexArray) -> ComplexArray:
-        return response
-
-
 LOGARITHM = _Logarithm("lls", parts=2, drops_noise=True, from_afar="lls")
 MAGNITUDE = _Magnitude("llsm", parts=1, drops_noise=True, from_afar="llsm")
-PLAIN = _Plain("nls", parts=2, drops_noise=False, from_afar="lls")
+PLAIN = Residual("nls", parts=2, drops_noise=False, from_afar="lls")
 RESIDUALS: dict[EstimatorKind, Residual] = {each.name: each for each in (LOGARITHM, MAGNITUDE, PLAIN)}
 
 
 def _log_magnitude(response: ComplexArray) -> FloatArray:
+    # Half the logarithm of the square saves the root of `abs`; this runs for every line of every step of a fit.
     square = response.real**2 + response.imag**2
     return np.asarray(0.5 * np.log(square if square.all() else np.where(square == 0, 1.0, square)))
 

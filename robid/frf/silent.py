@@ -46,6 +46,7 @@ class _Silent:
         at_excited = self.blocks.select(np.flatnonzero(self.excited))
         corrected = replace(at_excited, inputs=at_excited.inputs - removed[:, self.excited])
         n_in = removed.shape[2]
+        # The inverse is interpolated, since it is the torque G^-1 Y that must be silent but for friction.
         inverse = np.linalg.inv(logarithmic(corrected).response[:, :n_in])
         lines = np.log(self.blocks.lines)
         return np.asarray(CubicSpline(lines[self.excited], inverse)(lines[~self.excited]))
@@ -96,8 +97,7 @@ def identify_laws(record: Record, start: Sequence[TorqueLaw], delay_s: float, ov
         docs/methods, sec. 4.
     """
     silent = _silent(record, start, delay_s, oversampling)
-    values = np.array([law.coordinates for law in start])
-    origin = values.copy()
+    origin = values = np.array([law.coordinates for law in start])
     for _ in range(_ITERATIONS):
         torque, derivative = _linearise(silent, values)
         error = _torque_error(silent, torque)
@@ -110,15 +110,20 @@ def identify_laws(record: Record, start: Sequence[TorqueLaw], delay_s: float, ov
         deviation = np.sqrt([np.diag(covariance) for _, covariance, _ in solved])
         if np.all(np.abs(step) < _TOLERANCE * deviation):
             break
+    return _judged(silent, values, _torque_peak(record))
+
+
+def _judged(silent: _Silent, values: FloatArray, torque_peak: FloatArray) -> LawEstimate:
+    """The laws at their final values (n_in, 7), with covariance and what they explain of the silent torque."""
     torque, derivative = _linearise(silent, values)
     error = _torque_error(silent, torque)
     before, after, noise = _powers(silent, error, torque)
     significance = np.divide(before, noise, out=np.full_like(before, np.inf), where=noise > 0)
     explained = 1 - np.maximum(after - noise, 0) / np.maximum(before - noise, np.finfo(float).tiny)
-    solved = [_step(error[:, :, m], derivative[:, :, :, m], 0 * origin[m]) for m in range(len(values))]
+    solved = [_step(error[:, :, m], derivative[:, :, :, m], np.zeros(len(values[m]))) for m in range(len(values))]
     covariance, form = (np.array(part) for part in list(zip(*solved, strict=True))[1:])
     form_share = np.maximum(after - noise, 0) / np.maximum(after, np.finfo(float).tiny)
-    return LawEstimate(values, covariance, form, explained, significance, form_share, _torque_peak(record))
+    return LawEstimate(values, covariance, form, explained, significance, form_share, torque_peak)
 
 
 def _silent(record: Record, laws: Sequence[TorqueLaw], delay_s: float, oversampling: int = 2) -> _Silent:
@@ -171,6 +176,7 @@ def _torque_error(silent: _Silent, removed: ComplexArray) -> ComplexArray:
     """`G^-1 Y - (U - F)` (n_real, n_silent, n_in, n_exp) at the silent lines."""
     quiet = ~silent.excited
     n_in = removed.shape[2]
+    # The linear robot's torque for the motion, less the command, with friction taken out of both.
     motion = silent.inverse_at_silent(removed) @ silent.blocks.outputs[:, quiet, :n_in]
     return np.asarray(motion - silent.blocks.inputs[:, quiet] + removed[:, quiet])
 
@@ -211,24 +217,29 @@ def _step(
         derivative (7, n_real, n_silent, n_exp): Its derivative.
         moved (7,): How far the values are from where they started, which the prior counts.
     """
+    # Coefficients without effect, such as a ripple that the motor lacks, keep prior and value.
     used = np.flatnonzero(np.abs(derivative).max(axis=(1, 2, 3)) > 0)
     columns = derivative[used]
     prior = np.zeros(len(used))
     np.divide(1.0, _PRIOR_STD[used] ** 2, out=prior, where=np.isfinite(_PRIOR_STD[used]))
     step = np.zeros(len(used))
+    # Sums over experiments once: only the weight of each line changes from round to round.
     gram = np.real(np.einsum("irfe,jrfe->fij", columns.conj(), columns))
     slope = np.real(np.einsum("irfe,rfe->fi", columns.conj(), error))
     count = error.shape[0] * error.shape[2]
     for _ in range(_ROUNDS):
+        # Lines weigh by what is left there (iterated reweighting), with a floor against lines that fit by chance.
         left = np.mean(np.abs(error + np.tensordot(step, columns, 1)) ** 2, axis=(0, 2))
         weight = 2 / (left + _FLOOR * np.median(left)) / count
         hessian = np.einsum("f,fij->ij", weight, gram) + np.diag(prior)
         step = -np.linalg.solve(hessian, weight @ slope + prior * moved[used])
+    # Scores of single lines: their sum of squares is the meat of the sandwich.
     score = weight[:, None] * (slope + gram @ step)
     inverse = np.linalg.inv(hessian)
     full_step, covariance, form = np.zeros(len(moved)), np.eye(len(moved)), np.ones(len(moved))
     full_step[used] = step
     covariance[np.ix_(used, used)] = inverse @ (score.T @ score + np.diag(prior)) @ inverse
+    # An error of form may pull one way at all lines: amplitudes add, not powers.
     together = np.abs(score @ inverse).sum(axis=0) ** 2 + np.diag(inverse @ np.diag(prior) @ inverse)
     form[used] = np.minimum(np.sqrt(together), _PRIOR_STD[used])
     return full_step, covariance, form
@@ -244,6 +255,7 @@ def _level_only(silent: _Silent, laws: Sequence[TorqueLaw]) -> tuple[FloatArray,
         torque = _torque_error(silent, removed) - removed[:, quiet]
         weight = 1 / np.mean(np.abs(torque) ** 2, axis=(0, 3))
         shape = unit[:, quiet]
+        # Weighted least squares of one number for each motor, a positive one.
         level = -np.einsum("fi,rfie->i", weight, np.real(shape.conj() * torque))
         level /= np.einsum("fi,rfie->i", weight, np.abs(shape) ** 2)
         level = np.maximum(level, np.finfo(float).eps)

@@ -1,4 +1,4 @@
-"""Spectra of a record's experiment blocks at chosen lines."""
+"""Spectra of a record's experiment blocks at chosen lines, also with a transient removed (robust local polynomials)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import numpy as np
 from scipy.fft import rfft
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.errors import DataError
+from robid.frf.options import EstimateOptions
 from robid.signals.record import Record
 
-_FEW_LINES = 16
-"""Up to so many lines a matrix product is faster than an FFT."""
+_FEW_LINES = 16  # Up to so many lines a matrix product is faster than an FFT
 
 
 @dataclass(frozen=True)
@@ -56,32 +57,21 @@ class Blocks:
 def record_blocks(
     record: Record, lines: IntArray, *, with_reference: bool = False, accelerations: bool = True
 ) -> Blocks:
-    """Transforms one configuration's record, drift of the outputs removed.
+    """Transforms one configuration's record, averaged over the periods, drift of the outputs removed.
 
     Args:
         record: Record of a single configuration.
         lines (n_freq,): DFT lines of one period.
         with_reference: Whether what was injected is transformed too, if it was recorded.
         accelerations: Whether motions are brought to accelerations; else they stay as they were measured.
-
-    Returns:
-        The spectra, averaged over the periods.
     """
     factor = output_factor(record, lines, accelerations=accelerations)
     beside = np.isin(lines - 1, record.excited_lines) | np.isin(lines + 1, record.excited_lines)
     inputs, input_scatter = _mean_and_scatter(record.inputs[0], lines, beside)
     outputs, output_scatter = _mean_and_scatter(record.outputs[0], lines, beside, factor)
     injected = record.reference if with_reference else None
-    reference = None if injected is None else line_amplitudes(injected[0], lines)
-    return Blocks(
-        lines=lines,
-        inputs=inputs,
-        outputs=outputs,
-        reference=None if reference is None else _experiments_last(reference),
-        input_scatter=input_scatter,
-        output_scatter=output_scatter,
-        scatter_freedom=record.inputs.shape[3] - 1,
-    )
+    reference = None if injected is None else _experiments_last(line_amplitudes(injected[0], lines))
+    return Blocks(lines, inputs, outputs, reference, input_scatter, output_scatter, record.inputs.shape[3] - 1)
 
 
 def line_amplitudes(samples: FloatArray, lines: IntArray) -> ComplexArray:
@@ -98,6 +88,7 @@ def line_amplitudes(samples: FloatArray, lines: IntArray) -> ComplexArray:
 @functools.lru_cache(maxsize=8)
 def _dft_rows(n_sample: int, lines: bytes, dtype: str) -> FloatArray:
     """Real and imaginary rows (2 n_lines, n_sample) of the DFT, over the number of samples."""
+    # Whole turns off first, so that large products of line and sample keep their digits.
     turns = np.outer(np.frombuffer(lines, dtype), np.arange(n_sample)) % n_sample / n_sample
     return np.concatenate([np.cos(2 * np.pi * turns), -np.sin(2 * np.pi * turns)]) / n_sample
 
@@ -166,8 +157,10 @@ def _mean_and_scatter(
     n_period, chosen = samples.shape[2], lines - lines.min()
     band = _band(samples, int(lines.min()), int(lines.max()), drifts=factor is not None)
     plain = band[..., 1:-1, :]
+    # Hann window by neighbours in frequency; sqrt(1.5) makes white noise as large as without.
     hann = (plain - 0.5 * (band[..., :-2, :] + band[..., 2:, :])) / np.sqrt(1.5)
     scale = np.ones(1) if factor is None else factor
+    # One part in P + 1 of plain deviations holds the leakage that is left in the mean; see above.
     share = np.where(beside, 1.0, 1 / (n_period + 1))[:, None]
     scatter = [
         (each - each.mean(axis=2, keepdims=True))[..., chosen, :] * (scale * np.sqrt(part / n_period))
@@ -185,7 +178,86 @@ def _band(samples: FloatArray, first: int, last: int, *, drifts: bool) -> Comple
     spectrum = rfft(samples, axis=-2, norm="forward")
     band = spectrum[..., lines, :]
     if drifts and n_period > 1:
+        # A ramp from mean to mean of the periods is taken off: drift would leak over all lines.
         per_period = np.gradient(spectrum[..., 0, :].real, axis=2)
         band = band - per_period[..., None, :] * rfft(ramp_of_period(n_sample), axis=0, norm="forward")[lines]
     beyond = [(0, 0)] * (band.ndim - 2) + [(int(first == 0), int(last == end)), (0, 0)]
     return np.asarray(band if first > 0 and last < end else np.pad(band, beyond, mode="reflect"))
+
+
+def robust_blocks(record: Record, lines: IntArray, options: EstimateOptions, *, accelerations: bool = True) -> Blocks:
+    """Transforms a record with its transient removed; scatter is the noise of lines and of the transient's estimate.
+
+    In the spectrum over all P periods the excitation and what it causes lies at every P-th bin; between them are
+    the transient, which is smooth over the bins, and noise. A polynomial through the bins around a line is the
+    transient at the line, and its residual the noise.
+
+    Args:
+        record: Record of a single configuration.
+        lines (n_freq,): DFT lines of one period.
+        options: `local_order` and `local_half_width_lines`, here bins without excitation on each side of a line.
+        accelerations: As in `robid.frf.spectra.record_blocks`.
+
+    Raises:
+        DataError: If the record holds one period only, or fewer bins than the window needs.
+
+    Source:
+        Pintelon, Schoukens, Vandersteen and Barbe (2010), MSSP 24(3), robust method.
+    """
+    periods, n_sample = record.inputs.shape[3:5]
+    half_width = options.local_order + 1 if options.local_half_width_lines is None else options.local_half_width_lines
+    _check(periods, n_sample, half_width, options.local_order)
+    long, bins = record.as_one_period(), lines * periods
+    # Bins between the lines hold transient and noise only: the excitation has none there.
+    window = _silent_bins(bins, periods, half_width, periods * n_sample // 2)
+    smooth = _Smooth((window - bins[:, None]) / (half_width * periods), options.local_order)
+    both = np.concatenate([bins[:, None], window], axis=1)
+    inputs, input_scatter = smooth.split(line_amplitudes(long.inputs[0, :, :, 0], both.ravel()))
+    # Angles turn into accelerations before the fit: a ramp's spectrum is then a polynomial.
+    motion = line_amplitudes(long.outputs[0, :, :, 0], both.ravel())
+    factor = output_factor(long, both.ravel(), accelerations=accelerations)
+    outputs, output_scatter = smooth.split(motion * factor)
+    reference = None if record.reference is None else _experiments_last(line_amplitudes(record.reference[0], lines))
+    # 2 half_width bins, of which the polynomial's coefficients take order + 1.
+    freedom = 2 * half_width - options.local_order - 1
+    return Blocks(lines, inputs, outputs, reference, input_scatter, output_scatter, freedom)
+
+
+class _Smooth:
+    """Polynomials through the windows of all lines, evaluated at the lines."""
+
+    def __init__(self, offset: FloatArray, order: int) -> None:
+        powers = offset[..., None] ** np.arange(order + 1)
+        inverse = np.linalg.pinv(powers)
+        self._centre = inverse[:, 0]
+        self._residual = np.eye(offset.shape[1]) - powers @ inverse
+        # The line's own noise and that of the polynomial at the line add up.
+        self._scale = np.sqrt(1 + (self._centre**2).sum(axis=1))
+
+    def split(self, spectrum: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """Transient-free lines (n_real, n_freq, n_channel, n_exp) of lines and windows in one axis; their scatter."""
+        shape = (*spectrum.shape[:2], len(self._centre), -1, spectrum.shape[-1])
+        line, around = np.split(spectrum.reshape(shape), [1], axis=3)
+        periodic = line[:, :, :, 0] - np.einsum("fw,refwc->refc", self._centre, around)
+        scatter = np.einsum("fvw,refwc->rvfce", self._residual * self._scale[:, None, None], around, optimize=True)
+        return np.asarray(np.moveaxis(periodic, 1, -1)), np.asarray(scatter)
+
+
+def _silent_bins(bins: IntArray, periods: int, half_width: int, highest: int) -> IntArray:
+    """Nearest bins (n_freq, 2 half_width) without excitation, as many on either side where the band allows."""
+    silent = np.arange(1, highest)
+    silent = silent[silent % periods > 0]
+    first = np.clip(np.searchsorted(silent, bins) - half_width, 0, silent.size - 2 * half_width)
+    return np.asarray(silent[first[:, None] + np.arange(2 * half_width)])
+
+
+def _check(periods: int, n_sample: int, half_width: int, order: int) -> None:
+    if periods < 2:
+        message = "`robust_local` finds the transient between the lines of several periods, but there is only one"
+        raise DataError(message, remedy="record two periods or more, or use the estimator `local`")
+    if 2 * half_width <= order + 1:
+        message = f"{2 * half_width} bins around a line leave no freedom beside a polynomial of order {order}"
+        raise DataError(message, remedy=f"set `local_half_width_lines` to {order // 2 + 1} or more")
+    if periods * (n_sample // 2) < 4 * half_width:
+        message = f"the record's {periods} periods of {n_sample} samples are too short for the window"
+        raise DataError(message, remedy="record longer, or lower `local_half_width_lines`")

@@ -13,36 +13,18 @@ from robid.frf.checks import Finding
 from robid.frf.spectra import Blocks, output_factor
 from robid.signals.record import Record
 
-CHANGING_LIMIT = 0.1
-"""Relative change of the response from period to period above which periods cannot be averaged."""
-
-_CHANGING = 0.03
-"""The same above which it is told."""
+CHANGING_LIMIT = 0.1  # Relative change of the response from period to period above which periods cannot be averaged
+_CHANGING = 0.03  # The same above which it is told
 _REPEATS = 0.999  # of a channel's energy; the rest is what a good record has of noise
-
-_SIGMAS = 5.0
-"""Standard deviations that a change stands out of what noise alone gives."""
-
-_PATTERN = 0.5
-"""Share of the scatter of the periods that a single pattern has, beyond chance, where it is no noise."""
-
-_BIAS = 0.01
-"""Bias by noise of the inputs above which it is told."""
-
-_GAIN = 0.5
-"""Variance of the mean without its first period, over that with it, below which that period is a transient."""
-
+_SIGMAS = 5.0  # Standard deviations that a change stands out of what noise alone gives
+_PATTERN = 0.5  # Share of the scatter of the periods that a single pattern has, beyond chance, where it is no noise
+_BIAS = 0.01  # Bias by noise of the inputs above which it is told
+_GAIN = 0.5  # Variance of the mean without its first period, over that with it, below which that period is a transient
+# Share of how the first periods differ that the outputs' own shape has, above which it is a size and no transient.
 _SIZED = 0.5
-"""Share of how the first periods differ that the outputs' own shape has, above which it is a size and no transient."""
-
-_LEFT_LINES = 8
-"""Lines from which on two periods that are left tell their own variance."""
-
-_DRIFT_GAIN = 0.1
-"""The same where slopes count: drift that comes and goes makes large ones by chance."""
-
-_SHOWN = 4
-"""Channels of a side that are told one by one."""
+_LEFT_LINES = 8  # Lines from which on two periods that are left tell their own variance
+_DRIFT_GAIN = 0.1  # The same where slopes count: drift that comes and goes makes large ones by chance
+_SHOWN = 4  # Channels of a side that are told one by one
 
 _Deviations: TypeAlias = ComplexArray
 
@@ -100,6 +82,7 @@ def measure_steadiness(
     moved_in, moved_out = (_plain(scatter, blocks, record) for scatter in (blocks.input_scatter, blocks.output_scatter))
     power = np.maximum((np.abs(blocks.outputs) ** 2).sum(axis=(0, 1, 3), keepdims=True), np.finfo(float).tiny)
     unit = np.sqrt(power)
+    # A change of inputs that outputs follow is no fault: V = dY - G dU is looked at, over the outputs' size.
     residual = (moved_out - response @ moved_in) / unit[:, None]
     factor = output_factor(record, blocks.lines, accelerations=accelerations)
     leading, gain = _transient(residual, _without_slope(residual, factor, unit, blocks.lines, record.inputs.shape[4]))
@@ -180,17 +163,13 @@ def _scatter_share(moved: _Deviations, mean: ComplexArray) -> FloatArray:
     """Share of each channel's energy (n_channel,) that does not repeat, below 1."""
     n_period = moved.shape[1]
     scatter = (np.abs(moved) ** 2).sum(axis=(0, 1, 2, 4)) / (n_period - 1)
+    # The mean over P holds 1 / P of the scatter's power too.
     repeating = np.maximum((np.abs(mean) ** 2).sum(axis=(0, 1, 3)) - scatter / n_period, 0.0)
     return np.asarray(np.minimum(scatter / np.maximum(scatter + repeating, np.finfo(float).tiny), 1 - 1e-6))
 
 
 def _transient(residual: _Deviations, level: _Deviations) -> tuple[int, float]:
-    """Periods at the beginning whose loss lowers the variance of the mean most, and to what share of it.
-
-    Args:
-        residual (n_real, n_period, n_freq, n_channel, n_exp): Deviations of the periods from their mean.
-        level (n_real, n_period, n_freq, n_channel, n_exp): The same without their slopes.
-    """
+    """Periods at the beginning whose loss lowers the variance of the mean most, and to what share."""
     leading, used = _leading(level, _GAIN), level
     if not leading:  # a slow decay is a slope in its first period mostly
         leading, used = _leading(residual, _DRIFT_GAIN), residual
@@ -213,6 +192,7 @@ def _is_size(residual: _Deviations, outputs: ComplexArray, leading: int) -> bool
 
     Outputs are looked at each by itself: a transient of one hides no change of another one's size.
     """
+    # The first periods against the others; along the outputs' own shape it is a size, not a decay.
     apart = residual[:, :leading].mean(axis=1) - residual[:, leading:].mean(axis=1)
     power = (np.abs(outputs) ** 2).sum(axis=(0, 1, 3))
     along = np.abs((apart * outputs.conj()).sum(axis=(0, 1, 3))) ** 2 / np.maximum(power, np.finfo(float).tiny)
@@ -233,6 +213,7 @@ def _change(moved: _Deviations, mean: ComplexArray) -> tuple[FloatArray, FloatAr
     moved = moved - moved.mean(axis=1, keepdims=True)
     n_period = moved.shape[1]
     power = np.maximum((np.abs(mean) ** 2).sum(axis=(0, 1, 3)), np.finfo(float).tiny)
+    # Regression of each period's deviation on the mean spectrum: a size that changes is a real gain on all lines.
     gains = np.einsum("rpfce,rfce->pc", moved, mean.conj()) / power
     scatter = (np.abs(moved) ** 2).sum(axis=1) / max(n_period - 1, 1)
     noise = np.sqrt((scatter * np.abs(mean) ** 2).sum(axis=(0, 1, 3))) / power
@@ -248,10 +229,12 @@ def _alike(residual: _Deviations, outputs: ComplexArray) -> float:
 def _pattern(residual: _Deviations) -> float:
     """Relative size of the pattern over the lines that dominates how periods differ; 0 where none does."""
     n_period, rows = residual.shape[1], np.moveaxis(residual, 1, 0).reshape(residual.shape[1], -1)
+    # Principal components of the periods by their small Gram matrix, n_period square.
     strength = np.linalg.eigvalsh(np.real(rows @ rows.conj().T))
     total = float(strength.sum())
     if n_period < _SHOWN or total <= 0:
         return 0.0
+    # Upper edge of the eigenvalues of noise alone (Marchenko and Pastur), over their sum.
     chance = (1 + np.sqrt(n_period / rows.shape[1])) ** 2 / (n_period - 1)
     size = float(np.sqrt(strength[-1] / (n_period - 1) / residual.shape[3]))
     return size if strength[-1] / total > chance + _PATTERN else 0.0
@@ -270,6 +253,7 @@ def _without_slope(
     """Deviations of each period without what a slope makes of it: the drift that is removed spreads over periods."""
     ramp = rfft((np.arange(n_sample) + 0.5) / n_sample)[lines]
     shape = (ramp[:, None] * factor)[None, None, :, :, None] / unit[:, None]
+    # Projection on the spectrum of a slope, as it passes the outputs' factor.
     part = (shape.conj() * residual).sum(axis=2, keepdims=True) / (np.abs(shape) ** 2).sum(axis=2, keepdims=True)
     return np.asarray(residual - part * shape)
 

@@ -14,15 +14,10 @@ _WINDOWS = 16
 _POINTS = 300
 _SUSPICIOUS_SHIFT = 0.3
 _SUSPICIOUS_SHARE = 0.3
-_LEFT = 0.5
-"""Share of the difference between two periods that a shift may leave and still explain it."""
-
-_UNUSUAL = 3.0
-"""Mean square difference of two periods over the usual one above which a channel tells of a fault."""
-
+_LEFT = 0.5  # Share of the difference between two periods that a shift may leave and still explain it
+_UNUSUAL = 3.0  # Mean square difference of two periods over the usual one above which a channel tells of a fault
+# The same where chance explains much: in a short part of a period, or a difference that is as large as usual.
 _LEFT_OF_LITTLE = 0.1
-"""The same where chance explains much: in a short part of a period, or a difference that is as large as usual."""
-
 _FLOOR = 1e-12
 
 
@@ -31,8 +26,6 @@ class Shift:
     """One period that runs apart from the period before it.
 
     Attributes:
-        realization: Index.
-        experiment: Index.
         period: Index of the later of the two periods.
         lost: Samples missing between the two; negative where there are too many.
         sample: Sample of that period (of the one before, if negative: counted back from its end) where it begins.
@@ -76,7 +69,6 @@ class Samples:
         count: How many; 0 where the period is too short.
         reach: Distance of the samples around them.
         before: `reach` samples earlier.
-        here: The samples.
         after: `reach` samples later.
     """
 
@@ -111,6 +103,7 @@ def period_differences(record: Record) -> Differences | None:
         slopes.append(sum(one[..., chosen.after, :] - one[..., chosen.before, :] for one in (early, late)))
         powers.append(signal[..., chosen.here, :].var(axis=(2, 3)))
     difference, slope, power = (np.concatenate(one, axis=-1) for one in (parts, slopes, powers))
+    # The median over pairs of periods: faults are few, and shall not make themselves usual.
     usual = np.median((difference**2).mean(axis=3).reshape(-1, difference.shape[-1]), axis=0)
     scale = np.sqrt(np.maximum(usual, _FLOOR * np.maximum(power.mean(axis=(0, 1)), np.finfo(float).tiny)))
     return Differences(difference / scale, slope / (4 * chosen.reach * scale), (power / scale**2).sum(axis=-1), scale)
@@ -124,6 +117,7 @@ def find_shifts(record: Record, found: Differences) -> list[Shift]:
     wrecked = _SUSPICIOUS_SHARE * points * found.power[:, :, None, None]
     suspicious = np.zeros(cross.shape[:3], bool)
     for direction in (slice(None), slice(None, None, -1)):
+        # Running sums from either end: d ~ s x' means a shift by s samples, a / b, from or up to there.
         a, b, d = (np.cumsum(one[..., direction], axis=-1) for one in (cross, slope, energy))
         shifted = (np.abs(a) > _SUSPICIOUS_SHIFT * b) & (a**2 > _SUSPICIOUS_SHARE * b * d)
         suspicious |= (shifted | (d > wrecked)).any(axis=-1)
@@ -141,12 +135,14 @@ def measure_jitter(found: Differences) -> tuple[float, float]:
     variance of the displacement; twice that of an instant, since two periods differ.
     """
     strength = (found.slope**2).sum(axis=-1)
+    # z^2 / g as above; its regression on g has the variance of the displacement as its slope.
     ratio = (found.difference * found.slope).sum(axis=-1) ** 2 / np.maximum(strength, np.finfo(float).tiny)
     centred = strength - strength.mean()
     variance = float((centred**2).sum())
     if variance == 0:
         return 0.0, 0.0
     rate = float((centred * ratio).sum()) / variance
+    # Windowed sums of the scores allow for neighbours that are correlated.
     rest = centred * (ratio - ratio.mean() - rate * centred)
     deviation = np.sqrt((_windowed(rest[..., None]) ** 2).sum()) / variance
     return float(np.sqrt(max(rate, 0.0) / 2)), float(rate / max(deviation, np.finfo(float).tiny))
@@ -222,6 +218,7 @@ def _guesses(early: FloatArray, late: FloatArray, *, after: bool) -> list[_Guess
         lost = _best_shift(early, late, segment) if after else -_best_shift(late, early, segment)
         gain = plain - _left(early, late, _Guess(0.0, lost, 0, after)).sum(axis=1)
         before = np.concatenate([[0.0], np.cumsum(gain)])
+        # What shifting from each sample on (or up to it) gains, all at once.
         worth = before[-1] - before if after else before
         at = int(np.argmax(worth))
         guesses.append(_Guess(float(plain.sum() - worth[at]), lost, at, after))
@@ -240,6 +237,7 @@ def _best_shift(sound: FloatArray, other: FloatArray, segment: slice) -> int:
     n_sample = len(sound)
     piece, mask = np.zeros_like(other), np.zeros(n_sample)
     piece[segment], mask[segment] = other[segment], 1.0
+    # sum (piece - sound shifted)^2 for all shifts at once by two circular correlations.
     matched = (np.conj(rfft(piece, axis=0)) * rfft(sound, axis=0)).sum(axis=1)
     energy = np.conj(rfft(mask)) * rfft((sound**2).sum(axis=1))
     ahead = int(np.argmin(irfft(energy - 2 * matched, n_sample)))

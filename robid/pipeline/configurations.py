@@ -10,7 +10,7 @@ import numpy as np
 from robid.arrays import FloatArray, IntArray
 from robid.artifacts.kinds import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
-from robid.design.excitation.signal_lines import signal_lines
+from robid.design.excitation.lines import signal_lines
 from robid.errors import SettingsError
 from robid.pipeline.plans import design_inputs
 from robid.pipeline.stage import counted

@@ -11,9 +11,8 @@ from rich.console import Group
 
 from robid.artifacts.kinds import DESIGN, design_from_artifact, design_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
-from robid.design.configurations.cost import visit_cost_s
-from robid.design.configurations.information import ConfigurationDesign, design_configurations
-from robid.design.configurations.stability import Trial, stability
+from robid.design.configurations.candidates import visit_cost_s
+from robid.design.configurations.information import ConfigurationDesign, Trial, design_configurations, stability
 from robid.pipeline.design_information import CandidateInformation, gather_information
 from robid.pipeline.plans import visit_s
 from robid.pipeline.stage import Job, counted

@@ -10,18 +10,14 @@ from rich.console import Group
 from robid.arrays import FloatArray
 from robid.artifacts.kinds import EXCITATION, excitation_from_artifact, excitation_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
-from robid.design.excitation.arbitrary import ArbitraryOptions
-from robid.design.excitation.excitation import CampaignExcitation, Excitation
+from robid.design.excitation.excitation import CampaignExcitation, Excitation, design_signal
 from robid.design.excitation.lines import period_samples
 from robid.design.excitation.loop import nominal_loop
-from robid.design.excitation.options import PoseChirpOptions, TrajectoryOptions
-from robid.design.excitation.pose.design import design_pose_chirp
-from robid.design.excitation.pose.motion import PoseRobot
-from robid.design.excitation.prediction import predict
-from robid.design.excitation.signal import design_signal
-from robid.design.excitation.trajectory.criterion import BaseModel
+from robid.design.excitation.options import ArbitraryOptions, PoseChirpOptions, TrajectoryOptions
+from robid.design.excitation.pose_chirp import PoseRobot, design_pose_chirp
+from robid.design.excitation.prediction import predict, with_travel
 from robid.design.excitation.trajectory.design import design_trajectory
-from robid.design.excitation.travel import with_travel
+from robid.design.excitation.trajectory.problem import BaseModel
 from robid.pipeline.configurations import campaign_lines, configurations_of, reach_of
 from robid.pipeline.plans import played_by_others, transient_periods
 from robid.pipeline.stage import Job, counted

@@ -15,13 +15,13 @@ from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact, read_outline
 from robid.design.configurations.candidates import candidate_information
-from robid.design.configurations.fitted import FittedInformation
+from robid.design.configurations.information import halves
 from robid.design.configurations.measured import fitted_information, measured_information
 from robid.design.configurations.options import DesignWeights, InformationOptions
-from robid.design.configurations.stability import halves
+from robid.design.configurations.visits import FittedInformation
 from robid.errors import DataError
+from robid.frf.covariance import by_realizations
 from robid.frf.frf import Frf
-from robid.frf.realization_subsets import by_realizations
 from robid.models.elastic.files import solution_from_artifact
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import fitted_delay_s, fitted_robot

@@ -52,7 +52,7 @@ from robid.report.responses import (
 from robid.report.section import Section
 from robid.results.grade import DO_NOT_USE, PREDICTS, TRUST
 from robid.results.plausible.evidence import gather_evidence
-from robid.robot.skeleton import skeleton
+from robid.robot.kinematics import skeleton
 from robid.settings.load import LoadedExperiment
 
 _LEVELS: dict[int, Literal["ok", "warn", "bad"]] = {TRUST: "ok", PREDICTS: "warn", DO_NOT_USE: "bad"}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.frf.saturation import SATURATED_SHARE, saturation_error
+from robid.frf.channels import SATURATED_SHARE, saturation_error
 from robid.results.scale import Scale
 
 CAUSES = {

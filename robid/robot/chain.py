@@ -19,12 +19,10 @@ class ForeignJoint:
     """A hinge or slide of a foreign robot, turned so that its axis is z, and the link that it moves.
 
     Attributes:
-        name: Name of the joint.
         position_m (3,): Origin of the joint frame in the previous joint's frame [m].
         rotation (3, 3): Orientation of the joint frame in the previous joint's frame at zero angle.
         link: Mass properties of all that it moves up to the next joint, in the joint frame.
         range: Lower and upper limit [rad, or m]; None where the file has none.
-        slides: Whether it is a slide.
         body_position_m (3,): Origin of the file's own body frame in the joint frame [m].
         body_rotation (3, 3): Orientation of the file's own body frame in the joint frame.
     """
@@ -140,16 +138,13 @@ def _turned(data: mujoco.MjData, joint: int, body: int) -> FloatArray:
 def extract_chain(
     model: ForeignModel, joints: Sequence[str], locked: Mapping[str, float], apart: Collection[str] = ()
 ) -> list[ForeignJoint]:
-    """Extracts a serial chain of hinges and slides; everything else moves with the link that carries it.
+    """Extracts a serial chain of hinges and slides at zero positions; all else moves with the link that carries it.
 
     Args:
         model: The model; `order_of` finds nothing wrong with `joints`.
         joints: Names of the joints, base to flange.
         locked: Positions of other joints, which do not move [rad, or m].
         apart: Names of joints whose bodies are left out, with what they carry.
-
-    Returns:
-        The joints at zero positions of the file's own.
     """
     compiled, data = model.compiled, _at_zero(model.compiled, locked)
     bodies = [int(compiled.joint(name).bodyid[0]) for name in joints]
@@ -182,7 +177,7 @@ def extract_chain(
 def frame_on_last(
     model: ForeignModel, joints: Sequence[str], locked: Mapping[str, float], frame: str, apart: Collection[str] = ()
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Returns where a body or site sits on the last link.
+    """Returns position (3,) [m] and orientation (3, 3) of a body or site in the last joint's own body frame, or None.
 
     Args:
         model: The model.
@@ -190,9 +185,6 @@ def frame_on_last(
         locked: Positions of other joints [rad, or m].
         frame: Name of the body or site.
         apart: Names of joints whose bodies are no part of the last link.
-
-    Returns:
-        Position (3,) [m] and orientation (3, 3) in the last joint's own body frame; None if it is not there.
     """
     compiled, data = model.compiled, _at_zero(model.compiled, locked)
     bodies = [int(compiled.joint(name).bodyid[0]) for name in joints]

@@ -26,6 +26,7 @@ def is_collocated(model: LinearModel) -> bool:
 def has_plain_inertias(model: LinearModel) -> bool:
     """Whether each link's inertia acts along one direction, as turns do and slides within one line."""
     products = model.link_inertia
+    # A symmetric positive matrix has rank one where tr(P)^2 = tr(P^2).
     traces = np.trace(products, axis1=-2, axis2=-1) ** 2
     return bool((traces - (products**2).sum(axis=(-2, -1)) <= _ROUNDING * traces).all())
 
@@ -81,6 +82,8 @@ class Collocated:
         n = model.mass.shape[-1]
         self._model = model
         self._period = sampling_period_s
+        # Where rotors and viscous friction stay, the motors' block of Z does too: it is eliminated once for all steps
+        # of a fit.
         self._swept = set(kinds) <= {"stiffness", "damping", "delay"}
         self._configuration, line = np.nonzero(used)
         self._omega: FloatArray | ComplexArray = (2 * np.pi * frequency_hz)[line]
@@ -90,6 +93,7 @@ class Collocated:
             self._add_images(make_folding(self._line_omega, 0.0, sampling_period_s, self._rate, 1)[0])
         self._factor = np.ascontiguousarray(model.rest.factor[self._configuration].T)
         self._varies = bool((self._factor != 1).any())
+        # Springs first, motors last: what is left after eliminating the springs is of the motors' size.
         self._order = np.r_[model.n_motor : n, : model.n_motor]
         self._rows, self._columns = np.triu_indices(model.n_motor)
         self._work = np.empty((n, n, self._omega.size), complex)
@@ -128,15 +132,18 @@ class Collocated:
             work[row, row:] = self._constant[row, row:]
         springs, motors = np.arange(n_spring), np.arange(n_spring, len(work))
         stiffness = parameters.stiffness[:, None] * self._factor
+        # Z = -w^2 M + j w D + K + dg/dq; in spring coordinates only these diagonals vary (docs/methods, sec. 1).
         work[springs, springs] += stiffness + 1j * parameters.damping[:, None] * self._omega
         if not self._swept:
             work[motors, motors] += 1j * parameters.viscous[:, None] * self._omega
         _eliminate(work, n_spring, self._products[:, 0])
         rest = work[n_spring:, n_spring:]
         torque = None if self._swept else _invert(rest)
+        # The Schur complement of the springs is the inverse of the response; swept, it is minus the response itself.
         seen = -rest[self._rows, self._columns] if torque is None else torque[self._rows, self._columns]
         delay_s = float(parameters.delay[0])
         folding = by_delay = None
+        # Acceleration per torque: -w^2, times hold and delay at the lines; images have these in the folding's weights.
         factor = np.asarray(-(self._omega**2), complex)
         factor[self._lines] *= hold_factor(self._line_omega, delay_s, self._period)
         seen *= factor
@@ -148,15 +155,12 @@ class Collocated:
         return np.asarray(sampled)
 
     def derivatives(self, kinds: tuple[str, ...], masks: tuple[BoolArray, ...], scale: ComplexArray) -> ComplexArray:
-        """Derivatives at the point of the last response with respect to plain values.
+        """Derivatives (n_param, n_pair, n_line) at the last response by plain values, valid until the next call.
 
         Args:
             kinds: Kinds of parameters, in the order wanted.
             masks: Which elements of each.
             scale (n_pair, n_line): Factor of each element.
-
-        Returns:
-            (n_param, n_pair, n_line), valid until the next call.
 
         Raises:
             ValueError: If there was no response before.
@@ -167,6 +171,8 @@ class Collocated:
         shape = sum(int(mask.sum()) for mask in masks), len(scale), self._omega.size
         if self._buffer.shape != shape:
             self._buffer = np.empty(shape, complex)
+        # dG = w^2 x_o (dZ) x_i: a spring's dZ is one place, so its column is the outer product of its deflection's
+        # response.
         held = np.asarray(self._omega**2, complex)
         held[self._lines] *= hold_factor(self._line_omega, float(solved.parameters.delay[0]), self._period)
         if solved.folding is None or not solved.folding.omega.size:
@@ -192,18 +198,13 @@ class Collocated:
             begin = rows.stop
 
     def _fill(
-        self,
-        rows: slice,
-        kind: str,
-        mask: BoolArray,
-        own: ComplexArray,
-        scale: ComplexArray,
-        outer: dict[bytes, slice],
+        self, rows: slice, kind: str, mask: BoolArray, own: ComplexArray, scale: ComplexArray, outer: dict[bytes, slice]
     ) -> None:
         """Outer products of one kind; a spring's damper takes over those of its stiffness."""
         out = self._buffer[rows]
         key = mask.tobytes()
         if kind == "damping" and key in outer:
+            # A damper is j w times its spring: the outer product of the stiffness is used again.
             np.multiply(self._buffer[outer[key]], 1j * self._omega, out=out)
             if self._varies:
                 out /= self._factor[mask][:, None]
@@ -214,6 +215,7 @@ class Collocated:
             if self._varies:
                 out *= self._factor[mask][:, None]
         elif kind.endswith("inertia"):
+            # dZ of an inertia is -w^2 times its direction's outer product.
             out *= -(self._omega**2)
             if self._period is not None:
                 out[..., self._lines] += scale * self._alias_slope(kind, mask)
@@ -231,6 +233,7 @@ class Collocated:
             return np.asarray(np.einsum("la,aiL->liL", self._model.arm[:, self._order], whole, optimize=True))
         if kind != "link_inertia":
             return whole[n_spring:]
+        # Inertia about one direction t enters as t t': the response of t' z is all that its derivative needs.
         turns = self._turns()[:, :, self._order][self._configuration]
         return np.asarray(np.einsum("Lla,aiL->liL", turns, whole, optimize=True))
 
@@ -244,6 +247,7 @@ class Collocated:
         whole = np.empty((len(work), n_motor, work.shape[-1]), complex)
         if solved.motors is not None:
             whole[n_spring:] = solved.motors
+        # Back substitution: x_s = -(Z_ss)^-1 Z_sm x_m, row by row from the eliminated triangle.
         for row in range(n_spring - 1, -1, -1):
             known = len(work) if solved.motors is not None else n_spring
             product = self._products[row + 1 : known]
@@ -263,6 +267,7 @@ class Collocated:
     def _turns(self) -> FloatArray:
         """Direction (n_conf, n_joint, n) whose outer product each link's inertia multiplies."""
         products = self._model.link_inertia
+        # A column of t t' over the root of its largest diagonal element is t, up to its sign, which squares out.
         size = np.diagonal(products, axis1=-2, axis2=-1)
         largest = size.argmax(axis=-1)[..., None]
         root = np.sqrt(np.maximum(np.take_along_axis(size, largest, axis=-1), np.finfo(float).tiny))
@@ -271,6 +276,7 @@ class Collocated:
     def _alias_slope(self, kind: str, mask: BoolArray) -> ComplexArray:
         """Derivative (n_element, n_pair, n_line) of what folds down from above."""
         model, parameters = self._model, self._last().parameters
+        # The limit at infinite frequency is B' M^-1 B, whose derivative is -B' M^-1 (dM) M^-1 B.
         inverse = np.linalg.inv(mass_matrix(model, parameters))[:, : model.n_motor]
         if kind == "link_inertia":
             seen = np.einsum("cia,cla->cli", inverse, self._turns())
@@ -285,6 +291,7 @@ class Collocated:
         solved, rate = self._last(), -1j * self._line_omega
         if solved.folding is None or solved.by_delay is None:
             return np.asarray(rate * solved.sampled)
+        # The line itself turns by -j w; what folds down turns by its own images' frequencies, which `by_delay` holds.
         folded = solved.folding.fast[:, 0] * solved.fast
         slope = solved.by_delay.fast[:, 0] * solved.fast
         folded = folded + self._folded(solved.folding, solved.seen)
@@ -299,6 +306,7 @@ class Collocated:
         if self._held and all(map(np.array_equal, self._held, held)):
             return
         model, order = self._model, np.ix_(range(len(self._model.mass)), self._order, self._order)
+        # Everything but springs, dampers and viscous friction: constant while its own parameters are.
         mass, gravity = mass_matrix(model, parameters)[order], model.gravity_stiffness[order]
         here = self._configuration
         constant: FloatArray | ComplexArray = gravity[here] - (self._omega**2)[:, None, None] * mass[here]
@@ -327,6 +335,7 @@ def _eliminate(matrix: ComplexArray, pivots: int, product: ComplexArray) -> None
     n = len(matrix)
     for pivot in range(pivots):
         row = matrix[pivot]
+        # Symmetric elimination without pivoting: dampers keep pivots away from zero.
         factor = row * (1 / row[pivot])
         for below in range(pivot + 1, n):
             rest = product[: n - below]
@@ -341,6 +350,7 @@ def _invert(matrix: ComplexArray) -> ComplexArray:
     for row in range(n):
         swept[row + 1 :, row] = swept[row, row + 1 :]
     for pivot in range(n):
+        # Sweep operator: each pivot exchanges an unknown with its right-hand side, and all of them give the inverse.
         column = swept[:, pivot].copy()
         inverse = 1 / column[pivot]
         scaled = column * inverse

@@ -1,31 +1,121 @@
-"""Analytic derivatives of the sampled response with respect to every kind of parameter."""
+"""How a linearised robot moves with its parameters: matrices by differences, the response by analytic columns."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray
-from robid.robot.linearize import LinearModel, Shifts
+from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.robot.description import Robot
+from robid.robot.linearize import Equilibrium, LinearModel, Shifts, gravity_torque, linearize
+from robid.robot.model import ElasticModel, build_model
 from robid.robot.response import ElasticParameters, Response, fast_limit, mass_matrix
-from robid.robot.rest import Moves, Springs, SpringSlopes, settle_springs, spring_slopes
+from robid.robot.rest import MatrixSlopes, Moves, Springs, SpringSlopes, settle_springs, spring_slopes
+
+_STEP_RAD = 1e-3
+_STEP_M = 1e-3
+
+
+def expand(
+    model: ElasticModel,
+    equilibrium: Equilibrium,
+    linear: LinearModel,
+    output_names: tuple[str, ...],
+    located: IntArray | None = None,
+) -> LinearModel:
+    """Adds `rest.moves`, how the matrices move to first order, by central differences in MuJoCo.
+
+    Args:
+        model: The elastic model.
+        equilibrium: Where it was linearised.
+        linear: The result.
+        output_names: Its outputs.
+        located (n_location,): Elements of the flattened locations that may move; none by default.
+    """
+    chosen = np.zeros(0, int) if located is None else located
+    to_rest = model.to_spring[:, len(model.motor) :]
+    # Columns of to_rest move one deflection each, with all motors held.
+    pairs, torques = [], []
+    for moved in to_rest.T:
+        sides = [replace(equilibrium, position=equilibrium.position + step * moved) for step in _sides(_STEP_RAD)]
+        pairs.append([linearize(model, side, output_names) for side in sides])
+    for element in chosen.tolist():
+        models = [build_model(_moved_spring(model.robot, element, step)) for step in _sides(_STEP_M)]
+        pairs.append([linearize(each, equilibrium, output_names) for each in models])
+        # Where a spring sits changes what gravity does to the deflections, at the same configuration.
+        behind, ahead = (gravity_torque(each, equilibrium.position) @ to_rest for each in models)
+        torques.append((ahead - behind) / (2 * _STEP_M))
+    width = np.array([_STEP_RAD] * to_rest.shape[1] + [_STEP_M] * chosen.size) * 2
+    moves = Moves(
+        **_slopes(pairs, width),
+        torque=np.reshape(np.array(torques), (chosen.size, *equilibrium.deflection.shape)).swapaxes(0, 1),
+        located=chosen,
+    )
+    return replace(linear, rest=replace(linear.rest, moves=moves))
+
+
+def shifts_between(
+    pairs: Sequence[tuple[LinearModel, LinearModel]], width: FloatArray, amounts: FloatArray, torque: FloatArray
+) -> Shifts:
+    """Returns how a linearised robot moves with nuisance parameters, by central differences.
+
+    Args:
+        pairs: The robot with less and with more of each.
+        width (n_doubt,): By how much each pair differs.
+        amounts (n_doubt,): Amounts in the middle.
+        torque (n_doubt, n_joint): As in `Shifts`.
+    """
+    return Shifts(amounts=amounts, torque=torque, **_slopes(pairs, width))
+
+
+def _moved_spring(robot: Robot, element: int, by_m: float) -> Robot:
+    """The robot with one element of its springs' flattened locations moved."""
+    spring = robot.springs[element // 3]
+    point = spring.point_m + by_m * np.eye(3)[element % 3]
+    return with_springs_at(robot, {spring.name: point})
+
+
+def with_springs_at(robot: Robot, points: dict[str, FloatArray]) -> Robot:
+    """Returns the robot with some springs elsewhere, by their names."""
+    springs = tuple(replace(spring, point_m=points.get(spring.name, spring.point_m)) for spring in robot.springs)
+    return replace(robot, springs=springs)
+
+
+def _sides(step: float) -> tuple[float, float]:
+    return -step, step
+
+
+def _slopes(pairs: Sequence[Sequence[LinearModel]], width: FloatArray) -> dict[str, FloatArray]:
+    """Central differences of everything that `MatrixSlopes` has."""
+    found = {"mass": _differences([[_whole_mass(side) for side in pair] for pair in pairs], width)}
+    for name in ("gravity_stiffness", "output", "tilt"):
+        found[name] = _differences([[getattr(side, name) for side in pair] for pair in pairs], width)
+    return found
+
+
+def _whole_mass(linear: LinearModel) -> FloatArray:
+    return np.asarray(linear.mass + np.einsum("l,clij->cij", linear.axial, linear.link_inertia))
+
+
+def _differences(pairs: list[list[FloatArray]], width: FloatArray) -> FloatArray:
+    """Central differences (n_conf, n_move, ...)."""
+    # Central differences: their error falls with the square of the step.
+    slopes = [(ahead - behind) / wide for (behind, ahead), wide in zip(pairs, width.tolist(), strict=True)]
+    return np.stack(slopes, axis=1)
 
 
 def jacobian(
     model: LinearModel, parameters: ElasticParameters, result: Response, kinds: tuple[str, ...]
 ) -> ComplexArray:
-    """Derivatives of the sampled response, springs and dampers as outer products.
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_param) of the sampled response by plain, not logarithmic, values.
 
     Args:
         model: Linearised robot.
         parameters: Where `result` was computed.
         result: The response.
         kinds: Field names of `ElasticParameters`, in the order wanted.
-
-    Returns:
-        (n_conf, n_freq, n_out, n_in, n_param), with respect to the plain (not logarithmic) values.
 
     Source:
         docs/methods, sec. 1: `dG = w^2 X_o' (dZ) X_i`.
@@ -36,12 +126,14 @@ def jacobian(
     columns = _all_columns(parameters, result, kinds, slopes)
     if result.images is not None and result.folding is not None:
         plain = replace(model, effects=None, added=None)
+        # Images: the same columns at the folding's own frequencies, folded down by the same linear map.
         above = _all_columns(parameters, replace(result.images, model=plain), kinds, slopes)
         folded = (
             None if kind == "delay" else result.folding.images(each) for kind, each in zip(kinds, above, strict=True)
         )
         columns = [own if more is None else own + more for own, more in zip(columns, folded, strict=True)]
     if model.shifts is not None and "doubt" in kinds:
+        # Gains are exp(sum a t) of the motors' torques: the derivative of a logarithm is relative.
         columns[kinds.index("doubt")] += (result.sampled / result.gain)[..., None] * model.shifts.torque.T
     return np.concatenate(columns, axis=-1) * result.gain[:, None]
 
@@ -55,11 +147,7 @@ def _all_columns(
 
 
 def _columns(
-    model: LinearModel,
-    parameters: ElasticParameters,
-    result: Response,
-    kind: str,
-    through_rest: ComplexArray | None,
+    model: LinearModel, parameters: ElasticParameters, result: Response, kind: str, through_rest: ComplexArray | None
 ) -> ComplexArray:
     if kind == "doubt" and model.shifts is not None:
         moved = _move_columns(parameters, result, model.shifts)
@@ -68,6 +156,7 @@ def _columns(
     scale = (result.hold * result.omega**2)[:, None, None, None]
     rate = 1j * result.omega[:, None, None, None]
     if kind == "damping":
+        # dZ of a damper is j w at its place.
         own = scale * rate * _outer(result, slice(n_motor, None))
         if model.effects is not None:
             own = own * model.effects.growth(parameters.doubt)[:, None, None, None]
@@ -75,6 +164,7 @@ def _columns(
     if through_rest is not None:
         return through_rest
     if kind == "stiffness":
+        # dZ of a spring is 1 at its place, times the law's factor at this configuration.
         return scale * _spring_outer(result) * model.rest.factor[:, None, None, None]
     if kind == "viscous":
         return scale * rate * _outer(result, slice(0, n_motor))
@@ -100,6 +190,7 @@ def loaded_slopes(
         springs: Its springs there.
         kinds: Kinds whose derivatives are asked for.
     """
+    # Linear springs at fixed rest: nothing passes through the rest.
     constant = not parameters.cubic.any() and model.rest.moves is None
     if constant and {"cubic", "location"}.isdisjoint(kinds):
         return {}
@@ -109,9 +200,7 @@ def loaded_slopes(
 
 
 def _rest_columns(
-    parameters: ElasticParameters,
-    result: Response,
-    slopes: Mapping[str, SpringSlopes],
+    parameters: ElasticParameters, result: Response, slopes: Mapping[str, SpringSlopes]
 ) -> dict[str, ComplexArray]:
     """Derivatives that pass through expected slopes and rest positions, by kind."""
     if not slopes:
@@ -123,22 +212,25 @@ def _rest_columns(
         kind: stiffness @ each.stiffness[:, None, None] for kind, each in slopes.items()
     }
     if model.rest.moves is not None:
+        # Second path: parameters move the rest, and the rest moves matrices.
         moved = _move_columns(parameters, result, model.rest.moves)
         for kind, each in slopes.items():
             columns[kind] += moved @ each.displacement[:, None, None]
     return columns
 
 
-def _move_columns(parameters: ElasticParameters, result: Response, moves: Moves | Shifts) -> ComplexArray:
-    """Derivatives (n_conf, n_freq, n_out, n_in, n_move) along displacements of the rest, or amounts of doubts."""
+def _move_columns(parameters: ElasticParameters, result: Response, moves: MatrixSlopes) -> ComplexArray:
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_move) along displacements of the rest, or nuisance parameters."""
     model, square = result.model, result.omega**2
     columns = _inertia_columns(model, parameters, result, moves.mass)
     left, right = np.swapaxes(result.outputs, -1, -2), result.inputs
     for index in range(moves.mass.shape[1]):
+        # dG = -w^2 ((dC) Z^-1 B - C Z^-1 (dZ) Z^-1 B), with dZ the gradient of gravity here; inertia is above.
         change = square[:, None, None] * (left @ (moves.gravity_stiffness[:, index, None] @ right))
         seen = square[:, None, None] * moves.output[:, index, None] + moves.tilt[:, index, None]
         columns[..., index] += result.hold[:, None, None] * (change - seen @ right)
     if result.folding is not None:
+        # The fast limit C M^-1 B moves with the outputs; its motion with M is in the inertia columns.
         inverse = np.linalg.inv(mass_matrix(model, parameters))[..., : model.n_motor]
         fast = np.einsum("cmoa,cai->coim", moves.output, inverse)
         columns += result.folding.fast[..., None, None] * fast[:, None]
@@ -173,19 +265,18 @@ def _products(outputs: ComplexArray, inputs: ComplexArray) -> ComplexArray:
 
 
 def _inertia_columns(
-    model: LinearModel,
-    parameters: ElasticParameters,
-    result: Response,
-    directions: FloatArray,
+    model: LinearModel, parameters: ElasticParameters, result: Response, directions: FloatArray
 ) -> ComplexArray:
     spread = np.broadcast_to(directions, (model.mass.shape[0], *directions.shape[1:]))
     places = zip(result.outputs, spread, result.inputs, strict=True)
     change = np.stack([_quadratic(outputs, own, inputs) for outputs, own, inputs in places])
+    # dG = w^2 x_o (-w^2 dM) x_i.
     columns = -(result.hold * result.omega**4)[:, None, None, None] * change
     if result.folding is None:
         return np.asarray(columns)
     inverse = np.linalg.inv(mass_matrix(model, parameters))
     left, right = model.output @ inverse, inverse[..., : model.n_motor]
+    # d(C M^-1 B) = -C M^-1 (dM) M^-1 B.
     fast = -np.einsum("coa,clab,cbi->coil", left, spread, right, optimize=True)
     return np.asarray(columns + result.folding.fast[..., None, None] * fast[:, None])
 
@@ -193,6 +284,7 @@ def _inertia_columns(
 def _quadratic(outputs: ComplexArray, directions: FloatArray, inputs: ComplexArray) -> ComplexArray:
     """Forms `outputs' D inputs` (n_freq, n_out, n_in, n_direction) of real matrices (n_direction, n_row, n_row)."""
     n_freq, n_row, n_in = inputs.shape
+    # One real matrix product over real and imaginary parts side by side, for all lines at once.
     flat = np.ascontiguousarray(inputs.swapaxes(0, 1)).reshape(n_row, -1).view(float)
     moved = (directions.reshape(-1, n_row) @ flat).view(complex).reshape(-1, n_row, n_freq, n_in)
     right = np.ascontiguousarray(moved.transpose(2, 1, 3, 0)).reshape(n_freq, n_row, -1)
@@ -204,6 +296,7 @@ def _delay_column(model: LinearModel, parameters: ElasticParameters, result: Res
     if result.folding is None or result.by_delay is None:
         return np.asarray(rate * result.sampled / result.gain)[..., None]
     fast = fast_limit(model, parameters)[:, None]
+    # A delay turns the line by -j w, but each image by its own frequency: these are taken apart.
     own = result.sampled / result.gain - result.folding.fast[..., None] * fast
     column = rate * own + result.by_delay.fast[..., None] * fast
     if result.images is not None:

@@ -16,8 +16,7 @@ from robid.signals.quantities import METRES, RADIANS, shown
 JointType = Literal["revolute", "prismatic"]
 TorquePlace = Literal["motor", "joint"]
 SpringPlace = Literal["transmission", "shaft", "bearing", "split", "base", "payload"]
-LOCATED: tuple[SpringPlace, ...] = ("split", "payload", "base")
-"""Places of springs whose location matters."""
+LOCATED: tuple[SpringPlace, ...] = ("split", "payload", "base")  # Places of springs whose location matters
 
 
 @dataclass(frozen=True)
@@ -45,11 +44,9 @@ class Motor:
             go opposite ways.
         max_speed_rad_s: Speed limit, infinite where it is unknown [rad/s].
         max_torque_nm: Torque limit, infinite where it is unknown [N m].
-        friction: Nominal friction.
         ripple_nm: Amplitude of the torque ripple [N m].
         ripple_order: Ripple periods per motor turn.
         ripple_phase_rad: Phase `p` of the torque `ripple_nm sin(ripple_order q_m + p)` [rad].
-        inertia_relative_std: Standard deviation of the relative error of the rotor inertia.
         torque_constant_nm_a: Torque per ampere, None where it is unknown [N m/A].
     """
 
@@ -91,6 +88,7 @@ class HarmonicBalance:
 
     def torque_nm(self, angle: float) -> float:
         """Returns the torque on the arm at an angle of the joint [rad]."""
+        # Harmonics of the joint's angle, the first one of gravity on the balanced link.
         orders = np.arange(1, len(self.sine_nm) + 1) * angle
         return float(self.sine_nm @ np.sin(orders) + self.cosine_nm @ np.cos(orders))
 
@@ -125,19 +123,15 @@ class Joint:
     """A joint about or along the z axis of its frame, the link it moves and the motor that moves it.
 
     Attributes:
-        name: Name of the joint.
         position_m (3,): Origin of the joint frame in the previous joint's frame [m].
         rotation (3, 3): Orientation of the joint frame in the previous joint's frame at zero position.
-        link: Mass properties of the link in the joint frame.
         lower: Lower joint limit [rad; m of a prismatic joint].
         upper: Upper joint limit [rad; m of a prismatic joint].
-        motor: The motor.
         couplings: Arm motion of this joint per radian of another joint's motor, by that joint's name [rad or m].
         type: Whether the arm turns about the axis or slides along it.
         counterbalance: What takes gravity off the motor; only the rigid model and the simulated truth know it.
         arm_viscous: Viscous friction between the link and what carries it: of bearings, seals, a carriage, a load
             motor; arm side, where the motor's acts before the transmission [N m s/rad, or N s/m].
-        doubts: How far what is stated of the joint may be off.
         torque_at: Where its torque is known: at its motor, or behind motor and gear, by a sensor at the joint. In the
             latter case it has no motor: what stands in its place has no inertia and turns with the arm.
     """
@@ -187,7 +181,6 @@ class LoopLink:
     """A link beside the chain, in a closed loop that fixes its angle: a crank or a rod of a parallelogram.
 
     Attributes:
-        name: Name of the link.
         parent: Name of the joint or loop link that carries it; None for the base.
         position_m (3,): Origin of its frame in the parent's frame [m].
         rotation (3, 3): Orientation of its frame in the parent's frame at zero angle.
@@ -230,7 +223,6 @@ class Spring:
     """A spring-damper pair, arm side: torsional, but for the transmission of a prismatic joint.
 
     Attributes:
-        name: Name of the spring.
         joint: Index of the joint it belongs to; the first for the base, the last for the payload.
         place: `transmission` between motor and arm, `shaft` between the motor and the transmission, on the
             motor's side, `bearing` about a further axis of the joint's
@@ -266,7 +258,6 @@ class Sensor:
     """A sensor beyond the encoders.
 
     Attributes:
-        name: Name of the sensor.
         kind: `tracker` shows a point's position along an axis of the world, `accelerometer` the point's
             acceleration less gravity along an axis that moves with it.
         joint: Index of the joint whose link carries it, on its outermost part; None for the payload.
@@ -286,16 +277,12 @@ class Robot:
     """An elastic robot with its payload.
 
     Attributes:
-        name: Name of the robot.
         gravity_m_s2 (3,): Gravity in the base frame [m/s^2].
-        joints: The joints, base to flange.
         springs: The spring-damper pairs; a joint without a transmission is rigid: its arm follows its motor.
         payload: Mass properties of the payload in the last joint's frame.
         rotor: `spong` neglects the rotors' motion with the links, `on_link` does not.
         assumed: Dotted names of the values that no source gives.
-        notes: What the robot file wants the reader to know.
         base: Mass properties of what base springs carry beneath the first joint, in the world frame.
-        sensors: Sensors beyond the encoders.
         loop_links: Links beside the chain, each after what carries it; only the rigid model knows them.
         doubts: How far what is stated of the payload and the base may be off.
     """
@@ -328,6 +315,7 @@ class Robot:
     def arm_per_motor(self) -> FloatArray:
         """Arm motion (n_joint, n_joint) per motor angle: inverse gear ratios, and couplings off the diagonal."""
         names = [joint.name for joint in self.joints]
+        # q_arm = N q_motor: inverse ratios on the diagonal, couplings beside it.
         turns = np.diag(1 / self.gear_ratio)
         for row, joint in enumerate(self.joints):
             for name, turn in joint.couplings.items():

@@ -2,78 +2,46 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+
+from robid.arrays import option
 
 
 @dataclass(frozen=True)
 class Doubts:
     """Standard deviations of what a robot file may have wrong; zero for what is taken for granted."""
 
-    mass_relative_std: float = field(
-        default=0.05, metadata={"description": "Of a link's mass, its inertia with it, relative.", "ge": 0}
+    mass_relative_std: float = option(0.05, "Of a link's mass, its inertia with it, relative.", ge=0)
+    com_m: float = option(0.01, "Of each coordinate of a link's centre of mass [m].", ge=0)
+    inertia_relative_std: float = option(0.1, "Of a link's inertia about its centre of mass, relative.", ge=0)
+    payload_relative_std: float = option(0.02, "Of the payload's mass, its inertia with it, relative.", ge=0)
+    payload_com_m: float = option(0.01, "Of each coordinate of the payload's centre of mass [m].", ge=0)
+    payload_inertia_relative_std: float = option(
+        0.1, "Of the payload's inertia about its centre of mass, relative.", ge=0
     )
-    com_m: float = field(
-        default=0.01, metadata={"description": "Of each coordinate of a link's centre of mass [m].", "ge": 0}
+    torque_relative_std: float = option(0.02, "Of a motor's torque constant, relative.", ge=0)
+    coupling_std: float = option(0.002, "Of a gear coupling, arm turns of this joint per arm turn of another.", ge=0)
+    arm_friction: float = option(
+        0.05,
+        "Of viscous friction behind the transmission, over what the link's own inertia asks for at 10 Hz; where"
+        " `arm_viscous` is not estimated.",
+        ge=0,
     )
-    inertia_relative_std: float = field(
-        default=0.1, metadata={"description": "Of a link's inertia about its centre of mass, relative.", "ge": 0}
+    friction: float = option(
+        0.02,
+        "Of what friction leaves in a motor's torque, in phase with its angle, losing energy and, where `viscous` is"
+        " not estimated, growing with its speed, over what its rotor asks for at 10 Hz.",
+        ge=0,
     )
-    payload_relative_std: float = field(
-        default=0.02, metadata={"description": "Of the payload's mass, its inertia with it, relative.", "ge": 0}
+    loss_factor: float = option(0.02, "Of the largest loss factor of a gear's hysteresis, which stiffens it too.", ge=0)
+    stiffness_relative_std: float = option(
+        0.1, "Of a spring's stiffness, relative; where `stiffness` is not estimated.", ge=0
     )
-    payload_com_m: float = field(
-        default=0.01, metadata={"description": "Of each coordinate of the payload's centre of mass [m].", "ge": 0}
+    damping_relative_std: float = option(
+        0.3, "Of a spring's damping, relative; where `damping` is not estimated.", ge=0
     )
-    payload_inertia_relative_std: float = field(
-        default=0.1, metadata={"description": "Of the payload's inertia about its centre of mass, relative.", "ge": 0}
-    )
-    torque_relative_std: float = field(
-        default=0.02, metadata={"description": "Of a motor's torque constant, relative.", "ge": 0}
-    )
-    coupling_std: float = field(
-        default=0.002,
-        metadata={"description": "Of a gear coupling, arm turns of this joint per arm turn of another.", "ge": 0},
-    )
-    arm_friction: float = field(
-        default=0.05,
-        metadata={
-            "description": "Of viscous friction behind the transmission, over what the link's own inertia asks for at"
-            " 10 Hz; where `arm_viscous` is not estimated.",
-            "ge": 0,
-        },
-    )
-    friction: float = field(
-        default=0.02,
-        metadata={
-            "description": "Of what friction leaves in a motor's torque, in phase with its angle, losing energy and,"
-            " where `viscous` is not estimated, growing with its speed, over what its rotor asks for at 10 Hz.",
-            "ge": 0,
-        },
-    )
-    loss_factor: float = field(
-        default=0.02,
-        metadata={"description": "Of the largest loss factor of a gear's hysteresis, which stiffens it too.", "ge": 0},
-    )
-    stiffness_relative_std: float = field(
-        default=0.1,
-        metadata={"description": "Of a spring's stiffness, relative; where `stiffness` is not estimated.", "ge": 0},
-    )
-    damping_relative_std: float = field(
-        default=0.3,
-        metadata={"description": "Of a spring's damping, relative; where `damping` is not estimated.", "ge": 0},
-    )
-    load_stiffness: float = field(
-        default=0.1,
-        metadata={"description": "Of a gear's stiffness over the range of its loads, relative.", "ge": 0},
-    )
-    delay_s: float = field(
-        default=5e-5,
-        metadata={"description": "Of the drives' delay [s]; where `delay` is not estimated.", "ge": 0},
-    )
-    compliance: float = field(
-        default=0.05,
-        metadata={
-            "description": "Of the compliance of bearings and base that the file lacks, over that of the joint's gear.",
-            "ge": 0,
-        },
+    load_stiffness: float = option(0.1, "Of a gear's stiffness over the range of its loads, relative.", ge=0)
+    delay_s: float = option(5e-5, "Of the drives' delay [s]; where `delay` is not estimated.", ge=0)
+    compliance: float = option(
+        0.05, "Of the compliance of bearings and base that the file lacks, over that of the joint's gear.", ge=0
     )

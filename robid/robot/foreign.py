@@ -12,9 +12,18 @@ import numpy as np
 
 from robid.arrays import LARGEST
 from robid.errors import DataError
-from robid.robot.masses import Weights, changed_by_compiler, replace_unsound, weights
-from robid.robot.quiet import quiet_reading
-from robid.robot.ties import Bond, Constraint, Tie, constraints_of, split
+from robid.robot.foreign_parts import (
+    Bond,
+    Constraint,
+    Tie,
+    Weights,
+    changed_by_compiler,
+    constraints_of,
+    replace_unsound,
+    split,
+    weights,
+)
+from robid.robot.model import quiet_reading
 from robid.robot.urdf import NOT_EXPANDED, Urdf, read_urdf, unusable, wrong_limits
 
 _REMOVED = (
@@ -40,23 +49,12 @@ class ForeignModel:
     """A rigid robot file as MuJoCo compiles it, without what an elastic robot cannot keep.
 
     Attributes:
-        name: Name of the file.
-        compiled: The kinematic tree with its masses.
-        hinges: Names of its hinge joints, base to tips.
-        slides: Names of its slide joints.
-        fixed: Names of its joints that do not move.
-        others: Names of its joints that are none of these.
         weights: What its bodies weigh; what `compiled` says of it may be a stand-in.
         faults: What is wrong with a body, by its name; it matters where the body moves.
-        limit_faults: What is wrong with the limits of a joint, by its name.
         rest: Where hinges and slides rest: at the file's reference, else in the middle of their limits [rad, or m].
-        in_degrees: Whether its angles are stated in degrees.
         gravity: Gravity in the world frame, zeros where it is switched off [m/s^2].
-        ties: Joints that follow others.
-        bonds: What else is tied.
         speed: Arm-side speed limits that it states, by joint [rad/s, or m/s].
         torque: Arm-side torque or force limits that it states, by joint [N m, or N].
-        notes: What was left out.
     """
 
     name: str

@@ -19,9 +19,7 @@ from numpy.typing import DTypeLike
 from robid.arrays import FloatArray
 
 LawName: TypeAlias = Literal["lugre", "tanh", "stribeck"]
-SIGN_SHARE = 0.1
-"""Width of a smoothed sign over the Stribeck speed."""
-
+SIGN_SHARE = 0.1  # Width of a smoothed sign over the Stribeck speed
 KINDS = ("level", "shape", "lag", "ripple_sin", "ripple_cos")
 """Coefficients of a law: errors of levels and of speeds and deflections, relative to the robot file's; of the lag, in
 samples; of the ripple, relative to its amplitude."""
@@ -45,7 +43,6 @@ class Friction:
         static_nm: Breakaway level [N m].
         stribeck_rad_s: Stribeck speed [rad/s].
         presliding_rad: Bristle deflection at the Coulomb level: `sigma_0 = coulomb / presliding` [rad].
-        relative_std: Standard deviation of the relative error of the coefficients.
     """
 
     viscous_nms_rad: float = 0.0
@@ -121,7 +118,6 @@ class FrictionLaw(ABC):
     """How the friction of a motor follows its motion.
 
     Attributes:
-        name: Name of the law in settings.
         widths: Widths that are tried where nothing is known of a motor; none for a law that is the limit of another.
         step_limits: What one step of the integrator may be at most of each of its rates.
     """
@@ -287,7 +283,6 @@ class Coordinate(NamedTuple):
     """A number in which the identification of a law moves.
 
     Attributes:
-        name: What it is.
         prior_std: Standard deviation about its start of what is believed beforehand.
         largest_step: What one iteration moves it at most.
     """
@@ -320,11 +315,8 @@ class TorqueLaw:
         width: Width of the law, such as LuGre's deflection [rad] or the speed of a smoothed sign [rad/s].
         relative_std: Standard deviation of the relative error of levels and of speeds and deflections.
         ripple_nm: Amplitude of the torque ripple [N m].
-        ripple_order: Ripple periods per motor turn.
-        law: How friction follows the motion.
         lag_samples: Known lag of the friction behind the motion [samples].
         ripple_sin: Known part of the ripple that opposes the motion with the sine of its order, over its amplitude.
-        ripple_cos: The same with the cosine.
         offset: How far each coefficient in `KINDS` is from the robot file's.
         identified_std: Standard deviations of the values in `VALUES` where they were identified; None otherwise.
         uneven_nms_rad: Half of what viscous friction is larger forward than backward: a torque per size of the speed,
@@ -419,15 +411,12 @@ def with_level(law: _Levels, coulomb_nm: float) -> _Levels:
 
 
 def friction_torque(speed: FloatArray, step_s: float, laws: Sequence[TorqueLaw]) -> FloatArray:
-    """Friction along one period of a motion in the periodic steady state; lag and ripple are left out.
+    """Friction against one period of a motion in the periodic steady state, of its shape; no lag, no ripple [N m].
 
     Args:
         speed (n_step, ..., n_motor): One period of the motor speed [rad/s].
         step_s: Grid step [s].
         laws: One law per motor.
-
-    Returns:
-        Torque that opposes the motion, of the same shape [N m].
     """
     kinds = {one.law.name: one.law for one in laws}
     torque = np.empty_like(speed)
@@ -460,6 +449,7 @@ def periodic_recurrence(decay: FloatArray, drive: FloatArray) -> FloatArray:
     Returns:
         z of the same shape; 0 at the start where the factors' product is 1.
     """
+    # As many stretches as divide the period evenly: they run side by side in one vectorised loop.
     n_stretch = next(count for count in range(max(1, len(decay) // _STRETCH), 0, -1) if len(decay) % count == 0)
     shape = (n_stretch, len(decay) // n_stretch, *decay.shape[1:])
     factors, additions = decay.reshape(shape), drive.reshape(shape)

@@ -1,8 +1,10 @@
-"""Adding and subtracting mass properties of rigid bodies in one frame."""
+"""Rigid bodies: adding and subtracting mass properties in one frame, and rotation matrices from angles."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -10,9 +12,31 @@ from robid.arrays import FloatArray
 from robid.robot.description import Inertial
 
 
+def turn_about(axis: Literal["x", "y", "z"], angle_deg: float) -> FloatArray:
+    """Returns the matrix (3, 3) of a turn about a coordinate axis by an angle [deg]."""
+    half = math.radians(angle_deg) / 2
+    # From the quaternion, digit by digit as scipy.spatial.transform.Rotation has it, which takes long to import.
+    sine, cosine = math.sin(half), math.cos(half)
+    along = "xyz".index(axis)
+    first, second = (along + 1) % 3, (along + 2) % 3
+    matrix = np.zeros((3, 3))
+    matrix[along, along] = sine * sine + cosine * cosine
+    matrix[first, first] = matrix[second, second] = cosine * cosine - sine * sine
+    matrix[second, first] = 2 * sine * cosine
+    matrix[first, second] = -matrix[second, first]
+    return matrix
+
+
+def roll_pitch_yaw(angles_deg: tuple[float, float, float]) -> FloatArray:
+    """Returns the matrix (3, 3) of turns about the fixed x, then y, then z axis [deg]."""
+    roll, pitch, yaw = angles_deg
+    return np.asarray(turn_about("z", yaw) @ turn_about("y", pitch) @ turn_about("x", roll))
+
+
 def combine(first: Inertial, second: Inertial) -> Inertial:
     """Returns the mass properties of two bodies joined rigidly, in their common frame."""
     return _from_moments(
+        # Mass, first moment and inertia about one origin add up.
         first.mass_kg + second.mass_kg,
         first.mass_kg * first.com_m + second.mass_kg * second.com_m,
         about_origin(first) + about_origin(second),
@@ -39,6 +63,7 @@ def _from_moments(mass: float, first_moment: FloatArray, inertia: FloatArray) ->
 
 
 def _steiner(offset: FloatArray) -> FloatArray:
+    # Steiner: m (c' c I - c c').
     return np.asarray(offset @ offset * np.eye(3) - np.outer(offset, offset))
 
 
@@ -68,6 +93,24 @@ def stretched_inertia(
         reach = 0.0
         for index in range(first, len(links)):
             reach += float(np.linalg.norm(offsets[index])) + travel[index] if index > first else 0.0
+            # m (reach + |c|)^2 bounds Steiner's term for every position of the joints between.
             distance = reach + float(np.linalg.norm(links[index].com_m))
             largest[first] += np.linalg.eigvalsh(links[index].inertia_kgm2)[-1] + links[index].mass_kg * distance**2
     return largest
+
+
+def about_z(angle: FloatArray) -> FloatArray:
+    """Returns the matrices (n, 3, 3) of turns about the z axis by angles (n,) [rad]."""
+    turn = np.zeros((angle.size, 3, 3))
+    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
+    turn[:, 1, 0] = np.sin(angle)
+    turn[:, 0, 1] = -turn[:, 1, 0]
+    turn[:, 2, 2] = 1.0
+    return turn
+
+
+def turned_about_z(turn: FloatArray, angle: FloatArray) -> FloatArray:
+    """Returns orientations (..., 3, 3) after turns by angles (...,) about their own z [rad]."""
+    cosine, sine = np.cos(angle)[..., None], np.sin(angle)[..., None]
+    x, y = turn[..., 0], turn[..., 1]
+    return np.stack([cosine * x + sine * y, cosine * y - sine * x, turn[..., 2]], axis=-1)

@@ -37,7 +37,7 @@ class MotorMotion:
 def inverse_motion(
     model: ElasticModel, rest: Equilibrium, motion: FloatArray, period_s: float, stride: int = 1
 ) -> MotorMotion:
-    """Finds the motor motion and torque that move the tool as a rigid robot would.
+    """Finds the motor motion and torque at all samples that move the tool as a rigid robot would.
 
     Stiffness that depends on a joint's position stays as it is at rest. The springs beyond the transmissions deflect
     quasi-statically under the torques of the rigid motion, and the arm angles make good what they do to the tool. The
@@ -51,9 +51,6 @@ def inverse_motion(
             [rad, rad/s, rad/s^2].
         period_s: Time between samples [s].
         stride: Samples from one evaluation of the rigid dynamics to the next; splines fill in.
-
-    Returns:
-        Motor angles and torques at all samples.
 
     Raises:
         DataError: If the springs give way, or a shaft lies between a motor and its transmission.
@@ -70,23 +67,28 @@ def inverse_motion(
     n_time, n_joint = motion.shape[1:]
     to_motor = model.robot.motor_per_arm
     time = period_s * np.arange(n_time)
+    # Rigid-body torques are smooth: evaluated at every `stride`-th sample, splines between.
     coarse = np.unique(np.append(np.arange(0, n_time, stride), n_time - 1))
     busy = np.flatnonzero(motion[1:, coarse].any(axis=(0, 2)))
     # Nothing changes before the move, nor after it once the dampers have let go.
     lag = max((spring.damping / spring.stiffness for spring in model.robot.springs), default=0.0)
+    # After the move dampers let go with the time constant d / k; thirty of these are enough.
     late = busy[-1] + 2 + round(_SETTLED * lag / (stride * period_s))
     held = np.clip(np.arange(coarse.size), max(busy[0] - 1, 0), min(late, coarse.size - 1))
     moving, held = coarse[held[0] : held[-1] + 1], held - held[0]
     dynamics = _Dynamics(model, rest)
     elastic = dynamics.settle(dynamics.whole(motion[:, moving], motion[:, moving] @ to_motor.T))
     bent = make_interp_spline(time[coarse], (elastic - elastic[0])[held], k=_SMOOTH)
+    # Deflections of the further springs with their rates and accelerations, from splines of degree 5.
     bend = np.array([bent(time, nu=order) for order in range(3)])
+    # Arm angles make good what the deflections do to the tool.
     arm = motion - bend @ _tool_effect(model, rest).T
     motor = arm @ to_motor.T
     # Rotors that ride on the links feel their motion and the links theirs; one more round settles that.
     for _ in range(2 if model.robot.rotor == "on_link" else 1):
         needed = dynamics.torques(dynamics.whole(arm[:, moving], motor[:, moving], bend[:, moving]))[held]
         torque = np.asarray(make_interp_spline(time[coarse], needed, k=_SMOOTH)(time))
+        # The motor leads its arm by the gear's deflection under the torque that the arm needs.
         gear = _gear_deflection(model, rest, torque[:, n_joint:], period_s)
         turned = make_interp_spline(time, gear - gear[0], k=_SMOOTH)
         before, motor = motor, (arm + np.array([turned(time, nu=order) for order in range(3)])) @ to_motor.T
@@ -139,6 +141,8 @@ class _Dynamics:
             for _ in range(_STEPS):
                 position[self._elastic] = deflection
                 step = self._torque(position, rate, acceleration)[self._elastic]
+                # Residual: rigid-body torque on the elastic coordinate plus the spring's own; the Jacobian neglects
+                # gravity's gradient.
                 step += self._linear * deflection + self._cubic * deflection**3
                 step /= self._linear + 3 * self._cubic * deflection**2
                 deflection -= step
@@ -169,6 +173,7 @@ def _tool_effect(model: ElasticModel, rest: Equilibrium) -> FloatArray:
     mujoco.mj_comPos(model.mujoco, data)
     site = model.mujoco.site(site_name(model.robot.sensors[0])).id
     mujoco.mj_jacSite(model.mujoco, data, moving[:3], moving[3:], site)
+    # Turns in metres at a lever, so that one pseudo-inverse weighs both alike.
     moving[3:] *= _LEVER_M
     elastic = np.setdiff1d(model.passive, model.arm)
     return np.asarray(np.linalg.pinv(moving[:, model.arm], rcond=_SINGULAR) @ moving[:, elastic])
@@ -187,6 +192,7 @@ def _gear_deflection(model: ElasticModel, rest: Equilibrium, torque: FloatArray,
     before = last = _bend(torque[0], linear, cubic, torque[0] / linear)
     for sample, wanted in enumerate(torque):
         # Second-order backward differences: stable for any damper, exact statics without one.
+        # BDF2: d x' ~ d (3 x - 4 x_1 + x_2) / (2 T), of which the known part goes to the right-hand side.
         load = wanted + rate * (4 * last - before)
         before, last = last, _bend(load, linear + 3 * rate, cubic, last)
         found[sample] = last

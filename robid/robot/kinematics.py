@@ -12,15 +12,13 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, check_shape
 from robid.robot.description import Joint, Robot
+from robid.robot.inertia import about_z, turned_about_z
 from robid.signals.pose import POSE, RAIL, displaced_pose
 
 _NEWTON_STEPS = 12
-_CLOSE = 1e-11
-"""How far, in m and rad, a pose that is reached may be from the one that was asked for."""
-_SINGULAR = 1e-4
-"""Least over greatest singular value of a Jacobian below which a direction counts as lost."""
-_STRIDE = 0.1
-"""How far, in m or rad, poses move from one start of Newton's steps to the next."""
+_CLOSE = 1e-11  # How far, in m and rad, a pose that is reached may be from the one that was asked for
+_SINGULAR = 1e-4  # Least over greatest singular value of a Jacobian below which a direction counts as lost
+_STRIDE = 0.1  # How far, in m or rad, poses move from one start of Newton's steps to the next
 _HALVINGS = 8
 _TAKES_PART = 0.3
 _HARDLY = 0.05
@@ -31,7 +29,6 @@ class ToolArm:
     """A rigid arm on its root, and its tool.
 
     Attributes:
-        robot: The robot; its springs are taken as rigid.
         external: How many joints, from the first on, ride below the root.
         tool_m (3,): Tool point in the last joint's frame [m].
         tool_rotation (3, 3): Orientation of the tool in the last joint's frame.
@@ -67,13 +64,10 @@ class ToolArm:
         return point, turn
 
     def jacobian(self, positions: FloatArray) -> FloatArray:
-        """Returns how the joints move the tool.
+        """Jacobians (..., 6, n_arm): velocity of the tool point [m], and angular velocity [1], in the root.
 
         Args:
             positions (..., n_arm): Arm-side positions of the joints above the root [rad, or m].
-
-        Returns:
-            Jacobians (..., 6, n_arm): velocity of the tool point [m], and angular velocity [1], in the root.
         """
         point, _, axes = self.chain(positions)
         return self.moves(point, axes)
@@ -93,11 +87,12 @@ class ToolArm:
         axes: list[tuple[FloatArray, FloatArray]] = []
         for joint, moved in zip(self.joints, np.moveaxis(positions, -1, 0), strict=True):
             point, turn = point + turn @ joint.position_m, turn @ joint.rotation
+            # The axis and a point on it give each column of the Jacobian: omega x r, and omega.
             axes.append((turn[..., 2], point))
             if joint.type == "prismatic":
                 point = point + moved[..., None] * turn[..., 2]
             else:
-                turn = _turned(turn, moved)
+                turn = turned_about_z(turn, moved)
         return point + turn @ self.tool_m, turn @ self.tool_rotation, axes
 
     def moves(self, point: FloatArray, axes: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
@@ -107,6 +102,7 @@ class ToolArm:
             if joint.type == "prismatic":
                 jacobian[..., :3, index] = axis
             else:
+                # A turn moves the tool by axis x (tool - origin).
                 jacobian[..., :3, index] = np.cross(axis, point - origin)
                 jacobian[..., 3:, index] = axis
         return jacobian
@@ -149,6 +145,7 @@ def reach_poses(arm: ToolArm, home: FloatArray, displaced: FloatArray) -> Reache
     """
     check_shape("displaced", displaced, "n_sample axis", axis=6)
     at = arm.poses(home)
+    # Poses move by at most a stride at once: Newton stays on the branch that it is on.
     strides = max(1, int(np.ceil(np.abs(displaced).max(initial=0.0) / _STRIDE)))
     found = np.broadcast_to(home, (len(displaced), home.size)).copy()
     share = np.zeros(len(displaced))
@@ -160,6 +157,7 @@ def reach_poses(arm: ToolArm, home: FloatArray, displaced: FloatArray) -> Reache
         found[going], share[going] = positions[arrived], stride / strides
     for halving in range(1, _HALVINGS + 1):
         lost = np.flatnonzero(share < 1)
+        # Halving finds how far the last stride leads; what is lost keeps its last position.
         ahead = share[lost] + 0.5**halving / strides
         positions, arrived = _newton(arm, found[lost], displaced_pose(*at, displaced[lost] * ahead[:, None]))
         found[lost[arrived]], share[lost[arrived]] = positions[arrived], ahead[arrived]
@@ -179,10 +177,12 @@ def _newton(arm: ToolArm, positions: FloatArray, goal: tuple[FloatArray, FloatAr
         if not len(busy):
             break
         point, turn, axes = arm.chain(positions[busy])
+        # Position error and the vector of the small turn between, as one screw.
         error = np.concatenate([goal[0][busy] - point, _small_turn(goal[1][busy], turn)], axis=-1)
         size = np.abs(error).max(axis=1)
         close[busy[size <= _CLOSE]] = True
         step = _solved(arm.moves(point, axes), error)
+        # No step beyond 1 rad or m: near singular poses Newton would leave the branch.
         far = np.abs(step).max(axis=1, initial=0.0)
         positions[busy] += step * np.where(far > 1, 1 / np.maximum(far, 1), 1.0)[:, None]
     return positions, close & ~is_singular(arm.jacobian(positions))
@@ -204,6 +204,7 @@ def is_singular(jacobian: FloatArray) -> BoolArray:
 
 def _loose(arm: ToolArm, positions: FloatArray) -> BoolArray:
     """Which joints take part in the motion that moves the tool least, where it hardly moves it at all."""
+    # The right singular vector of the least singular value moves joints against each other.
     _, size, motion = np.linalg.svd(arm.jacobian(positions))
     if size[-1] > _HARDLY * size[0]:
         return np.zeros(positions.size, bool)
@@ -212,6 +213,7 @@ def _loose(arm: ToolArm, positions: FloatArray) -> BoolArray:
 
 def _small_turn(goal: FloatArray, turn: FloatArray) -> FloatArray:
     """Turns (n, 3) that lead from orientations to others nearby, to second order [rad]."""
+    # The skew part of R R' is the axis times the sine of the angle.
     between = goal @ turn.swapaxes(-1, -2)
     return 0.5 * np.stack(
         [
@@ -223,8 +225,25 @@ def _small_turn(goal: FloatArray, turn: FloatArray) -> FloatArray:
     )
 
 
-def _turned(turn: FloatArray, angle: FloatArray) -> FloatArray:
-    """Orientations (..., 3, 3) after turns about their own z."""
-    cosine, sine = np.cos(angle)[..., None], np.sin(angle)[..., None]
-    x, y = turn[..., 0], turn[..., 1]
-    return np.stack([cosine * x + sine * y, cosine * y - sine * x, turn[..., 2]], axis=-1)
+def skeleton(robot: Robot, configurations: FloatArray, tool_m: FloatArray | None = None) -> FloatArray:
+    """Points (n_conf, n_joint + 2, 3) of base, joints and tool in the base frame; springs do not deflect [m].
+
+    Args:
+        robot: The robot.
+        configurations (n_conf, n_joint): Arm-side positions [rad, or m].
+        tool_m (3,): Tool point in the last joint's frame; the payload's centre of mass by default [m].
+    """
+    check_shape("configurations", configurations, "n_conf n_joint", n_joint=len(robot.joints))
+    n_conf = len(configurations)
+    position, rotation = np.zeros((n_conf, 3)), np.broadcast_to(np.eye(3), (n_conf, 3, 3))
+    points = [position]
+    for joint, moved in zip(robot.joints, configurations.T, strict=True):
+        position = position + rotation @ joint.position_m
+        rotation = rotation @ joint.rotation
+        if joint.type == "prismatic":
+            position = position + moved[:, None] * rotation[:, :, 2]
+        else:
+            rotation = rotation @ about_z(moved)
+        points.append(position)
+    points.append(position + rotation @ (robot.payload.com_m if tool_m is None else tool_m))
+    return np.stack(points, axis=1)

@@ -10,9 +10,9 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.robot.description import HarmonicBalance, Sensor
-from robid.robot.gear_effects import GearEffects
 from robid.robot.model import ElasticModel, site_name
-from robid.robot.rest import Rest
+from robid.robot.rest import MatrixSlopes, Rest
+from robid.robot.spring_laws import GearEffects
 from robid.signals.quantities import Rate
 
 _AFTER, _BEFORE = [1, 2, 0], [2, 0, 1]  # of x, y and z
@@ -39,23 +39,15 @@ class Equilibrium:
 
 
 @dataclass(frozen=True)
-class Shifts:
-    """How the linearised matrices move with what a robot file may have wrong, to first order.
+class Shifts(MatrixSlopes):
+    """How the linearised matrices move with nuisance parameters, what a robot file may have wrong, to first order.
 
     Attributes:
         amounts (n_doubt,): With which the robot was linearised, zero where the file is right.
-        mass (n_conf, n_doubt, n, n): Derivative of the whole inertia matrix.
-        gravity_stiffness (n_conf, n_doubt, n, n): Of the symmetrised gradient of gravity.
-        output (n_conf, n_doubt, n_out, n): Of the outputs.
-        tilt (n_conf, n_doubt, n_out, n): Of gravity's part of the outputs.
         torque (n_doubt, n_joint): Of the logarithm of the torque that a motor gives per torque recorded.
     """
 
     amounts: FloatArray
-    mass: FloatArray
-    gravity_stiffness: FloatArray
-    output: FloatArray
-    tilt: FloatArray
     torque: FloatArray
 
 
@@ -77,9 +69,8 @@ class LinearModel:
         arm (n_joint, n): Arm-side positions in these coordinates.
         rotor (n_joint,): Rotor inertias of the robot file [kg m^2].
         axial (n_joint,): Links' own inertia about the joint axis direction, or mass, payload included [kg m^2, or kg].
-        rest: Where the springs rest.
-        shifts: How all this moves with doubts that a fit estimates; None without any.
-        effects: What gears do beside springs and dampers by such doubts; None without any.
+        shifts: How all this moves with nuisance parameters that a fit estimates; None without any.
+        effects: What gears do beside springs and dampers by such parameters; None without any.
         added (n_conf, n_freq, n_spring): What springs have at each frequency of a response beyond their stiffness, over
             it; None for nothing.
         clinging (n_conf, n_motor): Torques that follow the motors' angles, as complex stiffnesses [N m/rad]; None for
@@ -116,7 +107,7 @@ def solve_statics(
     cubic: FloatArray | None = None,
     variance: FloatArray | None = None,
 ) -> Equilibrium:
-    """Solves the statics with the motor angles held by the encoders.
+    """Solves the statics of every configuration with the motor angles held by the encoders.
 
     Args:
         model: The elastic model.
@@ -126,9 +117,6 @@ def solve_statics(
         variance (n_conf, n_spring): Mean square deflections of swinging springs, whose cubic part then carries more
             of the mean torque; none by default [rad^2].
 
-    Returns:
-        The equilibrium of every configuration.
-
     Raises:
         DataError: If a configuration has no equilibrium within reach.
     """
@@ -136,17 +124,20 @@ def solve_statics(
     linear = np.array([s.stiffness for s in springs]) if stiffness is None else stiffness
     third = np.array([s.cubic for s in springs]) if cubic is None else cubic
     swing = np.zeros((len(configurations), len(springs))) if variance is None else variance
+    # A swing v adds 3 k3 v to the slope that the mean deflection feels (docs/methods, sec. 1).
     slope = linear + 3 * third * swing
     data = mujoco.MjData(model.mujoco)
     pairs = zip(configurations, slope, strict=True)
     position = np.array([_settle(model, data, own, third, configuration) for configuration, own in pairs])
     deflection = position @ model.deflection.T
     torque = model.varying.factors(position) * (slope * deflection + third * deflection**3)
+    # E' tau: what the springs do to each coordinate; motors must hold it.
     load = torque @ model.deflection
     besides = gravity_torque(model, position)
     if model.varying:
         energy = 0.5 * slope * deflection**2 + 0.25 * third * deflection**4
         besides = besides + [model.varying.load(*each) for each in zip(position, energy, strict=True)]
+    # A rigid arm is its motor's coordinate: gravity acts on the motor directly.
     load[:, model.arm] += np.where(model.robot.rigid, besides[:, model.arm], 0.0)
     return Equilibrium(position, load[:, model.motor] / model.turns, deflection, -torque)
 
@@ -159,18 +150,12 @@ def linearize(
     Args:
         model: The elastic model.
         equilibrium: Where to linearise.
-        output_names: Outputs: a joint's name is its motor angle, `<joint>.arm` its arm angle, others are the
-            robot's sensors; by default all motors.
-
-    Returns:
-        Constant matrices of all configurations.
+        output_names: Joints for their motors, `<joint>.arm` for their arms, names of sensors; all motors by default.
 
     Source:
         Wernholt and Moberg (2008), sec. 5; docs/methods, sec. 1.
     """
-    data = mujoco.MjData(model.mujoco)
-    to_spring = model.to_spring
-    axial = axial_inertia(model)
+    data, to_spring, axial = mujoco.MjData(model.mujoco), model.to_spring, axial_inertia(model)
     masses, gravities, links, outputs = [], [], [], []
     names = output_names or tuple(joint.name for joint in model.robot.joints)
     factor = model.varying.factors(equilibrium.position)
@@ -178,33 +163,39 @@ def linearize(
         load = gravity_gradient(model, data, position)
         if model.varying:
             load = load + _varying_gradient(model, equilibrium, row, factor[row])
+        # Congruence with z = T^-1 q keeps the gradient symmetric: T' (dg/dq) T.
         gravities.append(to_spring.T @ load @ to_spring)
-        mass, moves = _inertia(model, data, position)
-        moves = moves @ to_spring
+        mass, moves = _inertia(model, data, position, to_spring)
+        # Sum over directions of t t': the derivative of the inertia matrix by the link's own inertia.
         links.append((moves[..., :, None] * moves[..., None, :]).sum(axis=1))
         outputs.append(_in_springs(model, names, _outputs(model, data, names), to_spring))
+        # What parameters add again is taken out: the links' own axial inertia, and the rotors in `_inertia`.
         masses.append(to_spring.T @ mass @ to_spring - np.einsum("l,lij->ij", axial, links[-1]))
-    n_motor = len(model.motor)
-    gravity = np.array(gravities)
     return LinearModel(
         mass=np.array(masses),
-        gravity_stiffness=gravity,
+        gravity_stiffness=np.array(gravities),
         link_inertia=np.array(links),
-        output=np.array([output for output, _ in outputs]),
-        tilt=np.array([tilt for _, tilt in outputs]),
+        output=np.array(outputs)[:, 0],
+        tilt=np.array(outputs)[:, 1],
         arm=to_spring[model.arm],
         rotor=model.robot.motor_inertia_kgm2,
         axial=axial,
-        rest=Rest(
-            deflection=equilibrium.deflection,
-            torque=equilibrium.spring_torque,
-            gradient=gravity[:, n_motor:, n_motor:],
-            location=model.robot.spring_points_m,
-            power=np.zeros((len(gravity), 0, len(model.robot.springs))),
-            omega=np.zeros(0),
-            shape=np.ones((len(gravity), len(model.robot.springs))),
-            factor=factor,
-        ),
+        rest=_rest(model, equilibrium, np.array(gravities), factor),
+    )
+
+
+def _rest(model: ElasticModel, equilibrium: Equilibrium, gravity: FloatArray, factor: FloatArray) -> Rest:
+    """Where the springs rest, without any excitation that lets them swing."""
+    n_motor = len(model.motor)
+    return Rest(
+        deflection=equilibrium.deflection,
+        torque=equilibrium.spring_torque,
+        gradient=gravity[:, n_motor:, n_motor:],
+        location=model.robot.spring_points_m,
+        power=np.zeros((len(gravity), 0, len(model.robot.springs))),
+        omega=np.zeros(0),
+        shape=np.ones((len(gravity), len(model.robot.springs))),
+        factor=factor,
     )
 
 
@@ -233,6 +224,7 @@ def _settle(
     model: ElasticModel, data: mujoco.MjData, linear: FloatArray, cubic: FloatArray, configuration: FloatArray
 ) -> FloatArray:
     position = np.zeros(model.mujoco.nv)
+    # Encoders fix the motors; arms start where rigid gears would have them.
     position[model.motor] = model.robot.motor_per_arm @ configuration / model.turns
     position[model.arm] = configuration
     free = model.passive
@@ -252,6 +244,7 @@ def _settle(
             gradient = gradient + model.varying.gradient(position, energy, torque, model.deflection)
             factor = model.varying.factors(position)
             torque, slope = factor * torque, factor * slope
+        # g(q) = E' tau_s(d) on the free coordinates; Newton's matrix has springs, gravity and varying stiffness.
         residual = (model.deflection.T @ torque + besides)[free]
         hessian = model.deflection.T @ (slope[:, None] * model.deflection)
         jacobian = (hessian + gradient)[np.ix_(free, free)]
@@ -299,8 +292,11 @@ def gravity_gradient(model: ElasticModel, data: mujoco.MjData, position: FloatAr
     mujoco.mj_comPos(model.mujoco, data)
     body, joint = model.mujoco.dof_bodyid, model.mujoco.dof_jntid
     turns = (model.mujoco.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE)[:, None]
+    # Gravity's torque about an axis is that of the mass carried: its moment turns with every axis before it.
     mass, axis = model.mujoco.body_subtreemass[body, None], data.xaxis[joint]
+    # m axis x (c - o) is how the first moment moves with a turn; m axis with a slide.
     moment = mass * np.where(turns, _cross(axis, data.subtree_com[body] - data.xanchor[joint]), axis)
+    # -(g x a_i) . moment_j for j at or after i in the chain; the matrix is symmetric.
     later = -(_cross(model.mujoco.opt.gravity, axis) * turns) @ moment.T * model.carries
     gradient = later + np.triu(later, 1).T
     for own, arm in zip(model.robot.joints, model.arm, strict=True):
@@ -309,8 +305,10 @@ def gravity_gradient(model: ElasticModel, data: mujoco.MjData, position: FloatAr
     return np.asarray(gradient)
 
 
-def _inertia(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Inertia matrix without rotors, and the rates (n_joint, 3, n_dof) whose squares each link's inertia multiplies.
+def _inertia(
+    model: ElasticModel, data: mujoco.MjData, position: FloatArray, to_spring: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Inertia matrix without rotors, and the rates (n_joint, 3, n) whose squares each link's inertia multiplies.
 
     These are its rotation rate about its joint axis, and two zeros; where it slides, the speed of its centre of mass.
     """
@@ -318,6 +316,7 @@ def _inertia(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> 
     mujoco.mj_forward(model.mujoco, data)
     mass = np.zeros((position.size, position.size))
     mujoco.mj_fullM(model.mujoco, data, mass)
+    # MuJoCo has the rotors as inertia or armature; as parameters they are added in `mass_matrix`.
     mass[model.motor, model.motor] -= model.turns**2 * model.robot.motor_inertia_kgm2
     rates = np.zeros((len(model.robot.joints), 3, position.size))
     rotation = np.zeros((3, position.size))
@@ -330,7 +329,7 @@ def _inertia(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> 
             continue
         mujoco.mj_jacBody(model.mujoco, data, None, rotation, body)
         rates[row, 0] = frame[:, 2] @ rotation
-    return mass, rates
+    return mass, rates @ to_spring
 
 
 def axial_inertia(model: ElasticModel) -> FloatArray:
@@ -385,5 +384,6 @@ def _sensed(model: ElasticModel, data: mujoco.MjData, sensor: Sensor) -> FloatAr
     mujoco.mj_jacSite(model.mujoco, data, moving, turning, site)
     if sensor.kind == "tracker":
         return np.stack([sensor.axis @ moving, np.zeros(model.mujoco.nv)])
+    # An accelerometer's axis turns with the link: gravity along it changes by (axis x g) . turn.
     axis = data.site_xmat[site].reshape(3, 3) @ sensor.axis
     return np.stack([axis @ moving, np.cross(axis, model.mujoco.opt.gravity) @ turning])

@@ -1,8 +1,10 @@
-"""The elastic robot in MuJoCo: motors, transmissions, bearings, split links, flexible base and payload."""
+"""The elastic robot in MuJoCo: motors, transmissions, bearings, split links, base, payload; its warnings kept quiet."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+import warnings
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -27,11 +29,33 @@ from robid.robot.actuators import (
 from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Sensor, Spring
 from robid.robot.friction import FrictionLaw
 from robid.robot.inertia import combine, remove
-from robid.robot.stiffness_law import VaryingSprings
+from robid.robot.spring_laws import VaryingSprings
+
+
+@contextlib.contextmanager
+def quiet_warnings() -> Iterator[list[str]]:
+    """Collects MuJoCo's warnings instead of having them printed and written to `MUJOCO_LOG.TXT`."""
+    before, told = mujoco.get_mju_user_warning(), []
+    mujoco.set_mju_user_warning(lambda message: told.append(str(message)))
+    try:
+        yield told
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+@contextlib.contextmanager
+def quiet_reading() -> Iterator[list[str]]:
+    """Collects what MuJoCo warns of while it reads and compiles a file, which it says through Python, too."""
+    with quiet_warnings() as told, warnings.catch_warnings(record=True) as raised:
+        warnings.simplefilter("always", UserWarning)
+        try:
+            yield told
+        finally:
+            told += [str(each.message) for each in raised]
+
 
 _LEAST_KG = 1e-12  # MuJoCo wants some
-HYSTERESIS_SHARE = 0.1
-"""Stiffness of a transmission's bristles over its own."""
+HYSTERESIS_SHARE = 0.1  # Stiffness of a transmission's bristles over its own
 
 
 @dataclass(frozen=True)
@@ -39,9 +63,6 @@ class ElasticModel:
     """A compiled elastic robot; all joints are hinges and slides, so positions and velocities share indices.
 
     Attributes:
-        robot: What it was built from.
-        mujoco: The compiled model.
-        spec: What was compiled.
         motor (n_joint,): Indices of the coordinates that motors drive: motor angles `q_m`, arm angles of rigid joints.
         turns (n_joint,): Motor angle per unit of these: 1, or the gear ratio of a rigid joint.
         arm (n_joint,): Indices of the arm positions `q_a`.
@@ -75,6 +96,7 @@ class ElasticModel:
         found = np.eye(self.mujoco.nv, dtype=bool)
         for index, before in enumerate(self.mujoco.dof_parentid.tolist()):
             if before >= 0:
+                # A coordinate is carried by all its ancestors in the tree.
                 found[:, index] |= found[:, before]
         return found
 
@@ -101,7 +123,7 @@ def build_model(
     sensors: bool = False,
     balanced: bool = False,
 ) -> ElasticModel:
-    """Builds the elastic MuJoCo model of a robot.
+    """Builds the elastic MuJoCo model of a robot; its controls are the motor torques [N m].
 
     Args:
         robot: The robot.
@@ -116,9 +138,6 @@ def build_model(
         sensors: Adds MuJoCo sensors for those of the robot; their sites are always there.
         balanced: Takes counterbalances by harmonics, which act in the engine, in statics and linearization.
 
-    Returns:
-        The compiled model; its controls are the motor torques [N m].
-
     Raises:
         ValueError: If rotors ride on the links and a joint is rigid.
         DataError: If the robot has counterbalances that are not taken, closed loops or rigid joints that several motors
@@ -131,6 +150,7 @@ def build_model(
     _check_rigid(robot)
     spec = mujoco.MjSpec()
     spec.option.timestep = timestep_s
+    # RK4 hardly damps modes that its steps resolve; implicit integrators would damp the stiffest ones.
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
     spec.option.gravity = robot.gravity_m_s2
     flags = mujoco.mjtDisableBit
@@ -138,6 +158,7 @@ def build_model(
     parent, offset = _add_base(spec.worldbody, robot)
     for index, joint in enumerate(robot.joints):
         is_last = index == len(robot.joints) - 1
+        # Spong's assumption: a rotor's energy is that of its own turn alone, as if it stood in the world.
         carrier = parent if robot.rotor == "on_link" else spec.worldbody
         if not robot.rigid[index]:
             add_shafts(add_motor(carrier, joint, offset, robot.rotor), robot, index)
@@ -251,6 +272,7 @@ def _add_link(
     _add_arm(body, joint, rigid=bool(robot.rigid[index]))
     for spring in bearings if joint.type == "prismatic" else ():
         add_elastic_hinge(body, spring)
+    # A split link keeps what lies before the split; each part beyond hangs on its spring.
     whole = joint.link
     origin: FloatArray = np.zeros(3)
     for spring in springs:
@@ -271,6 +293,7 @@ def _add_arm(body: mujoco.MjsBody, joint: Joint, *, rigid: bool) -> None:
     arm = body.add_joint(name=f"q_a_{joint.name}", type=kind, axis=[0, 0, 1])
     if rigid:
         motor = joint.motor
+        # A rigid gear reflects the rotor as n^2 J, and its viscous friction as n^2 d.
         arm.armature = motor.gear_ratio**2 * motor.inertia_kgm2
     moving = joint.motor.gear_ratio**2 * joint.motor.friction.viscous_nms_rad if rigid else 0.0
     arm.damping = np.array([moving + joint.arm_viscous, 0.0, 0.0])
@@ -290,6 +313,7 @@ def _add_transmission(spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlas
     for index, (drive, turns) in enumerate(motor_drives(robot)):
         arm = float(robot.arm_per_motor[spring.joint, index])
         if arm != 0:
+            # The tendon's length is the gear's deflection: arm motion per motor turns, less the arm.
             tendon.wrap_joint(drive, arm * turns)
             for shaft in shafts_of(robot, index):
                 tendon.wrap_joint(f"q_e_{shaft.name}", arm)
@@ -299,6 +323,7 @@ def _add_transmission(spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlas
     tendon.springlength = [-0.5 * backlash, 0.5 * backlash]
     if hysteresis > 0:
         bristle = HYSTERESIS_SHARE * spring.stiffness
+        # Equal Coulomb and breakaway levels without bristle damping: LuGre is then Dahl's element.
         law = [bristle, 0.0, hysteresis, hysteresis, 1.0]
         bristles = spec.add_actuator(
             name=f"hysteresis_{joint.name}", trntype=mujoco.mjtTrn.mjTRN_TENDON, target=spring.name
@@ -327,5 +352,6 @@ def _compile(spec: mujoco.MjSpec, robot: Robot) -> ElasticModel:
                 deflection[row, twist] = robot.arm_per_motor[spring.joint, shaft.joint]
         else:
             deflection[row, model.joint(f"q_e_{spring.name}").dofadr[0]] = 1.0
+    # What motors do not drive is free to settle: arms behind elastic gears, and all elastic angles.
     passive = np.setdiff1d(np.arange(model.nv), motor)
     return ElasticModel(robot, model, spec, motor, turns, arm, passive, deflection)

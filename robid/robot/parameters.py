@@ -153,9 +153,7 @@ OF_SPRINGS = tuple(kind for kind in ELASTIC if PARAMETER_KINDS[kind].owner == "s
 """Kinds of which every spring has one."""
 RESPONSE_NUISANCE = tuple(kind for kind in DIRECT if kind not in LOGARITHMIC)
 """Kinds that are of no interest themselves: a response shows them, and a robot file says little of them."""
-DOUBT = "doubt"
-"""Kind of the parameters that a user frees because the robot file is doubted."""
-
+DOUBT = "doubt"  # Kind of the parameters that a user frees because the robot file is doubted
 NUISANCE = "friction"
 """Errors of the torques that were subtracted, which a fit estimates only to get them out of the way."""
 
@@ -238,12 +236,10 @@ def name_of(owner: str, kind: str) -> str:
 
 
 def viscous_scale(inertia: FloatArray) -> FloatArray:
-    """What is natural to viscous friction (n_joint,): what the inertia of a rotor or link asks for at 1 Hz.
+    """What is natural to viscous friction (n_joint,): what an inertia asks for at 1 Hz [N m s/rad, or N s/m].
 
     Args:
         inertia (n_joint,): Inertia of each, or mass of links that slide [kg m^2, or kg].
-
-    Returns:
-        Scales [N m s/rad, or N s/m].
     """
+    # At 1 Hz the torque w d q' of a damper is that of the inertia w^2 J where d = 2 pi J.
     return np.asarray(2 * np.pi * inertia)

@@ -14,8 +14,8 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.description import Robot
 from robid.robot.foreign import name_everything
-from robid.robot.model import ElasticModel, build_model
-from robid.robot.quiet import quiet_reading
+from robid.robot.inertia import about_z
+from robid.robot.model import ElasticModel, build_model, quiet_reading
 from robid.robot.urdf import read_urdf
 
 
@@ -87,7 +87,7 @@ def heights(robot: Robot, configurations: FloatArray) -> tuple[FloatArray, Float
         if joint.type == "prismatic":
             position = position + configurations[:, index, None] * axes[-1]
         else:
-            rotation = rotation @ _about_z(configurations[:, index])
+            rotation = rotation @ about_z(configurations[:, index])
         origins.append(position)
         own = [np.zeros(3), joint.link.com_m] + ([robot.payload.com_m] if index == last else [])
         found += [(index, position + rotation @ point) for point in own]
@@ -95,23 +95,13 @@ def heights(robot: Robot, configurations: FloatArray) -> tuple[FloatArray, Float
     for row, (carrier, point) in enumerate(found):
         for index in range(carrier + 1):
             slides = robot.joints[index].type == "prismatic"
+            # dz of a point: the axis of a slide, axis x lever of a turn, their vertical part.
             moved = axes[index] if slides else np.cross(axes[index], point - origins[index])
             slopes[:, row, index] = moved[:, 2]
     return np.stack([point[:, 2] for _, point in found], axis=1), slopes
 
 
-def _about_z(angle: FloatArray) -> FloatArray:
-    """Rotations (n_conf, 3, 3) about the z axis."""
-    cosine, sine = np.cos(angle), np.sin(angle)
-    turned = np.zeros((len(angle), 3, 3))
-    turned[:, 0, 0], turned[:, 0, 1] = cosine, -sine
-    turned[:, 1, 0], turned[:, 1, 1] = sine, cosine
-    turned[:, 2, 2] = 1.0
-    return turned
-
-
-TOUCH_M = 1e-3
-"""How far a point may be below the floor."""
+TOUCH_M = 1e-3  # How far a point may be below the floor
 _ASLANT = 1e-6
 
 
@@ -120,7 +110,6 @@ class Reach:
     """What keeps a robot from a configuration.
 
     Attributes:
-        robot: The robot; its joint limits are one bound.
         floor_m: Height of the floor in the world frame; None where there is none [m].
         shapes: Shapes that must not touch each other; None where the robot has none.
     """
@@ -130,13 +119,10 @@ class Reach:
     shapes: Shapes | None = None
 
     def problems(self, configurations: FloatArray) -> list[str]:
-        """Says of each configuration why it is out of reach.
+        """Says in a phrase why each configuration is out of reach; empty where it is in reach.
 
         Args:
             configurations (n_conf, n_joint): Arm-side joint angles [rad].
-
-        Returns:
-            One phrase per configuration, empty where it is in reach.
         """
         beyond = [self._beyond(row) for row in configurations]
         low = self._under_floor(configurations)
@@ -161,14 +147,11 @@ class Reach:
 
 
 def points(robot: Robot, configurations: FloatArray) -> FloatArray:
-    """Returns joint origins and centres of mass of the links, payload included, springs at rest.
+    """Points (n_conf, n_point, 3) in the world: joint origins, centres of mass with the payload's, springs at rest [m].
 
     Args:
         robot: The robot.
         configurations (n_conf, n_joint): Arm-side joint angles [rad].
-
-    Returns:
-        Points (n_conf, n_point, 3) in the world frame [m].
     """
     model = build_model(robot)
     moved = [body for body in range(1, model.mujoco.nbody) if model.mujoco.body_jntnum[body]]
@@ -182,14 +165,11 @@ def points(robot: Robot, configurations: FloatArray) -> FloatArray:
 
 
 def mirror(robot: Robot, configurations: FloatArray) -> FloatArray:
-    """Mirrors configurations at the vertical plane through the world's x axis.
+    """Mirrors joint angles (n_conf, n_joint) at the vertical plane through the world's x axis [rad].
 
     Args:
         robot: The robot.
         configurations (n_conf, n_joint): Arm-side joint angles [rad].
-
-    Returns:
-        Mirrored joint angles (n_conf, n_joint) [rad].
 
     Raises:
         DataError: If the robot is not symmetric about that plane, its lateral offsets apart.
@@ -200,6 +180,8 @@ def mirror(robot: Robot, configurations: FloatArray) -> FloatArray:
     model = build_model(robot)
     at_zero = next(_poses(model, np.zeros((1, len(robot.joints)))))
     axes, anchors = at_zero.xaxis[model.arm].copy(), at_zero.xanchor[model.arm].copy()
+    # A mirror image keeps turns about axes across the plane and reverses those within it; of slides the other way
+    # round.
     across = np.abs(axes[:, 1]) > 1 - _ASLANT
     aslant = ~across & (np.abs(axes[:, 1]) > _ASLANT)
     aside = ~across & ~robot.prismatic & (np.abs(anchors[:, 1]) > TOUCH_M)

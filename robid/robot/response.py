@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.robot.description import Robot
-from robid.robot.linearize import LinearModel, Shifts
-from robid.robot.rest import Moves, Springs, SpringValues, settle_springs
+from robid.robot.linearize import LinearModel
+from robid.robot.rest import MatrixSlopes, Springs, SpringValues, settle_springs
 from robid.robot.sampling import Folding, hold_factor, make_folding
 
 
@@ -57,9 +58,7 @@ class Response:
         outputs (n_conf, n_freq, n, n_out): `Z^-1 C'`.
         hold (n_freq,): Zero-order hold and delay.
         omega (n_freq,): Angular frequency [rad/s].
-        model: The linearised robot where these parameters let it rest.
-        springs: Its springs there.
-        gain (n_in,): Torque that each motor gives per torque recorded, where that is doubted; in `sampled` only.
+        gain (n_in,): Torque that each motor gives per torque recorded, where that is a nuisance; in `sampled` only.
         folding: What sampling folds down from above; None in continuous time.
         by_delay: Its derivative by the delay.
         images: The continuous response at the folding's own frequencies; None where it needs none.
@@ -120,6 +119,7 @@ def response(
     if sampling_period_s is None:
         return replace(whole, sampled=sampled * gain, hold=hold)
     timing = float(parameters.delay[0]), sampling_period_s
+    # A held torque has images of every line; what of them the outputs show folds down onto it.
     folding, by_delay = make_folding(omega, *timing, model.rates, model.output.shape[1])
     sampled = sampled + folding.fast[:, :, None] * fast_limit(model, parameters)[:, None]
     images = None
@@ -142,10 +142,12 @@ def _continuous(
     stiffness = _dynamic_stiffness(model, parameters, springs, omega)
     n_motor, n = model.n_motor, model.mass.shape[-1]
     collocated = model.output.shape[1] == n_motor and bool((model.output == np.eye(n_motor, n)).all())
+    # C at each line: G = -w^2 C Z^-1 B.
     seen = _seen(model, omega)
     right = np.broadcast_to(np.eye(n, n_motor), (*stiffness.shape[:2], n, n_motor))
     if not collocated:
         right = np.concatenate([right, np.swapaxes(seen, -1, -2)], axis=-1)
+    # One factorisation for Z^-1 B and Z^-1 C' (Z is symmetric); with C = B' they are the same.
     solved = np.linalg.solve(stiffness, right)
     inputs = solved[..., :n_motor]
     outputs = inputs if collocated else solved[..., n_motor:]
@@ -156,40 +158,31 @@ def _continuous(
 def at_rest(model: LinearModel, parameters: ElasticParameters) -> tuple[LinearModel, Springs]:
     """Returns the linear model where the parameters let it rest, to first order, and its springs there."""
     model = _shifted(model, parameters)
-    if not parameters.cubic.any() and model.rest.moves is None:
-        rest = model.rest
+    rest = model.rest
+    if not parameters.cubic.any() and rest.moves is None:
         stiffness = rest.factor * parameters.stiffness
         return model, Springs(stiffness, rest.deflection, np.zeros((len(stiffness), 0)))
-    springs = settle_springs(model.rest, parameters.springs)
-    moves = model.rest.moves
-    if moves is None:
-        return model, springs
-    by = springs.displacement
-    return _along(model, moves, by), springs
+    springs = settle_springs(rest, parameters.springs)
+    return (model if rest.moves is None else _along(model, rest.moves, springs.displacement)), springs
 
 
 def _shifted(model: LinearModel, parameters: ElasticParameters) -> LinearModel:
-    """The model with other amounts of its doubts."""
+    """The model with other amounts of its nuisance parameters."""
     shifts = model.shifts
     if shifts is None or np.array_equal(shifts.amounts, parameters.doubt):
         return model
+    # First order about the amounts that the robot was linearised with.
     by = np.broadcast_to(parameters.doubt - shifts.amounts, (len(model.mass), shifts.amounts.size))
     return replace(_along(model, shifts, by), shifts=replace(shifts, amounts=parameters.doubt))
 
 
-def _along(model: LinearModel, slopes: Moves | Shifts, by: FloatArray) -> LinearModel:
+def _along(model: LinearModel, slopes: MatrixSlopes, by: FloatArray) -> LinearModel:
     """The model some way (n_conf, n_slope) along its slopes."""
-    return replace(
-        model,
-        mass=_moved(model.mass, slopes.mass, by),
-        gravity_stiffness=_moved(model.gravity_stiffness, slopes.gravity_stiffness, by),
-        output=_moved(model.output, slopes.output, by),
-        tilt=_moved(model.tilt, slopes.tilt, by),
-    )
-
-
-def _moved(matrix: FloatArray, slopes: FloatArray, displacement: FloatArray) -> FloatArray:
-    return np.asarray(matrix + np.einsum("cm,cmij->cij", displacement, slopes))
+    moved: dict[str, Any] = {
+        each.name: getattr(model, each.name) + np.einsum("cm,cmij->cij", by, getattr(slopes, each.name))
+        for each in fields(MatrixSlopes)
+    }
+    return replace(model, **moved)
 
 
 def motion_matrices(
@@ -205,6 +198,7 @@ def motion_matrices(
     if model.effects is not None and omega is not None:
         added = model.effects.stiffness(parameters.doubt, np.array([omega]))[configuration, 0]
         own = np.diag(np.pad(added, (model.n_motor, 0)))
+        # A complex stiffness k + j b acts at one frequency as the spring k with the damper b / w.
         stiffness, damping = stiffness + own.real, damping + own.imag / omega
     return mass_matrix(model, parameters)[configuration], damping, stiffness
 
@@ -227,6 +221,7 @@ def _dampers(model: LinearModel, parameters: ElasticParameters) -> FloatArray:
     if model.effects is None:
         diagonal = np.diag(np.concatenate([parameters.viscous, parameters.damping]))
         return np.asarray(diagonal + arm_dampers(model, parameters))
+    # Dampers that grow with the load differ between configurations.
     grown = parameters.damping * model.effects.growth(parameters.doubt)
     viscous = np.broadcast_to(parameters.viscous, (len(grown), model.n_motor))
     own = np.concatenate([viscous, grown], axis=1)
@@ -243,6 +238,7 @@ def _dynamic_stiffness(
     model: LinearModel, parameters: ElasticParameters, springs: Springs, omega: FloatArray | ComplexArray
 ) -> ComplexArray:
     constant = (model.gravity_stiffness + _springs(model, springs))[:, None]
+    # Z(w) = -w^2 M + j w D + K + dg/dq (docs/methods, sec. 1).
     inertial = constant - (omega**2)[:, None, None] * mass_matrix(model, parameters)[:, None]
     dynamic = inertial + _beside(model, springs)
     if model.effects is None:
@@ -270,6 +266,7 @@ def _on_springs(model: LinearModel, values: ComplexArray) -> ComplexArray:
 
 def _seen(model: LinearModel, omega: FloatArray | ComplexArray) -> FloatArray | ComplexArray:
     """Outputs (n_conf, n_freq, n_out, n) as positions; an accelerometer that tilts seems to move."""
+    # Outputs are multiplied by -w^2 afterwards, which gravity's part is not: it is divided by w^2 here.
     return np.asarray(model.output[:, None] + model.tilt[:, None] / (omega**2)[:, None, None])
 
 

@@ -13,22 +13,31 @@ _NEWTON_TOLERANCE = 1e-13
 
 
 @dataclass(frozen=True)
-class Moves:
-    """First derivatives of the linearised matrices along the spring deflections, then along spring locations.
+class MatrixSlopes:
+    """First derivatives of the linearised matrices along some moves.
 
     Attributes:
         mass (n_conf, n_move, n, n): Of the whole inertia matrix.
         gravity_stiffness (n_conf, n_move, n, n): Of the symmetrised gradient of gravity.
         output (n_conf, n_move, n_out, n): Of the outputs.
         tilt (n_conf, n_move, n_out, n): Of gravity's part of the outputs.
-        torque (n_conf, n_location, n_spring): Of gravity's torque on the springs, deflections held, along locations.
-        located (n_location,): Which elements of the flattened locations these are.
     """
 
     mass: FloatArray
     gravity_stiffness: FloatArray
     output: FloatArray
     tilt: FloatArray
+
+
+@dataclass(frozen=True)
+class Moves(MatrixSlopes):
+    """Derivatives along the spring deflections, then along spring locations.
+
+    Attributes:
+        torque (n_conf, n_location, n_spring): Of gravity's torque on the springs, deflections held, along locations.
+        located (n_location,): Which elements of the flattened locations these are.
+    """
+
     torque: FloatArray
     located: IntArray
 
@@ -122,7 +131,7 @@ class Swing:
 
 
 def settle_springs(rest: Rest, values: SpringValues) -> Springs:
-    """Finds mean deflections and expected slopes under gravity and excitation.
+    """Mean deflections and expected slopes under gravity and excitation; not finite where a spring gives way.
 
     A cubic spring `k1 d + k3 d^3` that swings by `x` about `d0` has the mean torque `k1 d0 + k3 (d0^3 + 3 d0 v)` with
     `v = E[x^2]`, and shows the slope of the regression of its torque on `x`: `k1 + 3 k3 (d0^2 + s v)`, where
@@ -134,18 +143,17 @@ def settle_springs(rest: Rest, values: SpringValues) -> Springs:
         rest: What the springs carry.
         values: Parameter values.
 
-    Returns:
-        The springs; not finite where a softening one gives way.
-
     Source:
         docs/methods, sec. 1 (Linearisation), for signals that need not be normal.
     """
     values = _here(rest, values)
     deflection, shift = rest.deflection.copy(), _shift(rest, values)
     n = deflection.shape[1]
+    # The unknowns: mean deflection, and expected slope over k1, which starts at that without swing.
     ratio = 1 + 3 * values.cubic / values.stiffness * deflection**2
     for _ in range(_NEWTON_STEPS):
         swing = swing_of(rest, values, ratio * values.stiffness)
+        # Newton for both unknowns together: the swing depends on the slope, and the slope on the swing.
         residual, matrix = _equations(rest, values, deflection, ratio, swing, shift)
         if not (np.isfinite(matrix).all() and np.isfinite(residual).all()):
             break
@@ -168,28 +176,13 @@ def spring_slopes(rest: Rest, values: SpringValues, springs: Springs) -> dict[st
         springs: What `settle_springs` found for them.
     """
     values = _here(rest, values)
-    d, k1, k3 = springs.deflection, values.stiffness, values.cubic
+    d, k1 = springs.deflection, values.stiffness
     n = d.shape[1]
     ratio = springs.stiffness / k1
     swing = swing_of(rest, values, springs.stiffness)
+    # Implicit function theorem: d(unknowns) = -(Jacobian)^-1 d(residuals) by each parameter.
     matrix = _equations(rest, values, d, ratio, swing, _shift(rest, values))[1]
-    torque = np.zeros((*d.shape, values.location.size))
-    if rest.moves is not None:
-        torque[:, :, rest.moves.located] = np.swapaxes(rest.moves.torque, 1, 2)
-    mean_square = d**2 + rest.shape * swing.variance
-    right = {
-        # The ratio's own equation holds `k1` below the cubic coefficient and in the slope that it stands for.
-        "stiffness": (
-            _diagonal(d + 3 * k3 * d * swing.by_stiffness * ratio),
-            _diagonal(3 * k3 / k1**2 * mean_square - 3 * k3 / k1 * rest.shape * swing.by_stiffness * ratio),
-        ),
-        "cubic": (_diagonal(d**3 + 3 * swing.variance * d), _diagonal(-3 / k1 * mean_square)),
-        "damping": (
-            _diagonal(3 * k3 * d * swing.by_damping),
-            _diagonal(-3 * k3 / k1 * rest.shape * swing.by_damping),
-        ),
-        "location": (torque, np.zeros_like(torque)),
-    }
+    right = _parameter_columns(rest, values, d, ratio, swing)
     slopes = {}
     for kind, (force, own) in right.items():
         moved = -np.linalg.solve(matrix, np.concatenate([force, own], axis=1))
@@ -197,16 +190,40 @@ def spring_slopes(rest: Rest, values: SpringValues, springs: Springs) -> dict[st
             moved = moved * rest.factor[:, None]
         stiffness = k1[..., None] * moved[:, n:]
         if kind == "stiffness":
+            # k = k1 ratio: the product's own derivative by k1 comes besides.
             stiffness = stiffness + _diagonal(rest.factor * ratio)
         slopes[kind] = SpringSlopes(stiffness, _displacement_slopes(rest, moved[:, :n], kind))
     return slopes
 
 
+def _parameter_columns(
+    rest: Rest, values: SpringValues, d: FloatArray, ratio: FloatArray, swing: Swing
+) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Derivatives (n_conf, n, n_element) of both of the `_equations`' residuals by each kind of parameter."""
+    k1, k3 = values.stiffness, values.cubic
+    torque = np.zeros((*d.shape, values.location.size))
+    if rest.moves is not None:
+        torque[:, :, rest.moves.located] = np.swapaxes(rest.moves.torque, 1, 2)
+    mean_square = d**2 + rest.shape * swing.variance
+    return {
+        # The ratio's own equation holds `k1` below the cubic coefficient and in the slope that it stands for.
+        "stiffness": (
+            _diagonal(d + 3 * k3 * d * swing.by_stiffness * ratio),
+            _diagonal(3 * k3 / k1**2 * mean_square - 3 * k3 / k1 * rest.shape * swing.by_stiffness * ratio),
+        ),
+        "cubic": (_diagonal(d**3 + 3 * swing.variance * d), _diagonal(-3 / k1 * mean_square)),
+        "damping": (_diagonal(3 * k3 * d * swing.by_damping), _diagonal(-3 * k3 / k1 * rest.shape * swing.by_damping)),
+        "location": (torque, np.zeros_like(torque)),
+    }
+
+
 def swing_of(rest: Rest, values: SpringValues, stiffness: FloatArray) -> Swing:
     """How far springs of some expected slope (n_conf, n_spring) swing under the power that goes through them."""
     square = rest.omega[:, None] ** 2
+    # |k + j w d|^2 turns the power of the torque into that of the deflection.
     dynamic = stiffness[:, None] ** 2 + square * values.damping**2
     lines = rest.power / dynamic
+    # d(P / |Z|^2) / d(k) = -2 k P / |Z|^4, and likewise by the damper with w^2 d.
     by_dynamic = -2 * lines / dynamic
     by_damping = (square * by_dynamic).sum(axis=1) * values.damping
     return Swing(lines.sum(axis=1), stiffness * by_dynamic.sum(axis=1), by_damping)
@@ -240,6 +257,7 @@ def _shift(rest: Rest, values: SpringValues) -> FloatArray:
     if rest.moves is None:
         return np.zeros_like(rest.torque)
     located = (values.location - rest.location)[rest.moves.located]
+    # To first order in where the springs sit.
     return np.asarray(np.einsum("l,cls->cs", located, rest.moves.torque))
 
 
@@ -249,7 +267,9 @@ def _equations(
     """Residuals (n_conf, 2 n) of mean torque and of slope over linear stiffness, and their derivative."""
     k1, k3, d = values.stiffness, values.cubic, deflection
     moved = np.einsum("cst,ct->cs", rest.gradient, d - rest.deflection)
+    # E[tau] = k1 d + k3 (d^3 + 3 d v), in balance with gravity linearised about the rest.
     torque = k1 * d + k3 * d * (d**2 + 3 * swing.variance) + rest.torque + shift + moved
+    # Slope over k1: 1 + 3 k3 / k1 (d^2 + s v), s for signals that are not normal.
     slope = ratio - 1 - 3 * k3 / k1 * (d**2 + rest.shape * swing.variance)
     matrix = np.block(
         [

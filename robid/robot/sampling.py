@@ -79,15 +79,17 @@ def hold_factor(omega: FloatArray, delay_s: float, sampling_period_s: float | No
     lag = np.exp(-1j * omega * delay_s)
     if sampling_period_s is None:
         return np.asarray(lag)
+    # zoh = sinc(w T / 2 pi) exp(-j w T / 2), times the delay.
     half = 0.5 * omega * sampling_period_s
     return np.asarray(np.sinc(half / np.pi) * np.exp(-1j * half) * lag)
 
 
-def alias_factor(omega: FloatArray, delay_s: float, sampling_period_s: float) -> tuple[ComplexArray, ComplexArray]:
-    """Returns what the fast limit is multiplied by as it folds down (n_freq,), and its derivative by the delay."""
+def _alias_factor(omega: FloatArray, delay_s: float, sampling_period_s: float) -> tuple[ComplexArray, ComplexArray]:
+    """What the fast limit is multiplied by as it folds down (n_freq,), and its derivative by the delay."""
     total = np.zeros(omega.size, complex)
     slope = np.zeros(omega.size, complex)
     for shift in _ALIASES:
+        # Two aliases on each side: what images of positions add falls with the cube of frequency.
         alias = omega + shift * 2 * np.pi / sampling_period_s
         term = (omega / alias) ** 2 * hold_factor(alias, delay_s, sampling_period_s)
         total += term
@@ -115,6 +117,7 @@ def make_folding(
         Poisson's sum formula; docs/methods, sec. 1 (Sampling) for positions.
     """
     share = omega * sampling_period_s / (2 * np.pi)
+    # Below this share of the sampling rate the fast limit stands well enough for images of positions.
     high = (share > _SIMPLE_SHARE) & (share < 0.5) & bool(rates)
     rates = rates or _POSITION * n_out
     images = any(rates) or (0 in rates and bool(high.any()))
@@ -124,11 +127,10 @@ def make_folding(
         if rate or images:
             chosen = np.ones_like(high) if rate else high
             for one, terms in zip(pair, _terms(omega, delay_s, sampling_period_s, rate), strict=True):
-                one.fast[:, columns] = np.where(chosen, terms.fast, 0)[:, None]
-                one.weight[:, :, columns] = np.where(chosen, terms.weight, 0)[..., None]
-                one.tail[:, :, columns] = np.where(chosen, terms.tail, 0)[..., None]
+                for target, factor in zip((one.fast, one.weight, one.tail), terms, strict=True):
+                    target[..., columns] = np.where(chosen, factor, 0)[..., None]
         if rate == 0:
-            for one, factor in zip(pair, alias_factor(omega, delay_s, sampling_period_s), strict=True):
+            for one, factor in zip(pair, _alias_factor(omega, delay_s, sampling_period_s), strict=True):
                 one.fast[:, columns] = np.where(high[:, None], one.fast[:, columns], factor[:, None])
     return pair[0], pair[1]
 
@@ -139,6 +141,7 @@ def _nothing(omega: FloatArray, period_s: float, n_out: int, *, images: bool) ->
     if images:
         places = np.append(_images(omega, period_s).ravel(), _last(period_s) / 1j)
     n_freq = omega.size
+    # Responses of real systems are conjugate at negative frequencies, so that positive ones will do.
     mirrored = (places.real < 0) & (places.imag == 0)
     return Folding(
         fast=np.zeros((n_freq, n_out), complex),
@@ -159,25 +162,17 @@ def _last(period_s: float) -> complex:
     return complex(2 * np.pi / period_s * _LAST)
 
 
-@dataclass(frozen=True)
-class _Terms:
-    """The factors of a `Folding` of one kind of output."""
-
-    fast: ComplexArray
-    weight: ComplexArray
-    tail: ComplexArray
-
-
-def _terms(omega: FloatArray, delay_s: float, period_s: float, rate: int) -> tuple[_Terms, _Terms]:
-    """What folds down onto outputs that were differentiated once or twice, and its derivative by the delay."""
+def _terms(omega: FloatArray, delay_s: float, period_s: float, rate: int) -> list[tuple[ComplexArray, ...]]:
+    """`fast`, `weight` and `tail` of outputs that were differentiated `rate` times, and their derivatives by delay."""
     images, powers = _images(omega, period_s), 1 / _last(period_s) ** np.array([1, 2])
     seen = np.stack([powers.real, powers.imag])
+    # The line itself is the image k = 0: it is taken off the sum over all k as well.
     every = np.concatenate([omega[None], images])
     factor = (omega / every) ** (2 - rate) * hold_factor(every, delay_s, period_s)
     # hold(w_k) = (1 - exp(-j w T)) exp(-j w_k T_d) / (j w_k T): of the power -p of j w_k, all images together are
     sums = _power_sums(omega, delay_s, period_s, 5 - rate)
     common = (1 - np.exp(-1j * omega * period_s)) / period_s * (1j * omega) ** (2 - rate)
-    found = []
+    found: list[tuple[ComplexArray, ...]] = []
     for by_delay in (False, True):
         own = -1j * every * factor if by_delay else factor
         whole = -sums[2 - rate : 5 - rate] if by_delay else sums[3 - rate : 6 - rate]
@@ -185,8 +180,8 @@ def _terms(omega: FloatArray, delay_s: float, period_s: float, rate: int) -> tup
         rest = common * whole - np.stack([(own / (1j * every) ** power).sum(axis=0) for power in range(3)])
         # F_1 / s + F_2 / s^2 = A(s) - F_0 at the last one, real and imaginary part
         tail = np.linalg.solve(seen.T, rest[1:])
-        found.append(_Terms(rest[0] - tail[0], own[1:], tail))
-    return found[0], found[1]
+        found.append((rest[0] - tail[0], own[1:], tail))
+    return found
 
 
 def _power_sums(omega: FloatArray, delay_s: float, period_s: float, highest: int) -> ComplexArray:
@@ -197,10 +192,12 @@ def _power_sums(omega: FloatArray, delay_s: float, period_s: float, highest: int
     """
     samples = delay_s / period_s
     whole = np.floor(samples + _SAME_INSTANT)
+    # Delay as whole samples and a share: T_d = (n + p) T.
     part = max(samples - whole, 0.0)
     z = np.exp(1j * omega * period_s)
     coefficients: list[ComplexArray] = []
     for power in range(highest):
+        # Coefficients of exp((1 - p) x) / (z - exp(x)) by power series division, one after the other.
         below = sum((each / factorial(power - index) for index, each in enumerate(coefficients)), 0 * z)
         coefficients.append(((1 - part) ** power / factorial(power) + below) / (z - 1))
     powers = [period_s ** (power + 1) * z**-whole * each for power, each in enumerate(coefficients)]

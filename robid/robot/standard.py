@@ -23,7 +23,6 @@ class StandardRobot:
     """A robot with given standard parameters.
 
     Attributes:
-        robot: The robot.
         payload_is_in_link: Whether its payload is in its last link, as no real body would be left without it.
         homeless: Parameters that differ from zero and that a robot's description has no place for.
         averaged: Joints whose friction differs between the directions, of which the description has the mean.
@@ -49,6 +48,7 @@ def with_standard(robot: Robot, values: Mapping[str, float]) -> StandardRobot:
     loops = tuple(replace(link, link=_body(link.name, link.link, values)) for link in robot.loop_links)
     payload, in_link = _body(PAYLOAD, robot.payload, values), False
     if f"{PAYLOAD}.M" not in values and payload.mass_kg > 0 and f"{joints[-1].name}.M" in values:
+        # The parameters of the last link hold the payload: it is taken out again if a real body is left.
         alone = remove(joints[-1].link, payload)
         in_link = not is_real(alone)
         if in_link:
@@ -70,6 +70,7 @@ def inertial_of(standard: FloatArray) -> Inertial:
     com = first / mass if mass > 0 else np.zeros(3)
     inertia = np.zeros((3, 3))
     inertia[np.triu_indices(3)] = standard[:6]
+    # Six entries of a symmetric matrix; Steiner's term is taken off to come to the centre of mass.
     inertia = inertia + np.triu(inertia, 1).T
     return Inertial(mass, com, inertia - mass * (com @ com * np.eye(3) - np.outer(com, com)))
 
@@ -89,6 +90,7 @@ def deformed(part: Inertial, before: Inertial, after: Inertial) -> Inertial:
         before: The real body that it is part of.
         after: The real body that this becomes.
     """
+    # x -> A x with A = U_after U_before^-1 maps all moments of the body onto the wanted ones: A S A'.
     change = _root(_density_moments(after)) @ np.linalg.inv(_root(_density_moments(before)))
     moments = change @ _density_moments(part) @ change.T
     mass, com = float(moments[3, 3]), moments[:3, 3] / moments[3, 3]
@@ -99,6 +101,7 @@ def deformed(part: Inertial, before: Inertial, after: Inertial) -> Inertial:
 def _density_moments(body: Inertial) -> FloatArray:
     """Moments (4, 4) of a body's density: second and first ones about the frame's origin, and its mass."""
     about = about_origin(body)
+    # int x x' dm = tr(I) / 2 1 - I, the pseudo-inertia's block (Wensing, Kim and Slotine 2018).
     second = 0.5 * np.trace(about) * np.eye(3) - about
     first = body.mass_kg * body.com_m
     return np.block([[second, first[:, None]], [first[None], np.array([[body.mass_kg]])]])
@@ -106,6 +109,7 @@ def _density_moments(body: Inertial) -> FloatArray:
 
 def _root(moments: FloatArray) -> FloatArray:
     """Upper triangle `U` with `U U^T` the moments: a map of space by whose last row nothing but density changes."""
+    # Reversed twice, Cholesky's lower factor becomes an upper one.
     return np.asarray(np.linalg.cholesky(moments[::-1, ::-1])[::-1, ::-1])
 
 

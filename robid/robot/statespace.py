@@ -24,9 +24,6 @@ class StateSpace:
         B (n_state, n_in): Input matrix.
         C (n_out, n_state): Output matrix.
         D (n_out, n_in): Direct feedthrough.
-        states: Name of each state.
-        inputs: Name of each input.
-        outputs: Name of each output.
         period_s: Sampling period [s]; None in continuous time.
     """
 
@@ -50,6 +47,8 @@ def state_space(
 ) -> StateSpace:
     """Writes one configuration as a continuous state space, without the delay.
 
+    States are motor angles, spring deflections and their rates; outputs the angles, then speeds, then accelerations.
+
     Args:
         model: Linearised robot.
         parameters: Parameter values.
@@ -58,31 +57,23 @@ def state_space(
         springs: Name of each spring.
         outputs: Name of each output angle of the model.
 
-    Returns:
-        States are motor angles, spring deflections and their rates; outputs the angles, then their speeds, then
-        their accelerations.
-
     Source:
         docs/methods, sec. 1 (Linearisation), in spring coordinates.
     """
     mass, damping, stiffness = motion_matrices(model, parameters, configuration)
-    n, n_motor, output = mass.shape[0], model.n_motor, model.output[configuration]
+    n, n_motor, output = len(mass), model.n_motor, model.output[configuration]
+    # M z'' = -(K z + D z') + B u as rows of accelerations.
     solved = np.linalg.solve(mass, np.hstack([stiffness, damping, np.eye(n, n_motor)]))
-    back, drive = -solved[:, : 2 * n], solved[:, 2 * n :]
-    none = np.zeros_like(output)
+    back, drive, none = -solved[:, : 2 * n], solved[:, 2 * n :], np.zeros_like(output)
+    states = [(motors, "motor_angle"), (springs, "deflection"), (motors, "motor_speed"), (springs, "deflection_rate")]
+    # An accelerometer reads its motion less gravity, which its tilt turns into view.
     acceleration = output @ back - np.hstack([model.tilt[configuration], none])
-    no_drive = np.zeros((2 * len(output), n_motor))
     return StateSpace(
         A=np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), back]),
         B=np.vstack([np.zeros((n, n_motor)), drive]),
         C=np.vstack([np.hstack([output, none]), np.hstack([none, output]), acceleration]),
-        D=np.vstack([no_drive, output @ drive]),
-        states=(
-            *(f"{name}.motor_angle" for name in motors),
-            *(f"{name}.deflection" for name in springs),
-            *(f"{name}.motor_speed" for name in motors),
-            *(f"{name}.deflection_rate" for name in springs),
-        ),
+        D=np.vstack([np.zeros((2 * len(output), n_motor)), output @ drive]),
+        states=tuple(f"{name}.{state}" for names, state in states for name in names),
         inputs=tuple(f"{name}.torque" for name in motors),
         outputs=tuple(f"{name}.{kind}" for kind in ("angle", "speed", "acceleration") for name in outputs),
     )
@@ -112,8 +103,10 @@ def discretise(system: StateSpace, period_s: float, delay_s: float) -> StateSpac
     n, n_in = system.B.shape
     whole = int(np.floor(delay_s / period_s + _SAME_INSTANT))
     part = max(0.0, delay_s - whole * period_s)
+    # A delay of whole samples only shifts commands; the state then waits for none within the period.
     part = part if part > _SAME_INSTANT * period_s else 0.0
     waiting = whole + (part > 0)
+    # Within a period the old command acts for `part`, the new one for the rest: A and both effects follow by exp.
     first, late = _held(system, period_s - part), _held(system, part)
     total = n + waiting * n_in
     A, B = np.zeros((total, total)), np.zeros((total, n_in))
@@ -145,6 +138,7 @@ def _held(system: StateSpace, time_s: float) -> tuple[FloatArray, FloatArray]:
     """Transition of the state over a time, and the effect of an input held meanwhile."""
     n, n_in = system.B.shape
     generator = np.zeros((n + n_in, n + n_in))
+    # exp([[A, B], [0, 0]] t) = [[exp(A t), int exp(A s) ds B], [0, 1]]: both at once, for singular A too.
     generator[:n, :n], generator[:n, n:] = system.A, system.B
     power = expm(generator * time_s)
     return power[:n, :n], power[:n, n:]

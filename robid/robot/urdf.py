@@ -26,13 +26,11 @@ class Urdf:
 
     Attributes:
         text: The file without shapes, transmissions and what simulators add; numbers that cannot be read are 1 or 0.
-        fixed: Names of its fixed joints.
         links: What is wrong with a link, by its name.
         limits: What is wrong with the limits of a joint, by its name; `text` has none for it.
         speed: Speed limits by joint [rad/s, or m/s].
         gravity: Gravity that MuJoCo's extension states [m/s^2].
         balances: Whether MuJoCo's extension replaces inertias that no body has.
-        notes: What was left out.
     """
 
     text: str = ""

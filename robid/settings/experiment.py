@@ -10,8 +10,8 @@ import pydantic.dataclasses
 from pydantic import ConfigDict, Field, create_model, model_validator
 
 from robid.design.configurations.options import CostOptions, DesignOptions, InformationOptions
-from robid.design.excitation.arbitrary import ArbitraryOptions
 from robid.design.excitation.options import (
+    ArbitraryOptions,
     ChosenLineOptions,
     MultisineOptions,
     PoseChirpOptions,

@@ -11,7 +11,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.chain import ForeignJoint, carried_by, extract_chain, frame_on_last, order_of
 from robid.robot.foreign import ForeignModel, read_model
-from robid.robot.ties import led_by
+from robid.robot.foreign_parts import led_by
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.foreign_motion import Motion, motion_faults, motion_notes, motion_of
 from robid.settings.joint_sections import CounterbalanceSection, Frame

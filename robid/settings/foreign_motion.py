@@ -11,7 +11,7 @@ from robid.arrays import FloatArray
 from robid.robot.chain import carried_by, carrier_of, frame_of_link
 from robid.robot.description import Inertial
 from robid.robot.foreign import ForeignModel
-from robid.robot.ties import Tie, follow
+from robid.robot.foreign_parts import Tie, follow
 from robid.settings.problems import Found, suggest
 from robid.settings.robot import RobotFile
 

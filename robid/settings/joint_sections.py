@@ -11,8 +11,8 @@ from pydantic import Field
 from robid.arrays import FloatArray
 from robid.robot.description import HarmonicBalance, SpringBalance, StiffnessLaw
 from robid.robot.doubts import Doubts
+from robid.robot.inertia import turn_about
 from robid.robot.parameters import PARAMETER_KINDS
-from robid.robot.rotation import turn_about
 from robid.settings.base import Assumed, Name, Section, Vector
 
 if TYPE_CHECKING:

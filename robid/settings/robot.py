@@ -13,7 +13,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError, SettingsError
 from robid.robot.description import Inertial, Joint, LoopLink, Pin, Robot
 from robid.robot.doubts import Doubts
-from robid.robot.rotation import roll_pitch_yaw
+from robid.robot.inertia import roll_pitch_yaw
 from robid.settings.base import DATA_VARIABLE, Assumed, Name, Section, Vector, data_path
 from robid.settings.joint_sections import Frame, GearSection
 from robid.settings.robot_sections import Body, JointSection, SensorSection, SpringSection, given

@@ -12,8 +12,8 @@ import pydantic.dataclasses
 from pydantic import Discriminator, Field, GetJsonSchemaHandler, Tag
 from pydantic_core import CoreSchema
 
-from robid.design.excitation.arbitrary import ArbitraryOptions
 from robid.design.excitation.options import (
+    ArbitraryOptions,
     ChirpOptions,
     FourierOptions,
     MultisineOptions,

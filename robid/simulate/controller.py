@@ -17,16 +17,13 @@ def speed_gains(controller: Controller, motor_inertia_kgm2: FloatArray) -> tuple
 def frequency_response(
     controller: Controller, motor_inertia_kgm2: FloatArray, omega: FloatArray, inject: str = "speed_reference"
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Frequency response of the sampled controller, its computation delay left to the plant.
+    """Sampled controller `U = C_r R - C_q Q`: `C_r` and `C_q` (n_freq, n_motor), its delay left to the plant.
 
     Args:
         controller: Controller settings.
         motor_inertia_kgm2 (n_motor,): Rotor inertias [kg m^2].
         omega (n_freq,): Angular frequency [rad/s].
         inject: Where the excitation enters.
-
-    Returns:
-        `C_r` and `C_q` (n_freq, n_motor) of `U = C_r R - C_q Q`, `Q` the measured motor angle.
     """
     proportional, integral = speed_gains(controller, motor_inertia_kgm2)
     period = controller.sampling_period_s
@@ -77,14 +74,11 @@ class Cascade:
 
 
 def angle_reference(speed_reference: FloatArray, sampling_period_s: float) -> FloatArray:
-    """Integrates a periodic speed reference to a periodic angle of zero mean.
+    """Integrates a periodic speed reference to a periodic angle of its shape and zero mean, by trapezoids [rad].
 
     Args:
         speed_reference (..., n_sample, n_motor): One period [rad/s].
         sampling_period_s: Sampling period [s].
-
-    Returns:
-        Angle of the same shape [rad], by the trapezoidal rule.
     """
     previous = np.roll(speed_reference, 1, axis=-2)
     angle = np.cumsum(0.5 * sampling_period_s * (speed_reference + previous), axis=-2)

@@ -1,7 +1,8 @@
-"""The simulated closed-loop experiment of one configuration, all its experiments at once."""
+"""The simulated closed-loop experiment of one configuration, all its experiments at once, and its further outputs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,16 +12,88 @@ from robid.arrays import FloatArray, IntArray
 from robid.robot.description import Robot
 from robid.robot.linearize import solve_statics
 from robid.robot.model import ElasticModel
-from robid.signals.quantities import INJECTED, motor_channels
+from robid.signals.quantities import INJECTED, Channel, QuantityName, Side, motor_channels
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade, angle_reference
-from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
-from robid.simulate.load_effects import LoadEffects
+from robid.simulate.engine import Followers, quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
-from robid.simulate.outputs import FurtherOutputs, further_channels
 from robid.simulate.steps import Steps, choose_steps, peak_motor_speed, visited
 from robid.simulate.truth import recorded_torque_factor
-from robid.simulate.varying import VaryingStiffness
+
+
+def _further_channels(robot: Robot, names: Sequence[str]) -> tuple[Channel, ...]:
+    """What outputs beyond the motors are: arm angles, and the tool's positions and accelerations."""
+    kinds: dict[str, str] = {sensor.name: sensor.kind for sensor in robot.sensors}
+    sliding = zip(robot.joints, robot.prismatic.tolist(), strict=True)
+    kinds |= {f"{joint.name}.arm": "slide" for joint, slides in sliding if slides}
+    known: dict[str, tuple[QuantityName, str, Side]] = {
+        "link_encoder": ("angle", "rad", "arm"),
+        "slide": ("position", "m", "arm"),
+        "tracker": ("position", "m", "tool"),
+        "accelerometer": ("acceleration", "m/s^2", "tool"),
+    }
+    return tuple(Channel(name, *known[kinds.get(name, "link_encoder")]) for name in names)
+
+
+class FurtherOutputs:
+    """Reads link encoders and sensors of many simulations, one row each.
+
+    Args:
+        model: The elastic model, built with sensors where `names` has any.
+        batch: The simulations.
+        names: `<joint>.arm` and names of sensors.
+    """
+
+    def __init__(self, model: ElasticModel, batch: Batch, names: tuple[str, ...]) -> None:
+        joints = [joint.name for joint in model.robot.joints]
+        sensors = {sensor.name: sensor for sensor in model.robot.sensors}
+        self._qpos, self._n = batch.qpos, len(names)
+        self._arms = [column for column, name in enumerate(names) if name not in sensors]
+        self._angles = [model.arm[joints.index(names[column].removesuffix(".arm"))] for column in self._arms]
+        self._sensed = [column for column, name in enumerate(names) if name in sensors]
+        self._axes = np.zeros((model.mujoco.nsensordata, len(self._sensed)))
+        for position, column in enumerate(self._sensed):
+            start = int(model.mujoco.sensor(names[column]).adr[0])
+            self._axes[start : start + 3, position] = sensors[names[column]].axis
+        self._data = batch.sensordata if self._sensed else None
+        slides = dict(zip(joints, model.robot.prismatic.tolist(), strict=True))
+        self._kinds = [
+            sensors[name].kind if name in sensors
+            else "linear_encoder" if slides[name.removesuffix(".arm")]
+            else "link_encoder"
+            for name in names
+        ]  # fmt: skip
+
+    def noise_std(self, flaws: Imperfections) -> FloatArray:
+        """Returns the standard deviation (n_out,) of each output's noise, in its unit."""
+        known = {
+            "link_encoder": flaws.link_encoder_noise_rad,
+            "linear_encoder": flaws.link_encoder_noise_m,
+            "tracker": flaws.tracker_noise_m,
+            "accelerometer": flaws.accelerometer_noise_m_s2,
+        }
+        return np.array([known[kind] for kind in self._kinds])
+
+    def resolution(self, flaws: Imperfections) -> FloatArray:
+        """Returns the step (n_out,) in which each output is shown, in its unit; 0 where it is shown as it is."""
+        known = {"link_encoder": flaws.link_encoder_resolution_rad, "linear_encoder": flaws.link_encoder_resolution_m}
+        return np.array([known.get(kind, 0.0) for kind in self._kinds])
+
+    def arms(self) -> FloatArray:
+        """Returns the link encoders' positions (n_sim, n_arm) now [rad, or m]."""
+        return np.array(self._qpos[:, self._angles])
+
+    def read(self, arms: FloatArray | None = None) -> FloatArray:
+        """Returns all outputs (n_sim, n_out); sensors as the engine computed them last [rad, m or m/s^2].
+
+        Args:
+            arms (n_sim, n_arm): The link encoders' angles at that time; now when not given [rad].
+        """
+        values = np.empty((len(self._qpos), self._n))
+        values[:, self._arms] = self.arms() if arms is None else arms
+        if self._data is not None:
+            values[:, self._sensed] = self._data @ self._axes
+        return values
 
 
 @dataclass(frozen=True)
@@ -29,13 +102,9 @@ class SimulatedExperiment:
 
     Attributes:
         robot: The true robot.
-        controller: Its controller.
-        options: Imperfections, steps and seed.
         reference (n_real, n_exp, n_sample, n_motor): One period of the excitation [unit of its kind].
-        inject: Where the excitation enters.
         excited_lines (n_freq,): Excited lines.
         detection_lines (n_detection,): Lines left out on purpose.
-        periods: Recorded periods.
         outputs: What is recorded after the motors: `<joint>.arm` and sensors.
         travel (n_sample, n_motor): Position reference beneath the excitation, from the configuration; None without
             one [rad].
@@ -76,16 +145,13 @@ def with_settled_steps(
 
 
 def simulate(experiment: SimulatedExperiment, configuration: FloatArray, index: int, threads: int = 1) -> Record:
-    """Simulates every realization and experiment of one configuration in closed loop.
+    """Simulates every realization and experiment of one configuration: torque commands and measured motor angles.
 
     Args:
         experiment: The campaign.
         configuration (n_joint,): Arm-side angles [rad].
         index: The configuration's index, which seeds its noise.
         threads: Simulation threads; the result does not depend on them.
-
-    Returns:
-        The record of this configuration: torque commands and measured motor angles.
 
     Raises:
         DataError: If the simulation blows up, naming the configuration.
@@ -108,24 +174,52 @@ def simulate(experiment: SimulatedExperiment, configuration: FloatArray, index: 
             kept = period - experiment.options.transient_periods
             run.period(*((torque[kept], angle[kept]) if kept >= 0 else scrap))
             refuse_explosion(batch, model.robot, configuration, index, f"period {period + 1}")
-    recorded = recorded_torque_factor(experiment.robot, experiment.options.truth)
     offset = np.concatenate([model.robot.motor_per_arm @ configuration, run.rest_outputs])
+    return _record(experiment, model.robot, configuration, torque, angle, offset)
+
+
+def _record(
+    experiment: SimulatedExperiment,
+    robot: Robot,
+    configuration: FloatArray,
+    torque: FloatArray,
+    angle: FloatArray,
+    offset: FloatArray,
+) -> Record:
+    """The record of torques and outputs (n_period, n_sample, n_sim, n_channel)."""
+    n_real, n_exp, n_sample, n_motor = experiment.reference.shape
+    recorded = recorded_torque_factor(experiment.robot, experiment.options.truth)
     shape = (experiment.periods, n_sample, n_real, n_exp)
     names = tuple(joint.name for joint in experiment.robot.joints)
     return Record(
         sampling_period_s=experiment.controller.sampling_period_s,
         configurations=configuration[None],
         inputs=(recorded * torque).reshape(*shape, n_motor).transpose(2, 3, 0, 1, 4)[None],
-        outputs=(angle - offset).reshape(*shape, n_out).transpose(2, 3, 0, 1, 4)[None],
+        outputs=(angle - offset).reshape(*shape, offset.size).transpose(2, 3, 0, 1, 4)[None],
         reference=experiment.reference[None],
         reference_channels=motor_channels(names, INJECTED[experiment.inject]),
         excited_lines=experiment.excited_lines,
         detection_lines=experiment.detection_lines,
         input_channels=motor_channels(names, "torque"),
-        output_channels=(*motor_channels(names, "angle"), *further_channels(model.robot, experiment.outputs)),
+        output_channels=(*motor_channels(names, "angle"), *_further_channels(robot, experiment.outputs)),
         output_offset=offset[None],
-        joint_units=model.robot.joint_units,
+        joint_units=robot.joint_units,
     )
+
+
+def _references(experiment: SimulatedExperiment, reference: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What one period (n_sim, n_sample, n_motor) tells speed, angle and torque (n_sample, n_sim, n_motor)."""
+    told = np.ascontiguousarray(reference.transpose(1, 0, 2))
+    speed = angle = torque = np.zeros_like(told)
+    if experiment.inject == "speed_reference":
+        speed = told
+        integral = angle_reference(reference, experiment.controller.sampling_period_s)
+        angle = np.ascontiguousarray(integral.transpose(1, 0, 2))
+    elif experiment.inject == "position_reference":
+        angle = told
+    else:
+        torque = told
+    return speed, angle if experiment.travel is None else angle + experiment.travel[:, None], torque
 
 
 class _Run:
@@ -142,36 +236,21 @@ class _Run:
         self._experiment, self._batch, self._generator = experiment, batch, generator
         n_sim = batch.nsim
         reference = experiment.reference.reshape(n_sim, *experiment.reference.shape[2:])
-        self._reference = np.ascontiguousarray(reference.transpose(1, 0, 2))
         self._motor, self._turns = model.motor, model.turns
         self.names = experiment.outputs
         self._further = FurtherOutputs(model, batch, experiment.outputs)
-        self._varying = VaryingStiffness(model, batch, experiment.controller.sampling_period_s)
-        self._effects = LoadEffects(
-            model, batch, experiment.options.imperfections, experiment.controller.sampling_period_s
-        )
-        self._varying.follow()
-        self._effects.follow()
+        flaws = experiment.options.imperfections
+        self._followers = Followers(model, batch, experiment.controller, flaws)
+        self._followers.follow()
         batch.ctrl[:, : model.motor.size] = rest_torque
         batch.forward()
         self.rest_outputs = self._further.read()[0]
-        self._sensor_noise = self._further.noise_std(experiment.options.imperfections)
-        resolution = self._further.resolution(experiment.options.imperfections)
+        self._sensor_noise = self._further.noise_std(flaws)
+        resolution = self._further.resolution(flaws)
         self._stepped, self._step = np.flatnonzero(resolution), resolution[resolution > 0]
         self._rest = model.motor_angles(batch.qpos)
-        zero = np.zeros_like(self._reference)
-        speed, angle, torque = zero, zero, zero
-        if experiment.inject == "speed_reference":
-            speed = self._reference
-            integral = angle_reference(reference, experiment.controller.sampling_period_s)
-            angle = np.ascontiguousarray(integral.transpose(1, 0, 2))
-        elif experiment.inject == "position_reference":
-            angle = self._reference
-        else:
-            torque = self._reference
-        if experiment.travel is not None:
-            angle = angle + experiment.travel[:, None]
-        self._speed, self._angle, self._torque = speed, self._rest + angle, torque
+        self._speed, angle, self._torque = _references(experiment, reference)
+        self._angle = self._rest + angle
         self._cascade = Cascade(
             experiment.controller,
             experiment.robot.motor_inertia_kgm2,
@@ -197,8 +276,7 @@ class _Run:
             angle[sample, :, : self._motor.size], torque[sample] = measured, command
             self._pending.append(command)
             ctrl[:] = self._pending.pop(0) + disturbance[sample]
-            self._varying.follow()
-            self._effects.follow()
+            self._followers.follow()
             if not self.names:
                 batch.step(nstep=steps)
                 continue

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from robid.arrays import option
 from robid.robot.friction import LAWS, LawName
 
 # Limits of the rule; a change of one changes what the settings ask for, so they are among the settings that decide.
@@ -18,71 +19,37 @@ STEP_LIMITS = {
 class Controller:
     """A cascade as robots have it: position P, speed PI, torque limit, one computation delay."""
 
-    sampling_period_s: float = field(
-        default=1e-3, metadata={"description": "Sampling period of the controller [s].", "gt": 0}
-    )
-    position_gain_1_s: float = field(default=6.0, metadata={"description": "Gain of the position loop [1/s].", "ge": 0})
-    speed_bandwidth_hz: float = field(
-        default=20.0,
-        metadata={"description": "Crossover of the speed loop on the rotor's inertia alone [Hz].", "gt": 0},
-    )
-    integral_time_s: float = field(
-        default=0.1, metadata={"description": "Integral time of the speed loop [s].", "gt": 0}
-    )
-    delay_samples: int = field(
-        default=1, metadata={"description": "Samples from measurement to the torque that uses it.", "ge": 0, "le": 4}
-    )
+    sampling_period_s: float = option(1e-3, "Sampling period of the controller [s].", gt=0)
+    position_gain_1_s: float = option(6.0, "Gain of the position loop [1/s].", ge=0)
+    speed_bandwidth_hz: float = option(20.0, "Crossover of the speed loop on the rotor's inertia alone [Hz].", gt=0)
+    integral_time_s: float = option(0.1, "Integral time of the speed loop [s].", gt=0)
+    delay_samples: int = option(1, "Samples from measurement to the torque that uses it.", ge=0, le=4)
 
 
 @dataclass(frozen=True)
 class PoseInterface:
     """How the controller takes commands of the tool's pose and reports where it is, beside its own loops."""
 
-    sampling_period_s: float = field(
-        default=0.012,
-        metadata={"description": "Time between commands, a whole multiple of the controller's [s].", "gt": 0},
+    sampling_period_s: float = option(0.012, "Time between commands, a whole multiple of the controller's [s].", gt=0)
+    delay_samples: int = option(1, "Transport delay of the commands, in samples of the interface.", ge=0)
+    moving_average: int = option(1, "Samples over which commands are averaged; 1 is none.", ge=1)
+    speed_feedforward: float = option(
+        0.0, "Share of the commanded motor speed that the speed loops are told.", ge=0, le=1
     )
-    delay_samples: int = field(
-        default=1, metadata={"description": "Transport delay of the commands, in samples of the interface.", "ge": 0}
+    resolution_m: float = option(1e-5, "Step of reported positions; 0 for none [m].", ge=0)
+    resolution_rad: float = option(
+        1.7453292519943296e-5, "Step of reported angles, 0.001 degrees unless given; 0 for none [rad].", ge=0
     )
-    moving_average: int = field(
-        default=1, metadata={"description": "Samples over which commands are averaged; 1 is none.", "ge": 1}
+    noise_m: float = option(0.0, "Standard deviation of the noise of reported positions, before rounding [m].", ge=0)
+    noise_rad: float = option(0.0, "Standard deviation of the noise of reported angles, before rounding [rad].", ge=0)
+    external_axes: tuple[str, ...] = option(
+        (),
+        "Prismatic joints that carry the robot's root and have commands of their own, the first of the chain; a single"
+        " one is the channel R, several go by their names.",
     )
-    speed_feedforward: float = field(
-        default=0.0,
-        metadata={"description": "Share of the commanded motor speed that the speed loops are told.", "ge": 0, "le": 1},
-    )
-    resolution_m: float = field(
-        default=1e-5, metadata={"description": "Step of reported positions; 0 for none [m].", "ge": 0}
-    )
-    resolution_rad: float = field(
-        default=1.7453292519943296e-5,
-        metadata={"description": "Step of reported angles, 0.001 degrees unless given; 0 for none [rad].", "ge": 0},
-    )
-    noise_m: float = field(
-        default=0.0,
-        metadata={
-            "description": "Standard deviation of the noise of reported positions, before rounding [m].",
-            "ge": 0,
-        },
-    )
-    noise_rad: float = field(
-        default=0.0,
-        metadata={"description": "Standard deviation of the noise of reported angles, before rounding [rad].", "ge": 0},
-    )
-    external_axes: tuple[str, ...] = field(
-        default=(),
-        metadata={
-            "description": "Prismatic joints that carry the robot's root and have commands of their own, the first of"
-            " the chain; a single one is the channel R, several go by their names."
-        },
-    )
-    tool_m: tuple[float, float, float] = field(
-        default=(0.0, 0.0, 0.0), metadata={"description": "Tool point in the last link's frame [m]."}
-    )
-    tool_abc_deg: tuple[float, float, float] = field(
-        default=(0.0, 0.0, 0.0),
-        metadata={"description": "Turns of the tool about the last link's z, its new y and newest x axis [deg]."},
+    tool_m: tuple[float, float, float] = option((0.0, 0.0, 0.0), "Tool point in the last link's frame [m].")
+    tool_abc_deg: tuple[float, float, float] = option(
+        (0.0, 0.0, 0.0), "Turns of the tool about the last link's z, its new y and newest x axis [deg]."
     )
 
 
@@ -90,127 +57,65 @@ class PoseInterface:
 class Imperfections:
     """What the simulated robot does beyond the linear model; zero or false is off."""
 
-    encoder_noise_rad: float = field(
-        default=0.0, metadata={"description": "Standard deviation of the motor angle's noise [rad].", "ge": 0}
+    encoder_noise_rad: float = option(0.0, "Standard deviation of the motor angle's noise [rad].", ge=0)
+    link_encoder_noise_rad: float = option(0.0, "Standard deviation of the link encoders' noise [rad].", ge=0)
+    link_encoder_noise_m: float = option(
+        0.0, "Standard deviation of the noise of prismatic joints' arm-side encoders [m].", ge=0
     )
-    link_encoder_noise_rad: float = field(
-        default=0.0, metadata={"description": "Standard deviation of the link encoders' noise [rad].", "ge": 0}
+    link_encoder_resolution_rad: float = option(0.0, "Quantisation step of the link encoders' angles [rad].", ge=0)
+    link_encoder_resolution_m: float = option(
+        0.0, "Quantisation step of prismatic joints' arm-side encoders [m].", ge=0
     )
-    link_encoder_noise_m: float = field(
-        default=0.0,
-        metadata={
-            "description": "Standard deviation of the noise of prismatic joints' arm-side encoders [m].",
-            "ge": 0,
-        },
+    tracker_noise_m: float = option(0.0, "Standard deviation of the trackers' noise [m].", ge=0)
+    accelerometer_noise_m_s2: float = option(0.0, "Standard deviation of the accelerometers' noise [m/s^2].", ge=0)
+    encoder_resolution_rad: float = option(0.0, "Quantisation step of the motor angle [rad].", ge=0)
+    torque_noise_nm: float = option(0.0, "Standard deviation of the torque's noise, new each sample [N m].", ge=0)
+    resolver_error_rad: float = option(0.0, "Amplitude of the resolver's error [rad].", ge=0)
+    resolver_order: int = option(2, "Periods of the resolver's error per motor turn.", ge=1)
+    ripple: bool = option(False, "Torque ripple as the robot file gives it.")
+    friction: Literal["none", LawName] = option(
+        "none",
+        "Law of the motor friction inside the integrator; without memory: `tanh`, the Coulomb level reached over the"
+        " Stribeck speed, and `stribeck`, the Stribeck curve.",
     )
-    link_encoder_resolution_rad: float = field(
-        default=0.0, metadata={"description": "Quantisation step of the link encoders' angles [rad].", "ge": 0}
+    load_friction: float = option(
+        0.0,
+        "Growth of the motors' Coulomb and breakaway levels with their gear's load, over that load on the motor side.",
+        ge=0,
     )
-    link_encoder_resolution_m: float = field(
-        default=0.0,
-        metadata={"description": "Quantisation step of prismatic joints' arm-side encoders [m].", "ge": 0},
+    friction_asymmetry: float = option(
+        0.0,
+        "Share by which the motors' levels of friction are higher in the positive direction, and lower in the negative"
+        " one.",
+        gt=-1,
+        lt=1,
     )
-    tracker_noise_m: float = field(
-        default=0.0, metadata={"description": "Standard deviation of the trackers' noise [m].", "ge": 0}
+    second_ripple_nm: float = option(0.0, "Amplitude of a further torque ripple of all motors [N m].", ge=0)
+    second_ripple_order: int = option(2, "Periods of the further ripple per motor turn.", ge=1)
+    load_damping_1_rad: float = option(
+        0.0,
+        "Growth of the transmissions' dampers with their deflection, as a share per radian, of prismatic joints per"
+        " metre [1/rad].",
+        ge=0,
     )
-    accelerometer_noise_m_s2: float = field(
-        default=0.0, metadata={"description": "Standard deviation of the accelerometers' noise [m/s^2].", "ge": 0}
-    )
-    encoder_resolution_rad: float = field(
-        default=0.0, metadata={"description": "Quantisation step of the motor angle [rad].", "ge": 0}
-    )
-    torque_noise_nm: float = field(
-        default=0.0,
-        metadata={"description": "Standard deviation of the torque's noise, new each sample [N m].", "ge": 0},
-    )
-    resolver_error_rad: float = field(
-        default=0.0, metadata={"description": "Amplitude of the resolver's error [rad].", "ge": 0}
-    )
-    resolver_order: int = field(
-        default=2, metadata={"description": "Periods of the resolver's error per motor turn.", "ge": 1}
-    )
-    ripple: bool = field(default=False, metadata={"description": "Torque ripple as the robot file gives it."})
-    friction: Literal["none", LawName] = field(
-        default="none",
-        metadata={
-            "description": "Law of the motor friction inside the integrator; without memory: `tanh`, the Coulomb level"
-            " reached over the Stribeck speed, and `stribeck`, the Stribeck curve."
-        },
-    )
-    load_friction: float = field(
-        default=0.0,
-        metadata={
-            "description": "Growth of the motors' Coulomb and breakaway levels with their gear's load, over that load"
-            " on the motor side.",
-            "ge": 0,
-        },
-    )
-    friction_asymmetry: float = field(
-        default=0.0,
-        metadata={
-            "description": "Share by which the motors' levels of friction are higher in the positive direction, and"
-            " lower in the negative one.",
-            "gt": -1,
-            "lt": 1,
-        },
-    )
-    second_ripple_nm: float = field(
-        default=0.0, metadata={"description": "Amplitude of a further torque ripple of all motors [N m].", "ge": 0}
-    )
-    second_ripple_order: int = field(
-        default=2, metadata={"description": "Periods of the further ripple per motor turn.", "ge": 1}
-    )
-    load_damping_1_rad: float = field(
-        default=0.0,
-        metadata={
-            "description": "Growth of the transmissions' dampers with their deflection, as a share per radian, of"
-            " prismatic joints per metre [1/rad].",
-            "ge": 0,
-        },
-    )
-    stiffening_1_rad2: float = field(
-        default=0.0, metadata={"description": "Cubic over linear coefficient of the transmissions [1/rad^2].", "ge": 0}
-    )
-    stiffening_1_m2: float = field(
-        default=0.0, metadata={"description": "The same of prismatic joints [1/m^2].", "ge": 0}
-    )
-    backlash_rad: float = field(
-        default=0.0, metadata={"description": "Arm-side backlash of the transmissions [rad].", "ge": 0}
-    )
-    backlash_m: float = field(
-        default=0.0, metadata={"description": "Backlash of prismatic joints' transmissions [m].", "ge": 0}
-    )
-    hysteresis_nm: float = field(
-        default=0.0, metadata={"description": "Arm-side hysteresis torque of the transmissions [N m].", "ge": 0}
-    )
-    hysteresis_n: float = field(
-        default=0.0, metadata={"description": "Hysteresis force of prismatic joints' transmissions [N].", "ge": 0}
-    )
-    unmodelled_payload_kg: float = field(
-        default=0.0, metadata={"description": "Payload mass the model does not know; below 0 it knows too much [kg]."}
-    )
+    stiffening_1_rad2: float = option(0.0, "Cubic over linear coefficient of the transmissions [1/rad^2].", ge=0)
+    stiffening_1_m2: float = option(0.0, "The same of prismatic joints [1/m^2].", ge=0)
+    backlash_rad: float = option(0.0, "Arm-side backlash of the transmissions [rad].", ge=0)
+    backlash_m: float = option(0.0, "Backlash of prismatic joints' transmissions [m].", ge=0)
+    hysteresis_nm: float = option(0.0, "Arm-side hysteresis torque of the transmissions [N m].", ge=0)
+    hysteresis_n: float = option(0.0, "Hysteresis force of prismatic joints' transmissions [N].", ge=0)
+    unmodelled_payload_kg: float = option(0.0, "Payload mass the model does not know; below 0 it knows too much [kg].")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Truth:
     """How the simulated robot differs from the robot file: seeded deviations, and what is stated one by one."""
 
-    spring_factor: float = field(
-        default=1.0,
-        metadata={"description": "Springs and dampers are multiplied log-uniformly by up to this factor.", "ge": 1},
-    )
-    damper_factor: float | None = field(
-        default=None,
-        metadata={"description": "Factor of the dampers where it is not that of the springs.", "ge": 1},
-    )
-    keep: tuple[str, ...] = field(
-        default=(), metadata={"description": "Names of springs that stay as the robot file has them."}
-    )
-    friction_relative: float = field(
-        default=0.0,
-        metadata={"description": "Friction coefficients deviate uniformly by up to this share.", "ge": 0, "lt": 1},
-    )
-    seed: int = field(default=1, metadata={"description": "Seed of the deviations.", "ge": 0})
+    spring_factor: float = option(1.0, "Springs and dampers are multiplied log-uniformly by up to this factor.", ge=1)
+    damper_factor: float | None = option(None, "Factor of the dampers where it is not that of the springs.", ge=1)
+    keep: tuple[str, ...] = option((), "Names of springs that stay as the robot file has them.")
+    friction_relative: float = option(0.0, "Friction coefficients deviate uniformly by up to this share.", ge=0, lt=1)
+    seed: int = option(1, "Seed of the deviations.", ge=0)
     rotor_inertia_factor: dict[str, float] = field(
         default_factory=dict, metadata={"description": "Factors on rotor inertias, by joint."}
     )
@@ -222,15 +127,12 @@ class Truth:
         },
     )
     inertia_factor: dict[str, float] = field(
-        default_factory=dict,
-        metadata={"description": "Further factors on the inertias alone, of the same bodies."},
+        default_factory=dict, metadata={"description": "Further factors on the inertias alone, of the same bodies."}
     )
-    mass_relative: tuple[float, float] = field(
-        default=(0.0, 0.0),
-        metadata={
-            "description": "Mass and inertia of each link, with its split parts, deviate by a random share between"
-            " these two, each up or down."
-        },
+    mass_relative: tuple[float, float] = option(
+        (0.0, 0.0),
+        "Mass and inertia of each link, with its split parts, deviate by a random share between these two, each up or"
+        " down.",
     )
     couplings: dict[str, dict[str, float]] = field(
         default_factory=dict,
@@ -250,9 +152,7 @@ class Truth:
         default_factory=dict,
         metadata={"description": "True over assumed torque constant, by joint: recorded torques are divided by it."},
     )
-    reversed_torque: tuple[str, ...] = field(
-        default=(), metadata={"description": "Joints whose torques are recorded with the wrong sign."}
-    )
+    reversed_torque: tuple[str, ...] = option((), "Joints whose torques are recorded with the wrong sign.")
 
 
 @dataclass(frozen=True)
@@ -265,20 +165,13 @@ class SimulateOptions:
     truth: Truth = field(
         default_factory=Truth, metadata={"description": "How the true robot differs from the robot file."}
     )
-    steps_per_sample: int | None = field(
-        default=None,
-        metadata={
-            "description": "RK4 steps per controller sample; as many as modes and friction need when not given.",
-            "ge": 1,
-            "le": 64,
-        },
+    steps_per_sample: int | None = option(
+        None, "RK4 steps per controller sample; as many as modes and friction need when not given.", ge=1, le=64
     )
-    transient_periods: int = field(default=1, metadata={"description": "Periods dropped before recording.", "ge": 0})
-    measured_pose: Literal["motors", "tool"] = field(
-        default="motors",
-        metadata={
-            "description": "Of a `pose_chirp`: the pose that motor encoders and rigid arm give, as controllers report"
-            " it, or where the tool truly is, seen from the carriage of the rail."
-        },
+    transient_periods: int = option(1, "Periods dropped before recording.", ge=0)
+    measured_pose: Literal["motors", "tool"] = option(
+        "motors",
+        "Of a `pose_chirp`: the pose that motor encoders and rigid arm give, as controllers report it, or where the"
+        " tool truly is, seen from the carriage of the rail.",
     )
-    seed: int = field(default=1, metadata={"description": "Seed of the noise.", "ge": 0})
+    seed: int = option(1, "Seed of the noise.", ge=0)

@@ -13,12 +13,10 @@ from robid.robot.description import Robot, Sensor
 from robid.robot.linearize import Equilibrium, solve_statics
 from robid.robot.model import ElasticModel, site_name
 from robid.simulate.controller import Cascade
-from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
+from robid.simulate.engine import Followers, quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.experiment import encoder_readings
-from robid.simulate.load_effects import LoadEffects
 from robid.simulate.options import Controller, SimulateOptions
-from robid.simulate.steps import settled
-from robid.simulate.varying import VaryingStiffness
+from robid.simulate.steps import choose_steps
 
 _TOOL = "tool_point"
 _BAND = (1e-3, 0.1)  # over the sampling rate: where a step moves the robot
@@ -65,7 +63,7 @@ def play(
     index: int,
     motion: Playback,
 ) -> Played:
-    """Plays motor motions from rest, feedback around the feed-forward, one simulation each.
+    """Plays motor motions from rest, feedback around the feed-forward: tool positions and torques at the samples.
 
     Args:
         robot: The robot that moves, with its tool point.
@@ -75,16 +73,14 @@ def play(
         index: The configuration's index, which seeds its noise.
         motion: What the controller is told to do.
 
-    Returns:
-        Tool positions and torques at the controller's samples.
-
     Raises:
         DataError: If the simulation blows up, naming the configuration.
     """
     if options.steps_per_sample is None:
         told = np.abs(np.diff(motion.angle, axis=0)).max(axis=(0, 1), initial=0.0) / controller.sampling_period_s
         band_hz = np.geomspace(*_BAND, _BAND_LINES) / controller.sampling_period_s
-        options = settled(robot, controller, options, configuration[None], band_hz, told)
+        needed = choose_steps(robot, controller, options, configuration[None], band_hz, told)
+        options = replace(options, steps_per_sample=needed.count)
     steps = options.steps_per_sample or 1
     model, flaws = true_model(robot, controller, options, sensors=True), options.imperfections
     rest = solve_statics(model, configuration[None])
@@ -103,8 +99,7 @@ def play(
     tool = flaws.tracker_noise_m * generator.standard_normal((n_time, n_sim, 3))
     torque = np.empty_like(motion.angle)
     speed = np.diff(motion.angle, axis=0, prepend=motion.angle[:1]) / controller.sampling_period_s
-    varying = VaryingStiffness(model, batch, controller.sampling_period_s)
-    effects = LoadEffects(model, batch, flaws, controller.sampling_period_s)
+    followers = Followers(model, batch, controller, flaws)
     watched = batch.sensordata  # bound before the first step, or that one is missed
     start = int(model.mujoco.sensor(model.robot.sensors[0].name).adr[0])
     with quiet_mujoco():
@@ -116,8 +111,7 @@ def play(
             torque[sample] = np.clip(feedback + motion.torque[sample], -limit, limit)
             pending.append(torque[sample])
             batch.ctrl[:, :n_motor] = pending.pop(0) + flaws.torque_noise_nm * torque_noise[sample]
-            varying.follow()
-            effects.follow()
+            followers.follow()
             batch.step(nstep=1)  # sensors show the state at its beginning
             tool[sample] += watched[:, start : start + 3]
             if steps > 1:
@@ -127,16 +121,13 @@ def play(
 
 
 def turned_tool(model: ElasticModel, rest: Equilibrium, axis: int, angle: FloatArray) -> FloatArray:
-    """Where the tool point goes when one joint moves from rest and all else stays as it is.
+    """Displacement (n_time, 3) of the tool point when one joint moves from rest and all else stays as it is [m].
 
     Args:
         model: The elastic model of a robot with its tool point.
         rest: Where it rests; one configuration.
         axis: Which joint moves.
         angle (n_time,): By how much [rad, or m].
-
-    Returns:
-        Displacement from rest (n_time, 3) [m].
     """
     data = mujoco.MjData(model.mujoco)
     data.qpos[:] = rest.position[0]

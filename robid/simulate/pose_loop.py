@@ -17,16 +17,13 @@ from robid.robot.model import ElasticModel, site_name
 from robid.signals.pose import ANGLES, POSE, displacement, pose_channels, pose_command_channels
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade
-from robid.simulate.engine import quiet_mujoco, refuse_explosion, true_model
+from robid.simulate.engine import Followers, quiet_mujoco, refuse_explosion, true_model
 from robid.simulate.experiment import encoder_readings
-from robid.simulate.load_effects import LoadEffects
 from robid.simulate.options import Controller, PoseInterface, SimulateOptions
 from robid.simulate.pose_path import channel_motion, followed, joint_path
 from robid.simulate.steps import Steps, choose_steps
-from robid.simulate.varying import VaryingStiffness
 
-TOOL = "pose_of_the_tool"
-"""Name of the sensor that shows where the tool is."""
+TOOL = "pose_of_the_tool"  # Name of the sensor that shows where the tool is
 _SEEN = 8
 
 
@@ -37,13 +34,9 @@ class PoseExperiment:
     Attributes:
         robot: The true robot.
         arm: The rigid arm as the controller knows it.
-        controller: Its controller.
-        interface: How it takes commands and reports poses.
-        options: Imperfections, steps and seed.
         channels: Names of the commanded channels, which are those measured.
         reference (n_real, n_exp, n_sample, n_channel): One period of the commands [m, rad].
         excited_lines (n_freq,): Excited lines.
-        periods: Recorded periods.
     """
 
     robot: Robot
@@ -89,16 +82,13 @@ def _paths(experiment: PoseExperiment, configurations: FloatArray) -> FloatArray
 
 
 def simulate_poses(experiment: PoseExperiment, configuration: FloatArray, index: int, threads: int = 1) -> Record:
-    """Simulates every realization and channel from one home at once.
+    """Simulates every realization and channel from one home: commanded and measured displacements.
 
     Args:
         experiment: The campaign.
         configuration (n_joint,): Home, arm side [rad, or m].
         index: The configuration's index, which seeds its noise.
         threads: Simulation threads; the result does not depend on them.
-
-    Returns:
-        The record of this configuration: commanded and measured displacements of the channels.
 
     Raises:
         DataError: If a pose is out of reach or the simulation blows up, naming the configuration.
@@ -107,21 +97,20 @@ def simulate_poses(experiment: PoseExperiment, configuration: FloatArray, index:
     robot = replace(experiment.robot, sensors=(*experiment.robot.sensors, tool_sensor(experiment.arm)))
     model = true_model(robot, experiment.controller, experiment.options, sensors=False)
     loop = _Loop(experiment, model, configuration, index, threads)
-    total = experiment.options.transient_periods + experiment.periods
-    measured = []
+    transient, measured = experiment.options.transient_periods, []
     with quiet_mujoco():
-        for period in range(total):
+        for period in range(transient + experiment.periods):
             shown = loop.period(is_first=period == 0)
             refuse_explosion(loop.batch, experiment.robot, configuration, index, f"period {period + 1}")
-            if period >= experiment.options.transient_periods:
+            if period >= transient:
                 measured.append(shown)
-    n_real, n_exp, n_sample, n_channel = experiment.reference.shape
-    outputs = np.array(measured).reshape(experiment.periods, n_real, n_exp, n_sample, n_channel)
+    n_real, n_exp, *rest = experiment.reference.shape
+    outputs = np.array(measured).reshape(experiment.periods, n_real, n_exp, *rest)
     reference = experiment.reference[:, :, None]
     return Record(
         sampling_period_s=experiment.interface.sampling_period_s,
         configurations=configuration[None],
-        inputs=np.broadcast_to(reference, (n_real, n_exp, experiment.periods, n_sample, n_channel))[None],
+        inputs=np.broadcast_to(reference, (n_real, n_exp, experiment.periods, *rest))[None],
         outputs=outputs.transpose(1, 2, 0, 3, 4)[None],
         excited_lines=experiment.excited_lines,
         input_channels=pose_command_channels(experiment.channels),
@@ -162,12 +151,8 @@ class _Loop:
         self.batch = Batch(model.mujoco, n_real * n_exp, nthread=threads)
         self.batch.qpos[:] = rest.position
         self.batch.ctrl[:, : model.motor.size] = rest.motor_torque[0]
-        self._varying = VaryingStiffness(model, self.batch, experiment.controller.sampling_period_s)
-        self._effects = LoadEffects(
-            model, self.batch, experiment.options.imperfections, experiment.controller.sampling_period_s
-        )
-        self._varying.follow()
-        self._effects.follow()
+        self._followers = Followers(model, self.batch, experiment.controller, experiment.options.imperfections)
+        self._followers.follow()
         self.batch.forward()
         self._first, self._steady = self._told(index)
         self._last = model.motor_angles(self.batch.qpos)
@@ -228,8 +213,7 @@ class _Loop:
             reference = self._last + ((sub + 1) / count) * change
             self._pending.append(self._cascade.command(measured, reference, speed))
             batch.ctrl[:, : model.motor.size] = self._pending.pop(0) + disturbance[sub]
-            self._varying.follow()
-            self._effects.follow()
+            self._followers.follow()
             batch.step(nstep=steps)
         self._last = told
 
@@ -240,7 +224,7 @@ class _Loop:
         arms = positions[..., model.arm]
         point, turn = _tool_poses(model, positions)
         # Seen from the carriage of the rail, whose way the rail's own channel has.
-        base = root_pose(arm, arms[..., : arm.external])
+        base = _root_pose(arm, arms[..., : arm.external])
         point, turn = (point - base[0]) @ base[1], base[1].T @ turn
         displaced = displacement(*arm.poses(self._home[arm.external :]), point, turn @ arm.tool_rotation)
         found = channel_motion(arm, channels, self._home, arms)
@@ -259,13 +243,8 @@ class _Loop:
         return np.asarray(np.where(step > 0, np.round(motion / np.where(step > 0, step, 1)) * step, motion))
 
 
-def root_pose(arm: ToolArm, external: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns where the root is in the world: positions (..., 3) [m], and its orientation (3, 3).
-
-    Args:
-        arm: The arm; its external axes slide.
-        external (..., n_external): Their positions [m].
-    """
+def _root_pose(arm: ToolArm, external: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where the root is when external slides are at (..., n_external): (..., 3) [m], and its orientation (3, 3)."""
     point, turn = np.zeros((*external.shape[:-1], 3)), np.eye(3)
     for index, joint in enumerate(arm.robot.joints[: arm.external]):
         point, turn = point + turn @ joint.position_m, turn @ joint.rotation

@@ -64,16 +64,13 @@ def joint_path(arm: ToolArm, channels: tuple[str, ...], configuration: FloatArra
 def channel_motion(
     arm: ToolArm, channels: tuple[str, ...], configuration: FloatArray, positions: FloatArray
 ) -> FloatArray:
-    """Returns what joint positions move the channels by: the inverse of `joint_path`.
+    """Displacements (..., n_sample, n_channel) that joint positions make; the inverse of `joint_path` [m, rad].
 
     Args:
         arm: The rigid arm.
         channels: Names of the channels, of those of the arm.
         configuration (n_joint,): Home, arm side [rad, or m].
         positions (..., n_sample, n_joint): Arm-side joint positions [rad, or m].
-
-    Returns:
-        Displacements (..., n_sample, n_channel) [m, rad].
     """
     pose, external = _columns(arm, channels)
     home = arm.poses(configuration[arm.external :])

@@ -33,7 +33,7 @@ def pose_response(
     channels: Sequence[str] | None = None,
     measured: str = "motors",
 ) -> ComplexArray:
-    """Computes the response from commanded to measured pose that small commands have around a home.
+    """Response (n_freq, n_channel, n_channel) from commanded to measured pose for small commands around a home.
 
     The commands are a sequence at the interface's rate: delay, moving average and linear interpolation, the sampled
     cascade and the elastic arm turn it into a measured sequence at that rate. Friction and torque limits are left out.
@@ -47,9 +47,6 @@ def pose_response(
         frequency_hz (n_freq,): Frequencies [Hz].
         channels: Names of the channels; all of the arm by default.
         measured: `motors` or `tool`, see `SimulateOptions.measured_pose`.
-
-    Returns:
-        Response (n_freq, n_channel, n_channel) from commands to measurements, in radians and metres.
     """
     names = arm.channels if channels is None else tuple(channels)
     period_s, count = interface.sampling_period_s, round(interface.sampling_period_s / controller.sampling_period_s)

@@ -17,33 +17,6 @@ _LOST_RAD_S = 1e6
 _SETTLED = 1.0  # steps in which friction may reverse a motor at most
 
 
-def simulate_rigid(
-    model: RigidModel,
-    parameters: FloatArray,
-    robot: Robot,
-    controller: Controller,
-    command: FloatArray,
-    feed_forward: FloatArray | None = None,
-    *,
-    loaded: bool = True,
-) -> FloatArray:
-    """Simulates the closed loop of a rigid model, one run for each command.
-
-    Args:
-        model: The model.
-        parameters (n_param,) or (n_run, n_param): Values of its columns, the same for all runs or one row for each.
-        robot: The robot, for limits and for the rotor inertias that the controller was tuned to.
-        controller: Its controller.
-        command (n_run, n_sample, n_joint): Motor angles that the controller is told [rad].
-        feed_forward (n_run, n_sample, n_joint): Motor speeds that it is told besides; none by default [rad/s].
-        loaded: Whether a payload with parameters of its own is there.
-
-    Returns:
-        Motor angles (n_run, n_sample, n_joint) at the controller's samples [rad]; they begin on the command.
-    """
-    return simulate_rigid_loop(model, parameters, robot, controller, command, feed_forward, loaded=loaded)[0]
-
-
 def simulate_rigid_loop(
     model: RigidModel,
     parameters: FloatArray,
@@ -60,8 +33,8 @@ def simulate_rigid_loop(
 
     Args:
         model: The model.
-        parameters (n_param,) or (n_run, n_param): As in `simulate_rigid`, and so are what follows.
-        robot: The robot.
+        parameters (n_param,) or (n_run, n_param): Values of its columns, the same for all runs or one row for each.
+        robot: The robot, for limits and for the rotor inertias that the controller was tuned to.
         controller: Its controller.
         command (n_run, n_sample, n_joint): Motor angles that it is told [rad].
         feed_forward (n_run, n_sample, n_joint): Motor speeds that it is told besides; none by default [rad/s].

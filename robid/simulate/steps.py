@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,12 +26,7 @@ _TAYLOR = [1 / 24, 1 / 6, 1 / 2, 1.0, 1.0]
 
 @dataclass(frozen=True)
 class Steps:
-    """How many steps, and why.
-
-    Attributes:
-        count: RK4 steps per controller sample.
-        reason: What asks for as many, in a phrase.
-    """
+    """How many RK4 steps per controller sample, and what asks for as many, in a phrase."""
 
     count: int
     reason: str
@@ -94,19 +89,6 @@ def visited(
     return np.asarray((configurations[:, None] + seen).reshape(-1, way.shape[1]))
 
 
-def settled(
-    robot: Robot,
-    controller: Controller,
-    options: SimulateOptions,
-    configurations: FloatArray,
-    frequency_hz: FloatArray,
-    peak_speed: FloatArray,
-) -> SimulateOptions:
-    """Returns the options with the number of steps that they leave open; see `choose_steps`."""
-    steps = choose_steps(robot, controller, options, configurations, frequency_hz, peak_speed)
-    return replace(options, steps_per_sample=steps.count)
-
-
 def peak_motor_speed(robot: Robot, controller: Controller, reference: FloatArray, kind: str) -> FloatArray:
     """Returns the highest speed (n_motor,) that an excitation tells each motor [rad/s].
 
@@ -149,20 +131,16 @@ def _linear_need(
     count = 1
     for system in systems:
         while (
-            count < _MOST and integration_error(system, frequency_hz, period_s, count) > STEP_LIMITS["response_error"]
+            count < _MOST and _integration_error(system, frequency_hz, period_s, count) > STEP_LIMITS["response_error"]
         ):
             count += 1
     return count, highest / (2 * np.pi)
 
 
-def integration_error(system: StateSpace, frequency_hz: FloatArray, period_s: float, count: int) -> float:
-    """Largest error of the sampled speed response that RK4 gives, over its norm; infinite where RK4 is unstable.
+def _integration_error(system: StateSpace, frequency_hz: FloatArray, period_s: float, count: int) -> float:
+    """Largest error of the sampled speed response by so many RK4 steps per period, over its norm; infinite if unstable.
 
-    Args:
-        system: Continuous system.
-        frequency_hz (n_freq,): Frequencies [Hz].
-        period_s: Sampling period, for which the torque is held [s].
-        count: Steps per period.
+    The torque is held over the period [s].
     """
     step_s = period_s / count
     scaled = np.linalg.eigvals(system.A) * step_s

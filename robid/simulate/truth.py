@@ -20,12 +20,7 @@ class TrueRobot:
     """The robot that was simulated, and what of its simulation a fit may estimate.
 
     Attributes:
-        robot: The robot with all deviations and further springs.
-        truth: How it deviates from its file.
-        imperfections: What the simulation does beyond the linear model.
         delay_s: Delay from recorded to applied torque, or of pose commands, hold excluded [s].
-        seed: Seed of the noise.
-        steps_per_sample: RK4 steps per controller sample.
     """
 
     robot: Robot
@@ -59,11 +54,7 @@ def true_robot(robot: Robot, truth: Truth, further: tuple[Spring, ...] = ()) -> 
     spring_log[[spring.name in truth.keep for spring in robot.springs]] = 0.0
     friction = 1 + truth.friction_relative * generator.uniform(-1, 1, (len(robot.joints), 3))
     springs = tuple(
-        replace(
-            spring,
-            stiffness=spring.stiffness * float(factor[0]),
-            damping=spring.damping * float(factor[1]),
-        )
+        replace(spring, stiffness=spring.stiffness * float(factor[0]), damping=spring.damping * float(factor[1]))
         for spring, factor in zip(robot.springs, np.exp(spring_log), strict=True)
     )
     joints = tuple(_deviate(joint, *row) for joint, row in zip(robot.joints, friction.tolist(), strict=True))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robid.design.configurations.criteria import worth
-from robid.design.configurations.packed import Packed, pack
+from robid.design.configurations.interior import Packed, pack
 from robid.design.configurations.relaxed import relaxed_design
 
 _SIZE = 26

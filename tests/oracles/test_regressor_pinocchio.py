@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from arm_regressor import arm_columns
 from rigid_robots import random_chain, random_motion
 from robid.robot.regressor.links import COMPONENTS
-from robid.robot.regressor.model import arm_columns
 from tolerances import IDENTITY
 
 pin = pytest.importorskip("pinocchio", reason="Pinocchio (`pin`) is not installed")

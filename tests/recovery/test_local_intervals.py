@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_mass_robot
-from robid.frf.dropped import completed
+from robid.frf.distortion import completed
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.models.elastic.fit.fitting import fit_elastic

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.design.excitation.signal import design_signal
+from robid.design.excitation.excitation import design_signal
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.models.known import load_experiment

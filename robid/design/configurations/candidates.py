@@ -1,20 +1,114 @@
-"""Information of candidate configurations under assumed noise."""
+"""The parameters that a choice is about, what candidates tell of them under assumed noise, and what a visit costs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import BoolArray, FloatArray, check_shape
 from robid.design.configurations.options import ALONG
-from robid.design.configurations.parameters_of_interest import choose_parameters, eliminated, natural_scales
+from robid.errors import SettingsError
 from robid.robot.derivatives import jacobian
 from robid.robot.description import Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.parameters import FREE, OF_SPRINGS, RESPONSE_NUISANCE
+from robid.robot.parameters import FREE, LOGARITHMIC, OF_SPRINGS, RESPONSE_NUISANCE, element_names, viscous_scale
 from robid.robot.response import ElasticParameters, nominal_parameters, response
+
+
+@dataclass(frozen=True)
+class ParametersOfInterest:
+    """Parameters of a design.
+
+    Attributes:
+        kinds: All kinds, those that are estimated along last.
+        columns (n_all,): Which elements of these kinds are estimated.
+        names: Names of the parameters that the design is about; they come first among those estimated.
+        precision (n_estimated,): What is known of each beforehand, over its variance; of those that the design is
+            about, nothing.
+    """
+
+    kinds: tuple[str, ...]
+    columns: BoolArray
+    names: tuple[str, ...]
+    precision: FloatArray
+
+    def scales(self, nominal: ElasticParameters, period_s: float) -> FloatArray:
+        """Scale (n_estimated,) of each: its value, or of a linear nuisance what is natural to it."""
+        return natural_scales(nominal, period_s, self.kinds)[self.columns]
+
+
+def natural_scales(nominal: ElasticParameters, period_s: float, kinds: Sequence[str]) -> FloatArray:
+    """Scale (n_all,) of each parameter of some kinds: its value, or of a linear nuisance what is natural to it."""
+    natural = {"viscous": viscous_scale(nominal.motor_inertia), "delay": np.array([period_s])}
+    natural["arm_viscous"] = viscous_scale(nominal.link_inertia)
+    return np.concatenate([natural[kind] if kind in natural else getattr(nominal, kind) for kind in kinds])
+
+
+def choose_parameters(
+    robot: Robot, kinds: Sequence[str], nuisance: Sequence[str], fixed: Sequence[str], prior_decades: float = np.inf
+) -> ParametersOfInterest:
+    """Chooses the parameters of a design.
+
+    Args:
+        robot: Nominal robot.
+        kinds: Kinds of parameters that the design is about, of `LOGARITHMIC`.
+        nuisance: Kinds that are estimated along, of `LOGARITHMIC` and `RESPONSE_NUISANCE`.
+        fixed: Names of single parameters that are known.
+        prior_decades: Standard deviation of what the robot file knows of springs, dampers and link inertias that are
+            estimated along [decades]; that of motor inertias is the file's own.
+
+    Raises:
+        SettingsError: If a kind cannot be designed for, or a fixed name is unknown.
+    """
+    _check_kinds(kinds, nuisance)
+    every = (*dict.fromkeys(kinds), *dict.fromkeys(nuisance))
+    pairs = [(kind, name) for kind in every for name in element_names(robot, kind) if name is not None]
+    unknown = [name for name in fixed if name not in {known for _, known in pairs}]
+    if unknown:
+        message = f"`fixed` names {', '.join(unknown)}, which nothing estimates"
+        raise SettingsError(message, where="design.fixed", remedy="correct `fixed`, or the kinds of parameters")
+    columns = np.array([name not in fixed for _, name in pairs])
+    known = {f"{joint.name}.motor_inertia": joint.motor.inertia_relative_std for joint in robot.joints}
+    # A standard deviation in decades is log(10) times as large in natural logarithms.
+    known |= {name: np.log(10) * prior_decades for kind, name in pairs if kind in LOGARITHMIC and name not in known}
+    deviation = [np.inf if kind in kinds else known.get(name, np.inf) for kind, name in pairs]
+    names = tuple(name for kind, name in pairs if kind in kinds and name not in fixed)
+    return ParametersOfInterest(every, columns, names, 1 / np.array(deviation)[columns] ** 2)
+
+
+def _check_kinds(kinds: Sequence[str], nuisance: Sequence[str]) -> None:
+    wrong = [kind for kind in kinds if kind not in LOGARITHMIC]
+    wrong += [kind for kind in nuisance if kind not in (*LOGARITHMIC, *RESPONSE_NUISANCE)]
+    if wrong:
+        message = f"configurations cannot be designed for {', '.join(wrong)}"
+        raise SettingsError(
+            message, where="design", remedy=f"choose among {', '.join((*LOGARITHMIC, *RESPONSE_NUISANCE))}"
+        )
+    if twice := set(kinds) & set(nuisance):
+        message = f"{', '.join(sorted(twice))} cannot be both wanted and a nuisance"
+        raise SettingsError(message, where="design", remedy="name each kind once")
+
+
+def eliminated(matrices: Sequence[FloatArray], precision: FloatArray, count: int) -> list[FloatArray]:
+    """Takes out what is estimated along: matrices (count, count), prior precision included.
+
+    Args:
+        matrices (n_all, n_all): Information, and further matrices that follow the same elimination.
+        precision (n_all,): What is known beforehand.
+        count: Number of parameters that stay.
+    """
+    whole = [matrix + np.diag(precision) for matrix in matrices]
+    nuisance, mixed = whole[0][count:, count:], whole[0][count:, :count]
+    # In units of each nuisance's own effect: seconds and newton metres differ by many decades.
+    scale = np.sqrt(np.where(np.diag(nuisance) > 0, np.diag(nuisance), 1.0))
+    inverse = np.linalg.pinv(nuisance / (scale[:, None] * scale), rcond=1e-13, hermitian=True)
+    # Schur complement as [I; -K]' H [I; -K] with K = H_nn^-1 H_nw; further matrices follow the same K.
+    follow = np.vstack([np.eye(count), -(inverse @ (mixed / scale[:, None])) / scale[:, None]])
+    return [follow.T @ matrix @ follow for matrix in whole]
+
 
 KINDS = (*OF_SPRINGS, *(kind for kind in RESPONSE_NUISANCE if kind in FREE))
 """Kinds of parameters that an excitation is shaped for; the last two are nuisance."""
@@ -33,7 +127,7 @@ def candidate_information(
     fixed: Sequence[str] = (),
     weights: FloatArray | None = None,
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Information matrices about log-parameters, the nuisance parameters eliminated in each configuration.
+    """Information (n_conf, n_param, n_param) about log-parameters, nuisances eliminated in each, and their names.
 
     What the robot file knows of motor inertias that are estimated along counts in each.
 
@@ -49,9 +143,6 @@ def candidate_information(
         fixed: Names of single parameters that are known.
         weights (n_freq, n_out, n_in): Design weights, 1 for full importance.
 
-    Returns:
-        Matrices (n_conf, n_param, n_param) and the parameters' names.
-
     Raises:
         SettingsError: If a kind cannot be designed for, or a fixed name is unknown.
 
@@ -64,15 +155,31 @@ def candidate_information(
     nominal = nominal_parameters(robot, linear, delay_s)
     result = response(linear, nominal, frequency_hz, sampling_period_s)
     plain = jacobian(linear, nominal, result, wanted.kinds)[..., wanted.columns]
+    # d log G / d log p = p (dG / dp) / G: information about log-parameters (Zimmermann et al. 2023, eq. 4).
     relative = plain * wanted.scales(nominal, sampling_period_s) / result.sampled[..., None]
     if weights is not None:
         relative = relative * np.sqrt(weights)[..., None]
     rows = relative.reshape(len(configurations), -1, relative.shape[-1]) / relative_error
+    # Complex residuals have two real parts of half the variance each: 2 Re(J^H J).
     information = 2 * np.real(rows.conj().swapaxes(1, 2) @ rows)
     matrices = [eliminated([each], wanted.precision, len(wanted.names))[0] for each in information]
     return np.array(matrices), wanted.names
 
 
-def log_slopes(nominal: ElasticParameters, sampling_period_s: float) -> FloatArray:
-    """Scale (n_param,) of each parameter of `KINDS`: its value, or for the nuisance what is natural to it."""
-    return natural_scales(nominal, sampling_period_s, KINDS)
+def visit_cost_s(robot: Robot, configurations: FloatArray, measuring_s: float, speed_share: float) -> FloatArray:
+    """Time (n_conf,) that a visit takes: the experiments there and the way from the first configuration [s].
+
+    All joints travel together; the one that needs longest at its share of the motor's largest speed decides. The first
+    configuration stands for wherever the robot comes from: the order of the visits is not known yet.
+
+    Args:
+        robot: The robot.
+        configurations (n_conf, n_joint): Arm-side angles, the first one where the robot is at home [rad].
+        measuring_s: Time of the experiments of one visit [s].
+        speed_share: Share of the largest speed at which the robot travels.
+    """
+    check_shape("configurations", configurations, "n_conf n_joint", n_joint=len(robot.joints))
+    speed = np.array([joint.motor.max_speed_rad_s / abs(joint.motor.gear_ratio) for joint in robot.joints])
+    # Joints travel together: the slowest one decides.
+    way = np.abs(configurations - configurations[0]) / (speed_share * speed)
+    return np.asarray(measuring_s + way.max(axis=1))

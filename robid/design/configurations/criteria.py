@@ -1,4 +1,4 @@
-"""Criteria of a design: what a total information is worth, its slopes and curvature, and a bound on every other one."""
+"""Criteria of a design: worth of a total information, its slopes, a bound on every other, what it leaves unseen."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.errors import DataError
 
 _SHIFT_STEPS = 50
 
@@ -27,6 +28,7 @@ def worth(criterion: Criterion, totals: FloatArray) -> FloatArray:
     """
     size = totals.shape[-1]
     if criterion == "d":
+        # det^(1/n) is homogeneous of degree one; the mean of log det over draws is its geometric mean.
         sign, value = np.linalg.slogdet(totals)
         return np.asarray(np.exp(np.where(sign > 0, value, -np.inf).mean(axis=0) / size))
     if criterion == "a":
@@ -36,6 +38,7 @@ def worth(criterion: Criterion, totals: FloatArray) -> FloatArray:
 
 def _inverse_trace(totals: FloatArray) -> FloatArray:
     try:
+        # tr(M^-1) = |L^-1|_F^2.
         return np.asarray((np.linalg.inv(np.linalg.cholesky(totals)) ** 2).sum(axis=(-2, -1)))
     except np.linalg.LinAlgError:
         values = np.linalg.eigvalsh(totals)
@@ -65,13 +68,16 @@ def tangent(criterion: Criterion, totals: FloatArray, smoothing: float) -> Bound
     sec. 6: arithmetic over geometric mean for `d`, Cauchy and Schwarz for `a`, `lambda_min(M*) <= tr(Z M*)` for `e`.
     """
     if criterion == "e":
+        # lambda_min(M*) <= tr(Z M*) for every positive Z of trace one (docs/methods, sec. 6).
         factors = smooth_dual(totals, smoothing)
         lowest = float(np.linalg.eigvalsh(totals)[..., 0].min())
         return Bound(factors, lowest, float((factors * totals).sum()) - lowest)
     inverse = np.linalg.inv(totals)
     inverse = 0.5 * (inverse + inverse.swapaxes(1, 2))
     if criterion == "d":
+        # Gradient of mean log det is M^-1 / n_draw; tr(M^-1 M) = n scales it.
         return Bound(inverse / len(totals), float(totals.shape[-1]), 0.0)
+    # Gradient of -tr M^-1 is M^-2, and tr(M^-2 M) = tr M^-1.
     return Bound(inverse @ inverse / len(totals), float(np.trace(inverse, axis1=1, axis2=2).mean()), 0.0)
 
 
@@ -85,6 +91,7 @@ def loss(criterion: Criterion, totals: FloatArray, smoothing: float) -> float:
     if criterion == "a":
         return float((1 / values).sum() / len(totals))
     shift = _shift(values, smoothing)
+    # max t + mu log det(M - t 1) over t: concave in M, and the smallest eigenvalue as mu falls.
     return -shift - smoothing * float(np.log(values - shift).sum())
 
 
@@ -103,6 +110,7 @@ def derivatives(
     units, shifts = np.empty((2, n_draw, size * size))
     for draw, (total, own) in enumerate(zip(totals, matrices, strict=True)):
         whitening = np.linalg.inv(np.linalg.cholesky(total - shift * np.eye(size)))
+        # W H W' with W'W = (M - t 1)^-1: slopes are traces of it, curvature is the Gram matrix of these.
         half = (own.reshape(-1, size) @ whitening.T).reshape(count, size, size)
         white = half.swapaxes(1, 2).reshape(-1, size) @ whitening.T
         rows[:, draw] = (white @ whitening if criterion == "a" else white).reshape(count, -1)
@@ -121,6 +129,7 @@ def derivatives(
 def smooth_dual(totals: FloatArray, smoothing: float) -> FloatArray:
     """Matrices `Z` (n_draw, n_param, n_param), positive with traces that sum to 1, near the lowest eigenspace."""
     values, vectors = np.linalg.eigh(totals)
+    # Where the shift is best these shares sum to one.
     share = smoothing / (values - _shift(values, smoothing))
     share /= share.sum()
     return np.asarray((vectors * share[:, None]) @ vectors.swapaxes(1, 2))
@@ -140,3 +149,85 @@ def _shift(values: FloatArray, smoothing: float) -> float:
         if abs(change) <= 1e-15 * distance:
             break
     return lowest - smoothing * distance
+
+
+_UNSEEN = 1e-12  # Smallest eigenvalue of the scaled total information, relative to the largest, that counts as seen
+_ALIKE = 1e-9  # Largest difference of matrices, relative to them, at which candidates count as alike
+
+
+def check_finite(matrices: FloatArray) -> None:
+    """Refuses information (n_draw, n_cand, n_param, n_param) that is not finite.
+
+    Raises:
+        DataError: With the first candidate that is not.
+    """
+    wrong = np.flatnonzero(~np.isfinite(matrices).all(axis=(0, 2, 3)))
+    if wrong.size:
+        raise DataError(
+            f"The information of {wrong.size} of {matrices.shape[1]} candidates is not finite, first that of"
+            f" candidate {wrong[0]}.",
+            where="design",
+            remedy="Check the campaign's responses and their covariance, or leave these candidates out.",
+        )
+
+
+def check_different(matrices: FloatArray) -> None:
+    """Refuses candidates of which each has the same information (n_draw, n_cand, n_param, n_param) but for a factor.
+
+    Raises:
+        DataError: If there is nothing to choose.
+    """
+    if matrices.shape[1] < 2:
+        return
+    first = matrices[:, :1]
+    # Regression of each matrix on the first one: the factor by which it would be the same.
+    factor = (matrices * first).sum(axis=(0, 2, 3)) / (first**2).sum() if first.any() else np.zeros(matrices.shape[1])
+    if matrices.shape[-1] == 1:
+        # A single parameter leaves the factor to choose by.
+        factor = np.ones_like(factor)
+    if np.abs(matrices - factor[:, None, None] * first).max() <= _ALIKE * np.abs(matrices).max():
+        raise DataError(
+            "The candidates are all alike: each tells the same about the parameters, so there is nothing to choose.",
+            where="design",
+            remedy="Offer configurations that differ in more than the first axis, or leave the design out.",
+        )
+
+
+def checked_scale(total: FloatArray, names: tuple[str, ...], by: str, remedy: str) -> FloatArray:
+    """Returns the root of the diagonal of a total information, or names the combinations it does not see.
+
+    Args:
+        total (n_param, n_param): Total information about the log-parameters.
+        names: Names of the parameters.
+        by: Whose information it is, for the message.
+        remedy: What to do.
+
+    Raises:
+        DataError: If the total is singular.
+    """
+    diagonal = np.diag(total)
+    unseen = [name for name, value in zip(names, diagonal, strict=True) if not value > 0]
+    if not unseen:
+        scale = np.sqrt(diagonal)
+        values, vectors = np.linalg.eigh(total / (scale[:, None] * scale))
+        unseen = [_combination(vector / scale, names) for vector in vectors.T[values <= _UNSEEN * values[-1]]]
+        if not unseen:
+            return np.asarray(scale)
+    raise DataError(f"The responses of {by} do not depend on: {'; '.join(unseen)}.", where="design", remedy=remedy)
+
+
+def is_regular(total: FloatArray) -> bool:
+    """Whether a total information (n_param, n_param) sees every combination of parameters."""
+    scale = np.sqrt(np.diag(total))
+    if not (scale > 0).all():
+        return False
+    values = np.linalg.eigvalsh(total / (scale[:, None] * scale))
+    return bool(values[0] > _UNSEEN * values[-1])
+
+
+def _combination(vector: FloatArray, names: tuple[str, ...]) -> str:
+    """Writes a direction in log-parameters with its larger terms."""
+    # Normed to the largest term; smaller ones than 5 % are left out.
+    scaled = vector / vector[np.argmax(np.abs(vector))]
+    order = [index for index in np.argsort(-np.abs(scaled), kind="stable") if abs(scaled[index]) > 0.05]
+    return " ".join(f"{scaled[index]:+.2g} log({names[index]})" for index in order)

@@ -1,24 +1,24 @@
-"""The choice of configurations from their information matrices, with a certificate."""
+"""The choice of configurations by their information, its certificate, and whether it would come out the same again."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray, Quantity, check_shape
-from robid.design.configurations.fitted import FittedInformation, merged
+from robid.design.configurations.criteria import check_different, check_finite, checked_scale, is_regular, worth
 from robid.design.configurations.options import DesignOptions
 from robid.design.configurations.plan import ConfigurationPlan, checked_plan, choose_counts
-from robid.design.configurations.regularity import check_different, check_finite, checked_scale, is_regular
 from robid.design.configurations.relaxed import Relaxed
-from robid.design.configurations.visits import Visits, make_visits
+from robid.design.configurations.visits import FittedInformation, Visits, make_visits, merged
 from robid.signals.quantities import joint_unit
 
 _FIX = "Fix or tie one of the named parameters in each combination, or offer configurations that excite it."
-_TIGHTENED = 4
-"""How often the bound on a fit with its own weights is made tight at the weights found so far."""
+_TIGHTENED = 4  # How often the bound on a fit with its own weights is made tight at the weights found so far
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,6 @@ class ConfigurationDesign:
             differ between configurations and none is repeated, no share is larger than that of one visit.
         gap: Certificate of the weights: no others are worth more than `1 + gap` times as much; for `d` without prior
             `(max tr(M^-1 H_i) - n) / n`.
-        criterion: `d`, `a` or `e`.
         efficiency: Worth of the chosen numbers over the certified bound on any weights, 0 to 1; what is missing is
             also the price of few configurations and whole numbers.
         choice_efficiency: The same over the certified bound on choices of as many different candidates, with equal
@@ -95,7 +94,7 @@ class ConfigurationDesign:
 
 @dataclass(frozen=True)
 class Stability:
-    """Choices by other information than the one that was used, see `robid.design.configurations.stability`.
+    """Choices by other information than the one that was used, see `robid.design.configurations.information`.
 
     Attributes:
         source: Where that comes from: `realizations` (each half of them) or `draws` (each one alone).
@@ -110,14 +109,11 @@ class Stability:
 
 
 def information(jacobian: FloatArray | ComplexArray, variance: FloatArray) -> FloatArray:
-    """Sums the information of independent residuals per candidate.
+    """Information (n_conf, n_param, n_param) of residuals: `J' V^-1 J`, of complex ones `2 Re(J^H V^-1 J)`.
 
     Args:
         jacobian (n_conf, ..., n_param): Derivative of each residual with respect to the log-parameters.
         variance: Variance of each residual, `E|r|^2` for circular complex ones; broadcast to (n_conf, ...).
-
-    Returns:
-        Information (n_conf, n_param, n_param): `J' V^-1 J` for real, `2 Re(J^H V^-1 J)` for complex residuals.
 
     Source:
         Zimmermann et al. (2023), eq. 4.
@@ -125,6 +121,7 @@ def information(jacobian: FloatArray | ComplexArray, variance: FloatArray) -> Fl
     scaled = jacobian / np.sqrt(np.broadcast_to(variance, jacobian.shape[:-1]))[..., None]
     rows = scaled.reshape(len(scaled), -1, scaled.shape[-1])
     if np.iscomplexobj(rows):
+        # Real and imaginary part are independent with half of E|r|^2 each.
         rows = np.sqrt(2) * np.concatenate([rows.real, rows.imag], axis=1)
     return np.asarray(rows.swapaxes(1, 2) @ rows)
 
@@ -179,7 +176,9 @@ def design_configurations(
         checked_scale(known + draw.mean(axis=0), parameter_names, "the candidates", _FIX)
     check_different(draws)
     apart = np.zeros(n_param) if between is None else between
+    # (I^-1 + T)^-1 in place of a visit's information, with T what clusters differ by (docs/methods, sec. 11).
     visits = make_visits(draws[:, :, None], apart**2)
+    # D is the same in any scale of the parameters: over their own information numbers stay near one.
     scale = np.sqrt(np.diag(known + visits.once[-1, :, 0].mean(axis=0)))
     if options.criterion != "d":
         # The other criteria depend on the parameters' scale: that of the log-parameters stays.
@@ -195,6 +194,7 @@ def design_configurations(
     chosen = np.flatnonzero(counts)
     _check_chosen(plan, counts, parameter_names)
     found, own = plan.worth(counts), plan.shared_out(counts)
+    # Predicted variances of log-parameters: the diagonal of the inverse total, mean over the draws.
     deviation = np.diagonal(np.linalg.inv(plan.totals(counts)), axis1=1, axis2=2).mean(axis=0)
     beforehand = is_regular(known / np.outer(scale, scale))
     return ConfigurationDesign(
@@ -236,9 +236,11 @@ def _plan(
     apart = np.concatenate([visits.between * scale**2, np.zeros(len(own.precision) - scale.size)])
     parts = make_visits(own.parts(), apart)
     own = replace(own, best=make_visits(own.best[:, :, None], apart).once[:, :, 0])
+    # The bound holds for any visits and is tight at these: made tight where the last weights were, it falls.
     tight = np.full(price.size, budget / price.sum())
     lowest = np.inf
     for _ in range(_TIGHTENED):
+        # Matrices that add and never fall short of what the fit makes of their sum.
         bound, beside = own.bound(known, tight)
         plan = ConfigurationPlan(options, bound, parts, beside, own.base(known), price, experiments, budget)
         relaxed = plan.relaxed()
@@ -249,7 +251,7 @@ def _plan(
 
 
 def _shares(plan: ConfigurationPlan, relaxed: Relaxed) -> Relaxed:
-    """Optimal weights of which further visits to one place have no part, since they would tell less than the first."""
+    """Optimal weights without further visits to one configuration, which would tell less than the first."""
     options = plan.options
     once = options.experiments is None and np.ptp(plan.cost) == 0 and 1 < options.count < plan.cost.size
     return plan.relaxed(limit=1 / options.count) if once and plan.visits.between.any() else relaxed
@@ -257,6 +259,7 @@ def _shares(plan: ConfigurationPlan, relaxed: Relaxed) -> Relaxed:
 
 def _gain(plan: ConfigurationPlan, counts: IntArray) -> FloatArray:
     here, more = plan.sums(counts), plan.visits.more(np.arange(counts.size), counts)
+    # log det with one visit more, less that without.
     before = np.linalg.slogdet(merged(here, plan.wanted))[1]
     after = np.linalg.slogdet(merged(here[:, None] + more, plan.wanted))[1]
     return np.asarray((after - before[:, None]).mean(axis=0))
@@ -283,3 +286,74 @@ def _choice_efficiency(plan: ConfigurationPlan, found: float, efficiency: float)
         everything = np.ones(plan.cost.size, int)
         return found / plan.worth(everything)
     return max(found / plan.bound(plan.relaxed(limit=1 / options.count)), efficiency)
+
+
+_WAYS = 3  # Most ways that realizations are divided
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Information (n_conf, n_param, n_param) to choose by, and by which that choice is judged."""
+
+    chosen_by: FloatArray
+    judged_by: FloatArray
+
+
+def halves(n_real: int) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """Ways to divide realizations into two halves of at least two each; none with fewer than four.
+
+    Args:
+        n_real: Number of realizations.
+    """
+    if n_real < 4:
+        return []
+    size, found = n_real // 2, []
+    for partner in range(1, min(_WAYS, n_real - 1) + 1):
+        # Round-robin pairing: halves of different ways share few realizations.
+        first = tuple(sorted((0, *((partner + step - 1) % (n_real - 1) + 1 for step in range(size - 1)))))
+        found.append((first, tuple(index for index in range(n_real) if index not in first)))
+    return found
+
+
+def stability(
+    source: str,
+    trials: Sequence[Trial],
+    design: ConfigurationDesign,
+    options: DesignOptions,
+    prior: FloatArray | None = None,
+    cost: FloatArray | None = None,
+    between: FloatArray | None = None,
+) -> Stability:
+    """Chooses again by each trial's information.
+
+    Args:
+        source: Where the trials come from.
+        trials: The trials.
+        design: The choice in question.
+        options: Its options.
+        prior (n_param, n_param): Information known beforehand.
+        cost (n_conf,): Cost of one experiment in each candidate.
+        between (n_param,): Deviation of each log-parameter between configurations; none when not given.
+
+    Raises:
+        DataError: If a trial's information leaves a combination of parameters unseen.
+    """
+    kept, efficiency = [], []
+    again = partial(design_configurations, prior=prior, cost=cost, between=between)
+    given = design.configurations, design.parameter_names, options
+    often = np.zeros(len(design.configurations))
+    for trial in trials:
+        own, other = (again(each, *given) for each in (trial.chosen_by, trial.judged_by))
+        kept.append(np.isin(design.chosen, own.chosen).mean())
+        often[own.chosen] += 1 / len(trials)
+        apart = np.zeros(len(design.parameter_names)) if between is None else between
+        visits = make_visits(trial.judged_by[None, :, None], apart**2)
+        # By information that it did not choose by: its worth over that of the choice by this information.
+        ratio = _worth(own.counts, visits, options, prior) / _worth(other.counts, visits, options, prior)
+        efficiency.append(other.efficiency * ratio)
+    return Stability(source, np.array(kept), np.array(efficiency), often)
+
+
+def _worth(counts: IntArray, visits: Visits, options: DesignOptions, prior: FloatArray | None) -> float:
+    total = visits.total(counts)[:, 0] + (0.0 if prior is None else prior)
+    return float(worth(options.criterion, total))

@@ -9,9 +9,9 @@ from itertools import combinations
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, check_shape
-from robid.design.configurations.fitted import FittedInformation
+from robid.design.configurations.candidates import choose_parameters, eliminated
 from robid.design.configurations.options import ALONG
-from robid.design.configurations.parameters_of_interest import choose_parameters, eliminated
+from robid.design.configurations.visits import FittedInformation
 from robid.errors import DataError
 from robid.frf.channels import require
 from robid.frf.frf import Frf
@@ -59,8 +59,10 @@ class _Errors:
         """
         n_all = pull.shape[-1]
         total = np.zeros((n_all, n_all))
+        # Noise is relative to `size`: it is brought back on one side and taken off on the other.
         moved = self.size[..., None] * (self.noise @ pull)
         scaled = pull / self.size.conj()[..., None]
+        # cov of scores at lines k and k + a is rho_a times the noise at both; both orders count.
         for ahead in range(1, 1 + (0 if self.correlation is None else min(self.correlation.shape[1], len(pull) - 1))):
             share = np.asarray(self.correlation)[:-ahead, ahead - 1, None, None]
             for here, there in ((slice(None, -ahead), slice(ahead, None)), (slice(ahead, None), slice(None, -ahead))):
@@ -100,16 +102,19 @@ class _Derivatives:
         the model lacks is reciprocal: one error for both couplings of two motors.
         """
         frf = self.frf
+        # Linearised in this configuration alone: one task of memory, whatever the campaign's size.
         position = solve_statics(self.model, frf.configurations[index : index + 1])
         linear = replace(linearize(self.model, position, frf.output_names), rates=frf.output_rates)
         nominal = nominal_parameters(self.model.robot, linear, self.delay_s)
         result = response(linear, nominal, frf.frequency_hz, frf.hold_period_s)
+        # Columns for log-parameters, and friction scales as the last nuisances.
         moved = jacobian(linear, nominal, result, self.wanted.kinds)[0]
         moved = moved[..., self.wanted.columns] * self.wanted.scales(nominal, frf.sampling_period_s)
         modelled, measured = residual.divisor(result.sampled[0]), residual.divisor(frf.response[index])
         friction = np.moveaxis(frf.sensitivity[index], 0, -1) / measured[..., None]
         own = np.concatenate([moved / modelled[..., None], friction], axis=-1)
         n_freq, n_out, n_in, n_all = own.shape
+        # The structured covariance stacks columns of G; residuals here go row by row.
         by_row = np.arange(n_out * n_in).reshape(n_in, n_out).T.ravel()
         size = measured.reshape(n_freq, -1)
         covariance = frf.full_covariance(index)[:, by_row][:, :, by_row] / (size[:, :, None] * size[:, None, :].conj())
@@ -124,6 +129,7 @@ def _alike(rows: dict[int, int], n_out: int, n_in: int) -> FloatArray:
     alike = np.eye(n_out * n_in)
     for first, second in combinations(rows, 2):
         pair = [rows[first] * n_in + second, rows[second] * n_in + first]
+        # Reciprocity: what the model lacks is one error in G_ij and G_ji.
         alike[pair, pair[::-1]] = _ALIKE
     return alike
 
@@ -141,7 +147,7 @@ def measured_information(
     prior_decades: float = np.inf,
     corrected: bool = True,
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Information of each configuration of a response about the log-parameters, by its structured covariance.
+    """Information (n_conf, n_param, n_param) of a response about log-parameters by its covariance, and their names.
 
     `J^H W^1/2 Lambda^-1 W^1/2 J`, its nuisance parameters (the friction scales among them) eliminated in each
     configuration; so a nuisance may differ from one to the other, and what the robot file knows of it counts in each.
@@ -160,9 +166,6 @@ def measured_information(
         prior_decades: What the robot file knows of springs, dampers and link inertias that are estimated along.
         corrected: Whether the inverse is corrected for the covariance's degrees of freedom.
 
-    Returns:
-        Matrices (n_conf, n_param, n_param) and the parameters' names.
-
     Raises:
         SettingsError: If a kind cannot be designed for, or a fixed name is unknown.
         DataError: If the inputs are not the robot's motors, or the covariance has no inverse.
@@ -177,8 +180,10 @@ def measured_information(
     matrices = []
     for index, weight in enumerate(importance):
         own, errors = derivatives.at(index)
+        # Best weights; where lines share noise, the meat holds what they add, and B S^-1 B is the information.
         pull, best = _best(own, errors, weight)
         parts = [best, best + errors.between(pull)]
+        # An inverse complex Wishart matrix has the mean nu / (nu - n) times the inverse covariance.
         scale = (freedom - n_out) / freedom if corrected else 1.0
         parts = eliminated([scale * part for part in parts], derivatives.precision, len(derivatives.names))
         matrices.append(parts[0] if errors.correlation is None else _outside(*parts))
@@ -199,7 +204,7 @@ def fitted_information(
     model_error: float = 0.0,
     prior_decades: float = np.inf,
 ) -> tuple[FittedInformation, tuple[str, ...]]:
-    """What a fit with weights of its own makes of each configuration.
+    """Parts of every configuration in a fit with weights of its own, for one draw, and the parameters' names.
 
     The covariance of such a fit is a sandwich, which does not add over configurations, but its two parts do. As in
     the fit, nuisance parameters, the friction scales last, are the same in all configurations, and what the robot
@@ -221,9 +226,6 @@ def fitted_information(
         model_error: As for `measured_information`.
         prior_decades: As for `measured_information`.
 
-    Returns:
-        Parts of every configuration, for one draw, and the names of the wanted parameters.
-
     Raises:
         SettingsError: If a kind cannot be designed for, or a fixed name is unknown.
         DataError: If the inputs are not the robot's motors, or the covariance has no inverse.
@@ -241,8 +243,10 @@ def fitted_information(
         if whitening is None:
             weighted = weight[..., None] * own
         else:
+            # W'W J, so that correlated weights enter bread and meat as they do in the fit.
             weighted = whitening[index].conj().swapaxes(1, 2) @ (whitening[index] @ own)
         n_all = own.shape[-1]
+        # Sandwich of the fit: bread J^H W J, meat J^H W Lambda W J (docs/methods, sec. 5).
         bread = 2 * np.real(own.reshape(-1, n_all).conj().T @ weighted.reshape(-1, n_all))
         moved = errors.covariance() @ weighted
         meat = 2 * np.real(weighted.reshape(-1, n_all).conj().T @ moved.reshape(-1, n_all)) + errors.between(weighted)
@@ -258,6 +262,7 @@ def _best(own: ComplexArray, errors: _Errors, weight: FloatArray) -> tuple[Compl
     """
     used = weight > 0
     both = used[:, :, None] & used[:, None, :]
+    # Elements without weight get a covariance of their own, so that the others keep theirs alone.
     root = np.linalg.cholesky(np.where(both, errors.covariance(), np.eye(used.shape[1])))
     white = np.linalg.solve(root, np.sqrt(weight)[..., None] * own)
     pull = np.linalg.solve(root.conj().swapaxes(1, 2), white)
@@ -269,6 +274,7 @@ def _outside(bread: FloatArray, meat: FloatArray) -> FloatArray:
     """Information `B S^-1 B` (n_param, n_param) where some directions may be unseen."""
     scale = np.sqrt(np.where(np.diag(bread) > 0, np.diag(bread), 1.0))
     unit = scale[:, None] * scale
+    # Unseen directions have neither bread nor meat: the pseudo-inverse leaves them out.
     inverse = np.linalg.pinv(meat / unit, rcond=1e-13, hermitian=True)
     return np.asarray(unit * ((bread / unit) @ inverse @ (bread / unit)))
 

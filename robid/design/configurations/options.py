@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, option
 from robid.robot.parameters import FREE, OF_SPRINGS, LogarithmicKind, ResponseNuisance
 
 ALONG = tuple(kind for kind in FREE if kind not in OF_SPRINGS)
@@ -21,57 +21,37 @@ NuisanceKind = Literal[LogarithmicKind, ResponseNuisance]
 class DesignOptions:
     """Choice of the configurations that tell most about the parameters."""
 
-    count: int = field(
-        default=8, metadata={"description": "Number of different configurations to choose, at most.", "ge": 1}
+    count: int = option(8, "Number of different configurations to choose, at most.", ge=1)
+    criterion: Literal["d", "a", "e"] = option(
+        "d",
+        "What is made small: the volume of the parameters' confidence region (`d`), the sum of their relative"
+        " variances (`a`), or the largest variance of any combination (`e`).",
     )
-    criterion: Literal["d", "a", "e"] = field(
-        default="d",
-        metadata={
-            "description": "What is made small: the volume of the parameters' confidence region (`d`), the sum of"
-            " their relative variances (`a`), or the largest variance of any combination (`e`)."
-        },
+    experiments: int | None = option(
+        None, "Visits to share out among the chosen configurations, repeats allowed; one each when not given.", ge=1
     )
-    experiments: int | None = field(
-        default=None,
-        metadata={
-            "description": "Visits to share out among the chosen configurations, repeats allowed; one each when not"
-            " given.",
-            "ge": 1,
-        },
+    budget: float | None = option(
+        None,
+        "What all visits may cost together, in the unit of the candidates' costs; as many times their mean as there"
+        " are visits when not given.",
+        gt=0,
     )
-    budget: float | None = field(
-        default=None,
-        metadata={
-            "description": "What all visits may cost together, in the unit of the candidates' costs; as many times"
-            " their mean as there are visits when not given.",
-            "gt": 0,
-        },
-    )
-    restarts: int = field(default=4, metadata={"description": "Random starts of the exchange.", "ge": 0})
-    seed: int = field(default=1, metadata={"description": "Seed of these starts.", "ge": 0})
-    iterations: int = field(
-        default=1000, metadata={"description": "Limit on steps towards the optimal weights.", "ge": 1}
-    )
-    gap: float = field(
-        default=1e-8,
-        metadata={"description": "Certified relative gap at which they stop; 1e-4 at best for `e`.", "gt": 0},
-    )
+    restarts: int = option(4, "Random starts of the exchange.", ge=0)
+    seed: int = option(1, "Seed of these starts.", ge=0)
+    iterations: int = option(1000, "Limit on steps towards the optimal weights.", ge=1)
+    gap: float = option(1e-8, "Certified relative gap at which they stop; 1e-4 at best for `e`.", gt=0)
 
 
 @dataclass(frozen=True)
 class DesignWeights:
     """Weights of the response's elements in a design."""
 
-    off_diagonal: float = field(
-        default=1.0, metadata={"description": "Weight of off-diagonal elements, diagonal is 1.", "ge": 0}
-    )
-    low_cut_hz: float = field(default=0.0, metadata={"description": "Lines below get no weight [Hz].", "ge": 0})
-    mean: Literal["importance", "fit"] = field(
-        default="importance",
-        metadata={
-            "description": "They multiply the inverse covariance, or they are the user weights that a fit will have,"
-            " scaled and cut at 10 dB as in the fit: the choice is then made for the covariance of that fit."
-        },
+    off_diagonal: float = option(1.0, "Weight of off-diagonal elements, diagonal is 1.", ge=0)
+    low_cut_hz: float = option(0.0, "Lines below get no weight [Hz].", ge=0)
+    mean: Literal["importance", "fit"] = option(
+        "importance",
+        "They multiply the inverse covariance, or they are the user weights that a fit will have, scaled and cut at 10"
+        " dB as in the fit: the choice is then made for the covariance of that fit.",
     )
 
 
@@ -79,10 +59,10 @@ class DesignWeights:
 class BetweenRelativeStd:
     """How far what a parameter comes out as differs from one configuration to another, by what the model lacks."""
 
-    stiffness: float = field(default=0.02, metadata={"description": "Of springs, relative.", "ge": 0})
-    damping: float = field(default=0.2, metadata={"description": "Of dampers, relative.", "ge": 0})
-    motor_inertia: float = field(default=0.02, metadata={"description": "Of motor inertias, relative.", "ge": 0})
-    link_inertia: float = field(default=0.02, metadata={"description": "Of link inertias, relative.", "ge": 0})
+    stiffness: float = option(0.02, "Of springs, relative.", ge=0)
+    damping: float = option(0.2, "Of dampers, relative.", ge=0)
+    motor_inertia: float = option(0.02, "Of motor inertias, relative.", ge=0)
+    link_inertia: float = option(0.02, "Of link inertias, relative.", ge=0)
 
     def of(self, names: Sequence[str]) -> FloatArray:
         """Deviations (n_name,) of parameters."""
@@ -93,20 +73,13 @@ class BetweenRelativeStd:
 class InformationOptions:
     """What configurations tell, and about which parameters."""
 
-    information: Literal["assumed", "measured"] = field(
-        default="assumed",
-        metadata={
-            "description": "By the same relative error of every response element, or by the responses of the campaign"
-            " and their covariance; the campaign is measured or simulated first."
-        },
+    information: Literal["assumed", "measured"] = option(
+        "assumed",
+        "By the same relative error of every response element, or by the responses of the campaign and their"
+        " covariance; the campaign is measured or simulated first.",
     )
-    assumed_relative_error: float = field(
-        default=0.03, metadata={"description": "Assumed relative standard deviation of each response element.", "gt": 0}
-    )
-    model_error: float = field(
-        default=0.0,
-        metadata={"description": "Relative model error that measured information allows for, besides.", "ge": 0},
-    )
+    assumed_relative_error: float = option(0.03, "Assumed relative standard deviation of each response element.", gt=0)
+    model_error: float = option(0.0, "Relative model error that measured information allows for, besides.", ge=0)
     between_relative_std: BetweenRelativeStd = field(
         default_factory=BetweenRelativeStd,
         metadata={
@@ -114,35 +87,24 @@ class InformationOptions:
             " them tells more than this allows. 0 for not at all."
         },
     )
-    free: tuple[LogarithmicKind, ...] = field(
-        default=("stiffness", "damping"), metadata={"description": "Kinds of parameters that are wanted."}
+    free: tuple[LogarithmicKind, ...] = option(("stiffness", "damping"), "Kinds of parameters that are wanted.")
+    nuisance: tuple[NuisanceKind, ...] | None = option(
+        None,
+        "Kinds that are estimated along, in each configuration; with `mean: fit` once for all. When not given, what"
+        " the fit under `fit` estimates beside `free`; without one, `viscous`, `motor_inertia` and `delay`.",
     )
-    nuisance: tuple[NuisanceKind, ...] | None = field(
-        default=None,
-        metadata={
-            "description": "Kinds that are estimated along, in each configuration; with `mean: fit` once for all. When"
-            " not given, what the fit under `fit` estimates beside `free`; without one, `viscous`, `motor_inertia` and"
-            " `delay`."
-        },
-    )
-    fixed: tuple[str, ...] = field(
-        default=(), metadata={"description": "Names of single parameters that are known, as in a fit."}
-    )
+    fixed: tuple[str, ...] = option((), "Names of single parameters that are known, as in a fit.")
     weights: DesignWeights = field(
         default_factory=DesignWeights, metadata={"description": "Weights of the response's elements."}
     )
-    draws: int = field(
-        default=1,
-        metadata={
-            "description": "Draws of the unknown springs and dampers that the criterion is averaged over; 1 takes the"
-            " robot file's values.",
-            "ge": 1,
-        },
+    draws: int = option(
+        1,
+        "Draws of the unknown springs and dampers that the criterion is averaged over; 1 takes the robot file's"
+        " values.",
+        ge=1,
     )
-    draw_factor: float = field(
-        default=1.5, metadata={"description": "The draws are log-uniform within this factor.", "gt": 1}
-    )
-    draw_seed: int = field(default=1, metadata={"description": "Seed of the draws.", "ge": 0})
+    draw_factor: float = option(1.5, "The draws are log-uniform within this factor.", gt=1)
+    draw_seed: int = option(1, "Seed of the draws.", ge=0)
 
     def along(self, freed: Sequence[str] | None = None) -> tuple[NuisanceKind, ...]:
         """Returns the kinds that are estimated along.
@@ -160,14 +122,9 @@ class InformationOptions:
 class CostOptions:
     """What a visit to a configuration costs."""
 
-    cost: Literal["equal", "travel"] = field(
-        default="equal",
-        metadata={
-            "description": "Every visit the same, or the seconds of its experiments and of the way from the campaign's"
-            " first configuration."
-        },
+    cost: Literal["equal", "travel"] = option(
+        "equal",
+        "Every visit the same, or the seconds of its experiments and of the way from the campaign's first"
+        " configuration.",
     )
-    joint_speed_share: float = field(
-        default=0.3,
-        metadata={"description": "Share of the joints' largest speed at which the robot travels.", "gt": 0, "le": 1},
-    )
+    joint_speed_share: float = option(0.3, "Share of the joints' largest speed at which the robot travels.", gt=0, le=1)

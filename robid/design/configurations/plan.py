@@ -1,4 +1,4 @@
-"""What a choice of configurations may spend, and the numbers of experiments that make most of it."""
+"""What a choice of configurations may spend, and whole numbers of experiments by rounding and exchange."""
 
 from __future__ import annotations
 
@@ -6,20 +6,192 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robid.arrays import FloatArray, IntArray
-from robid.design.configurations.criteria import worth
-from robid.design.configurations.exchange import Exchange, best_exchange, efficient_rounding
-from robid.design.configurations.fitted import merged, reduced
+from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.design.configurations.criteria import Criterion, is_regular, tangent, worth
 from robid.design.configurations.options import DesignOptions
-from robid.design.configurations.regularity import is_regular
 from robid.design.configurations.relaxed import Relaxed, relaxed_design
-from robid.design.configurations.visits import Visits, slopes
+from robid.design.configurations.visits import Visits, merged, reduced, slopes
 from robid.errors import SettingsError
 
-_POOL = 400
-"""Candidates of the largest slopes at the optimum that exchange looks at."""
+_GAIN = 1e-10
+_SMOOTHING = 1e-6  # Smoothing of `e` over the smallest eigenvalue, where slopes screen candidates
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """What may be measured, and what it is worth.
+
+    Attributes:
+        visits: What experiments of each candidate add, see `merged`.
+        base (n_draw, n_part, n_all, n_all): What is there without any.
+        distinct: Number of different candidates at most.
+        cost (n_cand,): Cost of one experiment.
+        wanted: Number of parameters that the choice is about, the first ones; all when not given.
+    """
+
+    criterion: Criterion
+    visits: Visits
+    base: FloatArray
+    experiments: int
+    distinct: int
+    repeats: bool
+    cost: FloatArray
+    budget: float
+    wanted: int | None = None
+
+    def total(self, counts: IntArray) -> FloatArray:
+        """Total (n_draw, n_part, n_all, n_all) of some numbers of experiments (n_cand,)."""
+        return np.asarray(self.base + self.visits.total(counts))
+
+    def worth(self, counts: IntArray) -> float:
+        """Worth of some numbers of experiments."""
+        return float(worth(self.criterion, merged(self.total(counts), self.wanted)))
+
+    def addable(self, counts: IntArray) -> BoolArray:
+        """Which candidates may be measured (once more) beside some numbers of experiments."""
+        # Rounding of prices shall not forbid the last experiment.
+        affordable = counts @ self.cost + self.cost <= self.budget * (1 + 1e-12)
+        used = counts > 0
+        if used.sum() >= self.distinct:
+            affordable = affordable & used
+        return np.asarray(affordable if self.repeats else affordable & ~used)
+
+    def completed(self, counts: IntArray, order: IntArray) -> IntArray:
+        """Adds the candidates of an order one by one, as long as the cheapest others can still follow."""
+        counts = counts.copy()
+        for index in order.tolist():
+            if counts.sum() == self.experiments:
+                break
+            if self.addable(counts)[index] and self._leaves_enough(counts, index):
+                counts[index] += 1
+        return counts
+
+    def greedy(self, counts: IntArray) -> IntArray:
+        """Adds the best one after the other, as long as the cheapest others can still follow."""
+        counts = counts.copy()
+        while counts.sum() < self.experiments:
+            allowed = self.addable(counts)
+            allowed[allowed] = [self._leaves_enough(counts, index) for index in np.flatnonzero(allowed).tolist()]
+            best, _ = self._best(counts, allowed)
+            if best < 0:
+                break
+            counts[best] += 1
+        return counts
+
+    def improved(self, counts: IntArray) -> IntArray:
+        """Moves one experiment at a time, or adds one that is affordable, until nothing gains."""
+        counts, current = counts.copy(), self.worth(counts)
+        adding, leaving = self._slopes(counts)
+        while True:
+            begun = current
+            for position in np.flatnonzero(counts):
+                if counts[position] == 0:
+                    continue
+                rest = counts.copy()
+                rest[position] -= 1
+                # The criterion is concave: what adds no more by its slopes than what it replaces cannot gain.
+                promising = self.addable(rest) & (adding > leaving[position])
+                best, value = self._best(rest, promising)
+                if best >= 0 and value > current * (1 + _GAIN):
+                    rest[best] += 1
+                    counts, current = rest, value
+                    adding, leaving = self._slopes(counts)
+            more = self.greedy(counts)
+            if more.sum() > counts.sum():
+                counts, current = more, self.worth(more)
+                adding, leaving = self._slopes(counts)
+            if current == begun:
+                return counts
+
+    def _slopes(self, counts: IntArray) -> tuple[FloatArray, FloatArray]:
+        """By the worth's slopes, what one more of each (n_cand,) adds at most, and what one less takes at least.
+
+        Nothing is known of a fit's own.
+        """
+        size = self.cost.size
+        if self.visits.alone.shape[2] > 1:
+            return np.full(size, np.inf), np.zeros(size)
+        totals = self.total(counts)[:, 0]
+        smoothing = _SMOOTHING * float(np.linalg.eigvalsh(totals)[..., 0].min()) if self.criterion == "e" else 0.0
+        # Concavity: worth(M + H) <= worth(M) + slope, so slopes screen what cannot gain.
+        bound = tangent(self.criterion, totals, smoothing)
+        used = np.flatnonzero(counts)
+        adding = _traces(self.visits.more(np.arange(size), counts), bound.factors)
+        leaving = np.zeros(size)
+        leaving[used] = _traces(self.visits.more(used, counts - (counts > 0)), bound.factors)
+        return adding + bound.excess, leaving
+
+    def _best(self, counts: IntArray, allowed: BoolArray) -> tuple[int, float]:
+        indices = np.flatnonzero(allowed)
+        if indices.size == 0:
+            return -1, 0.0
+        # All candidates at once: totals with one experiment more of each.
+        together = self.total(counts)[:, None] + self.visits.more(indices, counts)
+        values = worth(self.criterion, merged(together, self.wanted))
+        return int(indices[np.argmax(values)]), float(values.max())
+
+    def _leaves_enough(self, counts: IntArray, index: int) -> bool:
+        """Whether the experiments after this one can be paid, if they are the cheapest ones."""
+        left = self.experiments - int(counts.sum()) - 1
+        free = self.cost if self.repeats else np.delete(self.cost, np.append(np.flatnonzero(counts), index))
+        needed = left * free.min() if self.repeats else np.sort(free)[:left].sum()
+        return bool(counts @ self.cost + self.cost[index] + needed <= self.budget * (1 + 1e-12))
+
+
+def _traces(parts: FloatArray, factors: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("dcij,dij->c", parts[:, :, 0], factors, optimize=True))
+
+
+def best_exchange(problem: Exchange, weights: FloatArray, restarts: int, seed: int) -> IntArray:
+    """Numbers of experiments (n_cand,) of the best of several exchanges.
+
+    They start from the greedy choice, from the largest weights, and from random ones that the weights favour.
+
+    Args:
+        problem: What may be measured.
+        weights (n_cand,): Relaxed weights.
+        restarts: Number of random starts.
+        seed: Their seed.
+    """
+    generator = np.random.default_rng(seed)
+    nothing = np.zeros(weights.size, int)
+    # Half by the relaxed weights, half even: starts differ, and none is impossible.
+    favour = 0.5 * weights / weights.sum() + 0.5 / weights.size
+    orders = [np.argsort(-weights, kind="stable")]
+    orders += [generator.choice(weights.size, weights.size, replace=False, p=favour) for _ in range(restarts)]
+    starts = [problem.greedy(nothing), *(problem.completed(nothing, order) for order in orders)]
+    ends = [problem.improved(start) for start in starts]
+    return ends[int(np.argmax([problem.worth(end) for end in ends]))]
+
+
+def efficient_rounding(weights: FloatArray, experiments: int) -> IntArray:
+    """Rounds weights to numbers (n,) of experiments so that each weight loses the least share of itself.
+
+    Args:
+        weights (n,): Weights; those at 0 get nothing.
+        experiments: Number of experiments, at least one for each positive weight.
+
+    Source:
+        Pukelsheim and Rieder (1992), "Efficient rounding of approximate designs".
+    """
+    used = np.flatnonzero(weights > 0)
+    if used.size > experiments:
+        raise ValueError(f"Argument `experiments` must be at least {used.size}, one per weight, but is {experiments}.")
+    share = weights[used] / weights[used].sum()
+    # Pukelsheim and Rieder: start at ceil((n - l / 2) w), then adjust where the share suffers least.
+    counts = np.ceil((experiments - used.size / 2) * share).astype(int)
+    while counts.sum() < experiments:
+        counts[np.argmin(counts / share)] += 1
+    while counts.sum() > experiments:
+        counts[np.argmax((counts - 1) / share)] -= 1
+    whole = np.zeros(weights.size, int)
+    whole[used] = counts
+    return whole
+
+
+_POOL = 400  # Candidates of the largest slopes at the optimum that exchange looks at
+# Share of the optimal information that keeps few experiments' worth comparable while they do not see everything.
 _FLOOR = 1e-9
-"""Share of the optimal information that keeps few experiments' worth comparable while they do not see everything."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +199,6 @@ class ConfigurationPlan:
     """A choice to be made.
 
     Attributes:
-        options: Criterion, numbers and limits.
         matrices (n_draw, n_cand, n_param, n_param): Information of one experiment in each candidate, or for a fit
             with its own weights what its sums never exceed. So many times it, no number of experiments tells more.
         visits: What adds up over experiments: the information alone, or bread and meat of a fit with its own weights,
@@ -35,8 +206,6 @@ class ConfigurationPlan:
         prior (n_param, n_param): What is known beforehand, beside `matrices`; may be one for each draw.
         base (n_part, n_all, n_all): The same beside `visits`.
         cost (n_cand,): Cost of one experiment.
-        experiments: Number of experiments.
-        budget: What they may cost together.
     """
 
     options: DesignOptions
@@ -83,12 +252,13 @@ class ConfigurationPlan:
     def shared_out(self, counts: IntArray) -> Relaxed:
         """Optimal shares of the cost among the candidates that have numbers of experiments (n_cand,).
 
-        Where places differ, what further experiments tell falls with their number; it stays below its tangent at the
-        given numbers, so the bound holds for all others.
+        Where configurations differ, what further experiments tell falls with their number; it stays below its tangent
+        at the given numbers, so the bound holds for all others.
         """
         used = np.flatnonzero(counts)
         if not self.visits.between.any() or self.visits.alone.shape[2] > 1:
             return self.relaxed(used)
+        # Concave in the number of visits: the tangent at the given numbers bounds all others from above.
         slope = slopes(self.visits.alone[:, used, 0], counts[used], self.visits.between)
         beside = self.visits.total(counts)[:, 0] - np.tensordot(slope, counts[used], ((1,), (0,)))
         return self._relaxed(slope / self.cost[used][:, None, None], self.prior + beside, 1.0)
@@ -96,6 +266,7 @@ class ConfigurationPlan:
     def most(self) -> float:
         """What as many candidates as are allowed are worth at most, each with all that could be paid there."""
         count = self.options.count
+        # Each candidate with all the visits that it could have bounds what any choice makes of it.
         times = np.minimum(np.floor(self.budget * (1 + 1e-12) / self.cost), self.experiments).astype(int)
         matrices = self.visits.of(np.arange(self.cost.size), times)[:, :, 0]
         found = self._relaxed(matrices * count / self.budget, self.prior, 1 / count)
@@ -138,6 +309,7 @@ def checked_plan(options: DesignOptions, cost: FloatArray) -> tuple[int, float]:
 
 def choose_counts(plan: ConfigurationPlan, relaxed: Relaxed) -> IntArray:
     """Numbers of experiments (n_cand,): different candidates by exchange, then shares of repeats among them."""
+    # Exchange looks at the best slopes, and at all that have weight.
     order = np.argsort(-relaxed.slopes, kind="stable")
     pool = np.union1d(order[:_POOL], np.flatnonzero(relaxed.weights))
     visits = relaxed.weights / plan.cost

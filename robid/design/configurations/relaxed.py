@@ -8,15 +8,11 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.design.configurations.criteria import Criterion, tangent, worth
-from robid.design.configurations.interior import RelaxedProblem, descend, level, most
-from robid.design.configurations.packed import Packed, pack
+from robid.design.configurations.interior import Packed, RelaxedProblem, descend, level, most, pack
 
-_UPDATES = 8
-"""Multiplicative updates of all candidates that find the first ones to work on."""
-_LEAST_GAP_E = 1e-4
-"""Where the arithmetic of the smoothed smallest eigenvalue ends."""
-_PATIENCE = 4
-"""Looks at all candidates without progress after which to stop."""
+_UPDATES = 8  # Multiplicative updates of all candidates that find the first ones to work on
+_LEAST_GAP_E = 1e-4  # Where the arithmetic of the smoothed smallest eigenvalue ends
+_PATIENCE = 4  # Looks at all candidates without progress after which to stop
 
 
 @dataclass(frozen=True)
@@ -30,7 +26,6 @@ class Relaxed:
         slopes (n_cand,): Slope of the criterion by each weight, relative to what the optimum's support has: a
             candidate at 1 is as good as the chosen ones, one at 0 is useless.
         worth: What the weighted information is worth, see `robid.design.configurations.criteria.worth`.
-        steps: Interior-point steps taken.
     """
 
     weights: FloatArray
@@ -49,7 +44,7 @@ def relaxed_design(
     prior: FloatArray | None = None,
     limit: float = 1.0,
 ) -> Relaxed:
-    """Maximises the worth of `H_0 + sum_i w_i H_i` over weights on the simplex.
+    """Maximises the worth of `H_0 + sum_i w_i H_i` over the simplex; the certificate holds at any gap.
 
     Costs are substituted: give `H_i / c_i` and read the weights as shares of the cost.
 
@@ -63,9 +58,6 @@ def relaxed_design(
         prior (n_param, n_param): What is known beforehand, `H_0`, over the planned number of experiments.
         limit: Largest weight, at least `1 / n_cand`: `1 / k` bounds every design of k different candidates.
 
-    Returns:
-        The weights with their certificate, which holds whether or not the gap was reached.
-
     Source:
         Equivalence theorem: Kiefer and Wolfowitz (1960); Zimmermann et al. (2023), eq. 5-6.
     """
@@ -75,6 +67,7 @@ def relaxed_design(
     size = matrices.n_param
     gap = max(gap, _LEAST_GAP_E) if criterion == "e" else gap
     problem = RelaxedProblem(criterion, matrices, np.zeros((size, size)) if prior is None else prior, limit)
+    # Column generation: interior point on few candidates, then prices of all others; newcomers enter.
     working, weights, smoothing = _start(problem)
     wanted, steps, stalled = 1e-2, 0, 0
     best: Relaxed | None = None
@@ -88,6 +81,7 @@ def relaxed_design(
         best = found if best is None or found.gap < best.gap else best
         if best.gap <= gap or steps >= iterations or stalled == _PATIENCE:
             return _pruned(problem, best, smoothing, gap, iterations - steps)
+        # Early rounds need no small gap: the working set still changes.
         wanted = max(min(0.1 * found.gap, 0.1 * wanted), 0.3 * gap)
         working, weights = _enlarged(problem, working, weights, slopes)
         # Newcomers are far from the path that ends where the weights are: it is joined where it is wider.
@@ -103,6 +97,7 @@ def _start(problem: RelaxedProblem) -> tuple[IntArray, FloatArray, float]:
         totals = problem.totals(weights)
         smoothing = 0.3 * float(np.linalg.eigvalsh(totals)[..., 0].min()) / packed.n_param
         slopes = packed.traces(tangent(problem.criterion, totals, smoothing).factors)
+        # Multiplicative update (Titterington): weights times their slopes stay on the simplex and never lower D.
         weights = weights * np.maximum(slopes, 0) ** power
         weights /= weights.sum()
     count = max(3 * packed.n_param, 30, int(np.ceil(2 / problem.limit)) if problem.limit < 1 else 0)
@@ -123,6 +118,7 @@ def _spread(problem: RelaxedProblem, weights: FloatArray) -> FloatArray:
     mixed = 0.9 * weights / weights.sum() + 0.1 * even
     if mixed.max() < problem.limit:
         return np.asarray(mixed)
+    # A convex mixture with even weights brings the largest one below its limit.
     share = 0.9 * max(problem.limit - even, 0) / (mixed.max() - even) if mixed.max() > even else 0.0
     return np.asarray(even + share * (mixed - even))
 
@@ -151,6 +147,7 @@ def _enlarged(
 
 def _pruned(problem: RelaxedProblem, found: Relaxed, smoothing: float, gap: float, most_steps: int) -> Relaxed:
     """Leaves out what the optimum does not need: weights that are smaller than their candidates' lack of slope."""
+    # Complementary slackness: at the optimum a candidate with weight has the full slope.
     lack = level(found.slopes, problem.limit) - found.slopes
     kept = np.flatnonzero(found.weights > np.maximum(lack, 0))
     weights = found.weights[kept] / found.weights[kept].sum()
@@ -172,5 +169,6 @@ def _priced(problem: RelaxedProblem, weights: FloatArray, smoothing: float, step
         return Relaxed(weights, np.inf, np.zeros(weights.size), 0.0, steps), np.zeros(weights.size)
     bound = tangent(problem.criterion, totals, smoothing)
     slopes = problem.candidates.traces(bound.factors)
+    # Certificate for all candidates: the largest tangent over the simplex less that at the weights.
     gap = float((most(slopes, problem.limit) - slopes @ weights + bound.excess) / bound.scale)
     return Relaxed(weights, max(gap, 0.0), slopes / (slopes @ weights), value, steps), slopes

@@ -1,4 +1,4 @@
-"""What visits to candidates add up to, where parameters differ between places."""
+"""What visits to candidates add up to: where parameters differ between clusters, and in a fit with its own weights."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class Visits:
     """What visits to each candidate add.
 
     Attributes:
-        alone (n_draw, n_cand, n_part, n_all, n_all): One visit, were all places alike: the information, or bread and
-            meat of a fit with weights of its own. Of n visits it is n times as much.
-        between (n_all,): Variance of each parameter between places; 0 for what all of them share.
-        once (n_draw, n_cand, n_part, n_all, n_all): One visit, what differs between places allowed for.
+        alone (n_draw, n_cand, n_part, n_all, n_all): One visit, were all configurations alike: the information, or
+            bread and meat of a fit with weights of its own. Of n visits it is n times as much.
+        between (n_all,): Variance of each parameter between configurations; 0 for what all of them share.
+        once (n_draw, n_cand, n_part, n_all, n_all): One visit, what differs between configurations allowed for.
     """
 
     alone: FloatArray
@@ -41,6 +41,7 @@ class Visits:
         found = self.once[:, candidates] * counts[:, None, None, None]
         more = counts > 1
         if self.between.any() and more.any():
+            # Of n visits to one configuration (I^-1 / n + T)^-1: it saturates at T^-1.
             found[:, more] = _allowed(self.alone[:, candidates[more]] * counts[more, None, None, None], self.between)
         return np.asarray(found)
 
@@ -56,16 +57,17 @@ class Visits:
         found, again = self.once[:, candidates], np.flatnonzero(counts[candidates])
         if self.between.any() and again.size:
             visited = candidates[again]
+            # One visit more where some are: the difference of two saturated informations.
             found[:, again] = self.of(visited, counts[visited] + 1) - self.of(visited, counts[visited])
         return np.asarray(found)
 
 
 def make_visits(alone: FloatArray, between: FloatArray) -> Visits:
-    """Allows for what differs between places.
+    """Allows for what differs between configurations.
 
     Args:
-        alone (n_draw, n_cand, n_part, n_all, n_all): One visit, were all places alike.
-        between (n_all,): Variance of each parameter between places.
+        alone (n_draw, n_cand, n_part, n_all, n_all): One visit, were all configurations alike.
+        between (n_all,): Variance of each parameter between configurations.
 
     Source:
         docs/methods, sec. 11: `(I^-1 + T)^-1` in place of the information; the scores of a fit with weights of its own
@@ -84,9 +86,9 @@ def slopes(alone: FloatArray, counts: IntArray, between: FloatArray) -> FloatArr
     """Derivative of the information of numbers of visits (n_cand,) by these numbers.
 
     Args:
-        alone (n_draw, n_cand, n_all, n_all): Information of one visit, were all places alike.
+        alone (n_draw, n_cand, n_all, n_all): Information of one visit, were all configurations alike.
         counts (n_cand,): Numbers of visits, at least one each.
-        between (n_all,): Variance of each parameter between places.
+        between (n_all,): Variance of each parameter between configurations.
     """
     times = counts[:, None, None]
     return np.asarray(saturation_slope(alone * times, between) / times)
@@ -95,5 +97,111 @@ def slopes(alone: FloatArray, counts: IntArray, between: FloatArray) -> FloatArr
 def _allowed(parts: FloatArray, between: FloatArray) -> FloatArray:
     if parts.shape[2] == 1:
         return saturate(parts, between)
+    # Scores of a fit with its own weights vary by B T B between clusters, besides what the meat has.
     bread, meat = parts[:, :, 0], parts[:, :, 1]
     return np.stack([bread, meat + (bread * between) @ bread], axis=2)
+
+
+_LEAST = 1e-12
+"""What nuisances without any effect are known by, so that they can be taken out; relative to one candidate's."""
+
+
+@dataclass(frozen=True)
+class FittedInformation:
+    """What a fit with weights of its own makes of each candidate: parts of sums over the configurations of the fit.
+
+    The parameters are the wanted ones and then those that are estimated along. These are the same in all
+    configurations, so they go out of the sums, not of the single candidates, and what is known of them counts once.
+
+    Attributes:
+        bread (n_draw, n_conf, n_all, n_all): `2 Re J^H W J`.
+        meat (n_draw, n_conf, n_all, n_all): `2 Re J^H W Lambda W J`; the covariance of the fit is `B^-1 S B^-1` of
+            the sums, what is known beforehand added to both.
+        best (n_draw, n_conf, n_all, n_all): Information by optimal weights, `2 Re J^H Lambda^-1 J`, `Lambda` taken
+            for granted as in the meat.
+        precision (n_all,): What is known of each parameter beforehand, over its variance.
+    """
+
+    bread: FloatArray
+    meat: FloatArray
+    best: FloatArray
+    precision: FloatArray
+
+    def scaled(self, wanted: FloatArray) -> FittedInformation:
+        """The same over scales: (n_wanted,) of the first parameters, and what is natural to the others."""
+        own = np.diagonal(self.bread, axis1=2, axis2=3).mean(axis=(0, 1)) + self.precision
+        scale = np.sqrt(np.where(own > 0, own, 1.0))
+        scale[: wanted.size] = wanted
+        unit = scale[:, None] * scale
+        return FittedInformation(self.bread / unit, self.meat / unit, self.best / unit, self.precision / scale**2)
+
+    def parts(self) -> FloatArray:
+        """Bread and meat (n_draw, n_conf, 2, n_all, n_all)."""
+        return np.stack([self.bread, self.meat], axis=2)
+
+    def base(self, known: FloatArray) -> FloatArray:
+        """Bread and meat (2, n_all, n_all) of what is known beforehand.
+
+        Args:
+            known (n_wanted, n_wanted): The same of the wanted parameters, from elsewhere.
+        """
+        count = len(known)
+        whole = np.diag(self.precision)
+        whole[:count, :count] += known
+        seen = whole + np.diag(np.where(np.arange(len(whole)) < count, 0.0, _LEAST))
+        return np.stack([seen, whole])
+
+    def bound(self, known: FloatArray, visits: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Information that adds over candidates and never falls short of what a fit makes of their sum.
+
+        For every `K`, `[I; -K]' M [I; -K]` is at least what is left of `M` once nuisances are taken out, and equal
+        for the best `K`, which is found for some numbers of visits here and holds as a bound for all others.
+
+        Args:
+            known (n_wanted, n_wanted): What is known of the wanted parameters.
+            visits (n_conf,): The numbers of visits where the bound is tight.
+
+        Returns:
+            Matrices (n_draw, n_conf, n_wanted, n_wanted), and what is known beforehand (n_draw, n_wanted, n_wanted).
+
+        Source:
+            Schur complement as a minimum, Boyd and Vandenberghe (2004), appendix A.5.5.
+        """
+        count = len(known)
+        whole = self.base(known)[0]
+        total = whole + np.tensordot(self.best, visits, ((1,), (0,)))
+        keep = np.broadcast_to(np.eye(count), (len(total), count, count))
+        # K that is best for these visits: [I; -K]' M [I; -K] bounds the Schur complement for all others.
+        follow = np.concatenate([keep, -np.linalg.solve(total[:, count:, count:], total[:, count:, :count])], axis=1)
+        back = follow.swapaxes(1, 2)
+        return back[:, None] @ self.best @ follow[:, None], back @ whole @ follow
+
+
+def merged(parts: FloatArray, count: int | None = None) -> FloatArray:
+    """Information (..., n_wanted, n_wanted) of parts (..., n_part, n_all, n_all), nuisances taken out.
+
+    One part is the information itself; two are bread and meat of a fit with its own weights, `B S^-1 B`.
+
+    Args:
+        parts: Total of one or two parts.
+        count: Number of parameters that are wanted; they come first. All when not given.
+    """
+    own = reduced(parts, parts.shape[-1] if count is None else count)
+    bread = own[..., 0, :, :]
+    if own.shape[-3] == 1:
+        return np.asarray(bread)
+    # Inverse of the sandwich covariance B^-1 S B^-1.
+    whole = bread @ np.linalg.solve(own[..., 1, :, :], bread)
+    return np.asarray(0.5 * (whole + whole.swapaxes(-1, -2)))
+
+
+def reduced(parts: FloatArray, count: int) -> FloatArray:
+    """Parts (..., n_part, count, count) with the other parameters at their best for the first part."""
+    if parts.shape[-1] == count:
+        return parts
+    first = parts[..., 0, :, :]
+    # Nuisances at their best for the first part, the bread; the meat follows.
+    follow = -np.linalg.solve(first[..., count:, count:], first[..., count:, :count])[..., None, :, :]
+    mixed = parts[..., :count, count:] @ follow
+    others = follow.swapaxes(-1, -2) @ parts[..., count:, count:] @ follow
+    return np.asarray(parts[..., :count, :count] + mixed + mixed.swapaxes(-1, -2) + others)

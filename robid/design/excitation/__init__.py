@@ -1,1 +1,1 @@
-"""Excitation. Read `options`, `lines`, `signal_lines`, `signal` with `excitation`, then `loop`, `prediction`, `snr`."""
+"""Excitation. Read `options`, `lines`, `excitation`, then `loop` and `prediction`; `pose_chirp` moves the tool."""

@@ -1,26 +1,31 @@
-"""Excitation of a campaign: what each motor is told to do, and the plan of what that will cause."""
+"""Excitation of a campaign: what each motor is told to do, every kind of signal, and what it will cause."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from robid.arrays import ComplexArray, FloatArray, IntArray, Quantity, part_of
-from robid.design.excitation.lines import choose_lines, samples_per_period
-from robid.design.excitation.loop import NominalLoop
-from robid.design.excitation.options import MultisineOptions
-from robid.design.excitation.shaping import sensitivity_amplitude
+from robid.design.excitation.lines import (
+    RESTING_ORDERS,
+    check_signal,
+    choose_lines,
+    samples_per_period,
+    signal_lines,
+    sweep,
+)
+from robid.design.excitation.loop import NominalLoop, sensitivity_amplitude
+from robid.design.excitation.options import FourierOptions, MultisineOptions, PerturbationOptions, SweepOptions
 from robid.errors import SettingsError
 from robid.signals.crest import reduce_crest, reduce_crest_with_motion
 from robid.signals.quantities import Channel
-from robid.signals.waveforms import crest_factor, multisine, orthogonal_matrix, time_signal
+from robid.signals.waveforms import crest_factor, multisine, orthogonal_matrix, resting_series, slow_motion, time_signal
 
-_PLAYED_SHARE = 1e-6
-"""Size of a line, relative to the largest, below which it holds only rounding."""
-
+_PLAYED_SHARE = 1e-6  # Size of a line, relative to the largest, below which it holds only rounding
+_PLANNED = ("speed", "torque", "excursion")
 UNITS = {"speed_reference": "rad/s", "position_reference": "rad", "torque": "N m", "pose_reference": "m, or rad"}
 
 
@@ -79,6 +84,20 @@ class ExcitationPlan:
     def excursion_margin(self) -> FloatArray:
         """Share of the excursion limit (n_conf, n_motor) that is left."""
         return np.asarray(1 - self.excursion_peak / self.excursion_limit)
+
+
+def make_plan(rms: FloatArray, peak: FloatArray, limits: FloatArray, admissible_scale: FloatArray) -> ExcitationPlan:
+    """Makes a plan of speeds, torques and excursions.
+
+    Args:
+        rms (3, n_conf, n_motor): Predicted RMS of each.
+        peak (3, n_conf, n_motor): Predicted peak of each.
+        limits (3, n_motor): Limit of each.
+        admissible_scale (n_conf, n_motor): See `ExcitationPlan`.
+    """
+    kinds = (("rms", rms), ("peak", peak), ("limit", limits))
+    found = {f"{what}_{kind}": each[row] for kind, each in kinds for row, what in enumerate(_PLANNED)}
+    return ExcitationPlan(**found, admissible_scale=admissible_scale)
 
 
 @dataclass(frozen=True)
@@ -190,7 +209,7 @@ def design_excitation(
     Source:
         Wernholt and Moberg (2008), sec. 4.
     """
-    rms = rms_per_motor(options.rms, n_motor)
+    rms = _rms_per_motor(options.rms, n_motor)
     excited, detection = choose_lines(options, sampling_period_s)
     # The vectors are short: on a busy machine BLAS threads would only wait for each other.
     with threadpool_limits(1, user_api="blas"):
@@ -199,20 +218,13 @@ def design_excitation(
         phase = np.array([_phases(options, amplitude, excited, index, turn, loop) for index in range(realizations)])
     spectrum = multisine(amplitude, phase, turn)
     reference = time_signal(spectrum, excited, samples_per_period(options.period_s, sampling_period_s))
-    return Excitation(
-        reference=reference,
-        kind=options.inject,
-        excited_lines=excited,
-        detection_lines=detection,
-        sampling_period_s=sampling_period_s,
-        spectrum=spectrum,
-        rms=rms,
-        crest_factor=crest_factor(reference),
-    )
+    crest = crest_factor(reference)
+    return Excitation(reference, options.inject, excited, detection, sampling_period_s, spectrum, rms, crest)
 
 
 def _amplitude(options: MultisineOptions, rms: FloatArray, n_lines: int, loop: NominalLoop | None) -> FloatArray:
     """Amplitude (n_motor, n_lines) of each line."""
+    # A sum of n cosines of amplitude a has the RMS a sqrt(n / 2).
     flat = np.repeat(rms[:, None] * np.sqrt(2 / n_lines), n_lines, axis=1)
     if options.amplitude == "flat":
         return flat
@@ -237,6 +249,7 @@ def _phases(
 ) -> FloatArray:
     """Phases (n_motor, n_lines) of one realization; a start beyond one per motor goes to the worst motor so far."""
     n_motor, n_lines = amplitude.shape
+    # Motor i of experiment l plays the same phases plus those of T[i, l]: R = R_diag T, T T^H = n 1.
     shifts = np.angle(orthogonal_matrix(n_motor))
     own = None if turn is None else turn[realization]
     if own is not None:
@@ -244,6 +257,7 @@ def _phases(
     generators = [np.random.default_rng([options.seed, 2, realization, motor]) for motor in range(n_motor)]
     phases, crest = np.zeros(amplitude.shape), np.full(n_motor, np.inf)
     for _ in range(max(options.phase_starts, n_motor)):
+        # Each further start goes to the motor whose crest factor is the worst.
         motor = int(np.argmax(crest))
         start = generators[motor].uniform(0, 2 * np.pi, (n_lines,))
         found, peak = reduce_crest(start, amplitude[motor], lines, shifts[motor], iterations=options.phase_iterations)
@@ -262,12 +276,8 @@ def _needed(loop: NominalLoop | None) -> NominalLoop:
     return loop
 
 
-def rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
-    """Returns the RMS of each motor's signal (n_motor,).
-
-    Raises:
-        SettingsError: If the values do not fit the motors or are not positive.
-    """
+def _rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
+    """The RMS of each motor's signal (n_motor,)."""
     values = np.full(n_motor, rms, float) if np.ndim(rms) == 0 else np.asarray(rms, float)
     problems = [] if len(values) == n_motor else [f"{len(values)} values for {n_motor} motors"]
     problems += [
@@ -280,3 +290,71 @@ def rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
             remedy=f"Give one positive number, or a list of {n_motor}.",
         )
     return values
+
+
+def design_signal(
+    options: PerturbationOptions,
+    n_motor: int,
+    realizations: int,
+    sampling_period_s: float,
+    loop: NominalLoop | None = None,
+) -> Excitation:
+    """Designs the excitation that the options ask for, with the slow motion that they add.
+
+    Every kind is one period, played by all motors at once: motor i of experiment l has all its phases turned by
+    entry (i, l) of `robid.signals.waveforms.orthogonal_matrix`, so that the block is orthogonal at every line.
+
+    Args:
+        options: Kind, period, band, RMS, seed and slow motion.
+        n_motor: Number of motors, and of experiments in a realization.
+        realizations: Number of realizations; each has new phases, of a chirp or stepped sine one for each motor.
+        sampling_period_s: Sampling period of the controller [s].
+        loop: The nominal loop at the excited lines, for a multisine that is shaped by it.
+
+    Raises:
+        SettingsError: If the signal cannot be made as asked.
+    """
+    check_signal(options, sampling_period_s)
+    if isinstance(options, MultisineOptions):
+        excitation = design_excitation(options, n_motor, realizations, sampling_period_s, loop)
+    else:
+        excitation = _design_other(options, n_motor, realizations, sampling_period_s)
+    if options.slow_motion_rad_s == 0:
+        return excitation
+    amplitude = options.slow_motion_rad_s
+    if options.inject == "position_reference":
+        # A speed v at the line k is the angle v T / (2 pi k).
+        amplitude *= options.period_s / (2 * np.pi * options.slow_motion_line)
+    n_sample, generator = excitation.reference.shape[2], np.random.default_rng([options.seed, 3])
+    added = slow_motion(amplitude, options.slow_motion_line, realizations, n_motor, n_sample, generator)
+    return replace(excitation, reference=excitation.reference + added)
+
+
+def _design_other(
+    options: SweepOptions | FourierOptions, n_motor: int, realizations: int, sampling_period_s: float
+) -> Excitation:
+    n_sample = samples_per_period(options.period_s, sampling_period_s)
+    excited, detection = signal_lines(options, sampling_period_s)
+    lines, base = _series(options, excited, n_motor, realizations, sampling_period_s)
+    rms = _rms_per_motor(options.rms, n_motor)
+    # RMS of complex amplitudes is sqrt(sum |a|^2 / 2).
+    base = base * (rms[:, None] / np.sqrt(np.sum(np.abs(base) ** 2, axis=-1, keepdims=True) / 2))
+    block = np.einsum("rik,ie->reki", base, orthogonal_matrix(n_motor))
+    reference, spectrum = time_signal(block, lines, n_sample), block[:, :, np.searchsorted(lines, excited)]
+    crest = crest_factor(reference)
+    return Excitation(reference, options.inject, excited, detection, sampling_period_s, spectrum, rms, crest)
+
+
+def _series(
+    options: SweepOptions | FourierOptions, excited: IntArray, n_motor: int, realizations: int, sampling_period_s: float
+) -> tuple[IntArray, ComplexArray]:
+    """Lines, and each motor's complex amplitudes (n_real, n_motor, n_lines) at them."""
+    generator = np.random.default_rng([options.seed, 2])
+    if isinstance(options, FourierOptions):
+        phase = generator.uniform(0, 2 * np.pi, (realizations, n_motor, len(excited)))
+        series = np.exp(1j * phase)
+        return excited, resting_series(series, excited, RESTING_ORDERS[options.inject]) if options.at_rest else series
+    signal = sweep(options, sampling_period_s)
+    lines = np.arange(1, (len(signal) - 1) // 2 + 1, 2 if options.grid == "odd" else 1)
+    phase = generator.uniform(0, 2 * np.pi, (realizations, n_motor, 1))
+    return lines, np.fft.rfft(signal)[lines] * np.exp(1j * phase)

@@ -6,8 +6,67 @@ from dataclasses import dataclass, field
 from math import pi
 from typing import ClassVar, Literal, TypeAlias
 
-from robid.design.excitation.arbitrary import ArbitraryOptions
+import numpy as np
+
+from robid.arrays import IntArray, option
 from robid.signals.pose import ANGLES
+
+FEWEST_LINES = 4  # Frequencies of a band below which there is no response to speak of
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArbitraryOptions:
+    """A signal of logs that need not repeat, and of which no line is known; the estimator `local` reads it."""
+
+    signal: Literal["arbitrary"] = option("arbitrary", "A signal that need not repeat, in logs only.")
+    low_hz: float = field(metadata={"description": "Lowest frequency of the response [Hz].", "gt": 0})
+    high_hz: float = field(metadata={"description": "Highest frequency of the response [Hz].", "gt": 0})
+    resolution_hz: float = field(
+        metadata={
+            "description": "Distance of the response's frequencies, and width of the band around each that is averaged"
+            " [Hz].",
+            "gt": 0,
+        }
+    )
+
+    decides_lines: ClassVar[tuple[str, ...]] = ("signal", "low_hz", "high_hz", "resolution_hz")
+    inject: ClassVar[Literal["speed_reference"]] = "speed_reference"
+    seed: ClassVar[None] = None
+
+    @property
+    def period_s(self) -> float:
+        """Length of the segments of a log that have this resolution [s]."""
+        return 1 / self.resolution_hz
+
+    def segment_samples(self, sampling_period_s: float) -> int:
+        """Returns the samples of a segment, rounded."""
+        return max(round(self.period_s / sampling_period_s), 1)
+
+    def lines(self, sampling_period_s: float) -> IntArray:
+        """Returns the lines of a segment that lie in the band."""
+        segment_s = self.segment_samples(sampling_period_s) * sampling_period_s
+        lowest, highest = self.low_hz * segment_s, self.high_hz * segment_s
+        return np.arange(max(int(np.ceil(lowest - 1e-6)), 1), int(np.floor(highest + 1e-6)) + 1)
+
+    def problems(self, sampling_period_s: float) -> list[str]:
+        """Finds what keeps a log of this sampling period [s] from having such a response."""
+        problems = []
+        nyquist_hz = 0.5 / sampling_period_s
+        if self.low_hz >= self.high_hz:
+            problems.append(f"low_hz {self.low_hz:g} is not below high_hz {self.high_hz:g} (swap them)")
+        elif len(self.lines(sampling_period_s)) < FEWEST_LINES:
+            finer = (self.high_hz - self.low_hz) / FEWEST_LINES
+            problems.append(
+                f"the band {self.low_hz:g} to {self.high_hz:g} Hz has fewer than {FEWEST_LINES} frequencies"
+                f" {self.resolution_hz:g} Hz apart (lower resolution_hz to {finer:.3g})"
+            )
+        if self.high_hz + self.resolution_hz > nyquist_hz:
+            problems.append(
+                f"high_hz {self.high_hz:g} is not a resolution below the Nyquist frequency {nyquist_hz:g} Hz"
+                f" (lower high_hz)"
+            )
+        return problems
+
 
 _SIGNAL = {
     "description": "Kind of signal; a chirp excites all lines of the band, a stepped sine those near `count`"
@@ -29,13 +88,9 @@ class Travel:
     """A slow sine of one joint beneath the excitation, so that the response's place moves while it is excited."""
 
     joint: str = field(metadata={"description": "Name of the joint."})
-    amplitude_m: float | None = field(
-        default=None, metadata={"description": "Amplitude of a prismatic joint about the configuration [m].", "gt": 0}
-    )
-    amplitude_deg: float | None = field(
-        default=None, metadata={"description": "The same of a revolute joint [deg].", "gt": 0}
-    )
-    line: int = field(default=1, metadata={"description": "Its periods in one period of the excitation.", "ge": 1})
+    amplitude_m: float | None = option(None, "Amplitude of a prismatic joint about the configuration [m].", gt=0)
+    amplitude_deg: float | None = option(None, "The same of a revolute joint [deg].", gt=0)
+    line: int = option(1, "Its periods in one period of the excitation.", ge=1)
 
 
 @dataclass(frozen=True)
@@ -46,63 +101,42 @@ class SignalOptions:
     """
 
     signal: Literal["multisine", "chirp", "stepped_sine", "fourier"] = field(default="multisine", metadata=_SIGNAL)
-    period_s: float = field(default=5.0, metadata={"description": "Length of one period [s].", "gt": 0})
-    low_hz: float = field(default=2.0, metadata={"description": "Lowest excited frequency [Hz].", "gt": 0})
-    high_hz: float = field(default=80.0, metadata={"description": "Highest excited frequency [Hz].", "gt": 0})
-    grid: Literal["odd", "full"] = field(
-        default="odd", metadata={"description": "Lines that may be excited: odd ones only, or all."}
+    period_s: float = option(5.0, "Length of one period [s].", gt=0)
+    low_hz: float = option(2.0, "Lowest excited frequency [Hz].", gt=0)
+    high_hz: float = option(80.0, "Highest excited frequency [Hz].", gt=0)
+    grid: Literal["odd", "full"] = option("odd", "Lines that may be excited: odd ones only, or all.")
+    inject: Literal["speed_reference", "position_reference", "torque"] = option(
+        "speed_reference", "Where the controller adds the excitation."
     )
-    inject: Literal["speed_reference", "position_reference", "torque"] = field(
-        default="speed_reference", metadata={"description": "Where the controller adds the excitation."}
+    rms: float | tuple[float, ...] = option(
+        20.0, "RMS of the injected signal, one for all motors or one each [rad/s, rad or N m]."
     )
-    rms: float | tuple[float, ...] = field(
-        default=20.0,
-        metadata={"description": "RMS of the injected signal, one for all motors or one each [rad/s, rad or N m]."},
+    seed: int = option(1, "Seed of the phases and detection lines.", ge=0)
+    limit_share: float | None = option(
+        None,
+        "Scales the RMS of all motors by one factor until this share of the nearest limit is reached; `rms` as given"
+        " when not set.",
+        gt=0,
+        le=1,
     )
-    seed: int = field(default=1, metadata={"description": "Seed of the phases and detection lines.", "ge": 0})
-    limit_share: float | None = field(
-        default=None,
-        metadata={
-            "description": "Scales the RMS of all motors by one factor until this share of the nearest limit is"
-            " reached; `rms` as given when not set.",
-            "gt": 0,
-            "le": 1,
-        },
+    max_excursion_deg: float = option(5.0, "Limit of each joint's excursion on the arm side [deg].", gt=0)
+    max_excursion_m: float = option(0.05, "The same of prismatic joints [m].", gt=0)
+    assumed_angle_noise_rad: float = option(
+        3e-5, "Motor angle's noise per sample that the plan assumes, quantisation included [rad].", gt=0
     )
-    max_excursion_deg: float = field(
-        default=5.0, metadata={"description": "Limit of each joint's excursion on the arm side [deg].", "gt": 0}
+    assumed_torque_noise_nm: float = option(0.05, "Torque disturbance per sample that the plan assumes [N m].", ge=0)
+    slow_motion_rad_s: float = option(
+        0.0,
+        "Peak motor speed of a slow motion that is added against Coulomb friction, scaled with the rest by"
+        " `limit_share`; 0 adds none [rad/s].",
+        ge=0,
     )
-    max_excursion_m: float = field(default=0.05, metadata={"description": "The same of prismatic joints [m].", "gt": 0})
-    assumed_angle_noise_rad: float = field(
-        default=3e-5,
-        metadata={
-            "description": "Motor angle's noise per sample that the plan assumes, quantisation included [rad].",
-            "gt": 0,
-        },
-    )
-    assumed_torque_noise_nm: float = field(
-        default=0.05,
-        metadata={"description": "Torque disturbance per sample that the plan assumes [N m].", "ge": 0},
-    )
-    slow_motion_rad_s: float = field(
-        default=0.0,
-        metadata={
-            "description": "Peak motor speed of a slow motion that is added against Coulomb friction, scaled with"
-            " the rest by `limit_share`; 0 adds none [rad/s].",
-            "ge": 0,
-        },
-    )
-    slow_motion_line: int = field(
-        default=2,
-        metadata={"description": "Line of the slow motion, even; it and its multiples are never excited.", "ge": 2},
-    )
-    travel: Travel | None = field(
-        default=None,
-        metadata={
-            "description": "A large motion that the position reference tells one joint besides, wherever the excitation"
-            " is injected; limits of the excursion and `rms` do not count it. The campaign is then a record without a"
-            " frequency response."
-        },
+    slow_motion_line: int = option(2, "Line of the slow motion, even; it and its multiples are never excited.", ge=2)
+    travel: Travel | None = option(
+        None,
+        "A large motion that the position reference tells one joint besides, wherever the excitation is injected;"
+        " limits of the excursion and `rms` do not count it. The campaign is then a record without a frequency"
+        " response.",
     )
 
     decides_lines: ClassVar[tuple[str, ...]] = (
@@ -117,10 +151,7 @@ class ChosenLineOptions(SignalOptions):
 
     count: int = field(default=60, metadata=_COUNT)
     spacing: Literal["log", "linear"] = field(default="log", metadata=_SPACING)
-    detection_share: float = field(
-        default=0.1,
-        metadata={"description": "Share of the chosen lines left out to detect distortion.", "ge": 0, "lt": 1},
-    )
+    detection_share: float = option(0.1, "Share of the chosen lines left out to detect distortion.", ge=0, lt=1)
     lines: tuple[int, ...] | Literal["all", "found"] | None = field(default=None, metadata=_LINES)
 
     decides_lines: ClassVar[tuple[str, ...]] = (
@@ -134,40 +165,27 @@ class MultisineOptions(ChosenLineOptions):
     """An orthogonal random-phase multisine on odd lines with detection lines."""
 
     signal: Literal["multisine"] = field(default="multisine", metadata=_SIGNAL)
-    phase_iterations: int = field(
-        default=60,
-        metadata={
-            "description": "Iterations of the crest-factor search at each of seven exponents; 0 keeps random phases.",
-            "ge": 0,
-        },
+    phase_iterations: int = option(
+        60, "Iterations of the crest-factor search at each of seven exponents; 0 keeps random phases.", ge=0
     )
-    phase_starts: int = field(
-        default=16,
-        metadata={
-            "description": "Random starts of the crest-factor search in a block: one per motor, the rest where it is"
-            " worst; best of random draws where `phase_iterations` is 0.",
-            "ge": 1,
-        },
+    phase_starts: int = option(
+        16,
+        "Random starts of the crest-factor search in a block: one per motor, the rest where it is worst; best of"
+        " random draws where `phase_iterations` is 0.",
+        ge=1,
     )
-    random_block_phases: bool = field(
-        default=False,
-        metadata={
-            "description": "Random phases for each experiment and line of a block: it stays orthogonal, no signal"
-            " repeats, and peaks are higher."
-        },
+    random_block_phases: bool = option(
+        False,
+        "Random phases for each experiment and line of a block: it stays orthogonal, no signal repeats, and peaks are"
+        " higher.",
     )
-    crest_at: Literal["reference", "reference_and_motion"] = field(
-        default="reference",
-        metadata={
-            "description": "Where the crest factor is kept low: at the reference, or at the predicted motor speed too."
-        },
+    crest_at: Literal["reference", "reference_and_motion"] = option(
+        "reference", "Where the crest factor is kept low: at the reference, or at the predicted motor speed too."
     )
-    amplitude: Literal["flat", "sensitivity"] = field(
-        default="flat",
-        metadata={
-            "description": "Amplitudes of a motor's lines: all the same, or shaped by the information that each line"
-            " carries about springs and dampers."
-        },
+    amplitude: Literal["flat", "sensitivity"] = option(
+        "flat",
+        "Amplitudes of a motor's lines: all the same, or shaped by the information that each line carries about"
+        " springs and dampers.",
     )
 
 
@@ -176,10 +194,7 @@ class FourierOptions(ChosenLineOptions):
     """A Fourier series with random phases on chosen lines."""
 
     signal: Literal["fourier"] = field(default="fourier", metadata=_SIGNAL)
-    at_rest: bool = field(
-        default=False,
-        metadata={"description": "Angle, speed and acceleration are zero where the period begins."},
-    )
+    at_rest: bool = option(False, "Angle, speed and acceleration are zero where the period begins.")
 
 
 @dataclass(frozen=True)
@@ -187,13 +202,8 @@ class ChirpOptions(SignalOptions):
     """A sweep over all lines of the band."""
 
     signal: Literal["chirp"] = field(default="chirp", metadata=_SIGNAL)
-    chirp_peak: float = field(
-        default=0.25,
-        metadata={
-            "description": "Where the amplitude is largest, as a share of the sweep; 0 lets it fall throughout.",
-            "ge": 0,
-            "lt": 1,
-        },
+    chirp_peak: float = option(
+        0.25, "Where the amplitude is largest, as a share of the sweep; 0 lets it fall throughout.", ge=0, lt=1
     )
 
     decides_lines: ClassVar[tuple[str, ...]] = (*SignalOptions.decides_lines, "chirp_peak")
@@ -218,43 +228,29 @@ class TrajectoryOptions:
     """
 
     signal: Literal["trajectory"] = field(default="trajectory", metadata=_SIGNAL)
-    period_s: float = field(default=10.0, metadata={"description": "Length of one period [s].", "gt": 0})
-    harmonics: int = field(default=5, metadata={"description": "Lines of the series: 1 to this one.", "ge": 3})
-    inject: Literal["speed_reference", "position_reference"] = field(
-        default="speed_reference", metadata={"description": "Where the controller adds the excitation."}
+    period_s: float = option(10.0, "Length of one period [s].", gt=0)
+    harmonics: int = option(5, "Lines of the series: 1 to this one.", ge=3)
+    inject: Literal["speed_reference", "position_reference"] = option(
+        "speed_reference", "Where the controller adds the excitation."
     )
-    criterion: Literal["d_optimal", "condition"] = field(
-        default="d_optimal",
-        metadata={
-            "description": "What is optimised: the information's determinant about the base parameters, or the"
-            " condition number of the regressor, each column over its size in random motions."
-        },
+    criterion: Literal["d_optimal", "condition"] = option(
+        "d_optimal",
+        "What is optimised: the information's determinant about the base parameters, or the condition number of the"
+        " regressor, each column over its size in random motions.",
     )
-    friction: Literal["none", "viscous", "coulomb", "asymmetric"] = field(
-        default="coulomb", metadata={"description": "Friction of each motor that is among the parameters."}
+    friction: Literal["none", "viscous", "coulomb", "asymmetric"] = option(
+        "coulomb", "Friction of each motor that is among the parameters."
     )
-    position_share: float = field(
-        default=0.9,
-        metadata={"description": "Share of the way to the joint limits that may be used.", "gt": 0, "le": 1},
+    position_share: float = option(0.9, "Share of the way to the joint limits that may be used.", gt=0, le=1)
+    speed_share: float = option(0.8, "Share of the motors' speed limits that may be used.", gt=0, le=1)
+    torque_share: float = option(0.8, "Share of the motors' torque limits that may be used.", gt=0, le=1)
+    max_acceleration_deg_s2: float | None = option(
+        None, "Limit of each joint's acceleration on the arm side [deg/s^2].", gt=0
     )
-    speed_share: float = field(
-        default=0.8, metadata={"description": "Share of the motors' speed limits that may be used.", "gt": 0, "le": 1}
-    )
-    torque_share: float = field(
-        default=0.8, metadata={"description": "Share of the motors' torque limits that may be used.", "gt": 0, "le": 1}
-    )
-    max_acceleration_deg_s2: float | None = field(
-        default=None,
-        metadata={"description": "Limit of each joint's acceleration on the arm side [deg/s^2].", "gt": 0},
-    )
-    max_acceleration_m_s2: float | None = field(
-        default=None, metadata={"description": "The same of prismatic joints [m/s^2].", "gt": 0}
-    )
-    starts: int = field(default=4, metadata={"description": "Random starts; the best end is taken.", "ge": 1})
-    evaluations: int = field(
-        default=200, metadata={"description": "Evaluations of the criterion with its slopes from each start.", "ge": 1}
-    )
-    seed: int = field(default=1, metadata={"description": "Seed of the starts.", "ge": 0})
+    max_acceleration_m_s2: float | None = option(None, "The same of prismatic joints [m/s^2].", gt=0)
+    starts: int = option(4, "Random starts; the best end is taken.", ge=1)
+    evaluations: int = option(200, "Evaluations of the criterion with its slopes from each start.", ge=1)
+    seed: int = option(1, "Seed of the starts.", ge=0)
 
     decides_lines: ClassVar[tuple[str, ...]] = ("signal", "period_s", "harmonics")
 
@@ -267,29 +263,20 @@ class PoseChirpOptions:
     """
 
     signal: Literal["pose_chirp"] = field(default="pose_chirp", metadata=_SIGNAL)
-    channels: tuple[str, ...] = field(
-        default=(),
-        metadata={
-            "description": "Channels that are moved, in the order of the experiments: X, Y, Z, A, B, C of the tool, R"
-            " of a rail or the names of several external axes; all that the robot has when empty."
-        },
+    channels: tuple[str, ...] = option(
+        (),
+        "Channels that are moved, in the order of the experiments: X, Y, Z, A, B, C of the tool, R of a rail or the"
+        " names of several external axes; all that the robot has when empty.",
     )
-    amplitude_mm: float | dict[str, float] = field(
-        default=2.0, metadata={"description": "Largest amplitude of lengths, one for all channels or by channel [mm]."}
+    amplitude_mm: float | dict[str, float] = option(
+        2.0, "Largest amplitude of lengths, one for all channels or by channel [mm]."
     )
-    amplitude_deg: float | dict[str, float] = field(default=0.1, metadata={"description": "The same of angles [deg]."})
-    period_s: float = field(
-        default=99.996, metadata={"description": "Length of the sweep and of one period [s].", "gt": 0}
-    )
-    low_hz: float = field(default=0.01, metadata={"description": "Frequency at its beginning [Hz].", "gt": 0})
-    high_hz: float = field(default=5.2, metadata={"description": "Frequency at its end [Hz].", "gt": 0})
-    chirp_peak: float = field(
-        default=0.0,
-        metadata={
-            "description": "Where the amplitude is largest, as a share of the sweep; 0 lets it fall throughout.",
-            "ge": 0,
-            "lt": 1,
-        },
+    amplitude_deg: float | dict[str, float] = option(0.1, "The same of angles [deg].")
+    period_s: float = option(99.996, "Length of the sweep and of one period [s].", gt=0)
+    low_hz: float = option(0.01, "Frequency at its beginning [Hz].", gt=0)
+    high_hz: float = option(5.2, "Frequency at its end [Hz].", gt=0)
+    chirp_peak: float = option(
+        0.0, "Where the amplitude is largest, as a share of the sweep; 0 lets it fall throughout.", ge=0, lt=1
     )
 
     decides_lines: ClassVar[tuple[str, ...]] = ("signal", "period_s", "low_hz", "high_hz", "chirp_peak")

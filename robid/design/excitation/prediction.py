@@ -1,23 +1,21 @@
-"""Predicted motion, torque and signal-to-noise ratio of an excitation, against the robot's limits."""
+"""Predicted motion, torque and signal-to-noise ratio of an excitation and of the travel beneath it, against limits."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from robid.arrays import FloatArray, check_shape
-from robid.design.excitation.excitation import UNITS, Excitation, ExcitationPlan
-from robid.design.excitation.loop import NominalLoop
-from robid.design.excitation.options import PerturbationOptions
-from robid.design.excitation.snr import predicted_snr_db, residual_covariance
-from robid.design.excitation.travel import travel_demand
+from robid.design.excitation.excitation import UNITS, Excitation, make_plan
+from robid.design.excitation.loop import NominalLoop, predicted_snr_db, residual_covariance
+from robid.design.excitation.options import PerturbationOptions, Travel
 from robid.errors import SettingsError
 from robid.robot.description import Robot
 from robid.signals.waveforms import crest_factor, time_signal
 
-_ROUNDING = 1 + 1e-9
-"""A limit that is used up to its last digit is not exceeded."""
+_ROUNDING = 1 + 1e-9  # A limit that is used up to its last digit is not exceeded
 
 
 def predict(
@@ -28,7 +26,7 @@ def predict(
     periods: int = 1,
     transient_periods: int = 0,
 ) -> Excitation:
-    """Predicts what the nominal closed loop will do, uses its limits and holds it against them.
+    """Predicts what the nominal closed loop will do, scaled where a share of its limits is asked for; refuses more.
 
     Friction is not in the prediction: a margin of a few N m should be left for it. The static torque is not scaled.
     A travel counts for speed and torque, not for the excursion.
@@ -40,9 +38,6 @@ def predict(
         periods: Recorded periods of each experiment.
         transient_periods: Periods of each experiment before those.
 
-    Returns:
-        The excitation with its plan, scaled where a share of the limits is asked for.
-
     Raises:
         SettingsError: If a motor's speed, torque or excursion exceeds its limit in any configuration.
     """
@@ -51,17 +46,11 @@ def predict(
     check_shape("response", loop.response, "n_conf n_freq n_motor n_motor", **axes)
     check_shape("static_torque", loop.static_torque, "n_conf n_motor", n_conf=n_conf, n_motor=n_motor)
     limits = _limits(loop.robot, options)
-    played = excitation.played_lines
-    moving = loop if np.array_equal(played, excitation.excited_lines) else loop.at(played / excitation.period_s)
-    found = [_reach(excitation, moving, index) for index in range(n_conf)]
-    reach, crest = np.stack([each for each, _ in found], axis=2), np.array([each for _, each in found])
+    reach, crest = _reaches(excitation, loop)
     if options.limit_share is not None:
         share = admissible_scale(reach[0], reach[1], options.limit_share * limits, loop.static_torque)
         factor = _common_factor(share, loop.robot, options.limit_share)
-        excitation = _scaled(excitation, factor)
-        offset = np.zeros((3, n_conf, n_motor))
-        offset[1] = loop.static_torque
-        reach = _scaled_reach(reach, offset, factor)
+        excitation, reach = _scaled(excitation, factor), _scaled_reach(reach, loop.static_torque, factor)
     minimum, maximum, rms = reach
     peak = np.maximum(maximum, -minimum)
     scale = admissible_scale(minimum, maximum, limits, loop.static_torque)
@@ -69,22 +58,22 @@ def predict(
     _check_limits(excitation, loop.robot, peak, limits, scale, every)
     length = np.prod(excitation.reference.shape[:2]) * n_conf * (periods + transient_periods)
     whole = excitation.reference.shape[1] == n_motor
-    plan = ExcitationPlan(
-        speed_rms=rms[0],
-        speed_peak=peak[0],
-        torque_rms=rms[1],
-        torque_peak=peak[1],
-        excursion_rms=rms[2],
-        excursion_peak=peak[2],
-        speed_limit=limits[0],
-        torque_limit=limits[1],
-        excursion_limit=limits[2],
-        admissible_scale=scale.min(axis=0),
+    plan = replace(
+        make_plan(rms, peak, limits, scale.min(axis=0)),
         speed_crest=crest,
         snr_db=np.array([_snr_db(excitation, loop, i, options, periods) for i in range(n_conf)]) if whole else None,
         duration_s=float(length) * excitation.period_s,
     )
     return replace(excitation, plan=plan)
+
+
+def _reaches(excitation: Excitation, loop: NominalLoop) -> tuple[FloatArray, FloatArray]:
+    """What `_reach` finds in all configurations (3, 3, n_conf, n_motor), (n_conf, n_motor)."""
+    played = excitation.played_lines
+    # A slow motion and a sweep's edges move the robot too, at lines that the loop was not made for.
+    moving = loop if np.array_equal(played, excitation.excited_lines) else loop.at(played / excitation.period_s)
+    found = [_reach(excitation, moving, index) for index in range(len(loop.response))]
+    return np.stack([each for each, _ in found], axis=2), np.array([each for _, each in found])
 
 
 def _limits(robot: Robot, options: PerturbationOptions) -> FloatArray:
@@ -103,7 +92,9 @@ def _reach(excitation: Excitation, loop: NominalLoop, index: int) -> tuple[Float
     """Minimum, maximum and RMS (3, 3, n_motor) of speed, torque and excursion, and the speed's crest (n_motor,)."""
     to_torque, to_angle = loop.gains(index, excitation.kind)
     rate = 1j * loop.omega[:, None, None]
+    # Speed j w q, torque, and arm excursion, each as a gain from the references.
     gains = np.stack([rate * to_angle, to_torque, loop.robot.arm_per_motor @ to_angle])
+    # All experiments at once: complex amplitudes of the played lines, then one inverse transform.
     stacked = np.einsum("qkmi,reki->qrekm", gains, excitation.played_spectrum, optimize=True)
     signal = time_signal(stacked, excitation.played_lines, excitation.reference.shape[2])
     crest = crest_factor(signal[0]).max(axis=(0, 1))
@@ -142,17 +133,16 @@ def _common_factor(share: FloatArray, robot: Robot, limit_share: float) -> float
 
 
 def _scaled(excitation: Excitation, factor: float) -> Excitation:
-    return replace(
-        excitation,
-        reference=factor * excitation.reference,
-        spectrum=factor * excitation.spectrum,
-        rms=factor * excitation.rms,
-    )
+    scaled: dict[str, Any] = {name: factor * getattr(excitation, name) for name in ("reference", "spectrum", "rms")}
+    return replace(excitation, **scaled)
 
 
-def _scaled_reach(reach: FloatArray, offset: FloatArray, factor: float) -> FloatArray:
-    """Minimum, maximum and RMS around an offset that does not scale."""
+def _scaled_reach(reach: FloatArray, static_torque: FloatArray, factor: float) -> FloatArray:
+    """Minimum, maximum and RMS around a static torque (n_conf, n_motor) that does not scale."""
+    offset = np.zeros_like(reach[0])
+    offset[1] = static_torque
     minimum, maximum = offset + factor * (reach[0] - offset), offset + factor * (reach[1] - offset)
+    # RMS about an offset: the varying part alone scales.
     rms = np.sqrt(offset**2 + factor**2 * np.maximum(reach[2] ** 2 - offset**2, 0))
     return np.stack([minimum, maximum, rms])
 
@@ -160,20 +150,18 @@ def _scaled_reach(reach: FloatArray, offset: FloatArray, factor: float) -> Float
 def admissible_scale(
     minimum: FloatArray, maximum: FloatArray, limits: FloatArray, static_torque: FloatArray
 ) -> FloatArray:
-    """Factor on the excitation at which each quantity meets its limit; static torque does not scale.
+    """Factor (3, n_conf, n_motor) at which each quantity meets its limit; static torque does not scale.
 
     Args:
         minimum (3, n_conf, n_motor): Least speed, torque and excursion [rad/s, N m, rad or m].
         maximum (3, n_conf, n_motor): The greatest of each.
         limits (3, n_motor): Their limits.
         static_torque (n_conf, n_motor): Motor torque that holds the arm [N m].
-
-    Returns:
-        Factors (3, n_conf, n_motor).
     """
     offset = np.zeros_like(minimum)
     offset[1] = static_torque
     tiny = np.finfo(float).tiny
+    # Factor at which the varying part meets what the static torque leaves of the limit.
     upward = (limits[:, None] - offset) / np.maximum(maximum - offset, tiny)
     downward = (limits[:, None] + offset) / np.maximum(offset - minimum, tiny)
     return np.asarray(np.maximum(np.minimum(upward, downward), 0))
@@ -222,3 +210,58 @@ def _floor(value: float) -> float:
         return 0.0
     digit = 10.0 ** (np.floor(np.log10(value)) - 2)
     return float(np.floor(value / digit) * digit)
+
+
+_END_ROUNDING = 1e-9
+
+
+def with_travel(excitation: Excitation, travel: Travel | None, robot: Robot, configurations: FloatArray) -> Excitation:
+    """Adds the travel that the options ask for, which begins in the middle: `amplitude sin(2 pi line t / period)`.
+
+    Args:
+        excitation: The perturbation.
+        travel: The travel, or none.
+        robot: The robot.
+        configurations (n_conf, n_joint): Middles of the travel, arm side [rad, or m].
+
+    Raises:
+        SettingsError: If it leads beyond a joint's limits.
+    """
+    if travel is None:
+        return excitation
+    names = [joint.name for joint in robot.joints]
+    index = names.index(travel.joint)
+    amplitude = _amplitude(travel)
+    lowest, highest = configurations[:, index].min() - amplitude, configurations[:, index].max() + amplitude
+    if lowest < robot.lower[index] - _END_ROUNDING or highest > robot.upper[index] + _END_ROUNDING:
+        unit, factor = ("m", 1.0) if robot.prismatic[index] else ("deg", 180 / np.pi)
+        raise SettingsError(
+            f"Joint {travel.joint} would travel from {factor * lowest:.4g} to {factor * highest:.4g} {unit}, beyond its"
+            f" limits of {factor * robot.lower[index]:.4g} and {factor * robot.upper[index]:.4g} {unit}.",
+            where="excitation.travel",
+            remedy="Lower the amplitude, or move the configuration to the middle.",
+        )
+    n_sample = excitation.reference.shape[2]
+    way = amplitude * np.sin(2 * np.pi * travel.line * np.arange(n_sample) / n_sample)
+    return replace(excitation, travel=np.asarray(way[:, None] * robot.motor_per_arm[:, index]))
+
+
+def travel_demand(travel: FloatArray, loop: NominalLoop, index: int) -> FloatArray:
+    """Speed and torque (2, n_sample, n_motor) on a travel, by the robot in its middle [rad/s, N m].
+
+    Args:
+        travel (n_sample, n_motor): Position reference of the motors [rad].
+        loop: The nominal loop with its linearised robot.
+        index: The configuration.
+    """
+    spectrum = np.fft.rfft(travel, axis=0)
+    # A travel is one line: amplitude and phase at it say all.
+    line = int(np.abs(spectrum).max(axis=1).argmax())
+    slow = loop.at(np.array([line / (len(travel) * loop.controller.sampling_period_s)]))
+    to_torque, to_angle = (gain[0] @ spectrum[line] for gain in slow.gains(index, "position_reference"))
+    turn = np.exp(2j * np.pi * line * np.arange(len(travel)) / len(travel))[:, None] * 2 / len(travel)
+    return np.stack([np.real(turn * 1j * slow.omega[0] * to_angle), np.real(turn * to_torque)])
+
+
+def _amplitude(travel: Travel) -> float:
+    return float(np.deg2rad(travel.amplitude_deg or 0.0)) if travel.amplitude_m is None else travel.amplitude_m

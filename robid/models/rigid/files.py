@@ -21,7 +21,7 @@ from robid.models.family import ExportTask
 from robid.models.handed_on import standard_from_artifact, standard_robot
 from robid.models.rigid.fit.solution import RigidSolution
 from robid.models.rigid.judge.validating import RigidValidation
-from robid.robot.rigid_export import to_rigid_mjcf, to_urdf
+from robid.robot.export import to_rigid_mjcf, to_urdf
 from robid.robot.standard import StandardRobot
 from robid.settings.robot_values import robot_text, with_values
 

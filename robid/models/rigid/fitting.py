@@ -25,7 +25,7 @@ from robid.robot.regressor.model import RigidModel, build_rigid_model
 from robid.settings.experiment import payload_kg
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
-from robid.simulate.rigid_loop import simulate_rigid
+from robid.simulate.rigid_loop import simulate_rigid_loop
 from robid.simulate.truth import TrueRobot
 
 
@@ -118,7 +118,7 @@ def _loop(data: Data, robot: Robot, shots: Sequence[Shot]) -> Simulate | None:
             angle, speed = (
                 np.tile([getattr(commands[row], name) for row in rows], (1, times, 1)) for name in ("angle", "speed")
             )
-            moved = simulate_rigid(model, values, robot, controller, angle, speed, loaded=loaded)
+            moved = simulate_rigid_loop(model, values, robot, controller, angle, speed, loaded=loaded)[0]
             own = moved[:, -n_sample + shots[rows[0]].late_samples :]
             found |= dict(zip(rows, own, strict=True))
         return [found[index] for index in range(len(shots))]

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.frf.frf import Frf
-from robid.frf.passivity import FEW_SAMPLES, DrivingPoints, undeclared_delay
+from robid.frf.quality import FEW_SAMPLES, DrivingPoints, undeclared_delay
 from robid.results.doubt import Doubt, saturation_doubts, two_digits
 from robid.results.plausible.angles import judge_angles
 from robid.results.plausible.evidence import CLEAR, Evidence, Fitted, gather_evidence

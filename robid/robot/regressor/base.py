@@ -1,4 +1,4 @@
-"""Base parameters of a rigid model, by a pivoted QR of its columns on random motions, and how well loops close."""
+"""Base parameters of a rigid model, by a pivoted QR of its columns on random motions."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ import numpy as np
 from scipy.linalg import qr, solve_triangular
 
 from robid.arrays import FloatArray, IntArray, check_shape
-from robid.robot.description import Robot
 from robid.robot.regressor.drives import BaseOptions
-from robid.robot.regressor.links import Tree, rigid_tree
 from robid.robot.regressor.model import RigidModel
 
 _TIDY = 1e-7  # a smaller share of a column is rounding
@@ -69,6 +67,7 @@ def find_base_parameters(model: RigidModel, options: BaseOptions | None = None) 
     """
     chosen = options or BaseOptions()
     columns = random_columns(model, chosen)
+    # Joints over their typical torque: else the largest one would decide what is dependent.
     size = np.sqrt((columns**2).mean(axis=(0, 2), keepdims=True))
     rows = (columns / np.where(size > 0, size, 1.0)).reshape(-1, len(model.names))
     return select_base(rows, model, chosen.threshold)
@@ -117,9 +116,11 @@ def select_base(factor: FloatArray, model: RigidModel, threshold: float = BaseOp
     scale = np.where(silent, 1.0, length)
     scaled = np.where(silent, 0.0, factor / scale)
     if len(scaled) > scaled.shape[1]:
+        # Only R matters: Q does not change which columns depend on others, nor singular values.
         scaled = np.asarray(qr(scaled, mode="r")[0][: scaled.shape[1]])
     kept = np.sort(_independent(scaled, _preference(model), threshold))
     singular = np.linalg.svd(scaled, compute_uv=False)
+    # W x = W_b (x_b + C x_d) with W_d = W_b C; scales of the columns are taken back.
     combination = _combination(scaled, kept) * scale[None] / scale[kept, None]
     others = np.setdiff1d(np.flatnonzero(np.abs(combination).sum(axis=0) > 0), kept)
     return BaseParameters(
@@ -170,10 +171,12 @@ def _independent(scaled: FloatArray, groups: IntArray, threshold: float) -> IntA
     rest, kept = scaled.copy(), np.zeros(0, int)
     for group in np.unique(groups):
         members = np.flatnonzero(groups == group)
+        # Pivoted QR: the diagonal falls, and what is below the threshold is dependent on what came before.
         triangle, order = qr(rest[:, members], mode="r", pivoting=True)
         count = int((np.abs(np.diag(triangle)) > threshold).sum())
         kept = np.concatenate([kept, members[order[:count]]])
         basis = np.linalg.qr(scaled[:, kept])[0]
+        # What is left of all other columns outside the span of those kept (Gram and Schmidt by projection).
         rest = scaled - basis @ (basis.T @ scaled)
     return kept
 
@@ -181,6 +184,7 @@ def _independent(scaled: FloatArray, groups: IntArray, threshold: float) -> IntA
 def _combination(scaled: FloatArray, kept: IntArray) -> FloatArray:
     """Scaled columns as combinations of those kept (n_base, n_std), rounding removed."""
     basis, triangle = np.linalg.qr(scaled[:, kept])
+    # Coefficients of all columns in those kept, R c = Q' w.
     found = np.asarray(solve_triangular(triangle, basis.T @ scaled))
     found[np.abs(found) < _TIDY] = 0.0
     found[:, kept] = np.eye(kept.size)
@@ -197,46 +201,3 @@ def _gap(singular: FloatArray, n_base: int) -> float:
     if n_base == 0 or n_base >= singular.size or singular[n_base] == 0:
         return float("inf")
     return float(singular[n_base - 1] / singular[n_base])
-
-
-def pin_gaps(robot: Robot, positions: FloatArray) -> FloatArray:
-    """Returns how far each pinned loop link is from where it is held.
-
-    Args:
-        robot: The robot.
-        positions (n_sample, n_joint): Arm positions of the joints [rad, or m].
-
-    Returns:
-        Distances (n_sample, n_pin), in the order of the loop links that have a pin [m].
-    """
-    tree = rigid_tree(robot, "arm")
-    origins, turns = _poses(tree, positions)
-    gaps = []
-    for index, link in enumerate(robot.loop_links, start=len(robot.joints)):
-        if link.pin is not None:
-            here = origins[index] + turns[index] @ link.pin.point_m
-            there = origins[link.pin.joint] + turns[link.pin.joint] @ link.pin.held_point_m
-            gaps.append(np.linalg.norm(here - there, axis=-1))
-    return np.array(gaps).reshape(-1, len(positions)).T
-
-
-def _poses(tree: Tree, positions: FloatArray) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Origins (n_sample, 3) and orientations (n_sample, 3, 3) of all bodies in the base frame."""
-    own = positions @ tree.turns.T + tree.offset
-    origins: list[FloatArray] = []
-    turns: list[FloatArray] = []
-    for index, body in enumerate(tree.bodies):
-        is_first = body.parent < 0
-        origin = np.zeros((len(positions), 3)) if is_first else origins[body.parent]
-        carried = np.eye(3) if is_first else turns[body.parent]
-        frame = np.broadcast_to(carried @ body.rotation, (len(positions), 3, 3))
-        origin = origin + carried @ body.position_m
-        if body.slides:
-            origins.append(origin + frame[:, :, 2] * own[:, index, None])
-            turns.append(frame)
-        else:
-            cosine, sine = np.cos(own[:, index, None]), np.sin(own[:, index, None])
-            x, y, z = np.moveaxis(frame, 2, 0)
-            origins.append(origin)
-            turns.append(np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=2))
-    return origins, turns

@@ -6,13 +6,13 @@ Its options, and the regressor columns of motors, coupled gears and counterbalan
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, option
 from robid.robot.description import HarmonicBalance, Joint, Robot, SpringBalance
 from robid.robot.parameters import PARAMETER_KINDS, RigidKind
 
@@ -24,31 +24,21 @@ PayloadForm = Literal["link", "body"]
 class RigidOptions:
     """What a rigid model has beside its links."""
 
-    friction: FrictionForm = field(
-        default="coulomb",
-        metadata={
-            "description": "Friction of each motor: `none`, `viscous`, `coulomb` (viscous and Coulomb), `asymmetric`"
-            " (both for either direction), `load` (viscous, and Coulomb that grows with the motor's torque)."
-        },
+    friction: FrictionForm = option(
+        "coulomb",
+        "Friction of each motor: `none`, `viscous`, `coulomb` (viscous and Coulomb), `asymmetric` (both for either"
+        " direction), `load` (viscous, and Coulomb that grows with the motor's torque).",
     )
-    offsets: bool = field(default=True, metadata={"description": "Whether each motor's torque has an offset."})
-    motor_inertias: bool = field(default=True, metadata={"description": "Whether rotors have inertia."})
-    couplings: bool = field(
-        default=True,
-        metadata={
-            "description": "Whether gears that several motors drive have inertia, viscous and, where the motors have"
-            " it, Coulomb friction of their own, which move with the arm."
-        },
+    offsets: bool = option(True, "Whether each motor's torque has an offset.")
+    motor_inertias: bool = option(True, "Whether rotors have inertia.")
+    couplings: bool = option(
+        True,
+        "Whether gears that several motors drive have inertia, viscous and, where the motors have it, Coulomb friction"
+        " of their own, which move with the arm.",
     )
-    counterbalances: bool = field(
-        default=True, metadata={"description": "Whether the counterbalances of the robot file are there."}
-    )
-    payload: PayloadForm = field(
-        default="link",
-        metadata={
-            "description": "Whether the payload is part of the last link (`link`) or a body with parameters of its own"
-            " (`body`)."
-        },
+    counterbalances: bool = option(True, "Whether the counterbalances of the robot file are there.")
+    payload: PayloadForm = option(
+        "link", "Whether the payload is part of the last link (`link`) or a body with parameters of its own (`body`)."
     )
 
 
@@ -56,26 +46,16 @@ class RigidOptions:
 class BaseOptions:
     """How base parameters are found."""
 
-    n_sample: int = field(
-        default=500, metadata={"description": "Random configurations with speeds and accelerations.", "ge": 10}
+    n_sample: int = option(500, "Random configurations with speeds and accelerations.", ge=10)
+    speed_rad_s: float = option(2.0, "Largest arm speed [rad/s, or m/s].", gt=0)
+    acceleration_rad_s2: float = option(10.0, "Largest arm acceleration [rad/s^2, or m/s^2].", gt=0)
+    threshold: float = option(
+        1e-8, "Columns, each scaled to 1, that lie nearer than this to the space of others are dependent.", gt=0, lt=1
     )
-    speed_rad_s: float = field(default=2.0, metadata={"description": "Largest arm speed [rad/s, or m/s].", "gt": 0})
-    acceleration_rad_s2: float = field(
-        default=10.0, metadata={"description": "Largest arm acceleration [rad/s^2, or m/s^2].", "gt": 0}
-    )
-    threshold: float = field(
-        default=1e-8,
-        metadata={
-            "description": "Columns, each scaled to 1, that lie nearer than this to the space of others are dependent.",
-            "gt": 0,
-            "lt": 1,
-        },
-    )
-    seed: int = field(default=0, metadata={"description": "Seed of the random configurations.", "ge": 0})
+    seed: int = option(0, "Seed of the random configurations.", ge=0)
 
 
-_FORCES = {"N m": "N", "N m s/rad": "N s/m"}
-"""Units of what acts on a motor, where a slide's force is measured instead."""
+_FORCES = {"N m": "N", "N m s/rad": "N s/m"}  # Units of what acts on a motor, where a slide's force is measured instead
 
 
 @dataclass(frozen=True)
@@ -102,11 +82,7 @@ class DriveTerm:
     """A torque that one parameter gives.
 
     Attributes:
-        owner: Joint it belongs to.
         component: What its name says beside the joint.
-        kind: Kind of the parameter.
-        unit: Its unit.
-        nominal: Value of the robot file.
         row (n_joint,): Motion of what it acts on per motor angle; the motors feel it by the same factors.
         effect: Its torque per unit of the parameter, (n_sample,).
     """

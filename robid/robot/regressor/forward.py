@@ -19,7 +19,6 @@ class RigidDynamics:
     """A rigid robot with given parameters, or one of its kind for each sample; everything on the motor side.
 
     Attributes:
-        tree: Its bodies.
         inertias: Of each body the matrix (6, 6, 1 or n_sample) that makes a momentum, first the angular one about its
             frame's origin, of angular velocity and velocity of that origin.
         motor (n_joint, n_joint, 1 or n_sample): Inertia of what turns with motors and coupled gears [kg m^2].
@@ -56,7 +55,9 @@ class RigidDynamics:
         for state, body, motion in zip(states, self.inertias, motions, strict=True):
             reach = len(motion.turn)
             screws = state[2:].reshape(reach, 6, -1)
+            # M = sum over bodies of S' I S, with S the screws of the coordinates that move it.
             inertia[:reach, :reach] += np.einsum("kcn,lcn->kln", screws, _act(body, screws))
+            # The same screws project what gravity, centrifugal and Coriolis forces ask for at zero acceleration.
             bias[:reach] += np.einsum("kcn,cn->kn", screws, _wrench(motion, body))
         load = np.zeros_like(q) if torque is None else torque.T
         for term, parameter in self.terms:
@@ -102,6 +103,7 @@ def build_dynamics(
     terms: list[tuple[DriveTerm, FloatArray]] = []
     for term, value in zip(model.terms, values[start:], strict=True):
         if term.kind in _INERTIAL:
+            # A term's torque on the motors is row' (I row q'').
             motor += np.outer(term.row, term.row)[..., None] * value
         else:
             terms.append((term, value))
@@ -112,6 +114,7 @@ def _momentum(parameters: FloatArray) -> FloatArray:
     """Momentum matrices (6, 6, n) of bodies' standard parameters (10, n)."""
     xx, xy, xz, yy, yz, zz, x, y, z, mass = parameters
     nothing = np.zeros_like(mass)
+    # Momentum about the frame's origin: [[I_o, m c x], [-m c x, m 1]] of angular and linear velocity.
     moment = np.array([[nothing, -z, y], [z, nothing, -x], [-y, x, nothing]])
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     masses = np.eye(3)[..., None] * mass
@@ -129,6 +132,7 @@ def _act(body: FloatArray, screws: FloatArray) -> FloatArray:
 
 def _wrench(motion: BodyMotion, body: FloatArray) -> FloatArray:
     """Torque about the origin and force (6, n_sample) that a body's motion takes."""
+    # f = I a + v x* (I v), where the origin's own velocity has no part.
     wrench = _act(body, np.concatenate([motion.angular, motion.linear]))
     # Of the angular velocity alone: that of the origin is in its acceleration.
     momentum = _act(body[:, :3], motion.rate)

@@ -13,11 +13,10 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.robot.description import Inertial, LoopLink, Robot
-from robid.robot.inertia import about_origin
+from robid.robot.inertia import about_origin, turned_about_z
 
 Side = Literal["motor", "arm"]
-PAYLOAD = "payload"
-"""Name of the payload as a body of its own."""
+PAYLOAD = "payload"  # Name of the payload as a body of its own
 
 
 @dataclass(frozen=True)
@@ -29,8 +28,6 @@ class Body:
         parent: Index of the body that carries it, -1 for the base.
         position_m (3,): Origin of its frame in the parent's frame [m].
         rotation (3, 3): Orientation of its frame in the parent's frame at zero position.
-        slides: Whether it slides instead of turning.
-        is_rotor: Whether it is a rotor that rides on its parent.
         is_payload: Whether it is the payload as a body of its own.
     """
 
@@ -113,6 +110,44 @@ def _parent(link: LoopLink, bodies: list[Body]) -> int:
     return -1 if link.parent is None else [body.name for body in bodies].index(link.parent)
 
 
+def pin_gaps(robot: Robot, positions: FloatArray) -> FloatArray:
+    """Distances (n_sample, n_pin) of pinned loop links from where they are held, in the links' order [m].
+
+    Args:
+        robot: The robot.
+        positions (n_sample, n_joint): Arm positions of the joints [rad, or m].
+    """
+    tree = rigid_tree(robot, "arm")
+    origins, turns = _poses(tree, positions)
+    gaps = []
+    for index, link in enumerate(robot.loop_links, start=len(robot.joints)):
+        if link.pin is not None:
+            here = origins[index] + turns[index] @ link.pin.point_m
+            there = origins[link.pin.joint] + turns[link.pin.joint] @ link.pin.held_point_m
+            gaps.append(np.linalg.norm(here - there, axis=-1))
+    return np.array(gaps).reshape(-1, len(positions)).T
+
+
+def _poses(tree: Tree, positions: FloatArray) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Origins (n_sample, 3) and orientations (n_sample, 3, 3) of all bodies in the base frame."""
+    own = positions @ tree.turns.T + tree.offset
+    origins: list[FloatArray] = []
+    turns: list[FloatArray] = []
+    for index, body in enumerate(tree.bodies):
+        is_first = body.parent < 0
+        origin = np.zeros((len(positions), 3)) if is_first else origins[body.parent]
+        carried = np.eye(3) if is_first else turns[body.parent]
+        frame = np.broadcast_to(carried @ body.rotation, (len(positions), 3, 3))
+        origin = origin + carried @ body.position_m
+        if body.slides:
+            origins.append(origin + frame[:, :, 2] * own[:, index, None])
+            turns.append(frame)
+        else:
+            origins.append(origin)
+            turns.append(turned_about_z(frame, own[:, index]))
+    return origins, turns
+
+
 _VELOCITY, _ACCELERATION, _SCREWS = 0, 1, 2
 
 
@@ -149,12 +184,14 @@ def body_motions(
     """
     own = [tree.turns @ position + tree.offset[:, None], tree.turns @ velocity, tree.turns @ acceleration]
     base = np.zeros((_SCREWS, 2, 3, position.shape[1]))
+    # Gravity as an acceleration of the base upwards: every body then feels its weight.
     base[_ACCELERATION, 1] = -tree.gravity_m_s2[:, None]
     for index, (body, state) in enumerate(zip(tree.bodies, states, strict=True)):
         _carry(states[body.parent] if body.parent >= 0 else base, body, state)
         move = _slide if body.slides else _turn
         move(state, *(values[index] for values in own))
         reach = len(state) - _SCREWS
+        # The body's own joint adds to the screw of every coordinate that moves it.
         state[_SCREWS:, 1 if body.slides else 0, 2] += tree.turns[index, :reach, None]
         yield BodyMotion(
             rate=state[_VELOCITY, 0],
@@ -180,7 +217,9 @@ def _carry(parent: FloatArray, body: Body, state: FloatArray) -> None:
     np.matmul(turned, parent, out=state[:size])
     state[size:] = 0.0
     if body.position_m.any():
+        # v_o = v_p + w x r, for velocities, accelerations and screws alike.
         state[:size, 1] -= (turned @ cross_matrix(body.position_m)) @ parent[:, 0]
+        # Centripetal part of the origin's acceleration: w x (w x r) = w (w . r) - r w^2.
         offset, rate = turned @ body.position_m, state[_VELOCITY, 0]
         state[_ACCELERATION, 1] += rate * (offset @ rate) - offset[:, None] * (rate * rate).sum(axis=0)
 
@@ -196,6 +235,7 @@ def _turn(state: FloatArray, angle: FloatArray, speed: FloatArray, acceleration:
     y -= x
     x[...] = turned
     rate, angular = state[_VELOCITY, 0], state[_ACCELERATION, 0]
+    # w_parent x z q': the frame turns while its parent does.
     angular[0] += rate[1] * speed
     angular[1] -= rate[0] * speed
     angular[2] += acceleration
@@ -207,6 +247,7 @@ def _slide(state: FloatArray, travel: FloatArray, speed: FloatArray, acceleratio
     state[:, 1, 0] += travel * state[:, 0, 1]
     state[:, 1, 1] -= travel * state[:, 0, 0]
     rate, linear = state[_VELOCITY, 0], state[_ACCELERATION, 1]
+    # Along a slide that moves: Coriolis 2 w x v and centripetal w x (w x r) with r = (0, 0, travel).
     linear[0] += travel * rate[0] * rate[2] + 2 * speed * rate[1]
     linear[1] += travel * rate[1] * rate[2] - 2 * speed * rate[0]
     linear[2] += acceleration - travel * (rate[0] ** 2 + rate[1] ** 2)
@@ -277,6 +318,7 @@ def _write_link(motion: BodyMotion, chosen: Sequence[int], out: FloatArray) -> N
     turned = [component for component in chosen if component < _N_TURNED]
     shifted = [component - _N_INERTIA for component in chosen if component >= _N_INERTIA]
     if turned:
+        # Torque on each coordinate: its screw times moment and force (virtual power).
         np.einsum("kcn,fcn->kfn", motion.turn, _moments(motion, turned), out=out[:, : len(turned)])
     if shifted:
         out[:, len(chosen) - len(shifted) :] += np.einsum("kcn,fcn->kfn", motion.shift, _forces(motion, shifted))
@@ -285,6 +327,7 @@ def _write_link(motion: BodyMotion, chosen: Sequence[int], out: FloatArray) -> N
 def _moments(motion: BodyMotion, chosen: Sequence[int]) -> FloatArray:
     """Torque (n_chosen, 3, n_sample) about the origin per unit of each inertia and first moment."""
     (x, y, z), (ax, ay, az), (lx, ly, lz) = motion.rate, motion.angular, motion.linear
+    # Newton and Euler about the origin, linear in each inertia: I a + w x (I w); first moments add m c x a_o.
     yz, xz, xy = y * z, x * z, x * y
     xx, yy, zz = motion.rate**2
     zero = np.zeros_like(x)
@@ -306,6 +349,7 @@ def _moments(motion: BodyMotion, chosen: Sequence[int]) -> FloatArray:
 def _forces(motion: BodyMotion, chosen: Sequence[int]) -> FloatArray:
     """Force (n_chosen, 3, n_sample) per unit of each first moment and of the mass."""
     (x, y, z), (ax, ay, az) = motion.rate, motion.angular
+    # Force on first moments is a x c + w x (w x c), on the mass the acceleration of the origin.
     yz, xz, xy = y * z, x * z, x * y
     xx, yy, zz = motion.rate**2
     rows: tuple[Callable[[], Sequence[FloatArray]], ...] = (
@@ -321,5 +365,6 @@ def _rotor_column(motion: BodyMotion) -> FloatArray:
     """Torque (n_reach, n_sample) per unit of a disc's inertia about its axis."""
     (x, y, z), (ax, ay, az) = motion.rate, motion.angular
     xx, yy, zz = ROTOR[[0, 3, 5]]
+    # Euler's equations of a disc about its own axes.
     moment = np.array([xx * ax + (zz - yy) * y * z, yy * ay + (xx - zz) * x * z, zz * az + (yy - xx) * x * y])
     return np.asarray(np.einsum("kcn,cn->kn", motion.turn, moment))

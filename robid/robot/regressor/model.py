@@ -33,9 +33,6 @@ class StandardParameter:
 
     Attributes:
         name: Its name: the joint, loop link or `payload` it belongs to, a dot, and what it is.
-        kind: Its kind in `robid.robot.parameters`.
-        unit: Its unit.
-        nominal: Its value by the robot file.
     """
 
     name: str
@@ -49,9 +46,6 @@ class RigidModel:
     """A rigid robot whose motor torques are linear in its standard parameters; everything on the motor side.
 
     Attributes:
-        robot: The robot; its springs are taken as rigid.
-        options: What it has beside its links.
-        tree: Its bodies.
         components: For each body which of its ten standard parameters are among the columns, ascending; of a rotor
             that rides on a link its inertia, 0.
         terms: Its motors, coupled gears and counterbalances.
@@ -144,10 +138,8 @@ class RigidModel:
         """
         motion = self._motion(position, velocity, acceleration, friction_speed, torque)
         out = np.zeros((len(self.robot.joints), len(self.parameters), len(position)))
-        components = [
-            () if body.is_payload and not loaded else own
-            for body, own in zip(self.tree.bodies, self.components, strict=True)
-        ]
+        pairs = zip(self.tree.bodies, self.components, strict=True)
+        components = [() if body.is_payload and not loaded else own for body, own in pairs]
         add_inertial_columns(self.tree, motion[0], motion[1], motion[2], components, out)
         for index, term in enumerate(self.terms, start=len(self.parameters) - len(self.terms)):
             _add_term(term, motion, out[:, index])
@@ -230,26 +222,6 @@ def build_rigid_model(robot: Robot, options: RigidOptions | None = None) -> Rigi
     parameters += [StandardParameter(term.name, term.kind, term.unit, term.nominal) for term in terms]
     components = tuple((0,) if body.is_rotor else tuple(range(len(COMPONENTS))) for body in tree.bodies)
     return RigidModel(robot, chosen, tree, components, terms, tuple(parameters))
-
-
-def arm_columns(robot: Robot, position: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
-    """Computes the arm side's regressor of links and loop links alone.
-
-    Args:
-        robot: The robot.
-        position (n_sample, n_joint): Arm positions [rad, or m].
-        velocity (n_sample, n_joint): Arm speeds.
-        acceleration (n_sample, n_joint): Arm accelerations.
-
-    Returns:
-        Regressor (n_sample, n_joint, 10 n_body) of the joints' torques and forces, a view with samples last; each
-        body's columns are those of `COMPONENTS`.
-    """
-    tree = rigid_tree(robot, "arm")
-    out = np.zeros((len(robot.joints), len(COMPONENTS) * len(tree.bodies), len(position)))
-    motion = [np.ascontiguousarray(array.T, float) for array in (position, velocity, acceleration)]
-    add_inertial_columns(tree, motion[0], motion[1], motion[2], [range(len(COMPONENTS))] * len(tree.bodies), out)
-    return np.moveaxis(out, 2, 0)
 
 
 def _inertials(robot: Robot, options: RigidOptions) -> dict[str, Inertial]:

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
-from robid.design.excitation.arbitrary import ArbitraryOptions
-from robid.design.excitation.options import PoseChirpOptions, SignalOptions, TrajectoryOptions
-from robid.design.excitation.signal_lines import check_signal
+from robid.design.excitation.lines import check_signal
+from robid.design.excitation.options import ArbitraryOptions, PoseChirpOptions, SignalOptions, TrajectoryOptions
 from robid.errors import SettingsError
 from robid.settings.checks.beyond_motors import check_experiment_of_sensed, check_pose_campaign
 from robid.settings.checks.campaigns import check_designs, check_limits, check_truth, check_without_robot

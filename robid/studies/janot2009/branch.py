@@ -19,7 +19,7 @@ from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.model import RigidModel, build_rigid_model
 from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
 from robid.simulate.options import Controller
-from robid.simulate.rigid_loop import simulate_rigid, simulate_rigid_loop
+from robid.simulate.rigid_loop import simulate_rigid_loop
 from robid.studies.janot2009.seeded import FILTERS, Chunk, Machine, Recording, chunk_tasks, gather, judge_chunk
 from robid.studies.janot2009.verdicts import (
     VERDICTS,
@@ -53,7 +53,7 @@ class Rig:
 
         def simulate(parameters: FloatArray) -> FloatArray:
             command = np.broadcast_to(self.command, (len(parameters), *self.command.shape))
-            return simulate_rigid(self.model, parameters, self.branch.robot, self.branch.controller, command)
+            return simulate_rigid_loop(self.model, parameters, self.branch.robot, self.branch.controller, command)[0]
 
         return Machine(
             self.model, self.truth, first_moments(self.model.names), simulate, weighted=True, guess=_GUESS * self.truth

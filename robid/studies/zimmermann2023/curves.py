@@ -11,7 +11,7 @@ from robid.pipeline.graph import Run
 from robid.report.design import design_section
 from robid.report.numbers import significant
 from robid.report.section import Beside, Curve, Figure, Section, Table
-from robid.robot.skeleton import skeleton
+from robid.robot.kinematics import skeleton
 from robid.studies.zimmermann2023.effort import EffortCurves
 from robid.studies.zimmermann2023.figures import Found
 from robid.studies.zimmermann2023.models import chosen_designs

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
-from robid.design.configurations.exchange import Exchange
 from robid.design.configurations.information import ConfigurationDesign
+from robid.design.configurations.plan import Exchange
 from robid.design.configurations.visits import Visits, make_visits
 
 _VISITS = np.array([1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 21, 28, 35, 42, 49])

@@ -7,8 +7,8 @@ import pytest
 
 from closed_loops import N_SAMPLE, loop_record
 from robid.errors import DataError
+from robid.frf.channels import saturated_shares, saturation_error
 from robid.frf.checks import check_record, refuse_faults
-from robid.frf.saturation import saturated_shares, saturation_error
 from robid.signals.quantities import Channel
 from robid.signals.record import Record
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.frf.alignment import align, pair_configurations
-from robid.frf.comparison import compare
+from robid.frf.comparison import align, compare, pair_configurations
 from robid.signals.quantities import Channel
 from sample_reports import synthetic_frf
 

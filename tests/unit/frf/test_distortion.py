@@ -114,7 +114,7 @@ def test_doubt_bounds_the_interpolation_where_a_resonance_hides_between_lines():
     levels = silent_levels(silent, sparse, response[sparse - 1])
     hidden = levels.level > 0.05  # all of it is interpolation error: torque and response are exact
     assert hidden.sum() > 3
-    assert (levels.doubt[hidden] > 0.3 * levels.level[hidden]).all()
+    assert (levels.interpolation[hidden] > 0.3 * levels.level[hidden]).all()
     assert levels.noise is None
     found = interpolate_response(sparse, response[sparse - 1], sparse)
     np.testing.assert_allclose(found, response[sparse - 1], rtol=1e-12)

@@ -9,7 +9,7 @@ from robid.artifacts.artifact import Provenance
 from robid.artifacts.kinds import FRF, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.errors import DataError
-from robid.frf.dropped import completed, weak_inputs
+from robid.frf.distortion import completed, weak_inputs
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
 from robid.frf.residual import LOGARITHM

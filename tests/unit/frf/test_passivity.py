@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot, two_mass_robot
-from robid.frf.passivity import driving_points, undeclared_delay
+from robid.frf.quality import driving_points, undeclared_delay
 
 FREQUENCY_HZ = np.geomspace(2, 120, 60)  # around the antiresonance and the resonance of the drive
 STEP_S = 1 / 72 / 120

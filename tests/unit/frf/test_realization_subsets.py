@@ -6,7 +6,7 @@ import pytest
 from exact_systems import exact_frf, two_joint_robot
 from realizations import POOLED, averaged
 from robid.errors import DataError
-from robid.frf.realization_subsets import by_realizations
+from robid.frf.covariance import by_realizations
 from tolerances import IDENTITY
 
 

@@ -13,12 +13,12 @@ from robid.robot.collocated import Collocated, has_plain_inertias, is_collocated
 from robid.robot.derivatives import jacobian
 from robid.robot.description import HarmonicBalance, LoopLink
 from robid.robot.friction import LUGRE, Friction
+from robid.robot.kinematics import skeleton
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.parameters import element_units
 from robid.robot.reach import mirror
 from robid.robot.response import nominal_parameters, response, with_values
-from robid.robot.skeleton import skeleton
 from robid.settings.load import load_robot
 from robid.simulate.options import Imperfections
 from robid.simulate.truth import with_imperfections

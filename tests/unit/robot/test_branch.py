@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
+from arm_regressor import arm_columns
 from rigid_robots import random_motion
 from robid.errors import SettingsError
-from robid.robot.regressor.base import pin_gaps
 from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.forward import build_dynamics
-from robid.robot.regressor.model import arm_columns, build_rigid_model
+from robid.robot.regressor.links import pin_gaps
+from robid.robot.regressor.model import build_rigid_model
 from robid.settings.load import load_robot
 from tolerances import FINITE_DIFFERENCE, IDENTITY
 

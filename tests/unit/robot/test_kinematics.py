@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.robot.kinematics import ToolArm, reach_poses
-from robid.robot.skeleton import skeleton
+from robid.robot.kinematics import ToolArm, reach_poses, skeleton
 from robid.settings.load import load_robot
 from robid.settings.robot_derived import tool_arm
 from robid.signals.pose import displacement, rotation_from_zyx

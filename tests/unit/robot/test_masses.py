@@ -7,7 +7,7 @@ import pytest
 from robid.errors import DataError
 from robid.robot.chain import extract_chain
 from robid.robot.foreign import read_model
-from robid.robot.quiet import quiet_reading
+from robid.robot.model import quiet_reading
 
 ARM = """<mujoco>
   <compiler {compiler}/>

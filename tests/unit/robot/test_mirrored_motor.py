@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from exact_systems import sensed_everywhere, springs_everywhere, two_joint_robot
-from robid.design.configurations.cost import visit_cost_s
+from robid.design.configurations.candidates import visit_cost_s
 from robid.robot.export import to_mjcf
 from robid.robot.friction import Friction
 from robid.robot.linearize import linearize, solve_statics

@@ -7,13 +7,14 @@ import mujoco
 import numpy as np
 import pytest
 
+from arm_regressor import arm_columns
 from exact_systems import NO_PAYLOAD, springs_everywhere, two_joint_robot
 from rigid_robots import engine_torques, planar_arm, random_body, random_chain, random_motion, with_gears
 from robid.robot.model import build_model
 from robid.robot.parameters import PARAMETER_KINDS
 from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.links import COMPONENTS
-from robid.robot.regressor.model import arm_columns, build_rigid_model
+from robid.robot.regressor.model import build_rigid_model
 from robid.settings.load import load_robot
 from tolerances import IDENTITY
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from exact_systems import sensed_everywhere, two_joint_robot
-from robid.robot.derivatives import jacobian
+from robid.robot.derivatives import expand, jacobian, with_springs_at
 from robid.robot.description import LOCATED
-from robid.robot.expand import expand, with_springs_at
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response

@@ -11,12 +11,12 @@ from rigid_robots import planar_arm, random_chain, random_motion
 from robid.errors import DataError
 from robid.robot.chain import extract_chain
 from robid.robot.description import HarmonicBalance
+from robid.robot.export import to_rigid_mjcf, to_urdf
 from robid.robot.foreign import read_model
+from robid.robot.inertia import roll_pitch_yaw
 from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.links import standard_parameters
 from robid.robot.regressor.model import build_rigid_model
-from robid.robot.rigid_export import to_rigid_mjcf, to_urdf
-from robid.robot.rotation import roll_pitch_yaw
 from tolerances import IDENTITY
 
 VISCOUS = RigidOptions(friction="viscous", offsets=False)

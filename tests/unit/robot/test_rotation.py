@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from robid.robot.rotation import roll_pitch_yaw, turn_about
+from robid.robot.inertia import roll_pitch_yaw, turn_about
 from tolerances import IDENTITY
 
 ANGLES = st.floats(-720, 720)

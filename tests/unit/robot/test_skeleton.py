@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from exact_systems import springs_everywhere, two_joint_robot
+from robid.robot.kinematics import skeleton
 from robid.robot.model import build_model
-from robid.robot.skeleton import skeleton
 from robid.settings.load import load_robot
 from tolerances import IDENTITY
 

@@ -14,8 +14,8 @@ from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.regressor.model import build_rigid_model
 from robid.robot.response import motion_matrices, nominal_parameters, response, with_values
+from robid.robot.spring_laws import LawFactor
 from robid.robot.standard import with_standard
-from robid.robot.stiffness_law import LawFactor
 from tolerances import FINITE_DIFFERENCE, IDENTITY
 
 FREQUENCY_HZ = np.array([2.0, 11.0, 37.0, 61.0, 83.0, 149.0])

@@ -6,9 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from arm_regressor import arm_columns
 from robid.errors import SettingsError
 from robid.robot.regressor.drives import RigidOptions
-from robid.robot.regressor.model import arm_columns, build_rigid_model
+from robid.robot.regressor.model import build_rigid_model
 from robid.settings.load import load_robot
 
 BARE = RigidOptions(friction="none", offsets=False, motor_inertias=False, couplings=False)

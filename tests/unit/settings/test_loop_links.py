@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robid.robot.rotation import turn_about
+from robid.robot.inertia import turn_about
 from robid.settings.robot import LoopLinkSection
 from robid.settings.robot_sections import JointSection
 

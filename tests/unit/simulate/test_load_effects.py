@@ -12,8 +12,7 @@ from robid.robot.actuators import friction_rows
 from robid.robot.friction import LAWS as FRICTION_LAWS
 from robid.robot.friction import Friction
 from robid.robot.model import build_model
-from robid.simulate.engine import true_model
-from robid.simulate.load_effects import LoadEffects
+from robid.simulate.engine import LoadEffects, true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 
 FRICTION = Friction(0.01, 0.5, 0.5, 2.0, 0.05)

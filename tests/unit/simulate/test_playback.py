@@ -7,9 +7,9 @@ import pytest
 
 from exact_systems import springs_everywhere, two_joint_robot
 from robid.errors import DataError
+from robid.robot.kinematics import skeleton
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
-from robid.robot.skeleton import skeleton
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.playback import Playback, play, turned_tool, with_tool_point
 

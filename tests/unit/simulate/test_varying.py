@@ -14,11 +14,11 @@ from robid.frf.options import EstimateOptions
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
-from robid.robot.stiffness_law import LawFactor
+from robid.robot.spring_laws import LawFactor
 from robid.signals.waveforms import multisine, time_signal
+from robid.simulate.engine import VaryingStiffness
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
-from robid.simulate.varying import VaryingStiffness
 
 SLOW = Controller(sampling_period_s=2.5e-4, position_gain_1_s=12.0, speed_bandwidth_hz=25.0, integral_time_s=0.4)
 

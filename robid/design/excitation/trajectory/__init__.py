@@ -1,4 +1,1 @@
-"""Exciting trajectories for rigid dynamics.
-
-Read `series`, `limits`, `criterion`, `problem`, `search`, `plan`, then `design`.
-"""
+"""Exciting trajectories for rigid dynamics. Read `limits`, `problem`, then `design`."""

@@ -13,7 +13,7 @@ from robid.arrays import BoolArray, FloatArray
 from robid.errors import DataError
 from robid.frf.channels import require
 from robid.frf.frf import Frf
-from robid.frf.passivity import driving_points, undeclared_delay
+from robid.frf.quality import driving_points, undeclared_delay
 from robid.models.elastic.fit.model_error import element_level
 from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot
 from robid.models.elastic.fit.nuisance.named import Basis

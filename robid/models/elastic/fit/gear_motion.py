@@ -13,8 +13,8 @@ from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.nuisance.kinds import LoadDamping, Nuisance, SlipTorque
-from robid.robot.gear_effects import BristleTable, GearEffects
 from robid.robot.model import HYSTERESIS_SHARE
+from robid.robot.spring_laws import BristleTable, GearEffects
 
 _REACH = 2  # of the highest excited line: further up the robot hardly follows
 

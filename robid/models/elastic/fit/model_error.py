@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import f, norm
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, Quantity
-from robid.frf.overlap import mean_correlation
+from robid.frf.local import mean_correlation
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.uncertainty import Influence, influence, structured_covariance
 

@@ -15,8 +15,8 @@ from robid.models.elastic.fit.parameters import map_parameters
 from robid.models.elastic.fit.problem import Problem, make_problem
 from robid.results.levenberg import Minimum, Normal, Status, minimise
 from robid.robot.description import Robot
-from robid.robot.gear_effects import BristleTable
 from robid.robot.parameters import DIRECT, LOGARITHMIC
+from robid.robot.spring_laws import BristleTable
 
 _TOLERANCE = 1e-12  # of the cost, which is flat to second order
 _STEP_TOLERANCE = 1e-9

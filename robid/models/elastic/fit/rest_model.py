@@ -29,16 +29,15 @@ from robid.models.elastic.fit.nuisance.kinds import (
 )
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.weights import make_weights
-from robid.robot.derivatives import jacobian
+from robid.robot.derivatives import expand, jacobian, shifts_between, with_springs_at
 from robid.robot.description import Robot
-from robid.robot.expand import expand, shifts_between, with_springs_at
-from robid.robot.gear_effects import GearEffects
 from robid.robot.linearize import LinearModel, linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.parameters import element_names
 from robid.robot.response import ElasticParameters, motion_matrices, nominal_parameters, response
 from robid.robot.rest import SpringValues, settle_springs, swing_of
 from robid.robot.sampling import hold_factor
+from robid.robot.spring_laws import GearEffects
 
 _PASSES = 3
 _DOUBT_STEP = 0.01  # of its deviation

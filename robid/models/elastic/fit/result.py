@@ -36,8 +36,8 @@ from robid.models.elastic.fit.uncertainty import (
 )
 from robid.results.estimate import Estimate, Tied, undetermined_combinations
 from robid.results.levenberg import Minimum
-from robid.robot.gear_effects import BristleTable
 from robid.robot.parameters import DOUBT
+from robid.robot.spring_laws import BristleTable
 
 _ALIKE = 2.0  # largest over smallest load
 _STICKS = 3.0  # slip over swing from which bristles are as good as a spring

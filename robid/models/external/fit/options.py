@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from robid.models.options import group, option
+from robid.arrays import group, option
 
 HoldName = Literal["recorded", "zoh", "foh"]
 StartName = Literal["auto", "rest", "periodic", "free"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import comb
 from typing import Literal
 
-from robid.models.options import group, option
+from robid.arrays import group, option
 
 
 @dataclass(frozen=True)

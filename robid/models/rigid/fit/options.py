@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from robid.models.options import group, option
+from robid.arrays import group, option
 from robid.robot.regressor.drives import BaseOptions, RigidOptions
 
 if TYPE_CHECKING:

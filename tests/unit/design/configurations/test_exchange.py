@@ -7,9 +7,9 @@ import pytest
 
 from design_systems import as_counts, make_exchange, random_parts
 from robid.design.configurations.criteria import worth
-from robid.design.configurations.exchange import best_exchange, efficient_rounding
-from robid.design.configurations.fitted import merged
+from robid.design.configurations.plan import best_exchange, efficient_rounding
 from robid.design.configurations.relaxed import relaxed_design
+from robid.design.configurations.visits import merged
 
 
 def test_rounding_gives_exact_shares_and_is_efficient_between_them():

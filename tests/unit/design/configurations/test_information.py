@@ -5,10 +5,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from robid.design.configurations.fitted import FittedInformation
 from robid.design.configurations.information import design_configurations, information
 from robid.design.configurations.options import DesignOptions
 from robid.design.configurations.relaxed import relaxed_design
+from robid.design.configurations.visits import FittedInformation
 from robid.errors import DataError, SettingsError
 
 

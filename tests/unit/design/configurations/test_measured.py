@@ -9,10 +9,10 @@ from scipy.stats import spearmanr
 
 from exact_systems import exact_frf, two_joint_robot
 from robid.design.configurations.candidates import candidate_information
-from robid.design.configurations.fitted import merged
 from robid.design.configurations.information import design_configurations
 from robid.design.configurations.measured import fitted_information, measured_information
 from robid.design.configurations.options import DesignOptions
+from robid.design.configurations.visits import merged
 from robid.errors import DataError, SettingsError
 from robid.models.elastic.fit.fitting import set_up
 from robid.models.elastic.fit.options import ElasticOptions, Weights

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from robid.design.configurations.criteria import derivatives, loss, tangent, worth
-from robid.design.configurations.packed import Packed, pack, unpack
+from robid.design.configurations.interior import Packed, pack, unpack
 from robid.design.configurations.relaxed import relaxed_design
 
 

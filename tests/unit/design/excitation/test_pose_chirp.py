@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robid.design.excitation.lines import LINE_SHARE, signal_lines
 from robid.design.excitation.options import PoseChirpOptions
-from robid.design.excitation.pose.design import design_pose_chirp
-from robid.design.excitation.pose.motion import PoseRobot
-from robid.design.excitation.signal_lines import LINE_SHARE, signal_lines
+from robid.design.excitation.pose_chirp import PoseRobot, design_pose_chirp
 from robid.errors import SettingsError
 from robid.robot.reach import Reach
 from robid.robot.regressor.model import build_rigid_model

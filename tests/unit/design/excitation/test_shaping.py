@@ -7,10 +7,8 @@ import pytest
 
 from exact_systems import two_joint_robot, two_mass_robot
 from robid.design.excitation.excitation import design_excitation
-from robid.design.excitation.loop import nominal_loop
+from robid.design.excitation.loop import FLOOR, line_information, nominal_loop, residual_covariance
 from robid.design.excitation.options import MultisineOptions
-from robid.design.excitation.shaping import FLOOR, line_information
-from robid.design.excitation.snr import residual_covariance
 from robid.robot.response import nominal_parameters, response, with_values
 from robid.simulate.options import Controller
 from two_drives import STEP

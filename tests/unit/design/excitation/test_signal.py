@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from exact_systems import two_joint_robot, two_mass_robot
-from robid.design.excitation.lines import choose_lines
+from robid.design.excitation.excitation import design_signal
+from robid.design.excitation.lines import LINE_SHARE, check_signal, choose_lines, signal_lines
 from robid.design.excitation.loop import nominal_loop
 from robid.design.excitation.options import ChirpOptions, FourierOptions, MultisineOptions, SteppedSineOptions
 from robid.design.excitation.prediction import predict
-from robid.design.excitation.signal import design_signal
-from robid.design.excitation.signal_lines import LINE_SHARE, check_signal, signal_lines
 from robid.errors import SettingsError
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from robid.design.excitation.excitation import design_excitation
+from robid.design.excitation.loop import residual_covariance
 from robid.design.excitation.options import MultisineOptions
 from robid.design.excitation.prediction import predict
-from robid.design.excitation.snr import residual_covariance
 from two_drives import OPTIONS, STEP, make_loop
 
 ANGLE_NOISE, TORQUE_NOISE, PERIODS = 2e-4, 0.4, 3

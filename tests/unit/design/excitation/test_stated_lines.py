@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from robid.design.excitation.arbitrary import ArbitraryOptions
-from robid.design.excitation.lines import choose_lines, period_samples
-from robid.design.excitation.options import MultisineOptions
-from robid.design.excitation.signal_lines import check_signal, signal_lines
+from robid.design.excitation.lines import check_signal, choose_lines, period_samples, signal_lines
+from robid.design.excitation.options import ArbitraryOptions, MultisineOptions
 from robid.errors import SettingsError
 
 STEP_S = 1e-3

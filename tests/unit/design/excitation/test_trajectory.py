@@ -9,11 +9,9 @@ import pytest
 from exact_systems import linear_axis
 from rigid_robots import random_chain, with_gears
 from robid.design.excitation.options import TrajectoryOptions
-from robid.design.excitation.trajectory.criterion import BaseModel, Criterion
-from robid.design.excitation.trajectory.design import design_trajectory, trajectory_problem
-from robid.design.excitation.trajectory.limits import Limits
-from robid.design.excitation.trajectory.search import random_trajectory
-from robid.design.excitation.trajectory.series import resting_series
+from robid.design.excitation.trajectory.design import design_trajectory, random_trajectory, trajectory_problem
+from robid.design.excitation.trajectory.limits import Limits, resting_series
+from robid.design.excitation.trajectory.problem import BaseModel, Criterion
 from robid.errors import SettingsError
 from robid.robot.reach import Reach, Shapes
 from robid.robot.regressor.base import find_base_parameters

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from exact_systems import ball_screw
-from robid.design.excitation.excitation import Excitation
+from robid.design.excitation.excitation import Excitation, design_signal
+from robid.design.excitation.lines import check_signal
 from robid.design.excitation.loop import nominal_loop
 from robid.design.excitation.options import MultisineOptions, Travel
-from robid.design.excitation.prediction import predict
-from robid.design.excitation.signal import design_signal
-from robid.design.excitation.signal_lines import check_signal
-from robid.design.excitation.travel import travel_demand, with_travel
+from robid.design.excitation.prediction import predict, travel_demand, with_travel
 from robid.errors import SettingsError
 from robid.robot.description import StiffnessLaw
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps

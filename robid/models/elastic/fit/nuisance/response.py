@@ -30,9 +30,8 @@ from robid.models.elastic.fit.nuisance.moves import PERCENT, stiffened
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.rest_model import rest_model, spring_load
-from robid.robot.derivatives import jacobian
+from robid.robot.derivatives import jacobian, shifts_between
 from robid.robot.description import Robot, Spring
-from robid.robot.expand import shifts_between
 from robid.robot.linearize import LinearModel, Shifts
 from robid.robot.response import ElasticParameters, Response, response, with_values
 

@@ -15,7 +15,7 @@ from robid.models.elastic.fit.problem import make_problem
 from robid.models.elastic.fit.rest_model import rest_model, spring_load
 from robid.models.elastic.fit.solution import fitted_robot
 from robid.models.elastic.judge.fitted import fitted_model
-from robid.robot.expand import with_springs_at
+from robid.robot.derivatives import with_springs_at
 from robid.robot.response import nominal_parameters, response
 from tolerances import FINITE_DIFFERENCE, RECOVERY
 

@@ -1,15 +1,121 @@
-"""Springs whose stiffness depends on a joint's position: the law's factor, and the energy that it holds."""
+"""Springs that are no constants: stiffness over a joint's position, dampers over the load, hysteresis."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.robot.description import Spring, StiffnessLaw
+
+_LEAST_SLIP = 1e-3  # of the first one tabulated: less slip is none
+_STEP = 1e-4  # of an amount, relative
+
+
+@dataclass(frozen=True)
+class BristleTable:
+    """What a hysteresis does under the motion of a measurement, by the deflection at which it slips.
+
+    To a moving gear it is a spring in series with a damper: it adds `k_b g jw / (jw + w_h)` to its stiffness.
+
+    Attributes:
+        stiffness: Stiffness of the bristles while they stick [N m/rad, or N/m].
+        log_slip (n_slip,): Logarithms of the deflections at which they slip [rad, or m].
+        log_gain (n_slip, n_conf): Logarithms of `g`.
+        log_corner (n_slip, n_conf): Logarithms of `w_h` [rad/s].
+        swing: Swing of the gear, root mean square over the configurations [rad, or m].
+    """
+
+    stiffness: float
+    log_slip: FloatArray
+    log_gain: FloatArray
+    log_corner: FloatArray
+    swing: float
+
+    def added(self, torque: float, omega: FloatArray) -> ComplexArray:
+        """What bristles that slip at a torque add (n_conf, n_freq), odd in that torque."""
+        least = _LEAST_SLIP * np.exp(self.log_slip[0])
+        slip = max(abs(torque) / self.stiffness, least)
+        # Maxwell element: stiffness g k_b above its corner frequency w_h, damper below.
+        gain, corner = np.exp(self._laws(np.log(slip)))[..., None]
+        # Below the least slip, which does nothing, the effect fades in proportion.
+        share = float(np.clip(torque / self.stiffness / least, -1.0, 1.0))
+        return np.asarray(share * self.stiffness * gain * 1j * omega / (1j * omega + corner))
+
+    def slope(self, torque: float, omega: FloatArray) -> ComplexArray:
+        """Derivative (n_conf, n_freq) of that by the torque."""
+        # No closed form: the table's laws are splines in the logarithm of the slip.
+        step = _STEP * max(abs(torque), _LEAST_SLIP * np.exp(self.log_slip[0]) * self.stiffness)
+        return np.asarray((self.added(torque + step, omega) - self.added(torque - step, omega)) / (2 * step))
+
+    def _laws(self, log_slip: float) -> FloatArray:
+        """Logarithms (2, n_conf) of gain and corner; power laws beyond the table."""
+        inside = float(np.clip(log_slip, self.log_slip[0], self.log_slip[-1]))
+        beyond = log_slip - inside
+        return np.asarray(self._spline(inside) + (beyond * self._spline(inside, 1) if beyond else 0.0))
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        return CubicSpline(self.log_slip, np.stack([self.log_gain, self.log_corner], axis=1))
+
+
+@dataclass(frozen=True)
+class GearEffects:
+    """Effects whose sizes are nuisance parameters of a fit, under the motion of a measurement.
+
+    Attributes:
+        load (n_conf, n_spring): Mean size of each deflection, swing included [rad, or m].
+        damped (n_damped, 2): Nuisance and spring of each damper that grows; amounts are shares per deflection.
+        slipping (n_slipping, 2): Nuisance and spring of each hysteresis; amounts are torques at which bristles slip.
+        bristles (n_slipping): What each of them does.
+        damped_names (n_damped): Names of those of dampers.
+        slipping_names (n_slipping): Names of those of hysteresis.
+    """
+
+    load: FloatArray
+    damped: IntArray
+    slipping: IntArray
+    bristles: tuple[BristleTable, ...]
+    damped_names: tuple[str, ...] = ()
+    slipping_names: tuple[str, ...] = ()
+
+    def growth(self, doubt: FloatArray) -> FloatArray:
+        """Dampers (n_conf, n_spring) over those without load, by amounts (n_doubt,) of all nuisance parameters.
+
+        Under a normal swing `d (1 + a |x|) dx/dt` is linearised to `d (1 + a E|x|) dx/dt`: deflection and speed do not
+        correlate.
+        """
+        grown = np.ones_like(self.load)
+        for row, spring in self.damped.tolist():
+            grown[:, spring] += doubt[row] * self.load[:, spring]
+        return grown
+
+    def stiffness(self, doubt: FloatArray, omega: FloatArray) -> ComplexArray:
+        """What bristles add to the springs (n_conf, n_freq, n_spring) at angular frequencies (n_freq,)."""
+        added = np.zeros((len(self.load), omega.size, self.load.shape[1]), complex)
+        for (row, spring), bristle in zip(self.slipping.tolist(), self.bristles, strict=True):
+            added[..., spring] = bristle.added(float(doubt[row]), omega)
+        return added
+
+    def slopes(self, doubt: FloatArray, damping: FloatArray, omega: FloatArray) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_spring, n_doubt) of the springs' dynamic stiffness by all nuisance parameters.
+
+        Args:
+            doubt (n_doubt,): Amounts.
+            damping (n_spring,): Dampers without load.
+            omega (n_freq,): Angular frequencies [rad/s].
+        """
+        found = np.zeros((len(self.load), omega.size, self.load.shape[1], doubt.size), complex)
+        for row, spring in self.damped.tolist():
+            # d(j w d (1 + a l)) / da = j w d l.
+            found[:, :, spring, row] = 1j * omega * damping[spring] * self.load[:, spring, None]
+        for (row, spring), bristle in zip(self.slipping.tolist(), self.bristles, strict=True):
+            found[:, :, spring, row] = bristle.slope(float(doubt[row]), omega)
+        return found
 
 
 @dataclass(frozen=True)
@@ -67,11 +173,13 @@ class LawFactor:
         curvature = _sum(self._parts[2], position)
         factor, slope = self.rise(position)
         if self._form == "compliance":
+            # (1/c)'' = 2 c'^2 / c^3 - c'' / c^2, with f = 1/c and f' = -c' / c^2.
             curvature = 2 * slope * slope / factor - curvature * factor * factor
         return Factor(factor, slope, curvature)
 
     def _tabulated(self, position: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         inside = np.clip(position, self._table[0], self._table[-1])
+        # The piece of the cubic that each position is in; beyond the ends the value is held and slopes are zero.
         piece = np.clip(np.searchsorted(self._table, inside, side="right") - 1, 0, self._table.size - 2)
         x, (a, b, c, d) = inside - self._table[piece], self._pieces[:, piece]
         within = inside == position
@@ -124,14 +232,11 @@ class VaryingSprings:
         return found
 
     def load(self, position: FloatArray, energy: FloatArray) -> FloatArray:
-        """Gradient of the energies along the scheduling coordinates.
+        """What coordinates (n_dof,) feel besides the springs' torques: the gradient `f' U` [N m, or N].
 
         Args:
             position (n_dof,): Coordinates [rad, or m].
             energy (n_spring,): Energy `U` of each spring without its factor [J].
-
-        Returns:
-            What the coordinates (n_dof,) feel besides the springs' torques, as the gradient `f' U` [N m, or N].
         """
         found = np.zeros_like(position)
         for index, place, law in zip(self.indices, self.scheduled, self.laws, strict=True):
@@ -141,20 +246,18 @@ class VaryingSprings:
     def gradient(
         self, position: FloatArray, energy: FloatArray, torque: FloatArray, deflection: FloatArray
     ) -> FloatArray:
-        """Hessian of the energies less what the springs' own stiffness gives.
+        """Hessian (n_dof, n_dof) of the energies less the springs' own: `f'' U`, and `f' U'` with the deflection.
 
         Args:
             position (n_dof,): Coordinates [rad, or m].
             energy (n_spring,): Energy `U` of each spring without its factor [J].
             torque (n_spring,): Its derivative `U'` [N m, or N].
             deflection (n_spring, n_dof): Deflection per coordinate.
-
-        Returns:
-            `f'' U` at the scheduling coordinate and `f' U'` between it and the deflection (n_dof, n_dof).
         """
         found = np.zeros((position.size, position.size))
         for index, place, law in zip(self.indices, self.scheduled, self.laws, strict=True):
             factor = law.whole(position[place])
+            # d^2 (f U) / dp dq = f' U' dd/dq; the diagonal in p takes f'' U, and both orders of p and q count.
             across = factor.slope * torque[index] * deflection[index]
             found[place, place] += factor.curvature * energy[index]
             found[place] += across

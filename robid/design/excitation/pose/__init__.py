@@ -1,1 +1,0 @@
-"""Chirps of the commanded pose. Read `motion`, `limits`, then `design`."""
