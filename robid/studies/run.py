@@ -24,35 +24,32 @@ from robid.report.page import ReportContent
 from robid.report.section import Section, Table
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import plain_settings
-from robid.studies.fleet.logs import LOGS
-from robid.studies.fleet.robots import require_packages
+from robid.studies.fleet.logs import LOGS, require_packages
 from robid.studies.fleet.speed import SCHEDULER, SPEED
 from robid.studies.fleet.whole import WHOLE
 from robid.studies.frf import report as frf_report
 from robid.studies.frf import study as frf
 from robid.studies.janot2009.branch import BRANCH
 from robid.studies.janot2009.haptic import HAPTIC
-from robid.studies.janot2009.kr300 import KR300
-from robid.studies.janot2009.recorded import EMPS, TX40
+from robid.studies.janot2009.recorded import EMPS, KR300, TX40
 from robid.studies.mistakes import cases, responses
 from robid.studies.mistakes import report as mistakes_report
-from robid.studies.mistakes.units.cases import needed_by_units, read_individual, unit_tasks
+from robid.studies.mistakes.wrong_units import needed_by_units, read_individual, unit_tasks
 from robid.studies.oliveira2019.arm import ARM, POSITION_LOOP
-from robid.studies.oliveira2019.coverage import COVERAGE_PART
 from robid.studies.oliveira2019.plants import PLANTS
-from robid.studies.oliveira2019.synthetic import RANDOM_PLANTS
+from robid.studies.oliveira2019.seeds import COVERAGE_PART, RANDOM_PLANTS
 from robid.studies.settings.study import FrfStudy
 from robid.studies.simulated import measure, measure_or_refuse
-from robid.studies.study import Conclusion, Earlier, Procedure, Step, joined
-from robid.studies.tasks import run_tasks, seconds_of
-from robid.studies.trust import linear, models
+from robid.studies.study import Conclusion, Earlier, Procedure, Step, joined, run_tasks, seconds_of
+from robid.studies.trust import linear
 from robid.studies.trust import report as trust_report
+from robid.studies.trust import responses as models
 from robid.studies.trust import responses as trust
 from robid.studies.turk2018.moving import TRAVEL
 from robid.studies.turk2018.rest import REST
 from robid.studies.turk2018.synthetic import KNOWN_STRUCTURE
-from robid.studies.wernholt2008 import individuals
 from robid.studies.wernholt2008 import report as wernholt_report
+from robid.studies.wernholt2008 import study as individuals
 from robid.studies.wernholt2008 import study as wernholt
 from robid.studies.zimmermann2023 import models as zimmermann_models
 from robid.studies.zimmermann2023 import report as zimmermann_report
@@ -92,8 +89,7 @@ PROCEDURES: Mapping[str, Procedure] = {
     ),
     "janot2009": joined((HAPTIC, BRANCH, EMPS, TX40, KR300), "the verdict on least squares is right"),
     "oliveira2019": joined(
-        (PLANTS, COVERAGE_PART, RANDOM_PLANTS, ARM, POSITION_LOOP),
-        "commands explain positions as well as is promised",
+        (PLANTS, COVERAGE_PART, RANDOM_PLANTS, ARM, POSITION_LOOP), "commands explain positions as well as is promised"
     ),
     "turk2018": joined((KNOWN_STRUCTURE, REST, TRAVEL), "one sparse model knows the ball screw wherever its slide is"),
     "trust": Procedure(

@@ -13,7 +13,7 @@ import pytest
 from robid.pipeline import terminal
 from robid.pipeline.graph import Run
 from robid.studies.frf import study as frf
-from robid.studies.known import load_with_study
+from robid.studies.settings.study import load_with_study
 
 _HERE = Path(__file__).parent
 TASKS = {f"configuration_{index}_chunk_{chunk}" for index in (1, 2) for chunk in (1, 2)}

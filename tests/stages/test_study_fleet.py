@@ -13,9 +13,8 @@ from robid.pipeline.graph import Run
 from robid.robot.description import Robot
 from robid.studies.fleet import logs, speed
 from robid.studies.fleet import speed as scheduler
-from robid.studies.fleet.robots import fleet_robots
-from robid.studies.known import load_with_study
-from robid.studies.settings.study import KINDS
+from robid.studies.fleet.logs import fleet_robots
+from robid.studies.settings.study import KINDS, load_with_study
 
 _HERE = Path(__file__).parent
 RATES = {("serial", 1): 1.0, ("dask", 1): 1.0, ("dask", 2): 1.5}

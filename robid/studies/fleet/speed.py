@@ -29,13 +29,18 @@ from robid.pipeline.graph import Run
 from robid.report.numbers import significant
 from robid.report.section import Section, Table
 from robid.studies.fleet.logs import NAME as LOGS_NAME
-from robid.studies.fleet.logs import hashes_of, manifest_path, stated_payload, write_manifest
-from robid.studies.fleet.robots import fleet_robots, template_path
+from robid.studies.fleet.logs import (
+    fleet_robots,
+    hashes_of,
+    manifest_path,
+    stated_payload,
+    template_path,
+    write_manifest,
+)
 from robid.studies.fleet.whole import FOLDER, resident_mib
 from robid.studies.fleet.whole import NAME as WHOLE_NAME
 from robid.studies.settings.study import FleetSpeed
-from robid.studies.study import Asked, Part, PartFound
-from robid.studies.tasks import Content, Results, Task, values_of
+from robid.studies.study import Asked, Content, Part, PartFound, Results, Task, values_of
 
 NAME = "speed"
 SERIAL = ("serial", 1)

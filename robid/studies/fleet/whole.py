@@ -23,11 +23,18 @@ from robid.fleet.run import Batch, Options, run_fleet
 from robid.pipeline.graph import Run
 from robid.report.section import Cell, Curve, Figure, Section, Table
 from robid.studies.fleet.logs import NAME as LOGS_NAME
-from robid.studies.fleet.logs import hashes_of, manifest_path, stated_payload, write_manifest
-from robid.studies.fleet.robots import Fault, FleetRobot, fleet_robots, template_path
+from robid.studies.fleet.logs import (
+    Fault,
+    FleetRobot,
+    fleet_robots,
+    hashes_of,
+    manifest_path,
+    stated_payload,
+    template_path,
+    write_manifest,
+)
 from robid.studies.settings.study import KINDS, FleetStudy
-from robid.studies.study import Asked, Part, PartFound
-from robid.studies.tasks import Content, Results, Task, values_of
+from robid.studies.study import Asked, Content, Part, PartFound, Results, Task, values_of
 
 _STATM = Path("/proc/self/statm")
 

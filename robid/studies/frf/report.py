@@ -4,23 +4,236 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from robid.arrays import FloatArray
+import numpy as np
+from numpy.typing import NDArray
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.artifacts.artifact import Artifact
 from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import Verdict
 from robid.report.section import Curve, Figure, Section, Table
+from robid.robot.linearize import linearize, solve_statics
+from robid.robot.model import build_model
+from robid.robot.response import nominal_parameters, response
 from robid.settings.experiment import Campaign
-from robid.studies.frf.figures import (
-    BiasFigures,
-    EstimatorFigures,
-    bias_figures,
-    estimator_figures,
-    gather,
-    true_response,
-)
+from robid.settings.load import LoadedExperiment
+from robid.settings.robot_parts import delay_s, require_controller
+from robid.simulate.truth import true_robot, with_imperfections
 from robid.studies.frf.study import campaign_of, compared, compensations
-from robid.studies.study import Conclusion, Earlier
+from robid.studies.study import Conclusion, Earlier, values_of
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How one estimator's estimates lie about a reference, per configuration, line and element.
+
+    Every field has the shape (n_conf, n_freq, n_out, n_in); NaN where fewer than two estimates were made.
+    """
+
+    error: FloatArray  # Root mean square over the estimates of `|G_hat - G_ref| / |G_ref|`
+    bias: FloatArray  # `|mean(G_hat) - G_ref| / |G_ref|`
+    std_ratio: FloatArray  # Root of the mean reported variance over the standard deviation of the estimates
+
+
+def scatter(estimates: ComplexArray, variance: FloatArray, reference: ComplexArray) -> Scatter:
+    """Compares estimates with a reference and their spread with what they report.
+
+    Args:
+        estimates (n_conf, n_estimate, n_freq, n_out, n_in): Independent estimates; NaN where one was refused.
+        variance (n_conf, n_estimate, n_freq, n_out, n_in): Variance that each reports, `E|G_hat - G|^2`.
+        reference (n_conf, n_freq, n_out, n_in): What they should be.
+    """
+    count = np.isfinite(estimates).sum(axis=1)
+    enough = count > 1
+    mean = _mean(estimates, count)
+    size = np.abs(reference)
+    error = np.sqrt(_mean(np.abs(estimates - reference[:, None]) ** 2, count)) / size
+    spread = _mean(np.abs(estimates - mean[:, None]) ** 2, count) * count / np.maximum(count - 1, 1)
+    reported = _mean(variance, count)
+    ratio = np.sqrt(np.divide(reported, spread, out=np.full_like(spread, np.nan), where=enough & (spread > 0)))
+    return Scatter(np.where(enough, error, np.nan), np.where(enough, np.abs(mean / reference - 1), np.nan), ratio)
+
+
+def error_ratio(
+    first: ComplexArray, second: ComplexArray, reference: ComplexArray, *, draws: int = 200, seed: int = 1
+) -> tuple[float, float, float]:
+    """Median error of one estimator over another's, with the 95 % interval of a bootstrap over the estimates.
+
+    Args:
+        first (n_conf, n_estimate, n_freq, n_out, n_in): Estimates from the same data as `second`.
+        second (n_conf, n_estimate, n_freq, n_out, n_in): Estimates to compare with.
+        reference (n_conf, n_freq, n_out, n_in): What both should be.
+        draws: Bootstrap draws.
+        seed: Their seed.
+
+    Returns:
+        Ratio, lower and upper end; NaN where the two share no estimate.
+    """
+    both = np.isfinite(first).all(axis=(0, 2, 3, 4)) & np.isfinite(second).all(axis=(0, 2, 3, 4))
+    if both.sum() < 2:
+        return np.nan, np.nan, np.nan
+    size = np.abs(reference[:, None])
+    squares = [
+        np.moveaxis((np.abs(each[:, both] - reference[:, None]) / size) ** 2, 1, 0).reshape(both.sum(), -1)
+        for each in (first, second)
+    ]
+
+    def ratio(weights: FloatArray) -> float:
+        ours, theirs = (np.median(np.sqrt(weights @ square)) for square in squares)
+        return float(ours / theirs)
+
+    count = int(both.sum())
+    weights = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), draws) / count
+    ends = np.quantile([ratio(row) for row in weights], [0.025, 0.975])
+    return ratio(np.full(count, 1 / count)), float(ends[0]), float(ends[1])
+
+
+def elements(values: FloatArray, *, diagonal: bool) -> FloatArray:
+    """Returns the elements on the diagonal, or those off it, with the two matrix axes flattened to one."""
+    row, column = np.indices(values.shape[-2:])
+    return np.asarray(values[..., (row == column) if diagonal else (row != column)])
+
+
+def _mean(values: ComplexArray | FloatArray, count: NDArray[np.int_]) -> ComplexArray | FloatArray:
+    return np.asarray(np.where(np.isfinite(values), values, 0).sum(axis=1) / np.maximum(count, 1))
+
+
+@dataclass(frozen=True)
+class Found:
+    """The tasks' results of all configurations together."""
+
+    frequency_hz: FloatArray  # (n_freq,) excited frequencies [Hz]
+    configurations: FloatArray  # (n_conf, n_joint) arm-side joint angles [rad]
+    # (n_estimate, n_conf, n_group, n_freq, n_out, n_in) each group's estimates; NaN where refused
+    response: ComplexArray
+    variance: FloatArray  # Variance that each reports, of the same shape
+    # (n_compensation, n_conf, n_freq, n_out, n_in) best linear approximation from all realizations
+    whole: ComplexArray
+    refusals: tuple[str, ...]  # (n_estimate + 1,) first reason of a refusal, or ""; that of `whole` last
+
+
+def gather(results: Sequence[Artifact]) -> Found:
+    """Puts the tasks' results together, those of one configuration along the groups."""
+    values = [values_of(result) for result in results]
+    index = np.array([int(one["configuration"]) for one in values])
+    rows = [[values[at] for at in np.flatnonzero(index == chosen)] for chosen in np.unique(index)]
+
+    def joined(name: str) -> Any:  # noqa: ANN401
+        return np.stack([np.concatenate([one[name] for one in row], axis=1) for row in rows], axis=1)
+
+    whole = [
+        np.average([one["whole"] for one in row], axis=0, weights=[float(one["realizations"]) for one in row])
+        for row in rows
+    ]
+    return Found(
+        frequency_hz=values[0]["frequency_hz"],
+        configurations=np.array([row[0]["angles"] for row in rows]),
+        response=joined("response"),
+        variance=joined("variance"),
+        whole=np.stack(whole, axis=1),
+        refusals=tuple(
+            next((reason for reason in reasons if reason), "")
+            for reasons in zip(*(one["refusals"].tolist() for one in values), strict=True)
+        ),
+    )
+
+
+def true_response(loaded: LoadedExperiment, found: Found) -> ComplexArray:
+    """Returns the response of the true robot's frictionless linearisation (n_conf, n_freq, n_motor, n_motor)."""
+    _, campaign, options = campaign_of(loaded)
+    stated = loaded.robot.to_robot(campaign.payload_kg)
+    robot = with_imperfections(true_robot(stated, options.truth), options.imperfections)
+    model = build_model(robot)
+    linear = linearize(model, solve_statics(model, found.configurations))
+    parameters = nominal_parameters(robot, linear, delay_s(loaded, campaign))
+    period_s = require_controller(loaded).sampling_period_s
+    return response(linear, parameters, found.frequency_hz, period_s).sampled
+
+
+@dataclass(frozen=True)
+class EstimatorFigures:
+    """One estimator against the best linear approximation."""
+
+    name: str  # Name of the estimator
+    error_hz: FloatArray  # (n_freq,) median error on the diagonal at each line
+    std_ratio_hz: FloatArray  # (n_freq,) median ratio of reported to true standard deviation there
+    figures: dict[str, float]  # Figures by name, as they stand in summary.json
+
+
+def estimator_figures(
+    name: str, estimates: ComplexArray, variance: FloatArray, reference: ComplexArray, default: ComplexArray
+) -> EstimatorFigures:
+    """Compares one estimator with the best linear approximation and with the default estimator.
+
+    Args:
+        name: Name of the estimator.
+        estimates (n_conf, n_group, n_freq, n_out, n_in): Its estimates; NaN where refused.
+        variance (n_conf, n_group, n_freq, n_out, n_in): Variance that each reports.
+        reference (n_conf, n_freq, n_out, n_in): Best linear approximation.
+        default (n_conf, n_group, n_freq, n_out, n_in): Estimates of the default estimator.
+    """
+    found = scatter(estimates, variance, reference)
+    figures = {
+        "median_error": _quantile(found.error, 0.5),
+        "q90_error": _quantile(found.error, 0.9),
+        "median_bias": _quantile(found.bias, 0.5),
+        "std_ratio": _quantile(found.std_ratio, 0.5),
+    }
+    for part, on_diagonal in (("diagonal", True), ("off_diagonal", False)):
+        error = elements(found.error, diagonal=on_diagonal)
+        figures[f"{part}.median_error"] = _quantile(error, 0.5)
+        figures[f"{part}.q90_error"] = _quantile(error, 0.9)
+        figures[f"{part}.std_ratio"] = _quantile(elements(found.std_ratio, diagonal=on_diagonal), 0.5)
+    ratio = error_ratio(estimates, default, reference)
+    figures |= dict(zip(("over_default", "over_default_lower", "over_default_upper"), ratio, strict=True))
+    figures["refused"] = float(np.isnan(estimates).any(axis=(2, 3, 4)).sum())
+    return EstimatorFigures(name, _per_line(found.error), _per_line(found.std_ratio), figures)
+
+
+@dataclass(frozen=True)
+class BiasFigures:
+    """What one compensation leaves of the bias; fields as for `EstimatorFigures`."""
+
+    name: str
+    bias_hz: FloatArray
+    figures: dict[str, float]
+
+
+def bias_figures(name: str, whole: ComplexArray, estimates: ComplexArray, truth: ComplexArray) -> BiasFigures:
+    """Compares the responses under one compensation with the true robot's frictionless linearisation.
+
+    Args:
+        name: Name of the compensation.
+        whole (n_conf, n_freq, n_out, n_in): Best linear approximation; NaN where refused.
+        estimates (n_conf, n_group, n_freq, n_out, n_in): Estimates from the groups.
+        truth (n_conf, n_freq, n_out, n_in): True response.
+    """
+    bias = np.abs(whole / truth - 1)
+    diagonal = elements(bias, diagonal=True)
+    single = elements(np.abs(estimates / truth[:, None] - 1), diagonal=True)
+    figures = {
+        "median_diagonal": _quantile(diagonal, 0.5),
+        "q90_diagonal": _quantile(diagonal, 0.9),
+        "median_off_diagonal": _quantile(elements(bias, diagonal=False), 0.5),
+        "median_diagonal_of_group": _quantile(single, 0.5),
+        "refused": float(np.isnan(estimates).any(axis=(2, 3, 4)).sum()),
+    }
+    return BiasFigures(name, _per_line(bias), figures)
+
+
+def _per_line(values: FloatArray) -> FloatArray:
+    """Median over configurations and diagonal elements (n_freq,) of values (n_conf, n_freq, n_out, n_in)."""
+    return np.asarray(np.median(elements(values, diagonal=True), axis=(0, 2)))
+
+
+def _quantile(values: FloatArray, share: float) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.quantile(known, share)) if known.size else float("nan")
+
 
 _WORTH = 0.98  # another estimator is worth a new default only where its error is surely below this share
 

@@ -27,8 +27,7 @@ from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import SimulateOptions
 from robid.studies.settings.study import FrfStudy, choices
 from robid.studies.simulated import Estimator, make_estimator, played, simulate_options, simulation_settings, threads_of
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Content, Task
+from robid.studies.study import Content, Earlier, Task, study_of
 
 
 @dataclass(frozen=True)
@@ -88,9 +87,7 @@ def tasks(run: Run, _earlier: Earlier) -> list[Task]:
         for number, start in enumerate(range(0, campaign.realizations, length)):
             seed = int(np.random.SeedSequence([options.seed, number]).generate_state(1)[0])
             part = replace(
-                whole,
-                reference=whole.reference[start : start + length],
-                options=replace(options, seed=seed),
+                whole, reference=whole.reference[start : start + length], options=replace(options, seed=seed)
             )
             chunk = Chunk(part, configuration, index, study.group, small, large, threads_of(run))
             place = {"configuration": index, "chunk": number}

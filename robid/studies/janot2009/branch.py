@@ -20,17 +20,22 @@ from robid.robot.regressor.model import RigidModel, build_rigid_model
 from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
 from robid.simulate.options import Controller
 from robid.simulate.rigid_loop import simulate_rigid, simulate_rigid_loop
-from robid.studies.janot2009.seeded import FILTERS, Chunk, Machine, Recording, chunk_tasks, gather, judge_chunk
-from robid.studies.janot2009.verdicts import (
+from robid.studies.janot2009.seeded import (
+    FILTERS,
     VERDICTS,
+    Chunk,
+    Machine,
+    Recording,
+    chunk_tasks,
     estimate_tables,
+    gather,
     joint_figures,
+    judge_chunk,
     verdict_figures,
     verdict_parts,
 )
 from robid.studies.settings.parts import BranchCase
-from robid.studies.study import Part, PartFound
-from robid.studies.tasks import Content, Results, Task
+from robid.studies.study import Content, Part, PartFound, Results, Task
 
 _SUBSTEPS = 2
 _GUESS = 0.8  # of everything: what least squares makes of badly filtered rows need not be a robot at all

@@ -16,19 +16,17 @@ from robid.studies.experiments import paper_figures
 from robid.studies.janot2009.seeded import (
     BENDS,
     FILTERS,
+    VERDICTS,
     Chunk,
     Judged,
     Machine,
     Recording,
     chunk_tasks,
-    gather,
-    judge_chunk,
-)
-from robid.studies.janot2009.verdicts import (
-    VERDICTS,
     cuts,
     error_table,
     errors_of,
+    gather,
+    judge_chunk,
     or_missing,
     outlier_share,
     residual_figures,
@@ -36,8 +34,7 @@ from robid.studies.janot2009.verdicts import (
     verdict_parts,
 )
 from robid.studies.settings.parts import HAPTIC_PERIOD_S, SeededCase
-from robid.studies.study import Asked, Part, PartFound
-from robid.studies.tasks import Content, Results, Task
+from robid.studies.study import Asked, Content, Part, PartFound, Results, Task
 
 FIRST_MOMENTS = ((1, 2),)
 

@@ -30,8 +30,7 @@ from robid.settings.robot_parts import delay_s, plain_settings
 from robid.studies.mistakes.responses import Case, campaigns_of, cases, mistaken_robot, mistaken_truth
 from robid.studies.settings.mistakes import Mistake, MistakesStudy
 from robid.studies.simulated import kept_solution, kept_truth, response_from, solution_or_refusal
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Content, Task
+from robid.studies.study import Content, Earlier, Task, study_of
 
 GRADING = 4
 """Raised when the rules of the grade change, so that the cases are graded anew."""

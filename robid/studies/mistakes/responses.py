@@ -39,8 +39,7 @@ from robid.studies.simulated import (
     threads_of,
     with_truth,
 )
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Content, Task
+from robid.studies.study import Content, Earlier, Task, study_of
 
 SOUND = "sound"
 """Name of a robot with which nothing is wrong."""

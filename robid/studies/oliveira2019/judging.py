@@ -11,7 +11,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, Quantity
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.mapping import from_datasets, to_datasets
-from robid.studies.tasks import Content
+from robid.studies.study import Content
 
 CONFIDENCE = 0.97
 """Level of the paper's bounds."""
@@ -45,8 +45,7 @@ class Identified:
     numerator: Annotated[FloatArray, Quantity("rad/s, powers", "power", "Estimate, highest power of s first")]
     denominator: Annotated[FloatArray, Quantity("rad/s, powers", "power", "As the numerator")]
     covariance: Annotated[
-        FloatArray,
-        Quantity("SI", "parameter parameter", "Of the coefficients, the first below left out"),
+        FloatArray, Quantity("SI", "parameter parameter", "Of the coefficients, the first below left out")
     ]
     delay_samples: int
     """Estimated delay."""
@@ -56,8 +55,7 @@ class Identified:
     """How the fit ended."""
     roots: Annotated[tuple[RootValue, ...], Quantity("as named", "root", "Poles and zeros")]
     undetermined: Annotated[
-        tuple[str, ...],
-        Quantity("1", "sentence", "What the data do not determine, a sentence each"),
+        tuple[str, ...], Quantity("1", "sentence", "What the data do not determine, a sentence each")
     ]
     tried: Annotated[tuple[Tried, ...], Quantity("as named", "structure", "The structures that were tried")]
     quality: Quality

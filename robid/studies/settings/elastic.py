@@ -54,8 +54,7 @@ class ModelChoice(Section):
     count: int | None = Field(default=None, description="How many of these are taken; all when not given.", ge=1)
     seed: int = Field(default=1, description="Seed of the draw that takes them.", ge=0)
     low_torque: Name | None = Field(
-        default=None,
-        description="Name of the joint with whose smallest gravity torques they are taken, not drawn.",
+        default=None, description="Name of the joint with whose smallest gravity torques they are taken, not drawn."
     )
     free: tuple[ElasticKind, ...] = Field(default=(), description="Kinds that it frees beside those of `fit`.")
     fixed: tuple[str, ...] = Field(default=(), description="Parameters that it fixes beside those of `fit`.")
@@ -206,8 +205,7 @@ class WernholtStudy(Section):
         " from all configurations are held against the truth.",
     )
     individual_estimators: tuple[Name, ...] = Field(
-        default=(),
-        description="Estimators that are held against them; all with all configurations when not given.",
+        default=(), description="Estimators that are held against them; all with all configurations when not given."
     )
     individual_starts: int = Field(
         default=3, description="Starts of each of these fits, the robot file's values the first one.", ge=1

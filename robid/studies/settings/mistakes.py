@@ -102,7 +102,7 @@ class UnitMistakes(Section):
         return {name: robot for name, robot in self.robots.items() if self.only is None or name in self.only}
 
 
-class Mistake(Section):
+class Mistake(Physics):
     """One mistake with its size, in the logs, in the robot file that the fit reads, or in what is simulated."""
 
     cause: str | None = Field(
@@ -130,12 +130,6 @@ class Mistake(Section):
         default=1.0, description="Robot file: factor of the Coulomb and breakaway levels of all motors.", gt=0
     )
     excitation_factor: float = Field(default=1.0, description="Simulation: factor of the excitation.", gt=0)
-    imperfections: dict[str, Any] = Field(
-        default_factory=dict, description="Simulation: `imperfections` that take the place of the campaigns'."
-    )
-    truth: dict[str, Any] = Field(
-        default_factory=dict, description="Simulation: `truth` that takes the place of the campaigns'."
-    )
 
     @property
     def physics(self) -> dict[str, Any]:

@@ -42,11 +42,9 @@ from robid.signals.quantities import motor_channels
 from robid.simulate.options import Imperfections, Truth
 from robid.simulate.truth import TrueRobot
 from robid.studies.experiments import changed_simulation
-from robid.studies.settings.trust import TrustStudy
+from robid.studies.settings.trust import LINEAR, Individual, TrustStudy, individuals
 from robid.studies.simulated import solution_or_refusal, with_truth
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Content, Task
-from robid.studies.trust.individuals import LINEAR, Individual, individuals
+from robid.studies.study import Content, Earlier, Task, study_of
 from robid.studies.trust.responses import RANDOM, Machine, machines
 
 _PERCENT = 100.0
@@ -91,11 +89,7 @@ def as_file(robot: Robot, options: ElasticOptions, n_place: int) -> Doubted:
 
 
 def doubted_responses(
-    robot: Robot,
-    off: Doubted,
-    configurations: FloatArray,
-    frequency_hz: FloatArray,
-    sampling: tuple[float, float],
+    robot: Robot, off: Doubted, configurations: FloatArray, frequency_hz: FloatArray, sampling: tuple[float, float]
 ) -> ComplexArray:
     """Computes the exact responses of a robot that is off, as they are recorded; bristles are those of all places.
 
@@ -159,12 +153,7 @@ def _with_bristles(
     return np.array(found)
 
 
-def off_robot(
-    robot: Robot,
-    doubts: Sequence[Nuisance],
-    amounts: Mapping[str, float],
-    shares: FloatArray,
-) -> Robot:
+def off_robot(robot: Robot, doubts: Sequence[Nuisance], amounts: Mapping[str, float], shares: FloatArray) -> Robot:
     """Returns the robot with everything that is off and belongs to its mechanics.
 
     Args:

@@ -12,10 +12,9 @@ from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import Verdict
 from robid.report.section import Section, Table
-from robid.studies.settings.trust import TrustStudy
+from robid.studies.settings.trust import FILE, LINEAR, Individual, TrustStudy, individuals
 from robid.studies.simulated import REFUSAL, kept_solution, kept_truth
-from robid.studies.study import Conclusion, Earlier, study_of
-from robid.studies.tasks import seconds_of
+from robid.studies.study import Conclusion, Earlier, seconds_of, study_of
 from robid.studies.trust.figures import (
     ASKED,
     RobotRow,
@@ -29,7 +28,6 @@ from robid.studies.trust.figures import (
     spring_rows,
     springs_of,
 )
-from robid.studies.trust.individuals import FILE, LINEAR, Individual, individuals
 from robid.studies.trust.responses import DESIGNED, FRESH, RANDOM
 
 _TITLES = {

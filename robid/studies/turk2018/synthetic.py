@@ -18,8 +18,7 @@ from robid.pipeline.graph import Run
 from robid.report.section import Section, Table
 from robid.settings.robot_parts import plain_settings
 from robid.studies.settings.parts import KnownStructureCase
-from robid.studies.study import Asked, Part, PartFound
-from robid.studies.tasks import Content, Results, Task, in_chunks
+from robid.studies.study import Asked, Content, Part, PartFound, Results, Task, in_chunks
 
 POSITIONS: FloatArray = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None]
 LEFT_OUT: FloatArray = np.array([[-0.25]])

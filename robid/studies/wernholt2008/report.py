@@ -15,10 +15,18 @@ from robid.report.section import Beside, Curve, Figure, Section, Table
 from robid.studies.experiments import paper_figures
 from robid.studies.settings.elastic import WernholtStudy
 from robid.studies.study import Conclusion, Earlier, study_of
-from robid.studies.wernholt2008.conclusions import Claim, claims
-from robid.studies.wernholt2008.figures import COST_LIMIT, NEAR_BEST, Found, Models, gather, spread, summarise
-from robid.studies.wernholt2008.individuals import Individuals, gather_individuals, sizes_of
-from robid.studies.wernholt2008.study import ALL, robot_and_delay
+from robid.studies.wernholt2008.figures import (
+    COST_LIMIT,
+    NEAR_BEST,
+    Claim,
+    Found,
+    Models,
+    claims,
+    gather,
+    spread,
+    summarise,
+)
+from robid.studies.wernholt2008.study import ALL, Individuals, gather_individuals, robot_and_delay, sizes_of
 
 _PARAMETER_RANGE = (0.01, 100.0)
 _COST_RANGE = (0.95, 20.0)
@@ -147,10 +155,7 @@ _REPRESENTATIVE = 4
 
 def conclude(run: Run, results: Earlier) -> Conclusion:
     """Turns the tasks' results into figures, tables and what follows for the paper's conclusions."""
-    study, paper = (
-        study_of(run.loaded, WernholtStudy),
-        paper_figures(run.loaded),
-    )
+    study, paper = (study_of(run.loaded, WernholtStudy), paper_figures(run.loaded))
     found = gather(run, list(results[0]))
     individuals = gather_individuals(study, list(results[1]))
     summary = summarise(found) | individual_figures(individuals)

@@ -36,11 +36,9 @@ from robid.settings.robot_parts import delay_s, plain_settings
 from robid.settings.sources import true_robot_of
 from robid.simulate.truth import with_imperfections
 from robid.studies.experiments import paper_figures
-from robid.studies.over_individuals import stated_std
 from robid.studies.settings.elastic import ModelChoice, ZimmermannStudy
-from robid.studies.simulated import measurements, played, read_responses, simulate_options, threads_of
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Content, Task
+from robid.studies.simulated import measurements, played, read_responses, simulate_options, stated_std, threads_of
+from robid.studies.study import Content, Earlier, Task, study_of
 
 
 def chosen_designs(run: Run) -> dict[str, ConfigurationDesign]:
@@ -166,14 +164,7 @@ def _torques(run: Run, study: ZimmermannStudy, pair: Pair) -> dict[str, FloatArr
 
 
 def model_task(
-    run: Run,
-    study: ZimmermannStudy,
-    pair: Pair,
-    name: str,
-    used: tuple[int, ...],
-    key: str,
-    *,
-    judged: bool = True,
+    run: Run, study: ZimmermannStudy, pair: Pair, name: str, used: tuple[int, ...], key: str, *, judged: bool = True
 ) -> Task:
     """One model of one individual; what is not judged has no validation."""
     own, other = (run.loaded.experiment.campaigns[each] for each in (pair.estimation, pair.validation))

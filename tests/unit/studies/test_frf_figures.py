@@ -1,8 +1,13 @@
 import numpy as np
 import pytest
 
-from robid.studies.frf.figures import EstimatorFigures, bias_figures, estimator_figures
-from robid.studies.frf.report import default_sentence, following_default
+from robid.studies.frf.report import (
+    EstimatorFigures,
+    bias_figures,
+    default_sentence,
+    estimator_figures,
+    following_default,
+)
 
 GROUPS = (1, 50, 4, 2, 2)
 

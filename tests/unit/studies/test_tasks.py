@@ -2,7 +2,7 @@ import pytest
 
 from robid.artifacts.artifact import Dataset
 from robid.errors import DataError
-from robid.studies.tasks import Task, run_tasks
+from robid.studies.study import Task, run_tasks
 from task_functions import CALLS, Told, map_in_order, square
 
 

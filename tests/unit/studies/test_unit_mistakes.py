@@ -14,21 +14,24 @@ from robid.results.scale import Scale, read_scale
 from robid.settings.load import load_robot
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
-from robid.studies.known import load_with_study
-from robid.studies.mistakes.units.cases import reading_campaign
-from robid.studies.mistakes.units.figures import UnitRow, summarise_units, unit_verdicts
-from robid.studies.mistakes.units.logs import (
+from robid.studies.mistakes.report import UnitRow, summarise_units, unit_verdicts
+from robid.studies.mistakes.unit_logs import (
+    Said,
     Sizes,
+    group_of,
+    is_named,
     log_of,
     mapping_of,
     mistaken_log,
     rough_robot,
     rough_torque_constants,
+    said_of,
     stamps,
     write_log,
 )
-from robid.studies.mistakes.units.scales import Said, group_of, is_named, said_of
+from robid.studies.mistakes.wrong_units import reading_campaign
 from robid.studies.settings.mistakes import Rough, UnitMistake
+from robid.studies.settings.study import load_with_study
 from tolerances import IDENTITY
 
 ROOT = Path(__file__).parents[3]

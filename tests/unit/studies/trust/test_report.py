@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from robid.studies.known import load_with_study
+from robid.studies.settings.study import load_with_study
 from robid.studies.trust.figures import ASKED
 from robid.studies.trust.report import bars
 

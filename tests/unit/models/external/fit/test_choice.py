@@ -4,7 +4,7 @@ import pytest
 from external_shots import CHANNELS, shot, sweep, transfer
 from robid.models.external.fit.choice import choose_structure
 from robid.models.external.fit.options import ExternalOptions
-from robid.studies.oliveira2019.synthetic import draw_plant, find_orders, simulate_plant
+from robid.studies.oliveira2019.seeds import draw_plant, find_orders, simulate_plant
 
 Z = transfer(*CHANNELS["Z"], delay=2)
 

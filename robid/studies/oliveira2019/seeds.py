@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import cont2discrete, dlsim, zpk2ss
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray
 from robid.artifacts.artifact import Artifact, Dataset
+from robid.models.external.fit.choice import choose_structure
+from robid.models.external.fit.data import Shot
 from robid.models.external.fit.graphs import Fitted
+from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.output_error import fit_block
 from robid.models.external.fit.problem import Structure
 from robid.models.external.fit.transfer import TransferMatrix
 from robid.pipeline.graph import Run
 from robid.report.numbers import percent, significant
 from robid.report.section import Section, Table
-from robid.studies.oliveira2019.identification import (
+from robid.signals.waveforms import chirp
+from robid.studies.oliveira2019.bench import (
     BenchChannel,
     Measuring,
     channels_of,
@@ -27,9 +32,149 @@ from robid.studies.oliveira2019.identification import (
     simulation_of,
 )
 from robid.studies.oliveira2019.judging import CONFIDENCE, Identified, from_content
-from robid.studies.settings.parts import PlantsCase
-from robid.studies.study import Asked, Part, PartFound
-from robid.studies.tasks import Content, Results, Task, in_chunks
+from robid.studies.settings.parts import PlantsCase, SyntheticCase
+from robid.studies.study import Asked, Content, Part, PartFound, Results, Task, in_chunks
+
+SAMPLING_PERIOD_S = 0.012
+N_SAMPLE = 8192
+BAND_HZ = (0.05, 6.0)
+SIGNAL_TO_NOISE_DB = 40.0
+APART = 0.2  # of the larger magnitude
+MOST_POLES = 5
+_INSIDE = (2.0, 0.8)  # times the band's ends, poles and zeros lie
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A random plant."""
+
+    poles: ComplexArray  # (n_pole,) poles [rad/s]
+    zeros: ComplexArray  # (n_zero,) zeros [rad/s]
+    gain: float  # Static gain
+
+
+def draw_plant(rng: np.random.Generator) -> Plant:
+    """Draws a stable plant of order 1 to 5 with fewer zeros than poles, all of them well apart."""
+    n_pole = int(rng.integers(1, MOST_POLES + 1))
+    n_zero = int(rng.integers(0, n_pole))
+    while True:
+        poles, zeros = _roots(rng, n_pole), _roots(rng, n_zero)
+        mirrored = rng.random() < 0.25
+        zeros = np.where(zeros.imag == 0, -zeros, zeros) if mirrored else zeros
+        if _are_apart(np.concatenate([poles, zeros])):
+            return Plant(poles, zeros, float(np.exp(rng.uniform(-1, 1))))
+
+
+def _roots(rng: np.random.Generator, count: int) -> ComplexArray:
+    """Draws stable roots inside the band, in pairs about as often as alone."""
+    low, high = 2 * np.pi * BAND_HZ[0] * _INSIDE[0], 2 * np.pi * BAND_HZ[1] * _INSIDE[1]
+    found: list[complex] = []
+    while len(found) < count:
+        size = float(np.exp(rng.uniform(np.log(low), np.log(high))))
+        if count - len(found) >= 2 and rng.random() < 0.5:
+            damping = rng.uniform(0.1, 0.9)
+            root = size * complex(-damping, np.sqrt(1 - damping**2))
+            found += [root, root.conjugate()]
+        else:
+            found.append(complex(-size))
+    return np.array(found, dtype=complex)
+
+
+def _are_apart(roots: ComplexArray) -> bool:
+    distance = np.abs(roots[:, None] - roots)
+    size = np.maximum(np.abs(roots)[:, None], np.abs(roots))
+    np.fill_diagonal(distance, np.inf)
+    return bool((distance >= APART * size).all())
+
+
+def simulate_plant(plant: Plant, rng: np.random.Generator) -> Shot:
+    """Answers a chirp, with white noise; the truth's simulation shares no code with the fit's."""
+    command = chirp(BAND_HZ[0] * SAMPLING_PERIOD_S, BAND_HZ[1] * SAMPLING_PERIOD_S, N_SAMPLE)[:, None]
+    above = plant.gain * np.real(np.prod(-plant.poles) / np.prod(-plant.zeros))
+    discrete = cont2discrete(zpk2ss(plant.zeros, plant.poles, above), SAMPLING_PERIOD_S)
+    answer: FloatArray = dlsim(discrete, command)[1]
+    noise = answer.std() * 10 ** (-SIGNAL_TO_NOISE_DB / 20)
+    measured = answer + noise * rng.standard_normal(answer.shape)
+    return Shot(command, measured, "rest", None, 1, SAMPLING_PERIOD_S, "synthetic", offset=False)
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the rule `evidence` found of some plants."""
+
+    true: tuple[tuple[int, int], ...]  # Numbers of poles and zeros of each plant
+    found: tuple[tuple[int, int], ...]  # What was chosen
+
+    @property
+    def order_correct_share(self) -> float:
+        """Share of plants whose number of poles was found."""
+        return float(np.mean([one[0] == other[0] for one, other in zip(self.true, self.found, strict=True)]))
+
+    @property
+    def structure_correct_share(self) -> float:
+        """Share of plants whose numbers of poles and zeros were both found."""
+        return float(np.mean([one == other for one, other in zip(self.true, self.found, strict=True)]))
+
+
+def find_orders(seeds: Sequence[int]) -> Found:
+    """Draws a plant by each seed, simulates it and lets the evidence choose its order, its delay known."""
+    true, found = [], []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        plant = draw_plant(rng)
+        shot = simulate_plant(plant, rng)
+        choice = choose_structure([shot], [0], [0], ExternalOptions(delay_samples=0, max_poles=MOST_POLES), hold="zoh")
+        true.append((len(plant.poles), len(plant.zeros)))
+        found.append((choice.structure.poles, choice.structure.zeros))
+    return Found(tuple(true), tuple(found))
+
+
+def synthetic_tasks(_run: Run, case: SyntheticCase, _earlier: Mapping[str, Results]) -> list[Task]:
+    """Returns the tasks: some plants each."""
+    chunks = in_chunks(case.first_seed, case.plants, case.plants_per_task)
+    return [Task(f"plants_{seeds.start}", {"seeds": [seeds.start, seeds.stop]}, seeds) for seeds in chunks]
+
+
+def find(seeds: range) -> Content:
+    """Identifies some random plants."""
+    found = find_orders(seeds)
+    axes = ("plant", "count")
+    return Content(
+        {
+            "true": Dataset(np.array(found.true), "1", axes, "Numbers of poles and zeros"),
+            "found": Dataset(np.array(found.found), "1", axes, "What the evidence chose"),
+        }
+    )
+
+
+def conclude_synthetic(_run: Run, _case: SyntheticCase, results: Results) -> PartFound:
+    """Counts how often the order was found."""
+    true, found = (np.concatenate([one.datasets[key].values for one in results]) for key in ("true", "found"))
+    right = true[:, 0] == found[:, 0]
+    figures = {
+        "synthetic.plants": float(len(true)),
+        "synthetic.order_correct_share": float(right.mean()),
+        "synthetic.structure_correct_share": float((true == found).all(axis=1).mean()),
+    }
+    orders = range(1, MOST_POLES + 1)
+    rows = tuple(
+        (str(order), *(str(int(((true[:, 0] == order) & (found[:, 0] == other)).sum())) for other in orders))
+        for order in orders
+    )
+    table = Table(
+        ("True poles", *(f"{other} found" for other in orders)), rows, caption="Number of plants.", fit="compact"
+    )
+    lead = (
+        f"Plants with random poles and zeros inside the excited band, at least 20 % apart, measured with"
+        f" {SIGNAL_TO_NOISE_DB:g} dB; the delay is known, the evidence chooses the numbers of poles and zeros."
+    )
+    return PartFound(
+        figures, {"synthetic.order_correct_share": Asked(lower=0.95)}, (Section("Random plants", lead, (table,)),)
+    )
+
+
+RANDOM_PLANTS = Part("synthetic", conclude_synthetic, synthetic_tasks, find)
+
 
 COVERAGE = "coverage_97"
 _ASKED = Asked(0.94, 0.99)

@@ -30,8 +30,9 @@ from robid.settings.yaml import FieldPath
 from robid.simulate.experiment import simulate
 from robid.studies.experiments import Further, Problems, changed_simulation, fit_problem, physics_problems, run_of
 from robid.studies.mistakes.responses import campaigns_of
-from robid.studies.mistakes.units.logs import (
+from robid.studies.mistakes.unit_logs import (
     Log,
+    Said,
     Sizes,
     log_of,
     mapping_of,
@@ -41,10 +42,8 @@ from robid.studies.mistakes.units.logs import (
     stamps,
     write_log,
 )
-from robid.studies.mistakes.units.scales import Said
 from robid.studies.settings.mistakes import MistakesStudy, Rough, UnitMistake, UnitRobot
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Content, Task
+from robid.studies.study import Content, Earlier, Task, study_of
 
 
 @dataclass(frozen=True)
