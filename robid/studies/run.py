@@ -38,9 +38,10 @@ from robid.studies.mistakes.wrong_units import needed_by_units, read_individual,
 from robid.studies.oliveira2019.arm import ARM, POSITION_LOOP
 from robid.studies.oliveira2019.plants import PLANTS
 from robid.studies.oliveira2019.seeds import COVERAGE_PART, RANDOM_PLANTS
+from robid.studies.page import Conclusion
 from robid.studies.settings.study import FrfStudy
 from robid.studies.simulated import measure, measure_or_refuse
-from robid.studies.study import Conclusion, Earlier, Procedure, Step, joined, run_tasks, seconds_of
+from robid.studies.study import Earlier, Procedure, Step, joined, run_tasks, seconds_of
 from robid.studies.trust import linear
 from robid.studies.trust import report as trust_report
 from robid.studies.trust import responses as models

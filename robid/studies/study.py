@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -15,11 +15,9 @@ from robid.artifacts.store import kind_of, read_artifact, write_artifact
 from robid.backends.map import Map, Progress
 from robid.errors import ArtifactError
 from robid.pipeline.graph import Run
-from robid.report.numbers import MISSING, significant
-from robid.report.page import Verdict
-from robid.report.section import Cell, Section, Table
 from robid.settings.load import LoadedExperiment
 from robid.studies.experiments import Further, missing_log, paper_figures, run_of
+from robid.studies.page import Conclusion, PartFound, concluded
 from robid.versions import package_versions
 
 TASKS = "tasks"
@@ -169,18 +167,7 @@ def _do(work: _Work) -> None:
 Earlier: TypeAlias = "tuple[Results, ...]"
 """Results of the steps before."""
 
-_DIGITS = 5  # published values are asked for within a hundredth
 _Kind = TypeVar("_Kind")
-
-
-@dataclass(frozen=True)
-class Conclusion:
-    """What a study found."""
-
-    verdict: Verdict  # The answer
-    summary: dict[str, float]  # Figures by dotted name
-    sections: tuple[Section, ...]  # Tables and figures of the page
-    warnings: tuple[str, ...] = ()  # What the reader must know before using a number
 
 
 @dataclass(frozen=True)
@@ -215,28 +202,6 @@ def study_of(loaded: LoadedExperiment, kind: type[_Kind]) -> _Kind:
         message = "the study is of another kind"
         raise TypeError(message)
     return study
-
-
-@dataclass(frozen=True)
-class Asked:
-    """What is asked of a figure."""
-
-    lower: float = float("-inf")  # The least that it may be
-    upper: float = float("inf")  # The most that it may be
-
-    def is_reached(self, value: float) -> bool:
-        """Whether a figure lies within."""
-        return self.lower <= value <= self.upper
-
-
-@dataclass(frozen=True)
-class PartFound:
-    """What a part of a study found."""
-
-    figures: dict[str, float]  # Figures by their name in summary.json
-    asked: Mapping[str, Asked] = field(default_factory=dict)  # What is asked of some of them
-    sections: tuple[Section, ...] = ()  # Tables and figures of the page
-    warnings: tuple[str, ...] = ()  # Why something is left out, where it is
 
 
 def _nothing(_argument: object) -> Content:
@@ -324,7 +289,7 @@ def joined(
             for part, done in zip(parts, results, strict=True)
             if (case := part.case_of(run))
         )
-        return _join([one for one in each if one is not None], reached)
+        return concluded([one for one in each if one is not None], reached)
 
     def step(index: int, part: Part) -> Step:
         def tasks(run: Run, earlier: Earlier) -> list[Task]:
@@ -334,40 +299,3 @@ def joined(
         return Step(part.name, tasks, part.function)
 
     return Procedure(needs, tuple(step(*one) for one in enumerate(parts)), conclude, further)
-
-
-def _join(found: Sequence[PartFound], reached: str) -> Conclusion:
-    figures = {name: value for one in found for name, value in one.figures.items()}
-    asked = {name: limits for one in found for name, limits in one.asked.items()}
-    missed = [name for name, limits in asked.items() if not limits.is_reached(figures[name])]
-    text = f"All {len(asked)} figures that are asked for are reached: {reached}."
-    if not asked:
-        text = "No part of the study could be done."
-    elif missed:
-        met = f"{len(asked) - len(missed)} of {len(asked)}"
-        text = f"{met} figures that are asked for are reached; missed: {', '.join(missed)}."
-    rows = tuple(
-        (
-            name,
-            _end(limits.lower),
-            _end(limits.upper),
-            significant(figures[name], _DIGITS),
-            Cell("missed", "bad") if name in missed else Cell("reached", "good"),
-        )
-        for name, limits in asked.items()
-    )
-    table = Table(("Figure", "At least", "At most", "Ours", ""), rows, fit="compact")
-    return Conclusion(
-        Verdict(text, "warn" if missed or not asked else "ok"),
-        figures,
-        (Section("What is asked", "By their name in summary.json.", (table,)), *_all(one.sections for one in found)),
-        tuple(_all(one.warnings for one in found)),
-    )
-
-
-def _end(value: float) -> str:
-    return MISSING if abs(value) == float("inf") else significant(value, _DIGITS)
-
-
-def _all(lists: Iterable[Iterable[Any]]) -> list[Any]:
-    return [one for each in lists for one in each]

@@ -31,9 +31,10 @@ from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions
 from robid.studies.experiments import Further, changed_simulation
+from robid.studies.page import PartFound
 from robid.studies.settings.study import KINDS, FleetStudy
 from robid.studies.simulated import played, simulate_options, simulation_settings, threads_of
-from robid.studies.study import TASKS, Content, Part, PartFound, Results, Task, study_of
+from robid.studies.study import TASKS, Content, Part, Results, Task, study_of
 
 _WHERE = (0.1, 0.6)
 """Shares of the log between which faults lie: in its periods that are used, not in those that follow them."""

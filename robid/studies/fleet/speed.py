@@ -39,8 +39,9 @@ from robid.studies.fleet.logs import (
 )
 from robid.studies.fleet.whole import FOLDER, resident_mib
 from robid.studies.fleet.whole import NAME as WHOLE_NAME
+from robid.studies.page import Asked, PartFound
 from robid.studies.settings.study import FleetSpeed
-from robid.studies.study import Asked, Content, Part, PartFound, Results, Task, values_of
+from robid.studies.study import Content, Part, Results, Task, values_of
 
 NAME = "speed"
 SERIAL = ("serial", 1)

@@ -33,8 +33,9 @@ from robid.studies.fleet.logs import (
     template_path,
     write_manifest,
 )
+from robid.studies.page import Asked, PartFound
 from robid.studies.settings.study import KINDS, FleetStudy
-from robid.studies.study import Asked, Content, Part, PartFound, Results, Task, values_of
+from robid.studies.study import Content, Part, Results, Task, values_of
 
 _STATM = Path("/proc/self/statm")
 

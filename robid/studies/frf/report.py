@@ -24,7 +24,8 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, require_controller
 from robid.simulate.truth import true_robot, with_imperfections
 from robid.studies.frf.study import campaign_of, compared, compensations
-from robid.studies.study import Conclusion, Earlier, values_of
+from robid.studies.page import Conclusion
+from robid.studies.study import Earlier, values_of
 
 
 @dataclass(frozen=True)

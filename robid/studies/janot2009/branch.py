@@ -34,8 +34,9 @@ from robid.studies.janot2009.seeded import (
     verdict_figures,
     verdict_parts,
 )
+from robid.studies.page import PartFound
 from robid.studies.settings.parts import BranchCase
-from robid.studies.study import Content, Part, PartFound, Results, Task
+from robid.studies.study import Content, Part, Results, Task
 
 _SUBSTEPS = 2
 _GUESS = 0.8  # of everything: what least squares makes of badly filtered rows need not be a robot at all

@@ -33,8 +33,9 @@ from robid.studies.janot2009.seeded import (
     verdict_figures,
     verdict_parts,
 )
+from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import HAPTIC_PERIOD_S, SeededCase
-from robid.studies.study import Asked, Content, Part, PartFound, Results, Task
+from robid.studies.study import Content, Part, Results, Task
 
 FIRST_MOMENTS = ((1, 2),)
 

@@ -31,9 +31,10 @@ from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Controller, SimulateOptions, Truth
 from robid.simulate.truth import true_robot
 from robid.studies.experiments import Further, run_of
+from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import CoverageCase, RealCase, RecordedCase
 from robid.studies.simulated import simulate_options
-from robid.studies.study import Asked, Content, Part, PartFound, Results, Task, in_chunks, recorded_part
+from robid.studies.study import Content, Part, Results, Task, in_chunks, recorded_part
 
 PUBLISHED: Mapping[str, float] = {
     **{"Ia3": 0.0988, "Ia4": 0.0313, "Ia5": 0.0468, "Ia6": 0.0105, "Iam6": 0.00964, "fvm6": 0.616},

@@ -29,8 +29,9 @@ from robid.models.rigid.page.charts import course, histogram, weights
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Beside, Figure, Notes, Part, Table
 from robid.settings.robot_parts import plain_settings
+from robid.studies.page import Asked
 from robid.studies.settings.parts import SeededCase
-from robid.studies.study import Asked, Content, Task, in_chunks
+from robid.studies.study import Content, Task, in_chunks
 
 FILTERS = ("good", "bad")
 """Filters that suit, and filters that do not."""

@@ -18,8 +18,9 @@ from robid.studies.mistakes.cases import COVERED, GRADES, HALF_WIDTHS, SPRING_ER
 from robid.studies.mistakes.responses import SOUND
 from robid.studies.mistakes.unit_logs import is_named, said_of
 from robid.studies.mistakes.wrong_units import UnitSubject, unit_subjects
+from robid.studies.page import Conclusion
 from robid.studies.settings.mistakes import MistakesStudy, UnitMistake
-from robid.studies.study import Conclusion, Earlier, study_of
+from robid.studies.study import Earlier, study_of
 
 POOLED, EACH, FALSE = 0.9, 0.85, 2
 """What is asked: at least, over all robots; at least, on each; records that may be accused for nothing, at most."""

@@ -39,9 +39,10 @@ from robid.simulate.pose_response import pose_response
 from robid.simulate.truth import true_robot
 from robid.studies.experiments import Further, paper_figures
 from robid.studies.oliveira2019.plants import curve
+from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import CartesianCase, LoopCase
 from robid.studies.simulated import simulate_options
-from robid.studies.study import Asked, Content, Part, PartFound, Results, Task, recorded_part
+from robid.studies.study import Content, Part, Results, Task, recorded_part
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,9 @@ from robid.studies.oliveira2019.judging import (
     undershoot,
     undetermined_roots,
 )
+from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import PlantsCase
-from robid.studies.study import Asked, Part, PartFound, Results
+from robid.studies.study import Part, Results
 
 _WINDOW_S = (20.0, 26.0)
 _NEAR_RAD_S = 120.0

@@ -32,8 +32,9 @@ from robid.studies.oliveira2019.bench import (
     simulation_of,
 )
 from robid.studies.oliveira2019.judging import CONFIDENCE, Identified, from_content
+from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import PlantsCase, SyntheticCase
-from robid.studies.study import Asked, Content, Part, PartFound, Results, Task, in_chunks
+from robid.studies.study import Content, Part, Results, Task, in_chunks
 
 SAMPLING_PERIOD_S = 0.012
 N_SAMPLE = 8192

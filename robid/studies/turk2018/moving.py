@@ -29,8 +29,9 @@ from robid.robot.statespace import discretise, state_space
 from robid.signals.record import Record
 from robid.simulate.truth import TrueRobot, recorded_torque_factor, with_imperfections
 from robid.studies.experiments import Further, paper_figures
+from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import TravelCase, position_output
-from robid.studies.study import Asked, Part, PartFound, Results
+from robid.studies.study import Part, Results
 
 _POINTS = 401
 _RESTING = 1e-9  # rad, or m

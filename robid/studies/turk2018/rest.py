@@ -23,8 +23,9 @@ from robid.report.charts import Layer, Waterfall
 from robid.report.numbers import MINUS, MISSING, percent, pretty_unit, significant
 from robid.report.section import Beside, Curve, Figure, Row, Section, Table
 from robid.studies.experiments import Further, paper_figures
+from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import RestCase
-from robid.studies.study import Asked, Part, PartFound, Results
+from robid.studies.study import Part, Results
 
 _FREQUENCY = "Frequency [Hz]"
 _SHOWN = 120

@@ -17,8 +17,9 @@ from robid.models.lpv.fit.state_space import StateSpace, block_names, response, 
 from robid.pipeline.graph import Run
 from robid.report.section import Section, Table
 from robid.settings.robot_parts import plain_settings
+from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import KnownStructureCase
-from robid.studies.study import Asked, Content, Part, PartFound, Results, Task, in_chunks
+from robid.studies.study import Content, Part, Results, Task, in_chunks
 
 POSITIONS: FloatArray = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None]
 LEFT_OUT: FloatArray = np.array([[-0.25]])

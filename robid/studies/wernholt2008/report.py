@@ -13,8 +13,9 @@ from robid.report.numbers import duration, percent, significant
 from robid.report.page import Verdict
 from robid.report.section import Beside, Curve, Figure, Section, Table
 from robid.studies.experiments import paper_figures
+from robid.studies.page import Conclusion
 from robid.studies.settings.elastic import WernholtStudy
-from robid.studies.study import Conclusion, Earlier, study_of
+from robid.studies.study import Earlier, study_of
 from robid.studies.wernholt2008.figures import (
     COST_LIMIT,
     NEAR_BEST,

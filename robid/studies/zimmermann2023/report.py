@@ -15,7 +15,8 @@ from robid.report.page import Verdict
 from robid.report.section import Beside, Curve, Figure, Section, Table
 from robid.robot.skeleton import skeleton
 from robid.studies.experiments import paper_figures
-from robid.studies.study import Conclusion, Results
+from robid.studies.page import Conclusion
+from robid.studies.study import Results
 from robid.studies.zimmermann2023.figures import (
     MISSED,
     EffortCurves,

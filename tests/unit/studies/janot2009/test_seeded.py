@@ -7,7 +7,7 @@ import pytest
 
 from robid.studies.janot2009.haptic import variations
 from robid.studies.janot2009.seeded import Judged, errors_of, verdict_figures
-from robid.studies.study import Asked
+from robid.studies.page import Asked
 
 TRUTH = np.array([2.0, 3.0, 4.0])
 
