@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from robid.errors import SettingsError
 from robid.models.known import load_experiment
@@ -18,6 +18,11 @@ from robid.settings.problems import format_field, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.sources import SimulateSettings
 from robid.settings.yaml import FieldPath, load_yaml
+
+Whole = Annotated[int, Field(ge=0)]
+Count = Annotated[int, Field(ge=1)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
 
 Problems: TypeAlias = Iterator[tuple[FieldPath, str]]
 """Fields of a file, each with what is wrong with it."""
@@ -43,12 +48,6 @@ def run_of(
     problems: Callable[[LoadedExperiment], Iterable[tuple[FieldPath, str]]] = lambda _loaded: (),
 ) -> Run:
     """Returns the run of another experiment file in a folder of the study's own.
-
-    Args:
-        run: The study's.
-        experiment: The file, relative to the study's.
-        folder: The folder, in the study's run folder.
-        problems: Finds what the study and the experiment have against each other.
 
     Raises:
         SettingsError: If there is such a thing.
@@ -118,11 +117,7 @@ def changed_simulation(
 ) -> SimulateSettings:
     """Returns how a campaign is simulated with changed imperfections and another truth.
 
-    Args:
-        campaign: The campaign, simulated.
-        physics: `imperfections` and `truth` that take the place of the campaign's.
-        seed: Seed of the true robot; the campaign's when None.
-        noise: Seed of the noise, where `seed` is given.
+    With a `seed` of the true robot `noise` is the seed of the noise; without one both are the campaign's.
 
     Raises:
         ValidationError: If there is no such option, or its value is not allowed.

@@ -51,12 +51,7 @@ class PartFound:
 
 
 def concluded(found: Sequence[PartFound], reached: str) -> Conclusion:
-    """Joins what the parts of a study found, the table of what is asked before all others.
-
-    Args:
-        found: The parts, in the order of the page.
-        reached: What it means that all that is asked for is reached, in words.
-    """
+    """Joins what the parts of a study found, the table of what is asked before all others."""
     figures = {name: value for one in found for name, value in one.figures.items()}
     asked = {name: limits for one in found for name, limits in one.asked.items()}
     missed = [name for name, limits in asked.items() if not limits.is_reached(figures.get(name, np.nan))]

@@ -121,16 +121,7 @@ def measurements(
     name: str,
     threads: int,
 ) -> Iterator[Task]:
-    """Yields the tasks `<name>_<number>` that measure a campaign, one for each configuration.
-
-    Args:
-        loaded: Its experiment.
-        campaign: The campaign.
-        options: How it is simulated.
-        content: What is played, and where.
-        name: Name of the tasks.
-        threads: Threads of the simulation.
-    """
+    """Yields the tasks `<name>_<number>` that measure a campaign, one for each configuration."""
     experiment = simulated_experiment(loaded, campaign, options, content)
     estimator = make_estimator(loaded, campaign, campaign.estimate)
     decides = response_settings(loaded, campaign, options, experiment)

@@ -268,13 +268,7 @@ def recorded_part(
 def joined(
     parts: Sequence[Part], reached: str, prepare: Callable[[LoadedExperiment], object] = paper_figures
 ) -> Procedure:
-    """Returns the procedure of a study of several parts that reads nothing of its own chain.
-
-    Args:
-        parts: The parts, in the order of the page.
-        reached: What it means that all that is asked for is reached, in words.
-        prepare: Refuses, before anything is computed, what cannot be read.
-    """
+    """Returns the procedure of a study of several parts that reads nothing of its own chain."""
 
     def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
         prepare(loaded)

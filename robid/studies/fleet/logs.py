@@ -81,12 +81,7 @@ def fleet_robots(run: Run) -> tuple[FleetRobot, ...]:
 
 
 def plan_robots(study: FleetStudy, n_joint: int) -> tuple[FleetRobot, ...]:
-    """Draws which robots have a fault, and what.
-
-    Args:
-        study: The study.
-        n_joint: Number of joints of the robot.
-    """
+    """Draws which robots have a fault, and what."""
     generator = np.random.default_rng(study.faults.seed)
     chosen = generator.permutation(study.robots)[: len(KINDS) * study.faults.each]
     faults = {int(index): _fault(study, n_joint, number, generator) for number, index in enumerate(chosen)}
@@ -121,13 +116,7 @@ _OVERWRITTEN = 512
 
 
 def faulty_log(log: Log, fault: Fault, joints: Sequence[str]) -> Log:
-    """Returns a log as a fault in its signals leaves it.
-
-    Args:
-        log: The log of the robot.
-        fault: What is wrong; other kinds of faults leave the signals as they are.
-        joints: Names of the joints.
-    """
+    """Returns a log as a fault in its signals leaves it."""
     channel = f"{fault.channel}_{joints[fault.joint]}"
     if fault.kind == "sign":
         return {name: {**one, channel: -one[channel]} for name, one in log.items()}
@@ -299,12 +288,7 @@ def write_logs(chunk: Chunk) -> Content:
 
 
 def log_of(record: Record, configuration: int) -> Log:
-    """Returns what a controller logs of one configuration: torques in mN m, motor angles in counts.
-
-    Args:
-        record: The record of that configuration.
-        configuration: Its index.
-    """
+    """Returns what a controller logs of one configuration: torques in mN m, motor angles in counts."""
     counts = COUNTS_PER_TURN / (2 * np.pi)
     inputs, outputs = 1000 * record.inputs[0], counts * (record.outputs[0] + record.output_offset[0])
     found: Log = {}

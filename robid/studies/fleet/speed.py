@@ -170,12 +170,7 @@ def conclude_speed(_run: Run, speed: FleetSpeed, results: Results) -> PartFound:
 
 
 def efficiencies(rates: Mapping[tuple[str, int], Sequence[float]], cores: int) -> dict[str, float]:
-    """Returns the throughput of each core over that of the serial backend, from medians over the runs.
-
-    Args:
-        rates: Rows a second of each run, by backend and number of workers.
-        cores: Cores of the machine.
-    """
+    """Returns the throughput of each core over that of the serial backend, from medians over the runs."""
     middle = {way: median(found) for way, found in rates.items()}
     figures = {f"fleet.efficiency_{name}": middle[name, cores] / cores / middle[SERIAL] for name in _BARS}
     return {
@@ -189,14 +184,7 @@ def efficiencies(rates: Mapping[tuple[str, int], Sequence[float]], cores: int) -
 def speed_section(
     rates: Mapping[tuple[str, int], Sequence[float]], serial: tuple[str, int], rows: int, cores: int
 ) -> Section:
-    """How fast each backend was.
-
-    Args:
-        rates: Rows a second of each run, by backend and number of workers.
-        serial: The backend that the others are held against.
-        rows: Rows of each run.
-        cores: Cores of the machine.
-    """
+    """How fast each backend was."""
     middle = {way: median(found) for way, found in rates.items()}
     table = Table(
         ("Backend", "Workers", "Rows a second, median", "Lowest", "Highest", "Each worker over serial"),

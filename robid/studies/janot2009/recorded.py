@@ -64,12 +64,7 @@ class Row:
 
 
 def published_rows(solution: RigidSolution, robot: Robot) -> tuple[Row, ...]:
-    """Returns the published parameters with what a fit found of them.
-
-    Args:
-        solution: The fit.
-        robot: The robot that it is of, for its gears.
-    """
+    """Returns the published parameters with what a fit found of them."""
     found = arm_side(solution.estimate.found, robot)
     return tuple(Row(name, _UNITS[name[:2]], value, found[name]) for name, value in PUBLISHED.items())
 
@@ -91,11 +86,6 @@ def arm_side(parameters: Mapping[str, float], robot: Robot) -> dict[str, float]:
     A motor's inertia `J` and friction count with its gear ratio squared, Coulomb friction with the ratio. Motor 6 turns
     with axes 5 and 6: `Iam6 = J6`, `Ia5 = J5 + J6`, `Ia6 = J6 + ` the coupled gear's own, viscous friction alike. Of
     Coulomb friction, which feels each speed by itself, `fsm6` is motor 6's and `fs6` the coupled gear's.
-
-    Args:
-        parameters: What a fit found, by name; motor inertias that are not there belong to an axis that cannot tell
-            them from its links'.
-        robot: The robot.
     """
     joints = dict(enumerate(robot.joints, start=1))
     gear, result = robot.joints[-1].name, dict[str, float]()

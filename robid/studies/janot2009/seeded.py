@@ -80,14 +80,7 @@ class Judged:
 def chunk_tasks(
     case: SeededCase, name: str, decides: dict[str, Any], argument: Callable[[Chunk], object]
 ) -> list[Task]:
-    """Returns the tasks of a case: its seeds in chunks, with either of the filters.
-
-    Args:
-        case: The case.
-        name: Its name.
-        decides: What decides its results beside its settings.
-        argument: Makes what the task's function is given.
-    """
+    """Returns the tasks of a case: its seeds in chunks, with either of the filters."""
     own = plain_settings(case)
     settings = {key: own[key] for key in own if key not in ("seeds", "seeds_per_task", "first_seed")}
     found = []
@@ -225,13 +218,7 @@ def read(
 
 
 def identify(machine: Machine, recording: Recording, options: PreprocessingOptions) -> Identified:
-    """Identifies every seed of a recording.
-
-    Args:
-        machine: What was recorded.
-        recording: Its records.
-        options: The filters.
-    """
+    """Identifies every seed of a recording."""
     fit = weighted_least_squares if machine.weighted else ordinary_least_squares
     plain = [fit(reduce_rows(read(machine, recording, seed, options))) for seed in range(len(recording))]
     rows, found = _instruments(machine, recording, options, plain)

@@ -49,13 +49,7 @@ class Sizes:
 
 
 def log_of(record: Record, joints: Sequence[str], configuration: int) -> Log:
-    """Returns what a controller logs of one configuration: whole periods, every signal in SI units.
-
-    Args:
-        record: The record of that configuration.
-        joints: Names of the joints.
-        configuration: Its index.
-    """
+    """Returns what a controller logs of one configuration: whole periods, every signal in SI units."""
     outputs = record.outputs[0] + record.output_offset[0]
     inputs, names = record.inputs[0], record.output_names
     found: Log = {}

@@ -195,12 +195,7 @@ def conclude_arm(run: Run, case: CartesianCase, results: Results) -> PartFound:
 
 
 def home_figures(homes: Sequence[Mapped], threshold: float) -> dict[str, float]:
-    """Returns what maps and linearised loop say of each home, and how far they agree.
-
-    Args:
-        homes: The homes.
-        threshold: Gain in resolutions from which on coupling matters.
-    """
+    """Returns what maps and linearised loop say of each home, and how far they agree."""
     figures: dict[str, float] = {}
     right, errors = [], []
     for index, home in enumerate(homes, start=1):

@@ -17,7 +17,7 @@ from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
 from robid.simulate.options import SimulateOptions
-from robid.studies.experiments import Problems, campaign_problem, name_problems
+from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, name_problems
 
 
 @dataclass(frozen=True)
@@ -49,15 +49,15 @@ class ModelChoice(Section):
     """The data of one model of a design study, and what it frees beyond the others."""
 
     configurations: tuple[Annotated[int, Field(ge=0)], ...] | None = Field(
-        default=None, description="Indices, from 0, of the campaigns' configurations; all when not given.", min_length=1
+        None, description="Indices, from 0, of the campaigns' configurations; all when not given.", min_length=1
     )
-    count: int | None = Field(default=None, description="How many of these are taken; all when not given.", ge=1)
-    seed: int = Field(default=1, description="Seed of the draw that takes them.", ge=0)
+    count: Count | None = Field(None, description="How many of these are taken; all when not given.")
+    seed: Whole = Field(1, description="Whole of the draw that takes them.")
     low_torque: Name | None = Field(
-        default=None, description="Name of the joint with whose smallest gravity torques they are taken, not drawn."
+        None, description="Name of the joint with whose smallest gravity torques they are taken, not drawn."
     )
-    free: tuple[ElasticKind, ...] = Field(default=(), description="Kinds that it frees beside those of `fit`.")
-    fixed: tuple[str, ...] = Field(default=(), description="Parameters that it fixes beside those of `fit`.")
+    free: tuple[ElasticKind, ...] = Field((), description="Kinds that it frees beside those of `fit`.")
+    fixed: tuple[str, ...] = Field((), description="Parameters that it fixes beside those of `fit`.")
 
 
 class ZimmermannStudy(Section):
@@ -78,24 +78,22 @@ class ZimmermannStudy(Section):
     )
     models: dict[Name, ModelChoice] = Field(description="The models, by name.", min_length=1)
     axes: tuple[Name, ...] = Field(
-        default=("axis_2", "axis_3"),
+        ("axis_2", "axis_3"),
         description="Joints by whose first resonance, of the motor's own response, the models are judged.",
         min_length=1,
     )
-    reference: Name = Field(default="m49", description="The model that has all configurations.")
-    optimal: Name = Field(default="opt2", description="The model that has those of `design`.")
-    guess: Name = Field(default="guess", description="The model that has those an engineer would choose.")
+    reference: Name = Field("m49", description="The model that has all configurations.")
+    optimal: Name = Field("opt2", description="The model that has those of `design`.")
+    guess: Name = Field("guess", description="The model that has those an engineer would choose.")
     nonlinear: Name | None = Field(
-        default=None, description="The model whose gears stiffen, which explains the others' springs."
+        None, description="The model whose gears stiffen, which explains the others' springs."
     )
     design: Name = Field(description="The design of the study.")
     steps: StepOptions = Field(
         default_factory=StepOptions, description="Steps that compare the models in the time domain."
     )
-    stepped: tuple[Name, ...] = Field(default=(), description="Models that control the steps, the robot file beside.")
-    paper: str | None = Field(
-        default=None, description="File with the paper's figures, relative to this one.", min_length=1
-    )
+    stepped: tuple[Name, ...] = Field((), description="Models that control the steps, the robot file beside.")
+    paper: str | None = Field(None, description="File with the paper's figures, relative to this one.", min_length=1)
 
 
 def check_zimmermann2023(study: ZimmermannStudy, experiment: Experiment, robot: RobotFile | None) -> Problems:
@@ -173,9 +171,9 @@ class EstimatorChoice(Section):
     """One estimator of the parameters."""
 
     estimator: EstimatorKind = Field(description="As in a fit.")
-    weights: WeightsKind = Field(default="user", description="As `kind` in the weights of a fit.")
+    weights: WeightsKind = Field("user", description="As `kind` in the weights of a fit.")
     configurations: Literal["all", "best"] = Field(
-        default="all", description="All, or the one with the smallest predicted covariance."
+        "all", description="All, or the one with the smallest predicted covariance."
     )
 
 
@@ -191,31 +189,27 @@ class WernholtStudy(Section):
     )
     estimators: dict[Name, EstimatorChoice] = Field(description="What is compared, by name.", min_length=1)
     reference: Name = Field(
-        default="lls15u", description="The estimator whose best model the others' parameters are divided by."
+        "lls15u", description="The estimator whose best model the others' parameters are divided by."
     )
-    wide: tuple[Name, ...] = Field(default=(), description="Estimators that also start over `wide_decades`.")
-    wide_decades: float = Field(default=2.0, description="Spread of these starts [decades].", gt=0)
-    plain: bool = Field(
-        default=True, description="Whether every start is also fitted with `strategy: plain`, as in the paper."
-    )
-    starts_per_task: int = Field(default=25, description="Starts that are fitted in one go.", ge=1)
+    wide: tuple[Name, ...] = Field((), description="Estimators that also start over `wide_decades`.")
+    wide_decades: Positive = Field(2.0, description="Spread of these starts [decades].")
+    plain: bool = Field(True, description="Whether every start is also fitted with `strategy: plain`, as in the paper.")
+    starts_per_task: Count = Field(25, description="Starts that are fitted in one go.")
     individuals: tuple[Name, ...] = Field(
-        default=(),
+        (),
         description="Names of further simulated campaigns, one for each individual of the robot, on which estimates"
         " from all configurations are held against the truth.",
     )
     individual_estimators: tuple[Name, ...] = Field(
-        default=(), description="Estimators that are held against them; all with all configurations when not given."
+        (), description="Estimators that are held against them; all with all configurations when not given."
     )
-    individual_starts: int = Field(
-        default=3, description="Starts of each of these fits, the robot file's values the first one.", ge=1
+    individual_starts: Count = Field(
+        3, description="Starts of each of these fits, the robot file's values the first one."
     )
     element: tuple[int, int] = Field(
-        default=(1, 1), description="Numbers, from 1, of the output and the input of the response that is drawn."
+        (1, 1), description="Numbers, from 1, of the output and the input of the response that is drawn."
     )
-    paper: str | None = Field(
-        default=None, description="File with the paper's figures, relative to this one.", min_length=1
-    )
+    paper: str | None = Field(None, description="File with the paper's figures, relative to this one.", min_length=1)
 
 
 def check_wernholt2008(study: WernholtStudy, experiment: Experiment, _robot: RobotFile | None) -> Problems:

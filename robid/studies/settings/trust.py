@@ -16,7 +16,7 @@ from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import SpringSection
 from robid.simulate.options import Imperfections
-from robid.studies.experiments import Problems, campaign_problem, fit_problem, physics_problems
+from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, fit_problem, physics_problems
 from robid.studies.settings.mistakes import Physics
 
 
@@ -24,41 +24,37 @@ class Defects(Physics):
     """What the robots of a set have and their model lacks, each in sizes of its own."""
 
     robot: Literal["heavy", "light"] = Field(
-        default="heavy", description="Whose robots they are: this file's or that of `light`."
+        "heavy", description="Whose robots they are: this file's or that of `light`."
     )
     springs: tuple[SpringSection, ...] = Field(
-        default=(), description="Springs that the robot file lacks, from which each robot has some."
+        (), description="Springs that the robot file lacks, from which each robot has some."
     )
-    springs_each: int = Field(default=0, description="How many of these a robot has, drawn without return.", ge=0)
+    springs_each: Whole = Field(0, description="How many of these a robot has, drawn without return.")
     size_factor: float = Field(
-        default=1.5,
+        1.5,
         description="Sizes of the imperfections that stand here, and stiffness and damping of the springs, are"
         " multiplied log-uniformly by up to this factor.",
         ge=1,
     )
     listed: bool = Field(
-        default=False,
+        False,
         description="Whether the list of doubts has these defects, so that intervals must hold the springs themselves.",
     )
-    robots: int = Field(description="Number of robots.", ge=1)
-    referenced: int = Field(
-        default=0,
+    robots: Count = Field(description="Number of robots.")
+    referenced: Whole = Field(
+        0,
         description="How many of them, the first ones, are measured in fresh and in designed places too.",
-        ge=0,
     )
 
 
 class LinearRobots(Section):
     """Robots with exact responses plus noise, in as many random places as the others."""
 
-    drawn: int = Field(default=40, description="Robots whose doubted values are drawn from their priors.", ge=0)
-    file: int = Field(
-        default=10, description="Robots that are, but for springs and dampers, what their file says.", ge=0
-    )
-    relative_noise: float = Field(
-        default=0.01,
+    drawn: Whole = Field(40, description="Robots whose doubted values are drawn from their priors.")
+    file: Whole = Field(10, description="Robots that are, but for springs and dampers, what their file says.")
+    relative_noise: Positive = Field(
+        0.01,
         description="Standard deviation of an element's noise over the median response of its output.",
-        gt=0,
     )
 
 
@@ -73,10 +69,8 @@ class CauseKind(Physics):
 class TrustSeeds(Section):
     """Seeds of true robots, places and noise, consecutive over all robots of the study."""
 
-    first: int = Field(description="The first seed.", ge=0)
-    robots: int | None = Field(
-        default=None, description="At most as many robots of each set and kind; all when not given.", ge=1
-    )
+    first: Whole = Field(description="The first seed.")
+    robots: Count | None = Field(None, description="At most as many robots of each set and kind; all when not given.")
 
 
 class TrustSeedChoice(Section):
@@ -95,26 +89,22 @@ class TrustStudy(Section):
         " places of the reference. Each robot's places are drawn anew."
     )
     designed: Name | None = Field(
-        default=None,
+        None,
         description="Name of the campaign in designed places, which all robots share; none when not given.",
     )
-    validated_in: int = Field(
-        default=4, description="Fresh places, the first ones, in which every robot is validated.", ge=1
-    )
+    validated_in: Count = Field(4, description="Fresh places, the first ones, in which every robot is validated.")
     light: str | None = Field(
-        default=None,
+        None,
         description="Experiment file, relative to this one, of a light robot, fit and campaigns named alike.",
         min_length=1,
     )
     sets: dict[Name, Defects] = Field(description="The sets of robots, by name.", min_length=1)
-    linear: LinearRobots | None = Field(default=None, description="Linear robots; none when not given.")
+    linear: LinearRobots | None = Field(None, description="Linear robots; none when not given.")
     causes: dict[Name, CauseKind] = Field(default_factory=dict, description="Defects that are to be named, by name.")
-    cause_robots: int = Field(default=5, description="Robots of each of these.", ge=1)
-    cause_places: int = Field(
-        default=4, description="Random places, the first ones, in which these are measured.", ge=1
-    )
+    cause_robots: Count = Field(5, description="Robots of each of these.")
+    cause_places: Count = Field(4, description="Random places, the first ones, in which these are measured.")
     seeds: TrustSeedChoice = Field(description="Seeds of the robots.")
-    use: Literal["judge", "choose"] = Field(default="judge", description="Which of the seeds are used.")
+    use: Literal["judge", "choose"] = Field("judge", description="Which of the seeds are used.")
 
     @property
     def chosen(self) -> TrustSeeds:
@@ -185,12 +175,7 @@ def _groups(study: TrustStudy) -> Iterator[_Group]:
 
 
 def drawn_physics(defects: Defects, seed: int) -> dict[str, Any]:
-    """Returns the imperfections and the truth of one robot, its sizes and springs drawn.
-
-    Args:
-        defects: What the robots of its set have.
-        seed: Seed of the robot.
-    """
+    """Returns the imperfections and the truth of one robot, its sizes and springs drawn."""
     generator = np.random.default_rng([seed, _DEFECT_DRAWS])
 
     def factor() -> float:

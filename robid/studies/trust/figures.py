@@ -249,11 +249,7 @@ def trusted_wrong(rows: Sequence[RobotRow]) -> float:
 
 
 def cause_figures(kinds: Mapping[str, tuple[tuple[str, ...], Sequence[tuple[str, ...]]]]) -> dict[str, float]:
-    """Returns how often what is wrong is named.
-
-    Args:
-        kinds: By name, what counts as right, and the causes that each robot's fit was told, the first to blame first.
-    """
+    """Returns how often what is wrong is named."""
     found, first, three = {}, [], []
     for name, (right, told) in kinds.items():
         ranks = [tuple(dict.fromkeys(each)) for each in told]

@@ -65,12 +65,6 @@ def draw_doubted(robot: Robot, options: ElasticOptions, n_place: int, seed: int)
     """Draws how far a robot is off in each place: what all places share, and what each adds.
 
     Amounts that have a sign keep it.
-
-    Args:
-        robot: The robot as its file describes it.
-        options: Options of the fit, which estimates some of what may be off.
-        n_place: Number of places.
-        seed: Seed of the draw.
     """
     generator = np.random.default_rng([seed, _DRAWS])
     doubts = list_nuisances(robot, options)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -153,8 +153,9 @@ def _set_section(study: TrustStudy, summary: Mapping[str, float]) -> Section:
         value = summary.get(f"{name}.{key}")
         return significant(value) if key.endswith("ratio") else percent(value)
 
-    shown = [(title, partial(write, key)) for key, title in _TITLES.items()]
-    columns = (("Set", str), *shown, ("Robots", lambda name: f"{summary[f'{name}.robots']:.0f}"))
+    columns: list[tuple[str, Callable[[str], str]]] = [("Set", lambda name: name)]
+    columns += [(title, partial(write, key)) for key, title in _TITLES.items()]
+    columns += [("Robots", lambda name: f"{summary[f'{name}.robots']:.0f}")]
     return Section("Sets of robots", "", (table(columns, study.sets, caption=caption),))
 
 

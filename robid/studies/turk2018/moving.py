@@ -435,11 +435,6 @@ def total_over_noise(frf: Frf, outputs: tuple[str, ...], periods: int) -> FloatA
 
     Without distortion it is `1 / sqrt(periods)`.
 
-    Args:
-        frf: Responses at one position to one input, from several realizations.
-        outputs: Names of the outputs.
-        periods: Periods of each realization.
-
     Raises:
         DataError: If the response lacks an output, or a variance is unknown.
 

@@ -87,13 +87,7 @@ def _spaced(frequency_hz: FloatArray) -> IntArray:
 
 
 def left_out_section(solution: LpvSolution, held: Held, measured: Frf) -> Section:
-    """Returns every element at the positions left out: response, deviations, model and error.
-
-    Args:
-        solution: The fit.
-        held: The responses that were left out, and the sparse model's.
-        measured: The same responses with the covariance of their noise.
-    """
+    """Returns every element at the positions left out: response, deviations, model and error."""
     noise = noise_deviation(solution, measured)
     figures = []
     for position, output, port in np.ndindex((len(held.points), *held.response.shape[2:])):
@@ -159,13 +153,7 @@ _LIMITS = (2.0, 1.0)
 
 
 def nearness_section(solution: LpvSolution, left_out: Held, window: int) -> Section:
-    """Returns how near the interpolated, the full and the sparse model are to fitted and to left-out responses.
-
-    Args:
-        solution: The fit.
-        left_out: Responses that no fit read.
-        window: Lines over which the fit's weights average the variance.
-    """
+    """Returns how near the interpolated, the full and the sparse model are to fitted and to left-out responses."""
     blocks = solution.blocks.kept
     models = (
         ("interpolated (SMILE)", solution.smile_model, blocks.size),
@@ -325,13 +313,7 @@ def error_ratio(held: Held, response: ComplexArray, window: int) -> float:
 
 
 def rest_figures(solution: LpvSolution, left_out: Held, window: int) -> dict[str, float]:
-    """Returns what the study says of the model at rest.
-
-    Args:
-        solution: The fit.
-        left_out: Responses that no fit read, and what the model says of them.
-        window: Lines over which the fit's weights average the variance.
-    """
+    """Returns what the study says of the model at rest."""
     kept, outputs = solution.blocks.kept, solution.ports.outputs
     full = solution.full_model.frozen_response(left_out.points, left_out.frequency_hz)
     sparse, dense = (error_ratio(left_out, response, window) for response in (left_out.modelled, full))

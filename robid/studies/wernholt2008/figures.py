@@ -66,13 +66,7 @@ def within_factor(values: FloatArray, best: FloatArray, factor: float) -> BoolAr
 
 
 def shares_differ(first: float, second: float, count: int) -> bool:
-    """Tells whether one share of starts is larger than another by more than two standard errors.
-
-    Args:
-        first: The share that should be larger.
-        second: The other.
-        count: Number of starts behind each.
-    """
+    """Tells whether one share of starts is larger than another by more than two standard errors."""
     variance = (first * (1 - first) + second * (1 - second)) / count
     return first - second > 2 * float(np.sqrt(variance))
 

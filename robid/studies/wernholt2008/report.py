@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, IntArray
 from robid.pipeline.graph import Run
 from robid.report.numbers import duration, percent, significant
 from robid.report.page import Verdict
-from robid.report.section import Beside, Curve, Figure, Section, Table
+from robid.report.section import Beside, Figure, Section, Table
 from robid.studies.experiments import paper_figures
-from robid.studies.page import Conclusion
+from robid.studies.page import Conclusion, figure
 from robid.studies.settings.elastic import WernholtStudy
 from robid.studies.study import Earlier, study_of
 from robid.studies.wernholt2008.figures import (
@@ -32,30 +32,16 @@ from robid.studies.wernholt2008.study import ALL, Individuals, gather_individual
 _PARAMETER_RANGE = (0.01, 100.0)
 _COST_RANGE = (0.95, 20.0)
 _ABOUT = {"": "by the strategy of this study", "plain": "by plain descents"}
-_SORTED = "Start, by the cost with user weights"
 
 
 def start_cost_section(found: Found, group: str) -> Section:
     """Figs 3 and 4: sorted costs of every estimator."""
-    members = found.groups[group]
-    first = max(len(one.own_cost) for one in members.values())
-    x = tuple(float(number) for number in range(1, first + 1))
-    figures = []
+    members, figures = found.groups[group], []
     for number, title, key in ((3, "user", "user_cost"), (4, "optimal", "optimal_cost")):
-        curves = tuple(
-            Curve(name, x, tuple(np.minimum(getattr(one, key)[one.order], _COST_RANGE[1]).tolist()))
-            for name, one in members.items()
-        )
-        figures.append(
-            Figure(
-                f"Fig. {number}: cost with {title} weights",
-                _SORTED,
-                "Cost over the best",
-                curves,
-                log_x=False,
-                y_range=_COST_RANGE,
-            )
-        )
+        costs = {name: np.minimum(getattr(one, key)[one.order], _COST_RANGE[1]) for name, one in members.items()}
+        axes = "Start, by the cost with user weights", "Cost over the best"
+        name = f"Fig. {number}: cost with {title} weights"
+        figures.append(figure(name, axes, None, costs, log_x=False, y_range=_COST_RANGE))
     lead = (
         f"Models from the same starts {_ABOUT[group]}, all judged by the same two costs, each estimator's sorted by the"
         f" first. Costs above {_COST_RANGE[1]:g} are drawn there."
@@ -87,12 +73,9 @@ def parameter_sections(found: Found, transmission: BoolArray) -> tuple[Section, 
 
 def _parameter_figure(found: Found, models: Models, mask: BoolArray) -> Figure:
     relative = np.clip(np.exp(models.internal[models.order] - found.best), *_PARAMETER_RANGE)
-    x = tuple(float(number) for number in range(1, len(relative) + 1))
     names = found.problem.parameters.names
-    curves = tuple(
-        Curve(names[index].rpartition(".")[0], x, tuple(relative[:, index].tolist())) for index in np.flatnonzero(mask)
-    )
-    return Figure(models.name, "", "", curves, log_x=False, y_range=_PARAMETER_RANGE, height=240)
+    series = {names[index].rpartition(".")[0]: relative[:, index] for index in np.flatnonzero(mask)}
+    return figure(models.name, ("", ""), None, series, log_x=False, y_range=_PARAMETER_RANGE, height=240)
 
 
 def response_sections(found: Found, element: tuple[int, int]) -> tuple[Section, ...]:
@@ -107,47 +90,39 @@ def _spread_section(found: Found, configuration: int, element: tuple[int, int], 
     output, motor = (number - 1 for number in element)
     models = found.as_in_paper[found.reference]
     near = models.internal[models.user_cost <= NEAR_BEST]
-    curves = [_curve(found, "best", np.abs(best[:, output, motor]))]
+    series = {"best": np.abs(best[:, output, motor])}
     if len(near):
         kept = np.unique(np.round(near, 3), axis=0)
         size = np.array([np.abs(found.problem.model_response(one)[configuration, :, output, motor]) for one in kept])
-        curves += [_curve(found, "smallest", size.min(axis=0)), _curve(found, "largest", size.max(axis=0))]
-    figure = Figure(f"Element ({element[0]}, {element[1]})", "Frequency [Hz]", _UNIT, tuple(curves))
+        series |= {"smallest": size.min(axis=0), "largest": size.max(axis=0)}
+    axes = "Frequency [Hz]", "Magnitude [rad/(s² N m)]"
+    shown = figure(f"Element ({element[0]}, {element[1]})", axes, found.problem.frf.frequency_hz, series)
     lead = (
         f"Configuration {configuration + 1}: the best {found.reference} model and the range of its {len(near)} models"
         f" with a cost within {NEAR_BEST:g} of the best (paper: 31)."
     )
-    return Section("Fig. 8: responses of the good models", lead, (figure,))
+    return Section("Fig. 8: responses of the good models", lead, (shown,))
 
 
 def _matrix_section(found: Found, configuration: int, best: ComplexArray) -> Section:
     frf = found.problem.frf
-    measured = np.abs(frf.response[configuration])
-    std = np.sqrt(frf.element_variance()[configuration])
-    size = np.abs(best)
+    response, std = np.abs(frf.response[configuration]), np.sqrt(frf.element_variance()[configuration])
     figures = []
-    for output, motor in np.ndindex(measured.shape[1:]):
+    for output, motor in np.ndindex(response.shape[1:]):
         own = (slice(None), output, motor)
-        curves = (
-            _curve(found, "measured", measured[own]),
-            _curve(found, "best model", size[own]),
-            _curve(found, "minus one deviation", np.maximum(measured[own] - std[own], 1e-2 * measured[own])),
-            _curve(found, "plus one deviation", measured[own] + std[own]),
-        )
+        series = {
+            "measured": response[own],
+            "best model": np.abs(best)[own],
+            "minus one deviation": np.maximum(response[own] - std[own], 1e-2 * response[own]),
+            "plus one deviation": response[own] + std[own],
+        }
         title = f"{frf.output_names[output]} by {frf.input_names[motor]}"
-        figures.append(Figure(title, "", "", curves, height=150, legend=False))
+        figures.append(figure(title, ("", ""), frf.frequency_hz, series, height=150, legend=False))
     lead = (
         f"Configuration {configuration + 1}: measured response (solid), best {found.reference} model (dashed) and one"
         f" standard deviation to each side (dots); [rad/(s² N m)] over [Hz]."
     )
-    return Section("Fig. 9: measured and modelled response", lead, (Beside(tuple(figures), measured.shape[2]),))
-
-
-_UNIT = "Magnitude [rad/(s² N m)]"
-
-
-def _curve(found: Found, name: str, values: FloatArray) -> Curve:
-    return Curve(name, tuple(found.problem.frf.frequency_hz.tolist()), tuple(values.tolist()))
+    return Section("Fig. 9: measured and modelled response", lead, (Beside(tuple(figures), response.shape[2]),))
 
 
 _STATISTICS = ("min", "median", "max", "mean", "std", "std_th")
@@ -254,21 +229,12 @@ def _optimal_table(found: Found, summary: Mapping[str, float]) -> Table:
     rows = []
     for group, members in found.groups.items():
         for name, one in members.items():
-            suffix = group and f"_{group}"
-            rows.append(
-                (
-                    f"{name} {group}".strip(),
-                    percent(float((one.optimal_cost <= COST_LIMIT).mean())),
-                    significant(summary[f"{name}.best_optimal_cost{suffix}"]),
-                    significant(summary[f"{name}.median_optimal_cost{suffix}"]),
-                )
-            )
-    return Table(
-        ("Estimator", f"Within {COST_LIMIT:g} of the best", "Best cost", "Median cost"),
-        tuple(rows),
-        title="The same models by the cost with optimal weights",
-        caption=f"The best cost is {significant(1 / found.truth_optimal_cost)} of that of the truth.",
-    )
+            costs = (summary[f"{name}.{which}_optimal_cost{group and '_' + group}"] for which in ("best", "median"))
+            within = percent(float((one.optimal_cost <= COST_LIMIT).mean()))
+            rows.append((f"{name} {group}".strip(), within, *map(significant, costs)))
+    heads = ("Estimator", f"Within {COST_LIMIT:g} of the best", "Best cost", "Median cost")
+    caption = f"The best cost is {significant(1 / found.truth_optimal_cost)} of that of the truth."
+    return Table(heads, tuple(rows), title="The same models by the cost with optimal weights", caption=caption)
 
 
 def _claims_section(held: tuple[Claim, ...]) -> Section:

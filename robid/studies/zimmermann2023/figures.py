@@ -367,12 +367,7 @@ class Rivals:
 
 
 def rivals(found: Found, mean: Mean) -> dict[str, Rivals]:
-    """Returns the optimal model's rivals by `deviation`, as fits state it, and by `scatter` about the truth.
-
-    Args:
-        found: What the study found.
-        mean: Mean over the springs.
-    """
+    """Returns the optimal model's rivals by `deviation`, as fits state it, and by `scatter` about the truth."""
     own = found.models[found.study.optimal]
     others = [found.models[name] for name in found.small if name != found.study.optimal]
     stated, scattered = {}, {}

@@ -303,12 +303,7 @@ _FURTHER = 1  # keeps the draw of further sets apart from that of the first
 
 
 def further_sets(choice: ModelChoice, n_conf: int) -> tuple[tuple[int, ...], ...]:
-    """Returns as many further sets of configurations as a drawn model's pool has that share none.
-
-    Args:
-        choice: The model's data.
-        n_conf: Number of configurations.
-    """
+    """Returns as many further sets of configurations as a drawn model's pool has that share none."""
     if choice.count is None or choice.low_torque is not None:
         return ()
     pool = np.arange(n_conf) if choice.configurations is None else np.array(choice.configurations)
