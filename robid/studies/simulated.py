@@ -53,17 +53,6 @@ class Estimator:
         return estimate_frf(record, self.options, self.laws, self.delay_s)
 
 
-@dataclass(frozen=True)
-class Measurement:
-    """One configuration of a campaign: simulated, and its response estimated."""
-
-    experiment: SimulatedExperiment  # What is simulated
-    configuration: FloatArray  # (n_joint,) where [rad, or m]
-    index: int  # Its number, which seeds the noise
-    estimator: Estimator  # How the response is estimated
-    threads: int  # Threads of the simulation
-
-
 def make_estimator(loaded: LoadedExperiment, campaign: Campaign, options: EstimateOptions) -> Estimator:
     """Returns an estimator with what these options read from the robot file."""
     laws, delay = stated_laws(loaded, campaign, options)
@@ -127,20 +116,21 @@ def measurements(
     decides = response_settings(loaded, campaign, options, experiment)
     for index, configuration in enumerate(content.configurations):
         place = {"index": index, "configuration": configuration.tolist()}
-        argument = Measurement(experiment, configuration, index, estimator, threads)
-        yield Task(f"{name}_{index + 1}", {**decides, **place}, argument)
+        arguments = experiment, configuration, index, estimator, threads
+        yield Task(f"{name}_{index + 1}", {**decides, **place}, arguments)
 
 
-def measure(one: Measurement) -> Content:
-    """Simulates a configuration and estimates its response; the record is not kept."""
-    record = simulate(one.experiment, one.configuration, one.index, one.threads)
-    return response_content(one.estimator.estimate(record))
+def measure(
+    experiment: SimulatedExperiment, configuration: FloatArray, index: int, estimator: Estimator, threads: int
+) -> Content:
+    """Simulates a configuration (n_joint,) and estimates its response; the record is not kept."""
+    return response_content(estimator.estimate(simulate(experiment, configuration, index, threads)))
 
 
-def measure_or_refuse(one: Measurement) -> Content:
+def measure_or_refuse(*arguments: Any) -> Content:  # noqa: ANN401
     """Measures a configuration, or says why it has no response."""
     try:
-        return measure(one)
+        return measure(*arguments)
     except DataError as error:
         return Content({}, {REFUSAL: str(error)})
 

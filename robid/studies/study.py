@@ -32,7 +32,7 @@ class Content:
     attributes: Mapping[str, Attribute] = field(default_factory=dict)  # Scalars and texts, where there are any
 
 
-Function = Callable[[Any], Content]
+Function = Callable[..., Content]
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Task:
 
     name: str  # Name of its file in the folder of tasks
     decides: dict[str, Any]  # Everything that decides its result, as values that JSON knows
-    argument: Any  # What the study's function is given
+    arguments: tuple[Any, ...]  # What the study's function is given
 
     def path(self, folder: Path) -> Path:
         """Returns where its result lies; one that other settings gave lies elsewhere."""
@@ -151,7 +151,7 @@ def is_done(folder: Path, task: Task) -> bool:
 
 def _do(work: _Work) -> None:
     started = utc_now()
-    found = work.function(work.task.argument)
+    found = work.function(*work.task.arguments)
     provenance = Provenance(
         stage="study",
         settings=work.task.decides,
@@ -204,7 +204,7 @@ def study_of(loaded: LoadedExperiment, kind: type[_Kind]) -> _Kind:
     return study
 
 
-def _nothing(_argument: object) -> Content:
+def _nothing(*_arguments: object) -> Content:
     raise NotImplementedError
 
 

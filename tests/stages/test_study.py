@@ -87,13 +87,19 @@ def test_a_linear_robot_without_noise_has_no_bias(study):
 
 def test_chunks_differ_in_phases_and_noise_alone(done):
     run = Run(load_with_study(Path("study.yaml")), done.runs, "serial", 1)
-    chunks = [task.argument for task in frf.tasks(run)]
-    assert [(chunk.index, len(chunk.experiment.reference)) for chunk in chunks] == [(0, 2), (0, 2), (1, 2), (1, 2)]
-    seeds = [chunk.experiment.options.seed for chunk in chunks]
+    chunks = [task.arguments[0] for task in frf.tasks(run)]
+    places = [task.arguments[2] for task in frf.tasks(run)]
+    assert [(place, len(chunk.reference)) for place, chunk in zip(places, chunks, strict=True)] == [
+        (0, 2),
+        (0, 2),
+        (1, 2),
+        (1, 2),
+    ]
+    seeds = [chunk.options.seed for chunk in chunks]
     assert seeds[0] != seeds[1]
     assert seeds[:2] == seeds[2:]  # the configuration's index seeds as well
-    assert not np.allclose(chunks[0].experiment.reference, chunks[1].experiment.reference)
-    assert chunks[0].experiment.robot == chunks[1].experiment.robot
+    assert not np.allclose(chunks[0].reference, chunks[1].reference)
+    assert chunks[0].robot == chunks[1].robot
 
 
 def test_a_second_study_does_nothing(done):

@@ -184,16 +184,6 @@ class Logged:
     path: Path
 
 
-@dataclass(frozen=True)
-class Chunk:
-    """Robots that are logged in one go."""
-
-    experiment: SimulatedExperiment
-    configurations: FloatArray
-    robots: tuple[Logged, ...]
-    threads: int
-
-
 def manifest_path(run: Run) -> Path:
     """Returns where the manifest of all robots lies."""
     return run.path("manifest.csv")
@@ -233,8 +223,8 @@ def log_tasks(run: Run, study: FleetStudy, _earlier: Mapping[str, Results]) -> l
     for first in range(0, len(robots), study.robots_per_task):
         some = robots[first : first + study.robots_per_task]
         logged = tuple(_logged(run, campaign, experiment, robot) for robot in some)
-        chunk = Chunk(experiment, content.configurations, logged, threads)
-        task = Task(some[0].name, {**decides, "robots": [asdict(robot) for robot in some]}, chunk)
+        arguments = experiment, content.configurations, logged, threads
+        task = Task(some[0].name, {**decides, "robots": [asdict(robot) for robot in some]}, arguments)
         if not all(one.path.exists() for one in logged):
             task.path(run.path(f"{TASKS}/{NAME}")).unlink(missing_ok=True)
         tasks.append(task)
@@ -270,14 +260,16 @@ def stated_payload(run: Run) -> float:
     return run.loaded.robot.to_robot(campaign.payload_kg).payload.mass_kg
 
 
-def write_logs(chunk: Chunk) -> Content:
-    """Simulates robots and writes their logs."""
+def write_logs(
+    shared: SimulatedExperiment, configurations: FloatArray, robots: tuple[Logged, ...], threads: int
+) -> Content:
+    """Simulates robots in configurations (n_conf, n_joint) and writes their logs."""
     hashes = []
-    for one in chunk.robots:
-        experiment = replace(chunk.experiment, robot=one.robot, options=one.options)
+    for one in robots:
+        experiment = replace(shared, robot=one.robot, options=one.options)
         log: Log = {}
-        for index, configuration in enumerate(chunk.configurations):
-            log |= log_of(simulate(experiment, configuration, index, chunk.threads), index)
+        for index, configuration in enumerate(configurations):
+            log |= log_of(simulate(experiment, configuration, index, threads), index)
         joints = [joint.name for joint in one.robot.joints]
         content = log_bytes(log if one.of.fault is None else faulty_log(log, one.of.fault, joints))
         content = content if one.of.fault is None else faulty_bytes(content, one.of.fault)

@@ -85,7 +85,7 @@ def speed_tasks(run: Run, speed: FleetSpeed, earlier: Mapping[str, Results]) -> 
         "formats": FORMATS,
     }
     timing = Timing(path, template, run.path(NAME), ways(core_count()), speed.repeats, canonical_hash(decides))
-    return [Task(NAME, decides, timing)]
+    return [Task(NAME, decides, (timing,))]
 
 
 def time_all(timing: Timing) -> Content:
@@ -229,16 +229,6 @@ class Fed:
     answer: Path
 
 
-@dataclass(frozen=True)
-class Feeding:
-    """What a scheduler is fed with."""
-
-    first: Fed
-    count: int
-    workers: int
-    folder: Path
-
-
 def scheduler_tasks(run: Run, count: int, earlier: Mapping[str, Results]) -> list[Task]:
     """Returns the one task, of so many rows."""
     fleet = load_fleet(manifest_path(run), template_path(run))
@@ -248,19 +238,19 @@ def scheduler_tasks(run: Run, count: int, earlier: Mapping[str, Results]) -> lis
     first = Fed(RowTask(row, fleet.template.path, fleet.text, rows, keep=False), rows / row.id)
     workers = core_count()
     decides = {"rows": count, "workers": workers, "like": earlier[WHOLE_NAME].paths[0].name}
-    return [Task("scheduler", decides, Feeding(first, count, workers, run.folder))]
+    return [Task("scheduler", decides, (first, count, workers, run.folder))]
 
 
-def feed(feeding: Feeding) -> Content:
-    """Feeds a local cluster and says what that took."""
-    first, digits = feeding.first, len(str(feeding.count))
-    rows = [_like(first, f"x{number:0{digits}d}") for number in range(feeding.count)]
-    with make_map("dask", feeding.workers, folder=feeding.folder) as mapped:
-        mapped(answer, rows[: feeding.workers])
+def feed(first: Fed, count: int, workers: int, folder: Path) -> Content:
+    """Feeds a local cluster with so many rows and says what that took."""
+    digits = len(str(count))
+    rows = [_like(first, f"x{number:0{digits}d}") for number in range(count)]
+    with make_map("dask", workers, folder=folder) as mapped:
+        mapped(answer, rows[:workers])
         before, begun = resident_mib(), time.monotonic()
         answers = mapped(answer, rows)
         seconds, after = time.monotonic() - begun, resident_mib()
-    grown = float("nan") if before is None or after is None else (after - before) * 2**20 / feeding.count
+    grown = float("nan") if before is None or after is None else (after - before) * 2**20 / count
     found = {
         "rows": float(len(answers)),
         "seconds": seconds,

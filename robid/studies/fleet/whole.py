@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -160,15 +159,6 @@ _GROWTH = Asked(upper=1.1)
 _SETTLED = 10
 
 
-@dataclass(frozen=True)
-class Whole:
-    """What is reprocessed, and where."""
-
-    manifest: Path
-    template: Path
-    folder: Path
-
-
 def whole_tasks(run: Run, _study: FleetStudy, earlier: Mapping[str, Results]) -> list[Task]:
     """Returns the one task: all rows, of which a stopped study keeps what is done."""
     path, template = manifest_path(run), template_path(run)
@@ -179,20 +169,20 @@ def whole_tasks(run: Run, _study: FleetStudy, earlier: Mapping[str, Results]) ->
         "logs": list(hashes_of(earlier[LOGS_NAME])),
         "formats": FORMATS,
     }
-    return [Task(NAME, decides, Whole(path, template, run.path(FOLDER)))]
+    return [Task(NAME, decides, (path, template, run.path(FOLDER)))]
 
 
-def reprocess_whole(whole: Whole) -> Content:
+def reprocess_whole(manifest: Path, template: Path, folder: Path) -> Content:
     """Reprocesses all rows on one worker, and watches its memory."""
     memory: list[float] = []
-    fleet = load_fleet(whole.manifest, whole.template)
+    fleet = load_fleet(manifest, template)
 
     def open_map(*, one: bool) -> AbstractContextManager[Map]:
         del one
         return watched_worker(memory)
 
-    with locked(whole.folder / FOLDER_LOCK, "robid study"):
-        batch = run_fleet(fleet, whole.folder, Options(pages="none"), open_map, Told(), lambda *_: None)
+    with locked(folder / FOLDER_LOCK, "robid study"):
+        batch = run_fleet(fleet, folder, Options(pages="none"), open_map, Told(), lambda *_: None)
     failed = np.array([ledger.status == "failed" for ledger in batch.ledgers])
     off = np.array([row in batch.comparison.off for row in range(len(batch.ledgers))])
     told = np.array([_told(batch, row) for row in range(len(batch.ledgers))])

@@ -30,19 +30,6 @@ from robid.studies.simulated import Estimator, make_estimator, played, simulate_
 from robid.studies.study import Content, Earlier, Task, study_of
 
 
-@dataclass(frozen=True)
-class Chunk:
-    """Some realizations in one configuration: simulated at once, estimated group by group and as a whole."""
-
-    experiment: SimulatedExperiment
-    configuration: FloatArray
-    index: int
-    group: int
-    small: tuple[Estimator, ...]
-    whole: tuple[Estimator, ...]
-    threads: int
-
-
 def compared(study: FrfStudy, campaign: Campaign) -> list[EstimateOptions]:
     """Returns what is estimated from each group: every estimator, then every other compensation.
 
@@ -89,9 +76,9 @@ def tasks(run: Run, _earlier: Earlier) -> list[Task]:
             part = replace(
                 whole, reference=whole.reference[start : start + length], options=replace(options, seed=seed)
             )
-            chunk = Chunk(part, configuration, index, study.group, small, large, threads_of(run))
+            arguments = part, configuration, index, study.group, small, large, threads_of(run)
             place = {"configuration": index, "chunk": number}
-            found.append(Task(f"configuration_{index + 1}_chunk_{number + 1}", {**decides, **place}, chunk))
+            found.append(Task(f"configuration_{index + 1}_chunk_{number + 1}", {**decides, **place}, arguments))
     return found
 
 
@@ -113,20 +100,28 @@ def _decides(loaded: LoadedExperiment, excitation: str) -> dict[str, Any]:
     }
 
 
-def estimate_chunk(chunk: Chunk) -> Content:
-    """Simulates a chunk and estimates from each of its groups, and from all of it."""
-    record = simulate(chunk.experiment, chunk.configuration, chunk.index, chunk.threads)
+def estimate_chunk(
+    experiment: SimulatedExperiment,
+    configuration: FloatArray,
+    index: int,
+    group: int,
+    small_estimators: tuple[Estimator, ...],
+    whole_estimators: tuple[Estimator, ...],
+    threads: int,
+) -> Content:
+    """Simulates some realizations in one configuration, and estimates from each of their groups and from all."""
+    record = simulate(experiment, configuration, index, threads)
     n_real = record.inputs.shape[1]
-    groups = [record.realizations(chunk.group, at) for at in range(0, n_real, chunk.group)]
-    identified = _identified(groups[0], (*chunk.small, *chunk.whole))
-    small = [[_estimate(group, each, identified) for group in groups] for each in chunk.small]
-    whole = [_estimate(record, each, identified) for each in chunk.whole]
+    groups = [record.realizations(group, at) for at in range(0, n_real, group)]
+    identified = _identified(groups[0], (*small_estimators, *whole_estimators))
+    small = [[_estimate(part, each, identified) for part in groups] for each in small_estimators]
+    whole = [_estimate(record, each, identified) for each in whole_estimators]
     element = ("frequency", "output", "input")
     unit = f"rad/(s^2 {units_text(record.input_channels)})"
     refused = [next((one.refusal for one in row if one.refusal), "") for row in (*small, whole)]
     datasets = {
-        "configuration": Dataset(np.array(chunk.index), "1", ()),
-        "angles": Dataset(chunk.configuration, "rad", ("joint",)),
+        "configuration": Dataset(np.array(index), "1", ()),
+        "angles": Dataset(configuration, "rad", ("joint",)),
         "frequency_hz": Dataset(record.frequency_hz, "Hz", ("frequency",)),
         "response": Dataset(
             np.array([[one.response for one in row] for row in small]), unit, ("estimate", "group", *element)

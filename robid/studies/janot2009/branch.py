@@ -23,7 +23,6 @@ from robid.simulate.rigid_loop import simulate_rigid, simulate_rigid_loop
 from robid.studies.janot2009.seeded import (
     FILTERS,
     VERDICTS,
-    Chunk,
     Machine,
     Recording,
     chunk_tasks,
@@ -94,14 +93,6 @@ def record_branch(rig: Rig, seeds: range) -> Recording:
     return Recording(controller.sampling_period_s, seen, torque + case.torque_noise_nm * noise)
 
 
-@dataclass(frozen=True)
-class BranchChunk:
-    """Some seeds of the branch."""
-
-    branch: Branch
-    chunk: Chunk
-
-
 def branch_tasks(run: Run, case: BranchCase, _earlier: Mapping[str, Results]) -> list[Task]:
     """Returns the tasks of the branch."""
     campaign = run.loaded.experiment.campaigns[case.campaign]
@@ -113,13 +104,13 @@ def branch_tasks(run: Run, case: BranchCase, _earlier: Mapping[str, Results]) ->
     middle = configurations_of(run.loaded, campaign, {})[0]
     robot = run.loaded.robot.to_robot(campaign.payload_kg)
     branch = Branch(case, robot, require_controller(run.loaded), middle)
-    return chunk_tasks(case, "branch", decides, lambda chunk: BranchChunk(branch, chunk))
+    return chunk_tasks(case, "branch", decides, branch)
 
 
-def identify_branch(one: BranchChunk) -> Content:
+def identify_branch(branch: Branch, case: BranchCase, seeds: range) -> Content:
     """Simulates and identifies some seeds of the branch."""
-    rig = make_rig(one.branch)
-    return judge_chunk(rig.machine, record_branch(rig, one.chunk.seeds), one.branch.case)
+    rig = make_rig(branch)
+    return judge_chunk(rig.machine, record_branch(rig, seeds), case)
 
 
 def conclude_branch(run: Run, case: BranchCase, results: Results) -> PartFound:

@@ -17,7 +17,6 @@ from robid.studies.janot2009.seeded import (
     BENDS,
     FILTERS,
     VERDICTS,
-    Chunk,
     Judged,
     Machine,
     Recording,
@@ -42,13 +41,13 @@ FIRST_MOMENTS = ((1, 2),)
 
 def haptic_tasks(_run: Run, case: SeededCase, _earlier: Mapping[str, Results]) -> list[Task]:
     """Returns the tasks of the device."""
-    return chunk_tasks(case, "haptic", {}, lambda chunk: chunk)
+    return chunk_tasks(case, "haptic", {})
 
 
-def identify_haptic(chunk: Chunk) -> Content:
+def identify_haptic(case: SeededCase, seeds: range) -> Content:
     """Simulates and identifies some seeds of the device."""
-    bench = bench_of(chunk.case)
-    return judge_chunk(haptic_machine(bench), record(chunk.seeds, bench), chunk.case)
+    bench = bench_of(case)
+    return judge_chunk(haptic_machine(bench), record(seeds, bench), case)
 
 
 def bench_of(case: SeededCase) -> Bench:

@@ -296,7 +296,7 @@ def kr300_tasks(run: Run, case: CoverageCase, _earlier: Mapping[str, Results]) -
         own_robot = replace(robot, springs=()) if name == "rigid" else robot
         for seeds in in_chunks(case.first_seed, count, case.seeds_per_task):
             argument = replace(one, robot=own_robot, seeds=tuple(seeds))
-            tasks.append(Task(f"{name}_{seeds.start}", {**decides, "joints": name, "seeds": list(seeds)}, argument))
+            tasks.append(Task(f"{name}_{seeds.start}", {**decides, "joints": name, "seeds": list(seeds)}, (argument,)))
     return tasks
 
 

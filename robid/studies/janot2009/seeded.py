@@ -42,14 +42,6 @@ _ITERATIONS = 1000  # towards H = 0 the weights settle slowly
 
 
 @dataclass(frozen=True)
-class Chunk:
-    """Some seeds of a case."""
-
-    case: SeededCase
-    seeds: range
-
-
-@dataclass(frozen=True)
 class Judged:
     """What seeds gave, and the first of them in detail."""
 
@@ -77,16 +69,14 @@ class Judged:
     """The verdict on it."""
 
 
-def chunk_tasks(
-    case: SeededCase, name: str, decides: dict[str, Any], argument: Callable[[Chunk], object]
-) -> list[Task]:
+def chunk_tasks(case: SeededCase, name: str, decides: dict[str, Any], *given: object) -> list[Task]:
     """Returns the tasks of a case: its seeds in chunks, with either of the filters."""
     own = plain_settings(case)
     settings = {key: own[key] for key in own if key not in ("seeds", "seeds_per_task", "first_seed")}
     found = []
     for seeds in in_chunks(case.first_seed, case.seeds, case.seeds_per_task):
         place = {"seeds": [seeds.start, seeds.stop], "bends": BENDS}
-        found.append(Task(f"{name}_{seeds.start}", {**decides, **settings, **place}, argument(Chunk(case, seeds))))
+        found.append(Task(f"{name}_{seeds.start}", {**decides, **settings, **place}, (*given, case, seeds)))
     return found
 
 

@@ -103,20 +103,11 @@ class Fitting:
     delay_s: float
 
 
-@dataclass(frozen=True)
-class Judged:
-    """A fit to be judged."""
-
-    fitting: Fitting
-    model: Path
-    mistake: Mistake
-    about: dict[str, Attribute]
-
-
 def model_tasks(run: Run, earlier: Earlier) -> list[Task]:
     """Returns the fit of each case."""
     responses = earlier[0].by_name
-    return [Task(case.key, *_fitting(run, case, responses[case.simulation])) for case in cases(run)]
+    fits = ((case, *_fitting(run, case, responses[case.simulation])) for case in cases(run))
+    return [Task(case.key, decides, (fitting,)) for case, decides, fitting in fits]
 
 
 def case_tasks(run: Run, earlier: Earlier) -> list[Task]:
@@ -127,7 +118,7 @@ def case_tasks(run: Run, earlier: Earlier) -> list[Task]:
         about: dict[str, Attribute] = {"case": case.name, "robot": case.subject.name, "seed": case.seed}
         about["cause"] = case.mistake.cause or ""
         decides = {"model": model.name, "grading": GRADING, **about}
-        found.append(Task(case.key, decides, Judged(fitting, model, case.mistake, about)))
+        found.append(Task(case.key, decides, (fitting, model, case.mistake, about)))
     return found
 
 
@@ -161,10 +152,10 @@ def _response(held: Artifact, one: Fitting, campaign: str) -> Frf:
     return response_from(held, f"{one.response}/{campaign}/")
 
 
-def judge_case(one: Judged) -> Content:
+def judge_case(fitting: Fitting, model: Path, mistake: Mistake, about: dict[str, Attribute]) -> Content:
     """Validates and grades a case, and holds it against the truth."""
-    held, responses = read_artifact(one.model, TASK), read_artifact(one.fitting.responses, TASK)
-    fitting, truth = one.fitting, mistaken_truth(kept_truth(responses), one.mistake)
+    held, responses = read_artifact(model, TASK), read_artifact(fitting.responses, TASK)
+    truth = mistaken_truth(kept_truth(responses), mistake)
     frf: Frf | None = None
     try:
         frf = _response(responses, fitting, "estimation")
@@ -173,21 +164,18 @@ def judge_case(one: Judged) -> Content:
         doubts = assess_fit(fitting.robots[0], solution, frf, fitting.options, fitting.delay_s).doubts
         validation = validate_elastic(fitting.robots[1], solution, new, fitting.options, fitting.delay_s, truth, doubts)
     except DataError as error:
-        return _refused(one, frf, str(error))
-    return _content(one, solution, validation, against_truth(solution, validation, truth))
+        # Nothing may be used of what was refused, which no truth contradicts.
+        causes = np.array(refused_causes(fitting.robots[0], frf, str(error), fitting.delay_s), dtype=str)
+        attributes = {**about, "refusal": str(error), "given": 0, "right": 0}
+        return Content({"causes": Dataset(causes, "1", ("doubt",))}, attributes)
+    return _content(about, solution, validation, against_truth(solution, validation, truth))
 
 
-def _refused(one: Judged, frf: Frf | None, text: str) -> Content:
-    """What a refusal amounts to: nothing may be used, which no truth contradicts."""
-    causes = np.array(refused_causes(one.fitting.robots[0], frf, text, one.fitting.delay_s), dtype=str)
-    return Content({"causes": Dataset(causes, "1", ("doubt",))}, {**one.about, "refusal": text, "given": 0, "right": 0})
-
-
-def _content(one: Judged, solution: ElasticSolution, validation: Validation, truth: Against) -> Content:
+def _content(about: dict[str, Attribute], solution: ElasticSolution, validation: Validation, truth: Against) -> Content:
     error, axis, doubts = solution.model_error, ("doubt",), validation.outcome.grade.doubts
     shares = (float("nan"), float("nan")) if error is None else telling_shares(error)
     attributes: dict[str, Attribute] = {
-        **one.about,
+        **about,
         "given": validation.outcome.grade.value,
         "right": truth.grade,
         "holds": truth.holds,

@@ -241,7 +241,7 @@ def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
 
 def _simulated(
     fit: str, group: list[Case], run: Run, contents: Mapping[tuple[str, str], CampaignExcitation]
-) -> tuple[dict[str, Any], Individual]:
+) -> tuple[dict[str, Any], tuple[Individual]]:
     loaded = group[0].subject.loaded
     read = {case.response: case for case in group}
     decides: dict[str, Any] = {"read": {name: read_with(case.mistake) for name, case in read.items()}}
@@ -252,7 +252,7 @@ def _simulated(
         decides[name] = settings
         measured.append(one)
     mistakes = {name: case.mistake for name, case in read.items()}
-    return decides, Individual(tuple(measured), mistakes, threads_of(run))
+    return decides, (Individual(tuple(measured), mistakes, threads_of(run)),)
 
 
 def _measured(

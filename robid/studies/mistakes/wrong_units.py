@@ -174,7 +174,7 @@ def unit_tasks(run: Run, _earlier: Earlier) -> list[Task]:
             "played": {name: read_header(path, EXCITATION).content_sha256 for name, path in played.items()},
         }
         reading = Reading(one, loaded.path, subject.settings, played, mistakes, study.units.rough)
-        found.append(Task(one.key, decides, reading))
+        found.append(Task(one.key, decides, (reading,)))
     return found
 
 

@@ -44,21 +44,6 @@ from robid.studies.settings.parts import CartesianCase, LoopCase
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Content, Part, Results, Task, recorded_part
 
-
-@dataclass(frozen=True)
-class Home:
-    """One home of the arm."""
-
-    record: Path
-    index: int
-    robot: Robot
-    arm: ToolArm
-    controller: Controller
-    interface: PoseInterface
-    measured: str
-    options: ExternalOptions
-
-
 _RESPONSE = "frequency output command"
 
 
@@ -93,42 +78,35 @@ def homes_tasks(run: Run, case: CartesianCase, _earlier: Mapping[str, Results]) 
         "options": plain_settings(options),
     }
     count = record_from_artifact(read_artifact(path, RECORD)).inputs.shape[0]
-    return [
-        Task(
-            f"home_{index + 1}",
-            {**decides, "home": index},
-            Home(
-                record=path,
-                index=index,
-                robot=true_robot(nominal, simulated.truth),
-                arm=tool_arm(loaded.robot, nominal),
-                controller=require_controller(loaded),
-                interface=require_pose_interface(loaded.robot),
-                measured=simulated.measured_pose,
-                options=options,
-            ),
-        )
-        for index in range(count)
-    ]
+    shared = (
+        true_robot(nominal, simulated.truth),
+        tool_arm(loaded.robot, nominal),
+        require_controller(loaded),
+        require_pose_interface(loaded.robot),
+        simulated.measured_pose,
+        options,
+    )
+    return [Task(f"home_{at + 1}", {**decides, "home": at}, (path, at, *shared)) for at in range(count)]
 
 
-def map_home(home: Home) -> Content:
-    """Maps one home, and holds the map beside the linearised loop."""
-    record = record_from_artifact(read_artifact(home.record, RECORD))
-    etfe, pairs, found = map_record(record, home.index, home.options)
+def map_home(
+    path: Path,
+    index: int,
+    robot: Robot,
+    arm: ToolArm,
+    controller: Controller,
+    interface: PoseInterface,
+    measured: str,
+    options: ExternalOptions,
+) -> Content:
+    """Maps one home of the record at `path`, and holds the map beside the linearised loop."""
+    record = record_from_artifact(read_artifact(path, RECORD))
+    etfe, pairs, found = map_record(record, index, options)
     if record.configurations is None:
         message = "a simulated record names its configurations"
         raise RuntimeError(message)
-    linear = pose_response(
-        home.robot,
-        home.arm,
-        home.controller,
-        home.interface,
-        record.configurations[home.index],
-        etfe.frequency_hz,
-        pairs.inputs,
-        home.measured,
-    )
+    place, inputs = record.configurations[index], pairs.inputs
+    linear = pose_response(robot, arm, controller, interface, place, etfe.frequency_hz, inputs, measured)
     mapped = Mapped(
         inputs=pairs.inputs,
         outputs=pairs.outputs,

@@ -165,7 +165,7 @@ def decides_of(channel: BenchChannel) -> dict[str, Any]:
 def plants_tasks(run: Run, case: PlantsCase, _earlier: Mapping[str, Results]) -> list[Task]:
     """Returns the tasks of the channels."""
     return [
-        Task(channel.plant.name, {**decides_of(channel), "seed": channel.case.first_seed}, channel)
+        Task(channel.plant.name, {**decides_of(channel), "seed": channel.case.first_seed}, (channel,))
         for channel in channels_of(run, case)
     ]
 

@@ -133,7 +133,7 @@ def find_orders(seeds: Sequence[int]) -> Found:
 def synthetic_tasks(_run: Run, case: SyntheticCase, _earlier: Mapping[str, Results]) -> list[Task]:
     """Returns the tasks: some plants each."""
     chunks = in_chunks(case.first_seed, case.plants, case.plants_per_task)
-    return [Task(f"plants_{seeds.start}", {"seeds": [seeds.start, seeds.stop]}, seeds) for seeds in chunks]
+    return [Task(f"plants_{seeds.start}", {"seeds": [seeds.start, seeds.stop]}, (seeds,)) for seeds in chunks]
 
 
 def find(seeds: range) -> Content:
@@ -182,15 +182,6 @@ _ASKED = Asked(0.94, 0.99)
 _SEED = ("seed",)
 
 
-@dataclass(frozen=True)
-class Chunk:
-    """Some seeds of a channel, with the model of the first to start from."""
-
-    channel: BenchChannel
-    start: TransferMatrix
-    seeds: range
-
-
 def coverage_tasks(run: Run, case: PlantsCase, earlier: Mapping[str, Results]) -> list[Task]:
     """Returns the tasks: some seeds of one channel each, at the structure that its own task chose."""
     tasks = []
@@ -199,13 +190,12 @@ def coverage_tasks(run: Run, case: PlantsCase, earlier: Mapping[str, Results]) -
         chosen = [start.numerator.ravel().tolist(), start.denominator.tolist(), start.delay_samples]
         for seeds in in_chunks(case.first_seed, case.seeds, case.seeds_per_task):
             decides = {**decides_of(channel), "start": chosen, "seeds": [seeds.start, seeds.stop]}
-            tasks.append(Task(f"{channel.plant.name}_{seeds.start}", decides, Chunk(channel, start, seeds)))
+            tasks.append(Task(f"{channel.plant.name}_{seeds.start}", decides, (channel, start, seeds)))
     return tasks
 
 
-def cover(chunk: Chunk) -> Content:
-    """Refits some seeds of a channel, and tells which share of their bounds holds the truth."""
-    channel, start = chunk.channel, chunk.start
+def cover(channel: BenchChannel, start: TransferMatrix, seeds: range) -> Content:
+    """Refits some seeds of a channel from the model of the first, and tells the share of bounds that hold the truth."""
     measuring = Measuring(channel.plant, channel.bench, channel.case)
     structure = Structure(
         poles=len(start.denominator) - 1,
@@ -215,7 +205,7 @@ def cover(chunk: Chunk) -> Content:
         hold="zoh",
     )
     rows = []
-    for seed in chunk.seeds:
+    for seed in seeds:
         fit = fit_block(measuring.measure(seed).fitted, [0], [0], structure, start)
         rows.append(_shares(channel, measuring, Fitted(fit.model, fit.covariance_root)))
     output, magnitude, phase, error = np.array(rows).T

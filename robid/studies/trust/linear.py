@@ -290,7 +290,7 @@ def _tasks(machine: Machine, robots: list[Individual], options: ElasticOptions, 
             "settings": model_settings(loaded, places.owner),
             **robot_settings(loaded, "friction", "controller"),
         }
-        yield Task(one.key, decides, fit)
+        yield Task(one.key, decides, (fit,))
 
 
 def fit_linear(one: LinearFit) -> Content:

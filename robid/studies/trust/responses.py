@@ -198,7 +198,7 @@ def model_tasks(run: Run, earlier: Earlier) -> list[Task]:
     for one in simulated(run):
         for use in fits_of(one, known[one.robot]):
             decides, fitting = make_fitting(run, known[one.robot], one, use, earlier[0])
-            found.append(Task(f"{one.key}_{use}", decides, fitting))
+            found.append(Task(f"{one.key}_{use}", decides, (fitting,)))
     return found
 
 
@@ -246,15 +246,6 @@ def fit_individual(one: Fitting) -> Content:
     return with_truth(content, true_values(one.robot, one.truth))
 
 
-@dataclass(frozen=True)
-class Graded:
-    """A fit to be graded."""
-
-    fitting: Fitting
-    model: Path
-    fresh: tuple[Path, ...]
-
-
 def grade_tasks(run: Run, earlier: Earlier) -> list[Task]:
     """Returns one task for each robot that is simulated."""
     known, study = machines(run), study_of(run.loaded, TrustStudy)
@@ -265,20 +256,20 @@ def grade_tasks(run: Run, earlier: Earlier) -> list[Task]:
         model = models[f"{one.key}_{RANDOM}"]
         fresh = files_of(earlier[0], one, FRESH)[: study.validated_in]
         decides = {"model": model.name, "fresh": [path.name for path in fresh], "grading": GRADING}
-        found.append(Task(one.key, decides, Graded(fitting, model, fresh)))
+        found.append(Task(one.key, decides, (fitting, model, fresh)))
     return found
 
 
-def grade_individual(one: Graded) -> Content:
-    """Says what speaks against a fit and, with places to validate in, which grade it gets."""
-    held, fitting, frf = read_artifact(one.model, TASK), one.fitting, None
+def grade_individual(fitting: Fitting, model: Path, fresh: tuple[Path, ...]) -> Content:
+    """Says what speaks against a fit and, with fresh places to validate in, which grade it gets."""
+    held, frf = read_artifact(model, TASK), None
     try:
         solution = kept_solution(held)
         frf = read_responses(fitting.responses)
         doubts = assess_fit(fitting.robot, solution, frf, fitting.options, fitting.delay_s).doubts
-        if not one.fresh:
+        if not fresh:
             return _content(doubts, {})
-        new, truth = read_responses(one.fresh), kept_truth(held)
+        new, truth = read_responses(fresh), kept_truth(held)
         validation = validate_elastic(fitting.robot, solution, new, fitting.options, fitting.delay_s, truth, doubts)
     except DataError as error:
         return _refused(fitting, frf, str(error))

@@ -81,7 +81,7 @@ def synthetic_tasks(_run: Run, case: KnownStructureCase, _earlier: Mapping[str, 
     """Returns the tasks: some systems each."""
     chunks = in_chunks(case.first_seed, case.runs, case.runs_per_task)
     options = plain_settings(LpvOptions(order=ORDER))
-    return [Task(f"runs_{seeds.start}", {"seeds": [*seeds], "options": options}, seeds) for seeds in chunks]
+    return [Task(f"runs_{seeds.start}", {"seeds": [*seeds], "options": options}, (seeds,)) for seeds in chunks]
 
 
 def find(seeds: range) -> Content:

@@ -21,9 +21,18 @@ from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.simulate.truth import true_robot
 from robid.studies.settings.elastic import EstimatorChoice, WernholtStudy
-from robid.studies.simulated import ratio_interval
+from robid.studies.simulated import ratio_interval, simulate_options
 from robid.studies.study import study_of, values_of
-from robid.studies.wernholt2008.study import ALL, Individuals, measured, robot_and_delay, score_options, sets, sizes_of
+from robid.studies.wernholt2008.study import (
+    ALL,
+    Individuals,
+    measured,
+    robot_and_delay,
+    score_options,
+    sets,
+    sizes_of,
+    true_springs,
+)
 
 
 @dataclass(frozen=True)
@@ -189,13 +198,7 @@ def gather(run: Run, results: Sequence[Artifact]) -> Found:
 
 def true_internal(problem: Problem, robot: Robot, campaign: Campaign) -> FloatArray:
     """Internal parameters (n_param,) of a simulated campaign's true robot."""
-    source = campaign.source
-    if source is None or source.simulate is None:
-        message = "the settings' checks let a study without a simulated campaign pass"
-        raise RuntimeError(message)
-    true = true_robot(robot, source.simulate.truth)
-    values = {f"{spring.name}.stiffness": spring.stiffness for spring in true.springs}
-    values |= {f"{spring.name}.damping": spring.damping for spring in true.springs}
+    values = true_springs(true_robot(robot, simulate_options(campaign).truth))
     parameters = problem.parameters
     return np.asarray(np.log([values[name] for name in parameters.names] / parameters.nominal_values()))
 

@@ -37,20 +37,6 @@ ALL = -1
 """Stands for all configurations where one is named by its index."""
 
 
-@dataclass(frozen=True)
-class Chunk:
-    """Some starts of one estimator."""
-
-    robot: Robot  # The robot file's
-    frf: Path  # Where the measured responses lie
-    configuration: int  # Index of the only one that is fitted, or `ALL`
-    # Options of the fit; `starts` counts all of them and the robot file's values, which is not used
-    options: ElasticOptions
-    scores: tuple[ElasticOptions, ElasticOptions]  # Options of the two costs that every model is judged by
-    starts: tuple[int, ...]  # Indices of the starts, from 1
-    delay_s: float  # Nominal delay [s]
-
-
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
     """Returns the outputs of the chain that the tasks read, once the paper's figures can be read."""
     paper_figures(loaded)
@@ -138,27 +124,39 @@ def tasks(run: Run, _earlier: Earlier) -> list[Task]:
         alone = best if one.alone else ALL
         for number, first in enumerate(range(1, one.options.starts, study.starts_per_task), 1):
             starts = tuple(range(first, min(first + study.starts_per_task, one.options.starts)))
-            chunk = Chunk(robot, path, alone, one.options, score_options(study), starts, delay)
-            place = {"options": plain_settings(one.options), "scores": plain_settings(chunk.scores), "starts": starts}
+            judging = score_options(study)
+            arguments = robot, path, alone, one.options, judging, starts, delay
+            place = {"options": plain_settings(one.options), "scores": plain_settings(judging), "starts": starts}
             label = "_".join(part for part in (one.name, one.group, str(number)) if part)
-            found.append(Task(label, {**decides, **place, "configuration": alone}, chunk))
+            found.append(Task(label, {**decides, **place, "configuration": alone}, arguments))
     return found
 
 
-def fit_chunk(chunk: Chunk) -> Content:
-    """Fits from the starts of a chunk and scores the models."""
-    frf = read_frf(chunk.frf)
-    used = frf if chunk.configuration == ALL else frf.select([chunk.configuration])
+def fit_chunk(
+    robot: Robot,
+    path: Path,
+    configuration: int,
+    options: ElasticOptions,
+    judging: tuple[ElasticOptions, ElasticOptions],
+    chosen: tuple[int, ...],
+    delay_s: float,
+) -> Content:
+    """Fits from some starts of one estimator, counted from 1, and scores the models by the costs of `judging`.
+
+    Responses lie at `path`; the only configuration that is fitted is named by its index, else `ALL` are.
+    """
+    frf = read_frf(path)
+    used = frf if configuration == ALL else frf.select([configuration])
     clock, processor = time.perf_counter(), time.process_time()
-    problem = set_up(chunk.robot, used, chunk.options, chunk.delay_s)[0]
+    problem = set_up(robot, used, options, delay_s)[0]
     strategy, starts = (
-        make_strategy(problem, chunk.robot, chunk.options),
-        draw_starts(problem.parameters, chunk.options),
+        make_strategy(problem, robot, options),
+        draw_starts(problem.parameters, options),
     )
-    ends = [strategy.descend(starts[index]) for index in chunk.starts]
+    ends = [strategy.descend(starts[index]) for index in chosen]
     seconds, processor = time.perf_counter() - clock, time.process_time() - processor
     internal = np.array([end.parameters for end in ends])
-    user, optimal = (scores(set_up(chunk.robot, frf, options, chunk.delay_s)[0], internal) for options in chunk.scores)
+    user, optimal = (scores(set_up(robot, frf, each, delay_s)[0], internal) for each in judging)
     start = ("start",)
     datasets = {
         "internal": Dataset(internal, "1", ("start", "parameter"), "Logarithm of each parameter over the robot file's"),
@@ -167,11 +165,17 @@ def fit_chunk(chunk: Chunk) -> Content:
         "status": Dataset(np.array([end.status for end in ends]), "1", start),
         "user_cost": Dataset(user, "1", start, "Logarithmic cost with user weights, all configurations"),
         "optimal_cost": Dataset(optimal, "1", start, "The same with optimal weights"),
-        "configuration": Dataset(np.array(chunk.configuration), "1", (), "Index of the only one fitted, or -1"),
+        "configuration": Dataset(np.array(configuration), "1", (), "Index of the only one fitted, or -1"),
         "seconds": Dataset(np.array(seconds), "s", (), "Wall time of these fits"),
         "processor_seconds": Dataset(np.array(processor), "s", (), "Processor time of these fits"),
     }
     return Content(datasets)
+
+
+def true_springs(robot: Robot) -> dict[str, float]:
+    """Returns stiffness and damping of a robot's springs by the names of their parameters."""
+    keys = ("stiffness", "damping")
+    return {f"{spring.name}.{key}": float(getattr(spring, key)) for key in keys for spring in robot.springs}
 
 
 def scores(problem: Problem, internal: Any) -> Any:  # noqa: ANN401
@@ -181,17 +185,6 @@ def scores(problem: Problem, internal: Any) -> Any:  # noqa: ANN401
 
 _RESULT = 3
 """Version of what a result holds."""
-
-
-@dataclass(frozen=True)
-class Fitting:
-    """One estimator on one individual."""
-
-    robot: Robot  # The robot file's
-    truth: Robot  # The true robot
-    frf: Path  # Where its responses lie
-    options: ElasticOptions  # Options of the fit
-    delay_s: float  # Nominal delay [s]
 
 
 @dataclass(frozen=True)
@@ -241,34 +234,29 @@ def individual_tasks(run: Run, _earlier: Earlier) -> list[Task]:
             options = replace(
                 with_estimator(study.fit, choice.estimator, choice.weights), starts=study.individual_starts
             )
-            fitting = Fitting(robot, truth, path, options, delay)
-            found.append(Task(f"{name}_{campaign_name}", {**decides, "options": plain_settings(options)}, fitting))
+            arguments = robot, truth, path, options, delay
+            found.append(Task(f"{name}_{campaign_name}", {**decides, "options": plain_settings(options)}, arguments))
     return found
 
 
-def fit_individual(one: Fitting) -> Content:
-    """Fits one individual and holds its springs and dampers against the truth."""
-    solution = fit_elastic(one.robot, read_frf(one.frf), one.options, one.delay_s)
+def fit_individual(robot: Robot, truth: Robot, path: Path, options: ElasticOptions, delay_s: float) -> Content:
+    """Fits one individual to the responses at `path` and holds its springs and dampers against the true robot's."""
+    solution = fit_elastic(robot, read_frf(path), options, delay_s)
     estimate = solution.estimate
-    true = {f"{spring.name}.stiffness": spring.stiffness for spring in one.truth.springs}
-    true |= {f"{spring.name}.damping": spring.damping for spring in one.truth.springs}
+    true = true_springs(truth)
     known = [index for index, name in enumerate(estimate.names) if name in true]
     names = [estimate.names[index] for index in known]
-    truth = np.array([true[name] for name in names])
+    values = np.array([true[name] for name in names])
     lower, upper = estimate.lower[known], estimate.upper[known]
+    error, physical = (np.log(each[known] / values) for each in (estimate.value, estimate.middle))
+    std, inside = stated_std(lower, upper, estimate.confidence), (lower <= values) & (values <= upper)
     parameter = ("parameter",)
     datasets = {
         "names": Dataset(np.array(names), "1", parameter),
-        "error": Dataset(
-            np.log(estimate.value[known] / truth), "1", parameter, "Logarithm of the estimate over the truth"
-        ),
-        "physical": Dataset(
-            np.log(estimate.middle[known] / truth), "1", parameter, "Logarithm of the interval's middle over the truth"
-        ),
-        "std": Dataset(
-            stated_std(lower, upper, estimate.confidence), "1", parameter, "Deviation that the fit's interval states"
-        ),
-        "inside": Dataset((lower <= truth) & (truth <= upper), "1", parameter, "Whether that interval holds the truth"),
+        "error": Dataset(error, "1", parameter, "Logarithm of the estimate over the truth"),
+        "physical": Dataset(physical, "1", parameter, "Logarithm of the interval's middle over the truth"),
+        "std": Dataset(std, "1", parameter, "Deviation that the fit's interval states"),
+        "inside": Dataset(inside, "1", parameter, "Whether that interval holds the truth"),
         "misfit": Dataset(np.array(solution.misfit), "1", (), "Cost over what noise and the assumed model error give"),
     }
     return Content(datasets, {"status": estimate.status})

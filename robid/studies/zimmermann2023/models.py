@@ -189,7 +189,7 @@ def model_task(
         decides["slopes"] = [path.name for path in pair.estimation_paths]
     paths = pair.estimation_paths, validation
     delay = delay_s(run.loaded, own)
-    return Task(key, decides, Fitting(robots, truth, *paths, used, options, delay, study.axes))
+    return Task(key, decides, (Fitting(robots, truth, *paths, used, options, delay, study.axes),))
 
 
 def fit_model(one: Fitting) -> Content:

@@ -404,19 +404,6 @@ def _rms(values: FloatArray) -> float:
 NOMINAL = "robot file"
 
 
-@dataclass(frozen=True)
-class Stepping:
-    """Steps of one individual under control that several models design."""
-
-    robot: Robot  # The robot file's, with the payload of the estimation
-    truth: Robot  # The true robot, without its imperfections
-    models: dict[str, Path]  # Where the results of the models lie, by name
-    controller: Controller  # The robot's controller
-    simulation: SimulateOptions  # Imperfections of the true robot
-    configurations: FloatArray  # Where it is stepped [rad]
-    options: StepOptions
-
-
 def step_tasks(run: Run, earlier: Earlier) -> list[Task]:
     """Returns one task for each individual; none where the study steps no model."""
     study = study_of(run.loaded, ZimmermannStudy)
@@ -437,7 +424,7 @@ def step_tasks(run: Run, earlier: Earlier) -> list[Task]:
             "payload_kg": campaign.payload_kg,
             **robot_settings(run.loaded, "mechanics", "range", "motor_limits", "friction", "controller"),
         }
-        stepping = Stepping(
+        arguments = (
             robot,
             true_robot_of(run.loaded.robot, campaign.payload_kg, simulation.truth),
             used,
@@ -446,17 +433,22 @@ def step_tasks(run: Run, earlier: Earlier) -> list[Task]:
             draw_in_reach(run.loaded, robot, wanted),
             study.steps,
         )
-        found.append(Task(f"steps_{number + 1}", decides, stepping))
+        found.append(Task(f"steps_{number + 1}", decides, arguments))
     return found
 
 
-def step(one: Stepping) -> Content:
+def step(
+    robot: Robot,
+    truth: Robot,
+    models: Mapping[str, Path],
+    controller: Controller,
+    simulation: SimulateOptions,
+    configurations: FloatArray,
+    options: StepOptions,
+) -> Content:
     """Steps every axis in every configuration under control that each model designs, the robot file's beside."""
-    models = {name: _model(one.robot, path) for name, path in one.models.items()}
-    responses = step_responses(
-        one.truth, {**models, NOMINAL: one.robot}, one.controller, one.simulation, one.configurations, one.options
-    )
-    return Content(*to_datasets(responses))
+    robots = {**{name: _model(robot, path) for name, path in models.items()}, NOMINAL: robot}
+    return Content(*to_datasets(step_responses(truth, robots, controller, simulation, configurations, options)))
 
 
 def read_steps(artifact: Artifact) -> StepResponses:

@@ -7,7 +7,7 @@ from task_functions import CALLS, Told, map_in_order, square
 
 
 def squares(*numbers, version=1):
-    return [Task(f"square_{number}", {"number": number, "version": version}, number) for number in numbers]
+    return [Task(f"square_{number}", {"number": number, "version": version}, (number,)) for number in numbers]
 
 
 def values(results):
