@@ -59,6 +59,16 @@ def run_of(
     return replace(run, loaded=loaded, folder=run.folder / folder)
 
 
+def both_runs(run: Run, light: str | None, problems: Callable[[LoadedExperiment], Problems]) -> dict[str, Run]:
+    """Returns the study's run as `heavy`, and that of the `light` robot's experiment where there is one."""
+    return {"heavy": run} if light is None else {"heavy": run, "light": run_of(run, light, "light", problems)}
+
+
+def excitations(campaigns: Iterable[str]) -> tuple[str, ...]:
+    """Returns where the chain leaves what campaigns play."""
+    return tuple(f"{name}/excitation.h5" for name in campaigns)
+
+
 def missing_log(run: Run) -> str:
     """Name of the first log of a run that is not there; empty when all are."""
     folder = run.loaded.path.parent

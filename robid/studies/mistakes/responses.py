@@ -28,7 +28,7 @@ from robid.settings.robot_parts import delay_s, plain_settings
 from robid.settings.robot_sections import JointSection, given
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
-from robid.studies.experiments import Further, Problems, changed_simulation, run_of
+from robid.studies.experiments import Further, both_runs, changed_simulation, excitations
 from robid.studies.settings.mistakes import Mistake, MistakesStudy, robot_problems
 from robid.studies.simulated import (
     Estimator,
@@ -99,23 +99,15 @@ def needs(loaded: LoadedExperiment, fit: str | None = None) -> tuple[str, ...]:
     """Returns the outputs of the chain that the tasks read."""
     if fit is None and not study_of(loaded, MistakesStudy).makes_mistakes:
         return ()
-    names = campaigns_of(loaded, fit or study_of(loaded, MistakesStudy).fit)
-    return tuple(f"{name}/excitation.h5" for name in names.values())
+    return excitations(campaigns_of(loaded, fit or study_of(loaded, MistakesStudy).fit).values())
 
 
 def subjects(run: Run) -> dict[str, Subject]:
     """Returns the robots of the study, the light one in a folder below."""
     study = study_of(run.loaded, MistakesStudy)
-    seeds = study.chosen
-    found = {"heavy": Subject("heavy", run, range(seeds.first, seeds.first + seeds.heavy))}
-    if study.light is not None:
-
-        def problems(loaded: LoadedExperiment) -> Problems:
-            return robot_problems(study, "light", loaded.experiment, loaded.robot)
-
-        light = run_of(run, study.light, "light", problems)
-        found["light"] = Subject("light", light, range(seeds.first, seeds.first + seeds.light))
-    return found
+    first, counts = study.chosen.first, {"heavy": study.chosen.heavy, "light": study.chosen.light}
+    runs = both_runs(run, study.light, lambda own: robot_problems(study, "light", own.experiment, own.robot))
+    return {name: Subject(name, own, range(first, first + counts[name])) for name, own in runs.items()}
 
 
 def further(run: Run) -> Further:

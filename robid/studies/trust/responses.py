@@ -34,9 +34,9 @@ from robid.settings.robot_parts import delay_s, plain_settings
 from robid.simulate.truth import TrueRobot
 from robid.studies.experiments import (
     Further,
-    Problems,
+    both_runs,
     changed_simulation,
-    run_of,
+    excitations,
 )
 from robid.studies.mistakes.cases import GRADING, refused_causes
 from robid.studies.settings.trust import Individual, TrustStudy, individuals, robot_problems
@@ -105,8 +105,7 @@ def campaigns_of(loaded: LoadedExperiment, study: TrustStudy) -> dict[str, str]:
 
 def needs(loaded: LoadedExperiment, study: TrustStudy | None = None) -> tuple[str, ...]:
     """Returns the outputs of the chain that the tasks read."""
-    names = campaigns_of(loaded, study or study_of(loaded, TrustStudy))
-    return tuple(f"{name}/excitation.h5" for name in names.values())
+    return excitations(campaigns_of(loaded, study or study_of(loaded, TrustStudy)).values())
 
 
 def further(run: Run) -> Further:
@@ -131,13 +130,7 @@ def machines(run: Run) -> dict[str, Machine]:
 
 
 def _runs(run: Run, study: TrustStudy) -> dict[str, Run]:
-    if study.light is None:
-        return {"heavy": run}
-
-    def problems(loaded: LoadedExperiment) -> Problems:
-        return robot_problems(study, "light", loaded.experiment, loaded.robot)
-
-    return {"heavy": run, "light": run_of(run, study.light, "light", problems)}
+    return both_runs(run, study.light, lambda own: robot_problems(study, "light", own.experiment, own.robot))
 
 
 _NOISE = (RANDOM, FRESH, DESIGNED)  # each has noise of its own
