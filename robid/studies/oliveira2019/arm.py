@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -38,7 +38,7 @@ from robid.simulate.options import Controller, PoseInterface
 from robid.simulate.pose_response import pose_response
 from robid.simulate.truth import true_robot
 from robid.studies.experiments import Further, paper_figures
-from robid.studies.oliveira2019.plants import curve
+from robid.studies.oliveira2019.plants import thinned
 from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import CartesianCase, LoopCase
 from robid.studies.simulated import simulate_options
@@ -130,11 +130,6 @@ def map_record(record: Record, index: int, options: ExternalOptions) -> tuple[Et
     return etfe, pairs, map_coupling(shots, ports.floor, etfe, pairs, options.coupling)
 
 
-def homes_from(results: Iterable[Artifact]) -> list[Mapped]:
-    """Returns what the tasks kept."""
-    return [from_datasets(Mapped, one) for one in results]
-
-
 _CLEAR = 1.5
 """How far from the threshold the linearised loop leaves no doubt whether a pair is coupled."""
 _ASKED = {
@@ -156,7 +151,8 @@ def conclude_arm(run: Run, case: CartesianCase, results: Results) -> PartFound:
     paper = paper_figures(run.loaded)
     solution = solution_from_artifact(read_artifact(run.path(f"fits/{case.fit}/model.h5"), MODEL))
     validation = validation_from_artifact(read_artifact(run.path(f"fits/{case.fit}/validation.h5"), VALIDATION))
-    homes, options = homes_from(results), external_fit(run.loaded.experiment, case.fit).options().coupling
+    homes = [from_datasets(Mapped, one) for one in results]
+    options = external_fit(run.loaded.experiment, case.fit).options().coupling
     own = {f"arm.{one.output}.nrmse": one.nrmse for one in validation.agreements}
     figures = own | {"arm.decoupled_hz": solution.coupling.overall_hz} | home_figures(homes, options.ratio)
     asked = {name: Asked(lower=_LEAST_NRMSE) for name in own} | _ASKED
@@ -219,17 +215,10 @@ def _channels(solution: ExternalSolution, validation: ExternalValidation, paper:
     transfers = solution.transfers
     rows = []
     for index, one in enumerate(validation.agreements):
-        printed = paper["table_4"].get(one.output, {})
-        rows.append(
-            (
-                one.output,
-                str(int(transfers.poles[index])),
-                str(int(transfers.zeros[index])),
-                str(int(transfers.delay_samples[index])),
-                f"{printed['nrmse']:.3f}" if printed else MISSING,
-                f"{one.nrmse:.4f}",
-            )
-        )
+        structure = (transfers.poles[index], transfers.zeros[index], transfers.delay_samples[index])
+        printed = paper["table_4"].get(one.output)
+        beside = MISSING if printed is None else f"{printed['nrmse']:.3f}"
+        rows.append((one.output, *(str(int(count)) for count in structure), beside, f"{one.nrmse:.4f}"))
     heads = ("Channel", "Poles", "Zeros", "Delay [samples]", "NRMSE, paper", "Ours")
     lead = (
         "The KR300 on its rail under a Cartesian position loop, with friction, ripple and encoders: fitted to its own"
@@ -250,12 +239,8 @@ def _coupling(homes: Sequence[Mapped], figures: Mapping[str, float], paper: Mapp
         )
         limit = figures[f"arm.home_{index}.decoupled_hz"]
         rows.append((f"home {index}", significant(limit), significant(home.map.examined_hz), named or "none"))
-    heads = (
-        "Robot",
-        "Decoupled up to [Hz]",
-        "Examined up to [Hz]",
-        "Outputs that follow another's command (from [Hz])",
-    )
+    coupled = "Outputs that follow another's command (from [Hz])"
+    heads = ("Robot", "Decoupled up to [Hz]", "Examined up to [Hz]", coupled)
     lead = (
         "Here the tool itself is measured, which shows what its motors hardly feel. Of the pairs of which the"
         f" linearised loop leaves no doubt, the maps are right about {100 * figures['arm.coupling_agreement']:.1f} %;"
@@ -292,12 +277,10 @@ def _resonances(homes: Sequence[Mapped]) -> Section:
 
 def _against_linear(title: str, home: Mapped, output: int, command: int) -> Figure:
     known = np.isfinite(home.map.gain[:, output, command])
-    frequency_hz = home.map.frequency_hz[known]
-    curves = (
-        curve("measured", frequency_hz, home.map.gain[known, output, command]),
-        curve("linearised", frequency_hz, home.linear_gain[known, output, command]),
-    )
-    return Figure(title, "Frequency [Hz]", "Gain, in resolutions", curves, height=280)
+    gains = {"measured": home.map.gain, "linearised": home.linear_gain}
+    series = {name: gain[known, output, command] for name, gain in gains.items()}
+    drawn = thinned(home.map.frequency_hz[known], series)
+    return Figure(title, "Frequency [Hz]", "Gain, in resolutions", drawn, height=280)
 
 
 ARM = Part("arm", conclude_arm, homes_tasks, map_home, further_arm)
@@ -314,7 +297,15 @@ _LOOP_DIGITS = 5
 def _conclude_loop(_run: Run, _case: LoopCase, _own: Run, models: list[Artifact]) -> PartFound:
     """Turns the axis' fit into figures and what is asked of them."""
     solution = solution_from_artifact(models[0])
-    figures = _loop_figures(solution)
+    traces, denominator = solution.traces, solution.transfer(0).denominator
+    left = np.linalg.norm(traces.measured - traces.simulated)
+    natural = float(np.sqrt(denominator[2]))
+    figures = {
+        "emps.relative_error_percent": 100 * float(left / np.linalg.norm(traces.measured)),
+        "emps.natural_frequency": natural,
+        "emps.damping": float(denominator[1]) / (2 * natural),
+        "emps.gain": float(solution.transfer(0).static_gain[0, 0]),
+    }
     rows = tuple((name, significant(value, _LOOP_DIGITS)) for name, value in figures.items())
     lead = (
         "A carriage on a ball screw, measured in its position loop: from commanded to actual position by two poles and"
@@ -325,15 +316,3 @@ def _conclude_loop(_run: Run, _case: LoopCase, _own: Run, models: list[Artifact]
 
 
 POSITION_LOOP = recorded_part("emps", "The EMPS axis", lambda case: (case.fit,), _conclude_loop)
-
-
-def _loop_figures(solution: ExternalSolution) -> dict[str, float]:
-    traces, denominator = solution.traces, solution.transfer(0).denominator
-    left = np.linalg.norm(traces.measured - traces.simulated)
-    natural = float(np.sqrt(denominator[2]))
-    return {
-        "emps.relative_error_percent": 100 * float(left / np.linalg.norm(traces.measured)),
-        "emps.natural_frequency": natural,
-        "emps.damping": float(denominator[1]) / (2 * natural),
-        "emps.gain": float(solution.transfer(0).static_gain[0, 0]),
-    }

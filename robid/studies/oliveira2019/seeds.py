@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import cont2discrete, dlsim, zpk2ss
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.artifacts.artifact import Artifact, Dataset
 from robid.models.external.fit.choice import choose_structure
 from robid.models.external.fit.data import Shot
@@ -99,26 +99,12 @@ def simulate_plant(plant: Plant, rng: np.random.Generator) -> Shot:
     return Shot(command, measured, "rest", None, 1, SAMPLING_PERIOD_S, "synthetic", offset=False)
 
 
-@dataclass(frozen=True)
-class Found:
-    """What the rule `evidence` found of some plants."""
+def find_orders(seeds: Sequence[int]) -> tuple[IntArray, IntArray]:
+    """Draws a plant by each seed, simulates it and lets the evidence choose its order, its delay known.
 
-    true: tuple[tuple[int, int], ...]  # Numbers of poles and zeros of each plant
-    found: tuple[tuple[int, int], ...]  # What was chosen
-
-    @property
-    def order_correct_share(self) -> float:
-        """Share of plants whose number of poles was found."""
-        return float(np.mean([one[0] == other[0] for one, other in zip(self.true, self.found, strict=True)]))
-
-    @property
-    def structure_correct_share(self) -> float:
-        """Share of plants whose numbers of poles and zeros were both found."""
-        return float(np.mean([one == other for one, other in zip(self.true, self.found, strict=True)]))
-
-
-def find_orders(seeds: Sequence[int]) -> Found:
-    """Draws a plant by each seed, simulates it and lets the evidence choose its order, its delay known."""
+    Returns:
+        Numbers of poles and zeros (n_seed, 2) of each plant, and those that were chosen.
+    """
     true, found = [], []
     for seed in seeds:
         rng = np.random.default_rng(seed)
@@ -127,7 +113,7 @@ def find_orders(seeds: Sequence[int]) -> Found:
         choice = choose_structure([shot], [0], [0], ExternalOptions(delay_samples=0, max_poles=MOST_POLES), hold="zoh")
         true.append((len(plant.poles), len(plant.zeros)))
         found.append((choice.structure.poles, choice.structure.zeros))
-    return Found(tuple(true), tuple(found))
+    return np.array(true), np.array(found)
 
 
 def synthetic_tasks(_run: Run, case: SyntheticCase, _earlier: Mapping[str, Results]) -> list[Task]:
@@ -138,12 +124,12 @@ def synthetic_tasks(_run: Run, case: SyntheticCase, _earlier: Mapping[str, Resul
 
 def find(seeds: range) -> Content:
     """Identifies some random plants."""
-    found = find_orders(seeds)
+    true, found = find_orders(seeds)
     axes = ("plant", "count")
     return Content(
         {
-            "true": Dataset(np.array(found.true), "1", axes, "Numbers of poles and zeros"),
-            "found": Dataset(np.array(found.found), "1", axes, "What the evidence chose"),
+            "true": Dataset(true, "1", axes, "Numbers of poles and zeros"),
+            "found": Dataset(found, "1", axes, "What the evidence chose"),
         }
     )
 
