@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ from robid.artifacts.artifact import Artifact
 from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import Verdict
-from robid.report.section import Curve, Figure, Section, Table
+from robid.report.section import Figure, Section
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
@@ -24,7 +24,7 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, require_controller
 from robid.simulate.truth import true_robot, with_imperfections
 from robid.studies.frf.study import campaign_of, compared, compensations
-from robid.studies.page import Conclusion
+from robid.studies.page import Conclusion, figure, table
 from robid.studies.study import Earlier, values_of
 
 
@@ -156,18 +156,19 @@ def true_response(loaded: LoadedExperiment, found: Found) -> ComplexArray:
 
 
 @dataclass(frozen=True)
-class EstimatorFigures:
-    """One estimator against the best linear approximation."""
+class Compared:
+    """One estimator against the best linear approximation, or one compensation against the truth."""
 
-    name: str  # Name of the estimator
-    error_hz: FloatArray  # (n_freq,) median error on the diagonal at each line
-    std_ratio_hz: FloatArray  # (n_freq,) median ratio of reported to true standard deviation there
+    name: str  # Name of the estimator or of the compensation
+    error_hz: FloatArray  # (n_freq,) median error, or bias, on the diagonal at each line
     figures: dict[str, float]  # Figures by name, as they stand in summary.json
+    # (n_freq,) median ratio of reported to true standard deviation there, of an estimator
+    std_ratio_hz: FloatArray | None = None
 
 
 def estimator_figures(
     name: str, estimates: ComplexArray, variance: FloatArray, reference: ComplexArray, default: ComplexArray
-) -> EstimatorFigures:
+) -> Compared:
     """Compares one estimator with the best linear approximation and with the default estimator.
 
     Args:
@@ -178,33 +179,20 @@ def estimator_figures(
         default (n_conf, n_group, n_freq, n_out, n_in): Estimates of the default estimator.
     """
     found = scatter(estimates, variance, reference)
-    figures = {
-        "median_error": _quantile(found.error, 0.5),
-        "q90_error": _quantile(found.error, 0.9),
-        "median_bias": _quantile(found.bias, 0.5),
-        "std_ratio": _quantile(found.std_ratio, 0.5),
-    }
-    for part, on_diagonal in (("diagonal", True), ("off_diagonal", False)):
-        error = elements(found.error, diagonal=on_diagonal)
-        figures[f"{part}.median_error"] = _quantile(error, 0.5)
-        figures[f"{part}.q90_error"] = _quantile(error, 0.9)
-        figures[f"{part}.std_ratio"] = _quantile(elements(found.std_ratio, diagonal=on_diagonal), 0.5)
+    figures = {"median_bias": _quantile(found.bias, 0.5)}
+    parts = {"": (found.error, found.std_ratio)}
+    for part, diagonal in (("diagonal.", True), ("off_diagonal.", False)):
+        parts[part] = elements(found.error, diagonal=diagonal), elements(found.std_ratio, diagonal=diagonal)
+    for part, (error, std_ratio) in parts.items():
+        figures[f"{part}median_error"], figures[f"{part}q90_error"] = (_quantile(error, share) for share in (0.5, 0.9))
+        figures[f"{part}std_ratio"] = _quantile(std_ratio, 0.5)
     ratio = error_ratio(estimates, default, reference)
     figures |= dict(zip(("over_default", "over_default_lower", "over_default_upper"), ratio, strict=True))
     figures["refused"] = float(np.isnan(estimates).any(axis=(2, 3, 4)).sum())
-    return EstimatorFigures(name, _per_line(found.error), _per_line(found.std_ratio), figures)
+    return Compared(name, _per_line(found.error), figures, _per_line(found.std_ratio))
 
 
-@dataclass(frozen=True)
-class BiasFigures:
-    """What one compensation leaves of the bias; fields as for `EstimatorFigures`."""
-
-    name: str
-    bias_hz: FloatArray
-    figures: dict[str, float]
-
-
-def bias_figures(name: str, whole: ComplexArray, estimates: ComplexArray, truth: ComplexArray) -> BiasFigures:
+def bias_figures(name: str, whole: ComplexArray, estimates: ComplexArray, truth: ComplexArray) -> Compared:
     """Compares the responses under one compensation with the true robot's frictionless linearisation.
 
     Args:
@@ -223,7 +211,7 @@ def bias_figures(name: str, whole: ComplexArray, estimates: ComplexArray, truth:
         "median_diagonal_of_group": _quantile(single, 0.5),
         "refused": float(np.isnan(estimates).any(axis=(2, 3, 4)).sum()),
     }
-    return BiasFigures(name, _per_line(bias), figures)
+    return Compared(name, _per_line(bias), figures)
 
 
 def _per_line(values: FloatArray) -> FloatArray:
@@ -265,8 +253,9 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
     summary |= {f"bias.{one.name}.{key}": value for one in biases for key, value in one.figures.items()}
     summary |= {"frf.groups": found.response.shape[2], "frf.configurations": found.response.shape[1]}
     frequency = found.frequency_hz
+    left = ", ".join(f"{percent(one.figures['median_diagonal'])} with compensation {one.name}" for one in biases)
     return Conclusion(
-        verdict=Verdict(f"{default_sentence(estimators, own.estimator)} {bias_sentence(biases)}", "ok"),
+        verdict=Verdict(f"{default_sentence(estimators, own.estimator)} Median bias on the diagonal: {left}.", "ok"),
         summary={name: value for name, value in summary.items() if math.isfinite(value)},
         sections=(
             _estimator_section(estimators, frequency, campaign, study.group),
@@ -276,13 +265,13 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
     )
 
 
-def following_default(estimators: Sequence[EstimatorFigures], default: str) -> str:
+def following_default(estimators: Sequence[Compared], default: str) -> str:
     """Returns the estimator that follows as the default: another one only where it is surely and markedly closer."""
     closer = [one for one in estimators if one.figures["over_default_upper"] < _WORTH]
     return min(closer, key=lambda one: one.figures["over_default"]).name if closer else default
 
 
-def default_sentence(estimators: Sequence[EstimatorFigures], default: str) -> str:
+def default_sentence(estimators: Sequence[Compared], default: str) -> str:
     """Says which estimator follows as the default, and by how much."""
     follows = following_default(estimators, default)
     others = [one for one in estimators if one.name != default and math.isfinite(one.figures["over_default"])]
@@ -295,17 +284,7 @@ def default_sentence(estimators: Sequence[EstimatorFigures], default: str) -> st
     return f"Estimator {default} stays the default: the error of the best other, {best.name}, is {_share(best)} of it."
 
 
-def bias_sentence(biases: Sequence[BiasFigures]) -> str:
-    """Says what each compensation leaves of the bias."""
-    left = [f"{percent(one.figures['median_diagonal'])} with compensation {one.name}" for one in biases]
-    return f"Median bias on the diagonal: {', '.join(left)}."
-
-
-def _count(value: float) -> str:
-    return f"{value:.0f}"
-
-
-def _share(one: EstimatorFigures) -> str:
+def _share(one: Compared) -> str:
     figures = one.figures
     if not math.isfinite(figures["over_default"]):
         return MISSING
@@ -314,53 +293,49 @@ def _share(one: EstimatorFigures) -> str:
 
 
 def _estimator_section(
-    estimators: Sequence[EstimatorFigures], frequency: FloatArray, campaign: Campaign, group: int
+    estimators: Sequence[Compared], frequency: FloatArray, campaign: Campaign, group: int
 ) -> Section:
     lead = (
         f"Estimates from {group} realizations against the best linear approximation from all {campaign.realizations},"
         f" with compensation {campaign.estimate.compensation_kind}."
     )
-    error = [(one.name, one.error_hz) for one in estimators]
-    honesty = [(one.name, one.std_ratio_hz) for one in estimators]
-    figures = (
-        _figure("Error on the diagonal", "Relative error, median", frequency, error),
+    columns = (
+        ("Estimator", lambda one: one.name),
+        ("Diagonal, median", lambda one: percent(one.figures["diagonal.median_error"])),
+        ("90 %", lambda one: percent(one.figures["diagonal.q90_error"])),
+        ("Off diagonal, median", lambda one: percent(one.figures["off_diagonal.median_error"])),
+        ("90 %", lambda one: percent(one.figures["off_diagonal.q90_error"])),
+        ("Bias, median", lambda one: percent(one.figures["median_bias"])),
+        ("Reported over true deviation", lambda one: significant(one.figures["std_ratio"])),
+        ("Error over the default's", _share),
+        ("Refused", lambda one: f"{one.figures['refused']:.0f}"),
+    )
+    caption = (
+        f"Root mean square of the relative error over the groups of {group} realizations; median and 90 % quantile"
+        " over lines, elements and configurations. Bias: of the mean over the groups. Reported over true deviation:"
+        " 1 where the covariance is honest. Error over the default's: ratio of the medians with its 95 % interval"
+        " from a bootstrap over the groups. Stressed: the default that follows."
+    )
+    follows = following_default(estimators, campaign.estimate.estimator)
+    strong = [one.name for one in estimators].index(follows)
+    honesty = {one.name: one.std_ratio_hz for one in estimators}
+    parts = (
+        table(columns, estimators, caption=caption, strong=strong),
+        _figure("Error on the diagonal", "Relative error, median", frequency, _errors(estimators)),
         _figure("Reported over true standard deviation, diagonal", "Ratio, median", frequency, honesty, log_y=False),
     )
-    return Section("Estimators", lead, (_estimator_table(estimators, campaign.estimate.estimator, group), *figures))
+    return Section("Estimators", lead, parts)
 
 
-def _estimator_table(estimators: Sequence[EstimatorFigures], default: str, group: int) -> Table:
-    parts = ("diagonal.median_error", "diagonal.q90_error", "off_diagonal.median_error", "off_diagonal.q90_error")
-    rows = tuple(
-        (
-            one.name,
-            *(percent(one.figures[key]) for key in (*parts, "median_bias")),
-            significant(one.figures["std_ratio"]),
-            _share(one),
-            _count(one.figures["refused"]),
-        )
-        for one in estimators
+def _bias_section(biases: Sequence[Compared], frequency: FloatArray, group: int, realizations: int) -> Section:
+    columns = (
+        ("Compensation", lambda one: one.name),
+        ("Diagonal, median", lambda one: percent(one.figures["median_diagonal"])),
+        ("90 %", lambda one: percent(one.figures["q90_diagonal"])),
+        ("Off diagonal, median", lambda one: percent(one.figures["median_off_diagonal"])),
+        (f"Diagonal, median of {group} realizations", lambda one: percent(one.figures["median_diagonal_of_group"])),
+        ("Refused", lambda one: f"{one.figures['refused']:.0f}"),
     )
-    heads = ("Estimator", "Diagonal, median", "90 %", "Off diagonal, median", "90 %", "Bias, median")
-    return Table(
-        (*heads, "Reported over true deviation", "Error over the default's", "Refused"),
-        rows,
-        caption=(
-            f"Root mean square of the relative error over the groups of {group} realizations; median and 90 % quantile"
-            " over lines, elements and configurations. Bias: of the mean over the groups. Reported over true deviation:"
-            " 1 where the covariance is honest. Error over the default's: ratio of the medians with its 95 % interval"
-            " from a bootstrap over the groups. Stressed: the default that follows."
-        ),
-        strong=[one.name for one in estimators].index(following_default(estimators, default)),
-    )
-
-
-def _bias_section(biases: Sequence[BiasFigures], frequency: FloatArray, group: int, realizations: int) -> Section:
-    keys = ("median_diagonal", "q90_diagonal", "median_off_diagonal", "median_diagonal_of_group")
-    rows = tuple(
-        (one.name, *(percent(one.figures[key]) for key in keys), _count(one.figures["refused"])) for one in biases
-    )
-    heads = ("Diagonal, median", "90 %", "Off diagonal, median", f"Diagonal, median of {group} realizations", "Refused")
     caption = (
         f"Last but one: distance of a single estimate, its scatter included. What silent_lines"
         f" subtracts is identified from the first {group} realizations of each task, in one configuration."
@@ -369,15 +344,16 @@ def _bias_section(biases: Sequence[BiasFigures], frequency: FloatArray, group: i
         f"Best linear approximation from {realizations} realizations against the true robot's linearisation without"
         " friction: |G_hat/G - 1| with each compensation of the friction."
     )
-    figure = _figure(
-        "Bias on the diagonal", "Relative bias, median", frequency, [(one.name, one.bias_hz) for one in biases]
-    )
-    return Section("Compensation", lead, (Table(("Compensation", *heads), rows, caption=caption), figure))
+    shown = _figure("Bias on the diagonal", "Relative bias, median", frequency, _errors(biases))
+    return Section("Compensation", lead, (table(columns, biases, caption=caption), shown))
+
+
+def _errors(compared: Sequence[Compared]) -> dict[str, FloatArray]:
+    return {one.name: one.error_hz for one in compared}
 
 
 def _figure(
-    title: str, y_title: str, frequency: FloatArray, curves: Sequence[tuple[str, FloatArray]], *, log_y: bool = True
+    title: str, y_title: str, frequency: FloatArray, series: Mapping[str, FloatArray | None], *, log_y: bool = True
 ) -> Figure:
-    x = tuple(frequency.tolist())
-    known = tuple(Curve(name, x, tuple(y.tolist())) for name, y in curves if any(map(math.isfinite, y)))
-    return Figure(title, "Frequency [Hz]", y_title, known, log_y=log_y)
+    known = {name: values for name, values in series.items() if values is not None and np.isfinite(values).any()}
+    return figure(title, ("Frequency [Hz]", y_title), frequency, known, log_y=log_y)

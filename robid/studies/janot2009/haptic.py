@@ -26,7 +26,6 @@ from robid.studies.janot2009.seeded import (
     errors_of,
     gather,
     judge_chunk,
-    or_missing,
     outlier_share,
     residual_figures,
     verdict_figures,
@@ -82,7 +81,16 @@ def conclude_haptic(run: Run, case: SeededCase, results: Results) -> PartFound:
     """Turns the device's seeds into figures, tables beside the paper's, and what is asked of them."""
     found = {filters: gather(results, filters) for filters in FILTERS}
     paper = paper_figures(run.loaded)
-    figures = verdict_figures("haptic", found) | _error_figures(found["bad"]) | _table_figures(found)
+    errors = errors_of(found["bad"])
+    figures = verdict_figures("haptic", found) | {
+        "haptic.iv.max_error_percent": float(errors.instruments.max()),
+        "haptic.iv.max_excess": errors.excess,
+        "haptic.ls.max_error_percent": float(errors.least_squares.max()),
+    }
+    # The first seed's variations of eq. 22, sigma among them, and Huber's passes.
+    for filters, judged in found.items():
+        figures |= {f"haptic.{filters}.e.{name}": value for name, value in variations(judged, _HUBER).items()}
+        figures[f"haptic.{filters}.huber_iterations"] = float(judged.iterations[_HUBER])
     return PartFound(figures, _ASKED, (_tables(found, case, paper), _figures(found, case), _seeds(found, case)))
 
 
@@ -96,24 +104,6 @@ _ASKED = {
 }
 
 
-def _error_figures(bad: Judged) -> dict[str, float]:
-    errors = errors_of(bad)
-    return {
-        "haptic.iv.max_error_percent": float(errors.instruments.max()),
-        "haptic.iv.max_excess": errors.excess,
-        "haptic.ls.max_error_percent": float(errors.least_squares.max()),
-    }
-
-
-def _table_figures(found: Mapping[str, Judged]) -> dict[str, float]:
-    """The first seed's variations of eq. 22, sigma among them, and Huber's passes."""
-    figures: dict[str, float] = {}
-    for filters, judged in found.items():
-        figures |= {f"haptic.{filters}.e.{name}": value for name, value in variations(judged, _HUBER).items()}
-        figures[f"haptic.{filters}.huber_iterations"] = float(judged.iterations[_HUBER])
-    return figures
-
-
 def variations(judged: Judged, row: int) -> dict[str, float]:
     """Relative variations (eq. 22) of one of Huber's estimates from least squares, by parameter and `sigma` [%]."""
     plain = np.append(judged.value[_PLAIN], judged.sigma[_PLAIN])
@@ -123,15 +113,19 @@ def variations(judged: Judged, row: int) -> dict[str, float]:
 
 
 def _tables(found: Mapping[str, Judged], case: SeededCase, paper: Mapping[str, Any]) -> Section:
-    good, bad = (found[filters] for filters in FILTERS)
-    nominal = paper.get("nominal", {})
-    first, second = f"{case.good_cut_hz:g} Hz", f"{case.bad_cut_hz:g} Hz"
+    shown = (
+        ("Table 1: least squares", "good", _PLAIN),
+        ("Table 2: Huber", "good", _HUBER),
+        ("Table 3: least squares", "bad", _PLAIN),
+        ("Table 4: Huber", "bad", _HUBER),
+        ("Table 5: Huber with H = 0.2", "bad", _PAPERS_BEND),
+    )
+    cut, nominal = dict(zip(FILTERS, cuts(case), strict=True)), paper.get("nominal", {})
     tables = (
-        _estimates(f"Table 1: least squares, {first}", good, _PLAIN, paper.get("table_1", {}), nominal),
-        _estimates(f"Table 2: Huber, {first}", good, _HUBER, paper.get("table_2", {}), nominal),
-        _estimates(f"Table 3: least squares, {second}", bad, _PLAIN, paper.get("table_3", {}), nominal),
-        _estimates(f"Table 4: Huber, {second}", bad, _HUBER, paper.get("table_4", {}), nominal),
-        _estimates(f"Table 5: Huber with H = 0.2, {second}", bad, _PAPERS_BEND, paper.get("table_5", {}), nominal),
+        *(
+            _estimates(f"{title}, {cut[filters]:g} Hz", found[filters], row, paper.get(f"table_{number}", {}), nominal)
+            for number, (title, filters, row) in enumerate(shown, 1)
+        ),
         _variation_table(found, case, paper),
     )
     lead = (
@@ -148,9 +142,9 @@ def _estimates(title: str, judged: Judged, row: int, paper: Mapping[str, Any], n
     rows = tuple(
         (
             f"{name} [{unit}]",
-            or_missing(nominal.get(name)),
-            or_missing(value.get(name)),
-            or_missing(deviation.get(name), fraction=True),
+            significant(nominal.get(name)),
+            significant(value.get(name)),
+            percent(deviation.get(name)),
             significant(estimate),
             percent(relative),
         )
@@ -158,7 +152,7 @@ def _estimates(title: str, judged: Judged, row: int, paper: Mapping[str, Any], n
             judged.names, judged.units, judged.value[row].tolist(), own, strict=True
         )
     )
-    sigma = ("sigma [N m]", "", or_missing(paper.get(_SIGMA)), "", significant(float(judged.sigma[row, 0])), "")
+    sigma = ("sigma [N m]", "", significant(paper.get(_SIGMA)), "", significant(float(judged.sigma[row, 0])), "")
     passes = ("passes", "", str(paper.get("iterations", MISSING)), "", str(int(judged.iterations[row])), "")
     heads = ("Parameter", "Nominal", "Paper", "Deviation", "Ours", "Deviation")
     return Table(heads, (*rows, sigma, *([passes] if row else [])), title=title)
@@ -170,7 +164,7 @@ def _variation_table(found: Mapping[str, Judged], case: SeededCase, paper: Mappi
     rows = tuple(
         (
             f"%e({name})",
-            f"< {percent(below[name])}" if name in below else or_missing(printed.get(name), fraction=True),
+            f"< {percent(below[name])}" if name in below else percent(printed.get(name)),
             percent(bad[name] / 100),
             percent(good[name] / 100),
         )
@@ -204,13 +198,12 @@ def _limits(found: Mapping[str, Judged], case: SeededCase) -> tuple[Table, ...]:
 
 def _figures(found: Mapping[str, Judged], case: SeededCase) -> Section:
     good, bad = (found[filters] for filters in FILTERS)
-    first, second = f"{case.good_cut_hz:g} Hz", f"{case.bad_cut_hz:g} Hz"
-    second_and_third = residual_figures(
+    first, second = (f"{cut:g} Hz" for cut in cuts(case))
+    spread, weights, _ = residual_figures(
         good, 0, (f"Fig. 2: residuals, {first}", f"Fig. 3: Huber's weights, {first}", "")
     )
-    others = residual_figures(
-        bad, 0, (f"Fig. 4: residuals, {second}", "", f"Fig. 5: course of the residuals, {second}")
-    )
+    names = f"Fig. 4: residuals, {second}", "", f"Fig. 5: course of the residuals, {second}"
+    other, _, course = residual_figures(bad, 0, names)
     lead = (
         f"Least squares of seed {case.first_seed}. In the paper Fig. 2 is close to a Gaussian of 0.01 N m with few"
         " outliers, Fig. 3 is 1 in the middle and falls as one over the residual, Fig. 4 is no Gaussian, and Fig. 5"
@@ -218,9 +211,8 @@ def _figures(found: Mapping[str, Judged], case: SeededCase) -> Section:
         f" {percent(outlier_share(good))} lie beyond three deviations at {first}, {percent(outlier_share(bad))} at"
         f" {second}; of a Gaussian 0.27 %."
     )
-    return Section(
-        "Haptic device: Figs 2 to 5", lead, (Beside((*second_and_third[:2], others[0], others[2]), columns=2),)
-    )
+    shown = Beside((spread, weights, other, course), columns=2)
+    return Section("Haptic device: Figs 2 to 5", lead, (shown,))
 
 
 def _seeds(found: Mapping[str, Judged], case: SeededCase) -> Section:

@@ -31,7 +31,7 @@ from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Controller, SimulateOptions, Truth
 from robid.simulate.truth import true_robot
 from robid.studies.experiments import Further, run_of
-from robid.studies.page import Asked, PartFound
+from robid.studies.page import Asked, PartFound, table
 from robid.studies.settings.parts import CoverageCase, RealCase, RecordedCase
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Content, Part, Results, Task, in_chunks, recorded_part
@@ -48,30 +48,16 @@ _VISCOUS = ("fv1", "fv2", "fv3", "fv4", "fv5", "fv6")
 _UNITS = {"Ia": "kg m^2", "fv": "N m s/rad", "fs": "N m"}
 
 
-@dataclass(frozen=True)
-class Row:
-    """A parameter beside its published value."""
-
-    name: str  # Its name in the literature
-    unit: str
-    published: float  # The published value
-    found: float  # Ours
-
-    @property
-    def error_percent(self) -> float:
-        """Difference from the published value over it [%]."""
-        return 100 * (self.found / self.published - 1)
-
-
-def published_rows(solution: RigidSolution, robot: Robot) -> tuple[Row, ...]:
-    """Returns the published parameters with what a fit found of them."""
+def published_rows(solution: RigidSolution, robot: Robot) -> dict[str, tuple[float, float]]:
+    """Returns the published parameters, each with what a fit found of it, by their names in the literature."""
     found = arm_side(solution.estimate.found, robot)
-    return tuple(Row(name, _UNITS[name[:2]], value, found[name]) for name, value in PUBLISHED.items())
+    return {name: (value, found[name]) for name, value in PUBLISHED.items()}
 
 
 def tx40_figures(solution: RigidSolution, robot: Robot) -> dict[str, float]:
     """Returns the figures of the study: how far a fit is from what was published, and what its residuals say."""
-    error = {row.name: abs(row.error_percent) for row in published_rows(solution, robot)}
+    pairs = published_rows(solution, robot)
+    error = {name: 100 * abs(found / published - 1) for name, (published, found) in pairs.items()}
     return {
         "tx40.max_inertia_error_percent": max(error[name] for name in _INERTIAS),
         "tx40.max_viscous_error_percent": max(error[name] for name in _VISCOUS),
@@ -116,8 +102,8 @@ def _conclude_tx40(_run: Run, _case: RecordedCase, own: Run, models: list[Artifa
     solution = solution_from_artifact(models[0])
     robot = own.loaded.robot.to_robot()
     rows = tuple(
-        (row.name, row.unit, significant(row.published), significant(row.found), f"{row.error_percent:+.1f} %")
-        for row in published_rows(solution, robot)
+        (name, _UNITS[name[:2]], significant(published), significant(found), f"{100 * (found / published - 1):+.1f} %")
+        for name, (published, found) in published_rows(solution, robot).items()
     )
     caption = "Arm side, as published; the wrist's sixth motor turns with axes 5 and 6."
     table = Table(("Parameter", "Unit", "Published", "Ours", "Off"), rows, caption=caption, fit="compact")
@@ -194,42 +180,27 @@ _FRICTION = (".viscous", ".coulomb")
 
 def conclude_kr300(_run: Run, _case: CoverageCase, results: Results) -> PartFound:
     """Counts how often intervals held the truth, and how far friction and the rest were off."""
-    figures: dict[str, float] = {}
-    rows = []
-    for name in JOINTS:
-        own = [each for each in results if each.attributes["joints"] == name]
-        if not own:
-            continue
-        found = _figures(own)
-        prefix = "kr300." if name == "rigid" else "kr300.elastic."
-        figures |= {f"{prefix}{key}": value for key, value in found.items()}
-        rows.append(
-            (
-                name,
-                f"{found['robots']:.0f}",
-                percent(found["coverage_95"]),
-                significant(found["rms_deviations"], 3),
-                percent(found["median_friction_error"]),
-                percent(found["worst_friction_error"]),
-            )
-        )
-    heads = (
-        "Joints",
-        "Robots",
-        "Intervals that hold",
-        "Errors, in deviations",
-        "Friction off (median)",
-        "(worst mean)",
+    own = {name: [each for each in results if each.attributes["joints"] == name] for name in JOINTS}
+    found = {name: _held_figures(rows) for name, rows in own.items() if rows}
+    prefixes = {"rigid": "kr300.", "elastic": "kr300.elastic."}
+    figures = {f"{prefixes[name]}{key}": value for name, one in found.items() for key, value in one.items()}
+    columns = (
+        ("Joints", lambda name: name),
+        ("Robots", lambda name: f"{found[name]['robots']:.0f}"),
+        ("Intervals that hold", lambda name: percent(found[name]["coverage_95"])),
+        ("Errors, in deviations", lambda name: significant(found[name]["rms_deviations"], 3)),
+        ("Friction off (median)", lambda name: percent(found[name]["median_friction_error"])),
+        ("(worst mean)", lambda name: percent(found[name]["worst_friction_error"])),
     )
     caption = (
         "95 % intervals of all base parameters; friction, ripple, resolver and encoder errors and torque noise are on."
         " Rigid joints are what the model assumes; the springs of elastic ones it does not know."
     )
-    section = Section("Six axes: intervals against the truth", "", (Table(heads, tuple(rows), caption=caption),))
+    section = Section("Six axes: intervals against the truth", "", (table(columns, found, caption=caption),))
     return PartFound(figures, {"kr300.coverage_95": Asked(0.92, 0.98)}, (section,))
 
 
-def _figures(results: Sequence[Artifact]) -> dict[str, float]:
+def _held_figures(results: Sequence[Artifact]) -> dict[str, float]:
     names = results[0].datasets["names"].values.tolist()
     value, truth, std, inside = (
         np.concatenate([each.datasets[key].values for each in results]) for key in ("value", "truth", "std", "inside")

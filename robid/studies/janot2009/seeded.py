@@ -26,7 +26,7 @@ from robid.models.rigid.fit.residuals import Influence
 from robid.models.rigid.fit.rows import Reading, Regressor, Remembered, prepare
 from robid.models.rigid.fit.solution import RowResiduals
 from robid.models.rigid.page.charts import course, histogram, weights
-from robid.report.numbers import MISSING, percent, significant
+from robid.report.numbers import percent, significant
 from robid.report.section import Beside, Figure, Notes, Part, Table
 from robid.settings.robot_parts import plain_settings
 from robid.studies.page import Asked
@@ -84,9 +84,8 @@ def judge_chunk(machine: Machine, recording: Recording, case: SeededCase) -> Con
     """Identifies every seed of a recording with either of the filters, the first seed in detail."""
     datasets: dict[str, Dataset] = {}
     attributes: dict[str, Attribute] = {}
-    for name, cut in zip(FILTERS, (case.good_cut_hz, case.bad_cut_hz), strict=True):
-        options = PreprocessingOptions(cut, drop_deviations=case.drop_deviations)
-        judged = _judged(machine, identify(machine, recording, options), _detail(machine, recording, options))
+    for name, cut in zip(FILTERS, cuts(case), strict=True):
+        judged = _judged(machine, recording, PreprocessingOptions(cut, drop_deviations=case.drop_deviations))
         arrays, scalars = to_datasets(judged, f"{name}/")
         datasets, attributes = datasets | arrays, attributes | scalars
     return Content(datasets, attributes)
@@ -102,32 +101,19 @@ def gather(results: Iterable[Artifact], filters: str) -> Judged:
     return Judged(**{**vars(parts[0]), **joined})
 
 
-@dataclass(frozen=True)
-class _Detail:
-    estimates: tuple[Regression, ...]
-    time_s: FloatArray
-    residual: FloatArray
-    weight: FloatArray
-
-
-def _detail(machine: Machine, recording: Recording, options: PreprocessingOptions) -> _Detail:
-    """The paper's tables of the first seed: rows chosen by the measured speed, equal weights."""
-    rows = read(machine, recording, 0, options)
-    reduction = reduce_rows(rows)
-    plain = ordinary_least_squares(reduction)
-    swept = sweep_bend(rows, reduction, BENDS, HuberOptions(covariance="weighted", iteration_limit=_ITERATIONS))
-    residual = residuals(rows, plain.parameters)
-    period = recording.sampling_period_s * options.decimator(recording.sampling_period_s).factor
-    weight = huber_weights(residuals(rows, swept[0].parameters) / swept[0].scale, BENDS[0])
-    return _Detail((plain, *swept), np.arange(len(residual)) * period, residual, weight)
-
-
-def _judged(machine: Machine, found: Identified, detail: _Detail) -> Judged:
-    size = np.abs(machine.truth)
+def _judged(machine: Machine, recording: Recording, options: PreprocessingOptions) -> Judged:
+    found, size = identify(machine, recording, options), np.abs(machine.truth)
     for vector in machine.vectors:
         size[list(vector)] = np.linalg.norm(machine.truth[list(vector)])
     verdicts = [one.verdict for one in found.conclusions]
     instrumental = [one.instruments.parameters for one in found.conclusions if one.instruments is not None]
+    # The paper's tables of the first seed: rows chosen by the measured speed, equal weights.
+    rows = read(machine, recording, 0, options)
+    reduction = reduce_rows(rows)
+    plain = ordinary_least_squares(reduction)
+    swept = sweep_bend(rows, reduction, BENDS, HuberOptions(covariance="weighted", iteration_limit=_ITERATIONS))
+    residual, estimates = residuals(rows, plain.parameters), (plain, *swept)
+    period = recording.sampling_period_s * options.decimator(recording.sampling_period_s).factor
     return Judged(
         names=tuple(machine.regressor.names),
         units=tuple(machine.regressor.units),
@@ -138,13 +124,13 @@ def _judged(machine: Machine, found: Identified, detail: _Detail) -> Judged:
         plain=np.array([one.parameters for one in found.plain]),
         instrumental=np.array(instrumental),
         deviation=np.array([one.deviation for one in found.plain]),
-        value=np.array([one.parameters for one in detail.estimates]),
-        std=np.array([one.standard_deviation for one in detail.estimates]),
-        sigma=np.array([one.deviation for one in detail.estimates]),
-        iterations=np.array([one.iterations for one in detail.estimates]),
-        time_s=detail.time_s,
-        residual=detail.residual,
-        weight=detail.weight,
+        value=np.array([one.parameters for one in estimates]),
+        std=np.array([one.standard_deviation for one in estimates]),
+        sigma=np.array([one.deviation for one in estimates]),
+        iterations=np.array([one.iterations for one in estimates]),
+        time_s=np.arange(len(residual)) * period,
+        residual=residual,
+        weight=huber_weights(residuals(rows, swept[0].parameters) / swept[0].scale, BENDS[0]),
         sentence=verdicts[0].sentence,
     )
 
@@ -286,19 +272,13 @@ def verdict_figures(name: str, found: Mapping[str, Judged]) -> dict[str, float]:
 
 def verdict_parts(found: Mapping[str, Judged], case: SeededCase) -> tuple[Table, Notes]:
     """Shares of the seeds that were trusted, and of those that each test spoke against; the words on the first seed."""
-    rows = [
-        ("Trusted", *(percent(float(found[filters].trust.mean())) for filters in FILTERS)),
-        *(
-            (f"Alarm: {test}", *(percent(float(found[filters].alarms[:, index].mean())) for filters in FILTERS))
-            for index, test in enumerate(TESTS)
-        ),
-    ]
+    judged = [found[filters] for filters in FILTERS]
+    shares = {"Trusted": [one.trust for one in judged]}
+    shares |= {f"Alarm: {test}": [one.alarms[:, at] for one in judged] for at, test in enumerate(TESTS)}
+    rows = tuple((name, *(percent(float(values.mean())) for values in pair)) for name, pair in shares.items())
     heads = (f"{case.seeds} seeds", *(f"{cut:g} Hz" for cut in cuts(case)))
-    said = tuple(
-        f"Seed {case.first_seed}, {cut:g} Hz: {found[filters].sentence}"
-        for filters, cut in zip(FILTERS, cuts(case), strict=True)
-    )
-    return Table(heads, tuple(rows), title="Verdict on least squares", fit="compact"), Notes(said)
+    said = (f"Seed {case.first_seed}, {cut:g} Hz: {one.sentence}" for one, cut in zip(judged, cuts(case), strict=True))
+    return Table(heads, rows, title="Verdict on least squares", fit="compact"), Notes(tuple(said))
 
 
 def cuts(case: SeededCase) -> tuple[float, float]:
@@ -309,16 +289,11 @@ def cuts(case: SeededCase) -> tuple[float, float]:
 def error_table(judged: Judged, cut_hz: float) -> Table:
     """Errors of the means over the seeds."""
     errors = errors_of(judged)
+    values = np.stack([errors.least_squares, errors.instruments, errors.standard], axis=1) / 100
     rows = tuple(
-        (name, unit, significant(truth), *(percent(value / 100) for value in values))
-        for name, unit, truth, *values in zip(
-            judged.names,
-            judged.units,
-            judged.truth.tolist(),
-            errors.least_squares.tolist(),
-            errors.instruments.tolist(),
-            errors.standard.tolist(),
-            strict=True,
+        (name, unit, significant(truth), *map(percent, row))
+        for name, unit, truth, row in zip(
+            judged.names, judged.units, judged.truth.tolist(), values.tolist(), strict=True
         )
     )
     heads = ("Parameter", "Unit", "Truth", "Least squares", "Instruments", "Standard error")
@@ -344,14 +319,11 @@ def estimate_tables(found: Mapping[str, Judged], case: SeededCase) -> tuple[Tabl
     return tuple(tables)
 
 
-def residual_figures(judged: Judged, joint: int, names: tuple[str, str, str]) -> tuple[Figure, Figure, Figure]:
+def residual_figures(judged: Judged, joint: int, names: tuple[str, str, str]) -> tuple[Figure, ...]:
     """Histogram, weights and course of one joint's residuals of the first seed."""
     rows = RowResiduals(judged.time_s, judged.residual, judged.residual, judged.weight)
-    return (
-        histogram(rows, joint, names[0], "N m"),
-        weights(rows, joint, names[1], "N m"),
-        course(rows, joint, names[2], "N m"),
-    )
+    shown = zip((histogram, weights, course), names, strict=True)
+    return tuple(draw(rows, joint, name, "N m") for draw, name in shown)
 
 
 def joint_figures(found: Mapping[str, Judged], case: SeededCase, joints: tuple[str, ...]) -> Part:
@@ -368,10 +340,3 @@ def outlier_share(judged: Judged) -> float:
     """Returns the share of the first seed's residuals beyond three deviations."""
     residual = judged.residual[np.isfinite(judged.residual)]
     return float(np.mean(np.abs(residual) > _DEVIATIONS * residual.std()))
-
-
-def or_missing(value: float | None, *, fraction: bool = False) -> str:
-    """Writes a figure that may be unknown."""
-    if value is None:
-        return MISSING
-    return percent(value) if fraction else significant(value)

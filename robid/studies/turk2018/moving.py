@@ -21,7 +21,7 @@ from robid.models.lpv.fit.model import LpvModel, simulate_lpv, unit_circle
 from robid.models.lpv.fit.solution import LpvSolution
 from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, significant
-from robid.report.section import Beside, Curve, Figure, Notes, Section, Table
+from robid.report.section import Beside, Figure, Notes, Section, Table
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters
@@ -29,7 +29,7 @@ from robid.robot.statespace import discretise, state_space
 from robid.signals.record import Record
 from robid.simulate.truth import TrueRobot, recorded_torque_factor, with_imperfections
 from robid.studies.experiments import Further, paper_figures
-from robid.studies.page import Asked, PartFound
+from robid.studies.page import Asked, PartFound, figure
 from robid.studies.settings.parts import TravelCase, position_output
 from robid.studies.study import Part, Results
 
@@ -278,7 +278,8 @@ def conclude_travel(run: Run, case: TravelCase, _results: Results) -> PartFound:
     travelled = travel(_solution(run, case.fit), record, truth)
     figures = travel_figures(travelled, total_over_noise(frf, travelled.outputs, periods))
     if case.uncompensated is not None:
-        figures |= uncompensated_figures(travel(_solution(run, case.uncompensated), record, truth))
+        other = travel(_solution(run, case.uncompensated), record, truth)
+        figures |= _by_output("uncompensated_mismatch_percent", other, 100 * other.excess(other.fitted))
     paper = paper_figures(run.loaded).get("global", {})
     unstable = "The fitted model is unstable: its error while the slide moves is not a number."
     return PartFound(
@@ -311,30 +312,28 @@ def travel_section(travelled: Travelled, figures: Mapping[str, float], paper: Ma
         f"{len(travelled.measured)} periods of a slide that travels while it is excited, compared at the excited lines"
         " once drift is removed. What repeats of an error is its systematic part, the rest its stochastic one."
     )
-    figure = Beside(tuple(_spectrum(travelled, column) for column in range(len(outputs))), columns=2)
-    return Section("While the slide travels", lead, (Table(("Figure", *heads), tuple(rows)), Notes(_NOTES), figure))
+    shown = Beside(tuple(_spectrum(travelled, column) for column in range(len(outputs))), columns=2)
+    return Section("While the slide travels", lead, (Table(("Figure", *heads), tuple(rows)), Notes(_NOTES), shown))
 
 
 def _spectrum(travelled: Travelled, column: int) -> Figure:
     fitted, true = travelled.error(travelled.fitted), travelled.error(travelled.true)
-    curves = tuple(
-        Curve(name, _pooled(travelled.frequency_hz), tuple(2 * value for value in _pooled(amplitude[:, column])))
-        for name, amplitude in (
-            ("measured", split_errors(travelled.measured).total),
-            ("error of the fitted model", fitted.total),
-            ("error of the true drive", true.total),
-            ("stochastic part", fitted.stochastic),
-        )
-    )
+    amplitudes = {
+        "measured": split_errors(travelled.measured).total,
+        "error of the fitted model": fitted.total,
+        "error of the true drive": true.total,
+        "stochastic part": fitted.stochastic,
+    }
+    series = {name: 2 * _pooled(values[:, column]) for name, values in amplitudes.items()}
     name, unit = travelled.outputs[column], travelled.units[column]
-    caption = f"Root mean square of {_POOLED} neighbouring lines."
-    return Figure(f"Output {name}", "Frequency [Hz]", f"Amplitude [{unit}]", curves, caption=caption)
+    axes, caption = ("Frequency [Hz]", f"Amplitude [{unit}]"), f"Root mean square of {_POOLED} neighbouring lines."
+    return figure(f"Output {name}", axes, _pooled(travelled.frequency_hz), series, caption=caption)
 
 
-def _pooled(values: FloatArray) -> tuple[float, ...]:
+def _pooled(values: FloatArray) -> FloatArray:
     """Root mean squares of neighbouring lines, which calms what alternates from line to line."""
     groups = np.array_split(values, max(1, len(values) // _POOLED))
-    return tuple(float(np.sqrt(np.mean(group**2))) for group in groups)
+    return np.array([np.sqrt(np.mean(group**2)) for group in groups])
 
 
 @dataclass(frozen=True)
@@ -416,18 +415,15 @@ def travel_figures(travelled: Travelled, fixed: FloatArray) -> dict[str, float]:
         "true_error_over_stochastic": true.over_stochastic,
         "total_over_noise": fixed,
     }
-    return {"global.ratio_mismatch_percent": 100 * float(excess.max())} | {
-        f"global.{key}.{name}": float(value)
-        for key, values in columns.items()
-        for name, value in zip(travelled.outputs, values, strict=True)
-    }
+    figures = {"global.ratio_mismatch_percent": 100 * float(excess.max())}
+    for key, values in columns.items():
+        figures |= _by_output(key, travelled, values)
+    return figures
 
 
-def uncompensated_figures(travelled: Travelled) -> dict[str, float]:
-    """Returns by how much a model with friction in it misses more than the true drive, per output."""
-    excess = 100 * travelled.excess(travelled.fitted)
-    named = zip(travelled.outputs, excess, strict=True)
-    return {f"global.uncompensated_mismatch_percent.{name}": float(value) for name, value in named}
+def _by_output(key: str, travelled: Travelled, values: FloatArray) -> dict[str, float]:
+    named = zip(travelled.outputs, values.tolist(), strict=True)
+    return {f"global.{key}.{name}": value for name, value in named}
 
 
 def total_over_noise(frf: Frf, outputs: tuple[str, ...], periods: int) -> FloatArray:

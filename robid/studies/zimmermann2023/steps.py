@@ -55,16 +55,13 @@ class StepProfile:
 
 
 def step_profiles(
-    robot: Robot, controller: Controller, simulation: SimulateOptions, configurations: FloatArray, options: StepOptions
+    robot: Robot,
+    controller: Controller,
+    simulation: SimulateOptions,
+    configurations: FloatArray,
+    options: StepOptions,
 ) -> list[list[StepProfile]]:
-    """Finds the fastest step of every axis in every configuration.
-
-    Args:
-        robot: The robot that must follow, without the imperfections.
-        controller: Its controller.
-        simulation: Its imperfections.
-        configurations (n_conf, n_joint): Arm-side angles at rest [rad].
-        options: Size, speed and share of the torque limits.
+    """Finds the fastest step of every axis in every configuration (n_conf, n_joint) [rad] of a robot that must follow.
 
     Returns:
         Profiles by configuration and axis; downwards where the upper joint limit is too near.
@@ -282,11 +279,6 @@ class StepResponses:
         return np.asarray(np.linalg.norm(self.tool_true - self.path, axis=-1))
 
     @property
-    def torque_error_nm(self) -> FloatArray:
-        """Predicted less true torque (n_model, n_conf, n_axis, n_time) [N m]."""
-        return np.asarray(self.torque_model - self.torque_true)
-
-    @property
     def vibration_m(self) -> FloatArray:
         """Root mean square vibration (n_model, n_conf, n_axis) of the true tool point after the move [m]."""
         result = np.empty(self.tool_true.shape[:3])
@@ -377,24 +369,26 @@ def step_responses(
 def step_figures(responses: StepResponses) -> dict[str, StepFigures]:
     """Sums up the errors of every model over configurations and axes."""
     size = responses.size_m
-    tool, path, torque = responses.tool_error_m, responses.path_error_m, responses.torque_error_nm
     moved = responses.torque_true - responses.torque_true[..., :1]
-    vibration = responses.vibration_m
-    return {
-        name: StepFigures(
-            tool_rms_m=_rms(tool[index]),
-            tool_max_m=float(tool[index].max()),
-            tool_relative=_rms(tool[index] / size[..., None]),
-            torque_rms_nm=_rms(torque[index]),
-            torque_max_nm=float(np.abs(torque[index]).max()),
-            torque_relative=_rms(torque[index]) / _rms(moved[index]),
-            path_rms_m=_rms(path[index]),
-            path_max_m=float(path[index].max()),
-            vibration_m=_rms(vibration[index]),
-            vibration_relative=_rms(vibration[index] / size),
+    found = {}
+    for index, name in enumerate(responses.models):
+        tool, path, vibration = (
+            each[index] for each in (responses.tool_error_m, responses.path_error_m, responses.vibration_m)
         )
-        for index, name in enumerate(responses.models)
-    }
+        torque = responses.torque_model[index] - responses.torque_true[index]
+        found[name] = StepFigures(
+            tool_rms_m=_rms(tool),
+            tool_max_m=float(tool.max()),
+            tool_relative=_rms(tool / size[..., None]),
+            torque_rms_nm=_rms(torque),
+            torque_max_nm=float(np.abs(torque).max()),
+            torque_relative=_rms(torque) / _rms(moved[index]),
+            path_rms_m=_rms(path),
+            path_max_m=float(path.max()),
+            vibration_m=_rms(vibration),
+            vibration_relative=_rms(vibration / size),
+        )
+    return found
 
 
 def _rms(values: FloatArray) -> float:
