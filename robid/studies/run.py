@@ -24,6 +24,7 @@ from robid.report.page import ReportContent
 from robid.report.section import Section, Table
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import plain_settings
+from robid.studies.experiments import Further
 from robid.studies.fleet.logs import LOGS, require_packages
 from robid.studies.fleet.speed import SCHEDULER, SPEED
 from robid.studies.fleet.whole import WHOLE
@@ -158,23 +159,39 @@ def run_study(
             with progress(step.folder) as shown:
                 done = run_tasks(run.path(step.folder), step.function, tasks, parallel_map, shown, force=force)
             results = (*results, done)
+    return _concluded(run, study, results, further, started)
+
+
+def _concluded(run: Run, study: Procedure, results: Earlier, further: Further, started: str) -> StudyOutcome:
+    """Concludes, and writes page and summary anew where they are not what the results say."""
     conclusion = study.conclude(run, results)
     headers = [[read_header(path, TASK) for path in done.paths] for done in results]
-    rows = tuple(
-        _row(step, [each.provenance for each in made]) for step, made in zip(study.steps, headers, strict=True)
-    )
+    conclusion = replace(conclusion, warnings=(*conclusion.warnings, *_of_several_commits(headers)))
     hashes = {
         f"{step.name}/{path.stem}".lstrip("/"): header.content_sha256
         for step, done, made in zip(study.steps, results, headers, strict=True)
         for path, header in zip(done.paths, made, strict=True)
     }
-    conclusion = replace(conclusion, warnings=(*conclusion.warnings, *_of_several_commits(headers)))
-    provenance = _provenance(run, {**hashes, **_read_elsewhere(further)}, started)
+    # A page may show outputs of other experiments without a task.
+    elsewhere = {
+        f"{other.folder.name}/{output}": read_header(other.path(output)).content_sha256
+        for other, outputs in further
+        for output in outputs
+    }
+    provenance = _provenance(run, {**hashes, **elsewhere}, started)
     if _is_fresh(run, provenance):
         return StudyOutcome("fresh", conclusion)
-    seconds = sum(seconds_of(header.provenance) for made in headers for header in made)
+    rows = tuple(_row(step, [one.provenance for one in made]) for step, made in zip(study.steps, headers, strict=True))
+    seconds = sum(seconds_of(one.provenance) for made in headers for one in made)
     write_json(run.path(SUMMARY), {**conclusion.summary, "tasks.count": len(hashes), "tasks.seconds": seconds})
-    write_page(run.path(REPORT), _content(run.loaded, conclusion, rows), provenance)
+    content = ReportContent(
+        title=run.loaded.experiment.name,
+        verdict=conclusion.verdict,
+        robot=run.loaded.robot.name,
+        sections=conclusion.sections + _against_references(run.loaded, conclusion.summary) + run_section(rows),
+        warnings=conclusion.warnings,
+    )
+    write_page(run.path(REPORT), content, provenance)
     return StudyOutcome("made", conclusion)
 
 
@@ -185,15 +202,6 @@ def _of_several_commits(headers: Iterable[Iterable[Header]]) -> tuple[str, ...]:
         return ()
     listed = ", ".join(f"{commit[:8]}{commit[40:]}" or "none" for commit in commits)
     return (f"Results come from several commits of robid: {listed}. Where methods differ, `--force` makes all anew.",)
-
-
-def _read_elsewhere(further: Iterable[tuple[Run, tuple[str, ...]]]) -> dict[str, str]:
-    """Content hashes of the outputs of other experiments, which a page may show without a task."""
-    return {
-        f"{other.folder.name}/{output}": read_header(other.path(output)).content_sha256
-        for other, outputs in further
-        for output in outputs
-    }
 
 
 def _provenance(run: Run, hashes: dict[str, str], started: str) -> Provenance:
@@ -235,17 +243,6 @@ def _row(step: Step, made: list[Provenance]) -> StageRow:
         content_hash="",
         seconds=seconds,
         phrase=f"{counted(len(made), 'task')}, {duration(seconds / max(len(made), 1))} each",
-    )
-
-
-def _content(loaded: LoadedExperiment, conclusion: Conclusion, rows: tuple[StageRow, ...]) -> ReportContent:
-    references = _against_references(loaded, conclusion.summary)
-    return ReportContent(
-        title=loaded.experiment.name,
-        verdict=conclusion.verdict,
-        robot=loaded.robot.name,
-        sections=conclusion.sections + references + run_section(rows),
-        warnings=conclusion.warnings,
     )
 
 

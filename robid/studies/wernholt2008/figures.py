@@ -35,20 +35,8 @@ from robid.studies.wernholt2008.study import (
 )
 
 
-@dataclass(frozen=True)
-class StartSpread:
-    """Statistics of parameters over models, each parameter divided by the best model's."""
-
-    minimum: FloatArray  # (n_param,) smallest value
-    median: FloatArray  # (n_param,) median
-    maximum: FloatArray  # (n_param,) largest value
-    mean: FloatArray  # (n_param,) mean
-    std: FloatArray  # (n_param,) standard deviation; 0 for a single model
-    count: int  # Number of models
-
-
-def spread(values: FloatArray, best: FloatArray) -> StartSpread:
-    """Returns the statistics of models near the best one.
+def spread(values: FloatArray, best: FloatArray) -> dict[str, FloatArray]:
+    """Returns the statistics over models near the best one, of each parameter (n_param,) divided by the best model's.
 
     Args:
         values (n_model, n_param): Their parameters.
@@ -58,14 +46,9 @@ def spread(values: FloatArray, best: FloatArray) -> StartSpread:
         Wernholt and Moberg (2008), Table 1.
     """
     relative = values / best
-    return StartSpread(
-        minimum=relative.min(axis=0),
-        median=np.asarray(np.median(relative, axis=0)),
-        maximum=relative.max(axis=0),
-        mean=relative.mean(axis=0),
-        std=relative.std(axis=0, ddof=1) if len(values) > 1 else np.zeros(values.shape[1]),
-        count=len(values),
-    )
+    std = relative.std(axis=0, ddof=1) if len(values) > 1 else np.zeros(values.shape[1])
+    found = {"min": relative.min(axis=0), "max": relative.max(axis=0), "mean": relative.mean(axis=0), "std": std}
+    return {**found, "median": np.asarray(np.median(relative, axis=0))}
 
 
 def within_factor(values: FloatArray, best: FloatArray, factor: float) -> BoolArray:
@@ -166,11 +149,9 @@ def gather(run: Run, results: Sequence[Artifact]) -> Found:
     frf = measured(run)
     user, optimal = (set_up(robot, frf, options, delay)[0] for options in score_options(study))
     truth = true_internal(user, robot, run.loaded.experiment.campaigns[study.campaign])
-    parts: dict[int, list[dict[str, Any]]] = {}
     per_set = -(-study.fit.starts // study.starts_per_task)
-    for index, result in enumerate(results):
-        values = values_of(result)
-        parts.setdefault(index // per_set, []).append(values)
+    values = [values_of(result) for result in results]
+    parts = [values[at : at + per_set] for at in range(0, len(values), per_set)]
     kinds = sets(study)
     near = [part for index, kind in enumerate(kinds) if not kind.group for part in parts[index]]
     best = min(float(part["user_cost"].min()) for part in near)
@@ -251,6 +232,7 @@ def model_figures(models: Models, found: Found) -> dict[str, float]:
     others = spring.copy()
     others[found.least_determined] = False
     own = models.own_cost <= _SAME_MINIMUM * models.own_cost.min()
+    best = models.internal[np.argmin(models.own_cost)]
     return {
         "reasonable": float(models.reasonable.mean()),
         "cost_within_1_5": float((models.user_cost <= COST_LIMIT).mean()),
@@ -262,17 +244,12 @@ def model_figures(models: Models, found: Found) -> dict[str, float]:
         "median_cost": float(np.median(models.user_cost)),
         "best_optimal_cost": float(models.optimal_cost.min()),
         "median_optimal_cost": float(np.median(models.optimal_cost)),
-        "spring_error": float(np.median(np.abs(best_of(models) - found.truth)[spring])),
+        "spring_error": float(np.median(np.abs(best - found.truth)[spring])),
         "evaluations.median": float(np.median(models.evaluations)),
         "evaluations.max": float(models.evaluations.max()),
         "cap_share": float(models.capped.mean()),
         "seconds": models.seconds / len(models.own_cost),
     }
-
-
-def best_of(models: Models) -> FloatArray:
-    """Internal parameters (n_param,) of an estimator's own best model."""
-    return np.asarray(models.internal[np.argmin(models.own_cost)])
 
 
 def summarise(found: Found) -> dict[str, float]:
@@ -336,49 +313,45 @@ def claims(
     transmission: BoolArray,
     individuals: Individuals | None = None,
 ) -> tuple[Claim, ...]:
-    """Returns the seven conclusions.
+    """Returns the seven conclusions; `transmission` (n_param,) tells which parameters are those of gearboxes.
 
     Those about success compare shares of reasonable models, of plain descents where the study has them, as the
     paper's: larger by more than two standard errors bears them out. Those about kinds of parameters compare the
     medians of the predicted standard deviation and of the true error of the best model: both must be larger.
-
     Where there are individuals, the third to the fifth conclusion are about what estimates are worth: the size of their
     errors, see `_by_errors`.
-
-    Args:
-        found: What the study found.
-        choices: Its estimators by name.
-        transmission (n_param,): Which parameters are those of gearboxes.
-        individuals: What the estimators make of several individuals, if there are any.
     """
-
-    def models(estimator: str, weights: str, configurations: str = "all") -> Models | None:
-        wanted = estimator, weights, configurations
-        for name, one in choices.items():
-            if (one.estimator, one.weights, one.configurations) == wanted:
-                return found.as_in_paper.get(name)
-        return None
-
-    user, optimal = models("lls", "user"), models("lls", "optimal")
+    names = ("user", "optimal")
+    user, optimal = (_chosen(found, choices, "lls", name) for name in names)
+    plain = tuple(_chosen(found, choices, "nls", name) for name in names)
+    phased, alone = _chosen(found, choices, "llsm", "user"), _chosen(found, choices, "lls", "user", "best")
     spring, damper = found.of_kind("stiffness"), found.of_kind("damping")
     gears, structure = spring & transmission, spring & ~transmission
-    plain = (models("nls", "user"), models("nls", "optimal"))
-    phase = _shares("Using phase information improves the estimate.", (user,), (models("llsm", "user"),))
+    phase = _shares("Using phase information improves the estimate.", (user,), (phased,))
     rough = _shares("Rough user-defined weights work better than the theoretically optimal ones.", (user,), (optimal,))
     easier = _kinds("Gearbox springs are easier to estimate than arm structure springs.", found, gears, structure)
     if individuals is not None and user is not None:
-        phase = _smaller(phase, individuals, user, models("llsm", "user"))
+        phase = _smaller(phase, individuals, user, phased)
         rough = _smaller(rough, individuals, user, optimal)
         easier = _easier(easier, individuals, user.name, found, (gears, structure))
     return (
         _shares("The LLS estimator is superior to the NLS estimator.", (user, optimal), plain),
-        _shares("More than one configuration is needed.", (user,), (models("lls", "user", "best"),)),
+        _shares("More than one configuration is needed.", (user,), (alone,)),
         phase,
         rough,
         easier,
         _kinds("Springs are easier to identify than dampers.", found, spring, damper),
         _honest("The theoretical uncertainties are a good indication of the parameters' quality.", found),
     )
+
+
+def _chosen(
+    found: Found, choices: Mapping[str, EstimatorChoice], estimator: str, weights: str, configurations: str = "all"
+) -> Models | None:
+    """Models of the first estimator that is made so; None where the study has none."""
+    wanted = estimator, weights, configurations
+    names = (name for name, one in choices.items() if (one.estimator, one.weights, one.configurations) == wanted)
+    return found.as_in_paper.get(next(names, ""))
 
 
 def _shares(text: str, better: tuple[Models | None, ...], worse: tuple[Models | None, ...]) -> Claim:

@@ -125,7 +125,7 @@ def _matrix_section(found: Found, configuration: int, best: ComplexArray) -> Sec
     return Section("Fig. 9: measured and modelled response", lead, (Beside(tuple(figures), response.shape[2]),))
 
 
-_STATISTICS = ("min", "median", "max", "mean", "std", "std_th")
+_STATISTICS = ("min", "median", "max", "mean", "std")
 _REPRESENTATIVE = 4
 
 
@@ -306,7 +306,7 @@ def _statistics_section(found: Found, paper: Mapping[str, Any]) -> Section:
     theirs = paper.get("table_1", {})
     if theirs:
         rows = tuple((name, *(significant(value) for value in values)) for name, values in theirs.items())
-        tables.append(Table(("Parameter", *_STATISTICS), rows, title="The paper's Table 1"))
+        tables.append(Table(("Parameter", *_STATISTICS, "std_th"), rows, title="The paper's Table 1"))
     lead = (
         f"Parameters of the {found.reference} models with a cost within {NEAR_BEST:g} of the best, divided by the best"
         " model's: four springs and four dampers from the best to the least determined. The last two columns are the"
@@ -318,11 +318,11 @@ def _statistics_section(found: Found, paper: Mapping[str, Any]) -> Section:
 def _statistics_table(found: Found, internal: Any, title: str) -> Table:  # noqa: ANN401
     names = found.problem.parameters.names
     if not len(internal):
-        return Table(("Parameter", *_STATISTICS, "truth"), (), title=f"{title}: no model is near the best")
+        return Table(("Parameter", *_STATISTICS, "std_th", "truth"), (), title=f"{title}: no model is near the best")
     statistics = spread(np.exp(internal), np.exp(found.best))
     rows = []
     for index in (*representative(found, "stiffness"), *representative(found, "damping")):
-        own = [getattr(statistics, key)[index] for key in ("minimum", "median", "maximum", "mean", "std")]
+        own = [statistics[key][index] for key in _STATISTICS]
         truth = np.exp(found.truth - found.best)[index]
         rows.append((names[index], *(significant(float(value)) for value in (*own, found.std[index], truth))))
-    return Table(("Parameter", *_STATISTICS, "truth"), tuple(rows), title=f"{title}: {statistics.count} models")
+    return Table(("Parameter", *_STATISTICS, "std_th", "truth"), tuple(rows), title=f"{title}: {len(internal)} models")

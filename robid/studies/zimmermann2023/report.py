@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -13,7 +13,7 @@ from robid.pipeline.graph import Run
 from robid.report.design import design_section
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import Verdict
-from robid.report.section import Beside, Figure, Section
+from robid.report.section import Beside, Figure, Section, Table
 from robid.robot.skeleton import skeleton
 from robid.studies.experiments import paper_figures
 from robid.studies.page import Conclusion, figure, table
@@ -160,6 +160,17 @@ def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[st
         " mean, what all individuals share, such as the stiffening that a linear model takes for stiffness. Missed:"
         f" first resonances of the own responses of {axes} that are off by more than {percent(MISSED)}."
     )
+    optimal = list(found.models).index(found.study.optimal)
+    judged = "Models are judged by their scatter: the truth is known here."
+    lead = " ".join((judged, *_contradictions(found, paper), *_too_sure(found, summary)))
+    tables = (
+        table(columns, found.models, caption=caption, strong=optimal),
+        _typical_table(found, share, optimal),
+    )
+    return Section("Table II: costs and deviations", lead, tables)
+
+
+def _typical_table(found: Found, share: Callable[[str, str], str], optimal: int) -> Table:
     typical = (
         ("Model", lambda name: name),
         ("Effective", partial(share, "typical_effective_std")),
@@ -167,18 +178,11 @@ def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[st
         ("Scatter", partial(share, "typical_scatter")),
         ("Of fits", partial(share, "typical_fit_scatter")),
     )
-    typical_caption = (
+    caption = (
         "The same by geometric means over the springs: one that no data can tell, such as a gear with a bearing in"
         " series that the robot file lacks, outweighs all others in a plain mean."
     )
-    optimal = list(found.models).index(found.study.optimal)
-    judged = "Models are judged by their scatter: the truth is known here."
-    lead = " ".join((judged, *_contradictions(found, paper), *_too_sure(found, summary)))
-    tables = (
-        table(columns, found.models, caption=caption, strong=optimal),
-        table(typical, found.models, caption=typical_caption, strong=optimal),
-    )
-    return Section("Table II: costs and deviations", lead, tables)
+    return table(typical, found.models, caption=caption, strong=optimal)
 
 
 def _too_sure(found: Found, summary: Mapping[str, float]) -> tuple[str, ...]:

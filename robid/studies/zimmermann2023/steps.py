@@ -333,9 +333,6 @@ def step_responses(
         tool_m (3,): Tool point in the last joint's frame; the payload's centre of mass by default [m].
         parallel_map: Ordered map that runs the configurations.
 
-    Returns:
-        Responses of all models.
-
     Raises:
         SettingsError: If a step outlasts the time that is compared, or a motor cannot hold the robot at rest.
         DataError: If a robot finds no equilibrium or a simulation blows up.
