@@ -72,8 +72,7 @@ def ways(cores: int) -> tuple[tuple[str, int], ...]:
     return tuple(dict.fromkeys([SERIAL, ("processes", cores), ("dask", cores), ("dask", 1), ("dask", 2)]))
 
 
-def speed_tasks(run: Run, speed: FleetSpeed, earlier: Mapping[str, Results]) -> list[Task]:
-    """Returns the one task, so that nothing else runs meanwhile."""
+def _speed_tasks(run: Run, speed: FleetSpeed, earlier: Mapping[str, Results]) -> list[Task]:
     sound = [robot for robot in fleet_robots(run) if robot.fault is None][: speed.rows]
     path, template = run.path("manifest_of_speed.csv"), template_path(run)
     write_manifest(path, sound, stated_payload(run))
@@ -156,8 +155,7 @@ def finish_times(timing: Timing, way: tuple[str, int]) -> list[float]:
     return finished[:-1]
 
 
-def conclude_speed(_run: Run, speed: FleetSpeed, results: Results) -> PartFound:
-    """Compares the backends."""
+def _conclude_speed(_run: Run, speed: FleetSpeed, results: Results) -> PartFound:
     [found] = results
     values = values_of(found)
     timed = zip(values["backend"].tolist(), values["workers"].tolist(), strict=True)
@@ -209,7 +207,7 @@ def speed_section(
     return Section("Speed", lead, (table,))
 
 
-SPEED = Part(NAME, conclude_speed, speed_tasks, time_all)
+SPEED = Part(NAME, _conclude_speed, _speed_tasks, time_all)
 
 
 _MEANINGS = {
@@ -229,8 +227,7 @@ class Fed:
     answer: Path
 
 
-def scheduler_tasks(run: Run, count: int, earlier: Mapping[str, Results]) -> list[Task]:
-    """Returns the one task, of so many rows."""
+def _scheduler_tasks(run: Run, count: int, earlier: Mapping[str, Results]) -> list[Task]:
     fleet = load_fleet(manifest_path(run), template_path(run))
     rows = run.path(FOLDER) / "rows"
     sound = next(index for index, robot in enumerate(fleet_robots(run)) if robot.fault is None)
@@ -278,7 +275,7 @@ def _outline(folder: Path) -> Ledger:
     return ledger.outline
 
 
-def conclude_scheduler(_run: Run, _count: int, results: Results) -> PartFound:
+def _conclude_scheduler(_run: Run, _count: int, results: Results) -> PartFound:
     """Tabulates what a row costs scheduler and command."""
     [found] = results
     values = {name: float(dataset.values) for name, dataset in found.datasets.items()}
@@ -290,4 +287,4 @@ def conclude_scheduler(_run: Run, _count: int, results: Results) -> PartFound:
     return PartFound(figures, {}, (Section("Very many rows", lead, (table,)),))
 
 
-SCHEDULER = Part("scheduler", conclude_scheduler, scheduler_tasks, feed, field="scheduled")
+SCHEDULER = Part("scheduler", _conclude_scheduler, _scheduler_tasks, feed, field="scheduled")

@@ -159,7 +159,7 @@ _GROWTH = Asked(upper=1.1)
 _SETTLED = 10
 
 
-def whole_tasks(run: Run, _study: FleetStudy, earlier: Mapping[str, Results]) -> list[Task]:
+def _whole_tasks(run: Run, _study: FleetStudy, earlier: Mapping[str, Results]) -> list[Task]:
     """Returns the one task: all rows, of which a stopped study keeps what is done."""
     path, template = manifest_path(run), template_path(run)
     write_manifest(path, fleet_robots(run), stated_payload(run))
@@ -235,7 +235,7 @@ def count_found(kinds: Sequence[str], failed: BoolArray, off: BoolArray) -> dict
     return figures
 
 
-def conclude_whole(run: Run, _study: FleetStudy, results: Results) -> PartFound:
+def _conclude_whole(run: Run, _study: FleetStudy, results: Results) -> PartFound:
     """Counts what was found, and says how the worker's memory grew."""
     [found] = results
     values = values_of(found)
@@ -261,4 +261,4 @@ def conclude_whole(run: Run, _study: FleetStudy, results: Results) -> PartFound:
     return PartFound(figures, asked, sections, tuple(warnings))
 
 
-WHOLE = Part(NAME, conclude_whole, whole_tasks, reprocess_whole, field="")
+WHOLE = Part(NAME, _conclude_whole, _whole_tasks, reprocess_whole, field="")

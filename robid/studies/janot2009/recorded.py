@@ -178,7 +178,7 @@ TX40 = recorded_part("tx40", "The TX40", lambda case: (case.fit,), _conclude_tx4
 _FRICTION = (".viscous", ".coulomb")
 
 
-def conclude_kr300(_run: Run, _case: CoverageCase, results: Results) -> PartFound:
+def _conclude_kr300(_run: Run, _case: CoverageCase, results: Results) -> PartFound:
     """Counts how often intervals held the truth, and how far friction and the rest were off."""
     own = {name: [each for each in results if each.attributes["joints"] == name] for name in JOINTS}
     found = {name: _held_figures(rows) for name, rows in own.items() if rows}
@@ -234,8 +234,7 @@ class Robots:
     seeds: tuple[int, ...]  # One for each robot and its noise
 
 
-def further_kr300(run: Run, case: CoverageCase) -> Further:
-    """Returns the arm's experiment with the trajectories that all robots play."""
+def _further_kr300(run: Run, case: CoverageCase) -> Further:
     return ((run_of(run, case.experiment, "kr300"), (f"{case.campaign}/excitation.h5",)),)
 
 
@@ -271,8 +270,7 @@ def kr300_tasks(run: Run, case: CoverageCase, _earlier: Mapping[str, Results]) -
     return tasks
 
 
-def identify_robots(one: Robots) -> Content:
-    """Simulates and identifies some robots."""
+def _identify_robots(one: Robots) -> Content:
     rows = [_identify(one, seed) for seed in one.seeds]
     axes = ("seed", "parameter")
     names = np.array(rows[0][0])
@@ -313,4 +311,4 @@ def _identify(one: Robots, seed: int) -> tuple[tuple[str, ...], list[float], lis
     return found.names, found.value.tolist(), truth.tolist(), std.tolist(), inside.tolist()
 
 
-KR300 = Part("kr300", conclude_kr300, kr300_tasks, identify_robots, further_kr300)
+KR300 = Part("kr300", _conclude_kr300, kr300_tasks, _identify_robots, _further_kr300)

@@ -65,8 +65,7 @@ class Mapped:
     linear_gain: Annotated[FloatArray, Quantity("1", _RESPONSE, "In resolutions")]
 
 
-def homes_tasks(run: Run, case: CartesianCase, _earlier: Mapping[str, Results]) -> list[Task]:
-    """Returns the tasks: one home each."""
+def _homes_tasks(run: Run, case: CartesianCase, _earlier: Mapping[str, Results]) -> list[Task]:
     loaded, path = run.loaded, run.path(f"{case.homes}/record.h5")
     campaign = loaded.experiment.campaigns[case.homes]
     simulated, options = simulate_options(campaign), external_fit(loaded.experiment, case.fit).options()
@@ -146,8 +145,7 @@ def further_arm(run: Run, case: CartesianCase) -> Further:
     return ((run, (model, validation, f"{case.homes}/record.h5")),)
 
 
-def conclude_arm(run: Run, case: CartesianCase, results: Results) -> PartFound:
-    """Turns the arm's fit and the maps of its homes into figures, and what is asked of them."""
+def _conclude_arm(run: Run, case: CartesianCase, results: Results) -> PartFound:
     paper = paper_figures(run.loaded)
     solution = solution_from_artifact(read_artifact(run.path(f"fits/{case.fit}/model.h5"), MODEL))
     validation = validation_from_artifact(read_artifact(run.path(f"fits/{case.fit}/validation.h5"), VALIDATION))
@@ -283,7 +281,7 @@ def _against_linear(title: str, home: Mapped, output: int, command: int) -> Figu
     return Figure(title, "Frequency [Hz]", "Gain, in resolutions", drawn, height=280)
 
 
-ARM = Part("arm", conclude_arm, homes_tasks, map_home, further_arm)
+ARM = Part("arm", _conclude_arm, _homes_tasks, map_home, further_arm)
 
 
 _PUBLISHED_RAD_S, _NEAR = 126.4, 0.01

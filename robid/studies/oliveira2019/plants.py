@@ -13,6 +13,7 @@ from robid.pipeline.graph import Run
 from robid.report.numbers import MINUS, MISSING, percent, significant
 from robid.report.section import Beside, Curve, Figure, Notes, Row, Section, Table
 from robid.studies.experiments import paper_figures
+from robid.studies.oliveira2019 import judging
 from robid.studies.oliveira2019.bench import (
     ROTATIONS,
     Bench,
@@ -22,22 +23,11 @@ from robid.studies.oliveira2019.bench import (
     plants_of,
     plants_tasks,
 )
-from robid.studies.oliveira2019.judging import (
-    CONFIDENCE,
-    Identified,
-    RootError,
-    band_errors,
-    from_content,
-    judge_roots,
-    root_values,
-    undershoot,
-    undetermined_roots,
-)
 from robid.studies.page import Asked, PartFound, curves, table
 from robid.studies.settings.parts import PlantsCase
 from robid.studies.study import Part, Results
 
-Channels: TypeAlias = Sequence[tuple[Plant, Identified]]
+Channels: TypeAlias = Sequence[tuple[Plant, judging.Identified]]
 """Each true channel with what was identified of it."""
 
 _ASKED = {
@@ -57,14 +47,13 @@ _DIGITS = 4
 _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def conclude_plants(run: Run, case: PlantsCase, results: Results) -> PartFound:
-    """Turns the identified channels into figures, tables and pictures beside the paper's, and what is asked of them."""
+def _conclude_plants(run: Run, case: PlantsCase, results: Results) -> PartFound:
     paper = paper_figures(run.loaded)
     bench, plants = bench_of(paper, case), plants_of(paper)
-    channels = [(plant, from_content(one)) for plant, one in zip(plants, results, strict=True)]
+    channels = [(plant, judging.from_content(one)) for plant, one in zip(plants, results, strict=True)]
     low, high = (2 * np.pi * end for end in case.band_hz)
     errors = {
-        plant.name: judge_roots(list(found.roots), plant.numerator, plant.denominator, (low, high))
+        plant.name: judging.judge_roots(list(found.roots), plant.numerator, plant.denominator, (low, high))
         for plant, found in channels
     }
     every = [error for one in errors.values() for error in one]
@@ -91,8 +80,8 @@ def plant_figures(channels: Channels, bench: Bench, case: PlantsCase) -> dict[st
     for plant, one in channels:
         inside = (one.frequency_hz >= case.band_hz[0]) & (one.frequency_hz <= case.band_hz[1])
         band_hz = one.frequency_hz[inside]
-        off.append(band_errors(one.response[inside], bench.response(plant, band_hz)))
-        between = band_errors(one.continuous[inside], bench.continuous(plant, band_hz))
+        off.append(judging.band_errors(one.response[inside], bench.response(plant, band_hz)))
+        between = judging.band_errors(one.continuous[inside], bench.continuous(plant, band_hz))
         own = {
             **{key: getattr(one.quality, key) for key in ("nrmse", "r2", "fpe")},
             "poles": float(len(one.denominator) - 1),
@@ -104,8 +93,8 @@ def plant_figures(channels: Channels, bench: Bench, case: PlantsCase) -> dict[st
             "continuous_error_degrees": between[1],
         }
         # How far a step response is below zero at the samples, where estimate or truth says so.
-        index, depth = undershoot(one.step)
-        _, true_depth = undershoot(bench.step(plant, len(one.step_s)))
+        index, depth = judging.undershoot(one.step)
+        _, true_depth = judging.undershoot(bench.step(plant, len(one.step_s)))
         if max(depth, true_depth) > 0:
             own |= {"undershoot": depth, "undershoot_std": float(one.step_std[index]), "undershoot_true": true_depth}
         figures |= {f"{plant.name}.{name}": value for name, value in own.items()}
@@ -114,7 +103,7 @@ def plant_figures(channels: Channels, bench: Bench, case: PlantsCase) -> dict[st
 
 
 def _table_section(
-    channels: Channels, errors: Mapping[str, list[RootError]], paper: Mapping[str, Any], bench: Bench
+    channels: Channels, errors: Mapping[str, list[judging.RootError]], paper: Mapping[str, Any], bench: Bench
 ) -> Section:
     lead = (
         "The functions that the paper identified are the plants here, so its column is also the truth: simulated with"
@@ -125,7 +114,7 @@ def _table_section(
     told: list[str] = []
     for plant, one in channels:
         nyquist = math.pi / bench.sampling_period_s
-        hidden = undetermined_roots(one.roots, plant.numerator, plant.denominator, nyquist)
+        hidden = judging.undetermined_roots(one.roots, plant.numerator, plant.denominator, nyquist)
         told += [*one.undetermined, *(f"{plant.name}: {sentence}" for sentence in hidden)]
     tables = (_amplitudes(channels, paper), _functions(channels), _root_table(channels, errors))
     notes = (Notes(tuple(told)),) if told else ()
@@ -154,7 +143,7 @@ def _functions(channels: Channels) -> Table:
     return table(columns, channels, title="Table 3: transfer functions", prose=True)
 
 
-def _root_table(channels: Channels, errors: Mapping[str, list[RootError]]) -> Table:
+def _root_table(channels: Channels, errors: Mapping[str, list[judging.RootError]]) -> Table:
     rows: list[Row] = []
     for plant, found in channels:
         judged = {error.name: error for error in errors[plant.name]}
@@ -199,7 +188,7 @@ def _measures(channels: Channels, paper: Mapping[str, Any]) -> Table:
 def _true_roots(plant: Plant) -> str:
     said = []
     for word, polynomial in (("zeros", plant.numerator), ("poles", plant.denominator)):
-        values = [(what, significant(value, _DIGITS)) for what, _, value in root_values(polynomial)]
+        values = [(what, significant(value, _DIGITS)) for what, _, value in judging.root_values(polynomial)]
         said.append(f"{word} {', '.join(value if what == 'rate' else f'{what} {value}' for what, value in values)}")
     return "; ".join(said)
 
@@ -299,8 +288,8 @@ def _validation(channels: Channels, bench: Bench) -> Section:
         shown = {name: values[inside] for name, values in signals.items()}
         figures.append(_over_time(title, plant.unit, time[inside], shown))
     lead = (
-        f"Six seconds of the chirp that was not fitted, with the bounds of {100 * CONFIDENCE:g} % of what the model"
-        " says; they are narrower than the lines."
+        f"Six seconds of the chirp that was not fitted, with the bounds of {100 * judging.CONFIDENCE:g} % of what the"
+        " model says; they are narrower than the lines."
     )
     return Section("Validation: Figs 7 and 8", lead, (Beside(tuple(figures), columns=2),))
 
@@ -332,4 +321,4 @@ def _phase(values: ComplexArray) -> FloatArray:
     return np.degrees(np.unwrap(np.angle(values)))
 
 
-PLANTS = Part("plants", conclude_plants, plants_tasks, identify)
+PLANTS = Part("plants", _conclude_plants, plants_tasks, identify)

@@ -116,8 +116,7 @@ def find_orders(seeds: Sequence[int]) -> tuple[IntArray, IntArray]:
     return np.array(true), np.array(found)
 
 
-def synthetic_tasks(_run: Run, case: SyntheticCase, _earlier: Mapping[str, Results]) -> list[Task]:
-    """Returns the tasks: some plants each."""
+def _synthetic_tasks(_run: Run, case: SyntheticCase, _earlier: Mapping[str, Results]) -> list[Task]:
     chunks = in_chunks(case.first_seed, case.plants, case.plants_per_task)
     return [Task(f"plants_{seeds.start}", {"seeds": [seeds.start, seeds.stop]}, (seeds,)) for seeds in chunks]
 
@@ -134,8 +133,7 @@ def find(seeds: range) -> Content:
     )
 
 
-def conclude_synthetic(_run: Run, _case: SyntheticCase, results: Results) -> PartFound:
-    """Counts how often the order was found."""
+def _conclude_synthetic(_run: Run, _case: SyntheticCase, results: Results) -> PartFound:
     true, found = (np.concatenate([one.datasets[key].values for one in results]) for key in ("true", "found"))
     right = true[:, 0] == found[:, 0]
     figures = {
@@ -160,7 +158,7 @@ def conclude_synthetic(_run: Run, _case: SyntheticCase, results: Results) -> Par
     )
 
 
-RANDOM_PLANTS = Part("synthetic", conclude_synthetic, synthetic_tasks, find)
+RANDOM_PLANTS = Part("synthetic", _conclude_synthetic, _synthetic_tasks, find)
 
 
 COVERAGE = "coverage_97"
@@ -237,8 +235,7 @@ def _model(channel: BenchChannel, known: Identified) -> TransferMatrix:
     )
 
 
-def conclude_coverage(run: Run, case: PlantsCase, results: Results) -> PartFound | None:
-    """Counts how often bounds held the truth."""
+def _conclude_coverage(run: Run, case: PlantsCase, results: Results) -> PartFound | None:
     if not len(results):
         return None
     found = {channel.plant.name: _joined(results, channel.plant.name) for channel in channels_of(run, case)}
@@ -288,4 +285,4 @@ def _section(found: Mapping[str, Mapping[str, FloatArray]], figures: Mapping[str
     return Section("Do bounds cover?", lead, (Table(heads, rows, fit="compact"),))
 
 
-COVERAGE_PART = Part("coverage", conclude_coverage, coverage_tasks, cover, field="plants")
+COVERAGE_PART = Part("coverage", _conclude_coverage, coverage_tasks, cover, field="plants")

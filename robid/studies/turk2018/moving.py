@@ -268,8 +268,7 @@ def further_travel(run: Run, case: TravelCase) -> Further:
     return ((run, (*models, f"{case.campaign}/record.h5", f"{case.fixed}/frf.h5")),)
 
 
-def conclude_travel(run: Run, case: TravelCase, _results: Results) -> PartFound:
-    """Turns the travel into figures and what is asked of them."""
+def _conclude_travel(run: Run, case: TravelCase, _results: Results) -> PartFound:
     path = run.path(f"{case.campaign}/record.h5")
     record = record_from_artifact(read_artifact(path, RECORD))
     frf = frf_from_artifact(read_artifact(run.path(f"{case.fixed}/frf.h5"), FRF))
@@ -459,4 +458,4 @@ def _modelled(solution: LpvSolution, record: Record, scheduling: FloatArray) -> 
     return np.asarray(own / np.where(as_measured, 1.0, output_factor(record, lines)[:, chosen]))
 
 
-TRAVEL = Part("global", conclude_travel, further=further_travel, field="travel")
+TRAVEL = Part("global", _conclude_travel, further=further_travel, field="travel")

@@ -255,8 +255,7 @@ def further_local(run: Run, case: RestCase) -> Further:
     return ((run, (model, validation, f"{lpv_fit(run.loaded.experiment, case.fit).validate_on}/frf.h5")),)
 
 
-def conclude_local(run: Run, case: RestCase, _results: Results) -> PartFound:
-    """Turns the fit and its validation into figures, tables and pictures, and what is asked of them."""
+def _conclude_local(run: Run, case: RestCase, _results: Results) -> PartFound:
     settings, paper = lpv_fit(run.loaded.experiment, case.fit), paper_figures(run.loaded)
     solution = solution_from_artifact(read_artifact(run.path(f"fits/{case.fit}/model.h5"), MODEL))
     validation = validation_from_artifact(read_artifact(run.path(f"fits/{case.fit}/validation.h5"), VALIDATION))
@@ -345,4 +344,4 @@ def _is_known(held: Held) -> BoolArray:
     return np.isfinite(held.std) & (held.std > 0)
 
 
-REST = Part("local", conclude_local, further=further_local)
+REST = Part("local", _conclude_local, further=further_local)

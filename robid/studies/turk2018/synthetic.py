@@ -77,8 +77,7 @@ def finds_structure(seed: int) -> bool:
 _ASKED = Asked(lower=0.95)
 
 
-def synthetic_tasks(_run: Run, case: KnownStructureCase, _earlier: Mapping[str, Results]) -> list[Task]:
-    """Returns the tasks: some systems each."""
+def _synthetic_tasks(_run: Run, case: KnownStructureCase, _earlier: Mapping[str, Results]) -> list[Task]:
     chunks = in_chunks(case.first_seed, case.runs, case.runs_per_task)
     options = plain_settings(LpvOptions(order=ORDER))
     return [Task(f"runs_{seeds.start}", {"seeds": [*seeds], "options": options}, (seeds,)) for seeds in chunks]
@@ -90,8 +89,7 @@ def find(seeds: range) -> Content:
     return Content({"kept": Dataset(kept, "1", ("run", "matrix", "function"), "Blocks of A, B, C, D that were found")})
 
 
-def conclude_synthetic(_run: Run, _case: KnownStructureCase, results: Results) -> PartFound:
-    """Counts how often exactly the true blocks were found."""
+def _conclude_synthetic(_run: Run, _case: KnownStructureCase, results: Results) -> PartFound:
     kept = np.concatenate([one.datasets["kept"].values for one in results])
     found = count_structures(kept)
     share = found.get(", ".join(STRUCTURE), 0) / len(kept)
@@ -111,4 +109,4 @@ def count_structures(kept: BoolArray) -> dict[str, int]:
     return dict(Counter(", ".join(block_names(one)) or "none" for one in kept).most_common())
 
 
-KNOWN_STRUCTURE = Part("synthetic", conclude_synthetic, synthetic_tasks, find)
+KNOWN_STRUCTURE = Part("synthetic", _conclude_synthetic, _synthetic_tasks, find)
