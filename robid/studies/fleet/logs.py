@@ -30,7 +30,7 @@ from robid.settings.sources import true_robot_of
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions
-from robid.studies.experiments import Further, changed_simulation
+from robid.studies.experiments import changed_simulation
 from robid.studies.page import PartFound
 from robid.studies.settings.study import KINDS, FleetStudy
 from robid.studies.simulated import played, simulate_options, simulation_settings, threads_of
@@ -193,10 +193,6 @@ def _excitation(run: Run) -> str:
     return f"{study_of(run.loaded, FleetStudy).campaign}/excitation.h5"
 
 
-def _further(run: Run, _study: FleetStudy) -> Further:
-    return ((run, (_excitation(run),)),)
-
-
 def log_tasks(run: Run, study: FleetStudy, _earlier: Mapping[str, Results]) -> list[Task]:
     """Returns the tasks: some robots each; one whose logs are not all there is to be done again.
 
@@ -326,4 +322,4 @@ def _conclude(run: Run, _study: FleetStudy, _results: Results) -> PartFound:
     return PartFound({"fleet.robots": float(len(robots)), "fleet.log_mb": size / 1e6})
 
 
-LOGS = Part(NAME, _conclude, log_tasks, write_logs, _further, field="")
+LOGS = Part(NAME, _conclude, log_tasks, write_logs, lambda run, _study: ((run, (_excitation(run),)),), field="")

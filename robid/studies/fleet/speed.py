@@ -241,7 +241,8 @@ def _scheduler_tasks(run: Run, count: int, earlier: Mapping[str, Results]) -> li
 def feed(first: Fed, count: int, workers: int, folder: Path) -> Content:
     """Feeds a local cluster with so many rows and says what that took."""
     digits = len(str(count))
-    rows = [_like(first, f"x{number:0{digits}d}") for number in range(count)]
+    names = [f"x{number:0{digits}d}" for number in range(count)]
+    rows = [replace(first, task=replace(first.task, row=replace(first.task.row, id=name))) for name in names]
     with make_map("dask", workers, folder=folder) as mapped:
         mapped(answer, rows[:workers])
         before, begun = resident_mib(), time.monotonic()
@@ -256,10 +257,6 @@ def feed(first: Fed, count: int, workers: int, folder: Path) -> Content:
         "memory_bytes": grown,
     }
     return Content({name: Dataset(np.array(value), "1", (), _MEANINGS[name]) for name, value in found.items()})
-
-
-def _like(first: Fed, name: str) -> Fed:
-    return replace(first, task=replace(first.task, row=replace(first.task.row, id=name)))
 
 
 def answer(fed: Fed) -> Ledger:

@@ -16,13 +16,9 @@ from robid.studies.experiments import paper_figures
 from robid.studies.janot2009 import seeded
 from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import HAPTIC_PERIOD_S, SeededCase
-from robid.studies.study import Content, Part, Results, Task
+from robid.studies.study import Content, Part, Results
 
 FIRST_MOMENTS = ((1, 2),)
-
-
-def _haptic_tasks(_run: Run, case: SeededCase, _earlier: Mapping[str, Results]) -> list[Task]:
-    return seeded.chunk_tasks(case, "haptic", {})
 
 
 def _identify_haptic(case: SeededCase, seeds: range) -> Content:
@@ -309,4 +305,6 @@ def simulate(
     return positions, torques
 
 
-HAPTIC = Part("haptic", _conclude_haptic, _haptic_tasks, _identify_haptic)
+HAPTIC = Part(
+    "haptic", _conclude_haptic, lambda _run, case, _earlier: seeded.chunk_tasks(case, "haptic", {}), _identify_haptic
+)

@@ -256,18 +256,16 @@ def _measured(
     experiment = simulated_experiment(loaded, campaign, options, content)
     if factor != 1:
         experiment = replace(experiment, reference=factor * experiment.reference)
-    estimators = {name: _estimator(case, campaign) for name, case in read.items()}
+    estimators = {}
+    for key, each in read.items():
+        mistaken = replace(loaded, robot=mistaken_robot(loaded.robot, each.mistake))
+        estimators[key] = make_estimator(mistaken, campaign, campaign.estimate)
     decides = {
         **response_settings(loaded, campaign, options, experiment),
         "configurations": content.configurations.tolist(),
     }
     nominal, delay = loaded.robot.to_robot(campaign.payload_kg), delay_s(loaded, campaign)
     return Measured(name, experiment, content.configurations, estimators, nominal, delay), decides
-
-
-def _estimator(case: Case, campaign: Campaign) -> Estimator:
-    loaded = replace(case.subject.loaded, robot=mistaken_robot(case.subject.loaded.robot, case.mistake))
-    return make_estimator(loaded, campaign, campaign.estimate)
 
 
 def measure_all(one: Individual) -> Content:

@@ -267,7 +267,9 @@ def is_named(said: Said, mistake: UnitMistake, robot: str, joints: Sequence[str]
         wrong: Those whose channel has the mistake.
     """
     if said.refusal:
-        told = [_words(scale) for scale in group_of(mistake, robot)] if CAUSES[UNITS] in said.refusal else []
+        group_told = group_of(mistake, robot) if CAUSES[UNITS] in said.refusal else ()
+        # What a message says was read as what, without its remedy.
+        told = (scale.mistake(SCALES.get(scale.factor, 1.0)).partition(":")[0] for scale in group_told)
         return any(words.lower() in said.refusal.lower() for words in (*told, *mistake.refusals))
     if said.causes[:1] != (UNITS,) or not said.scales:
         return False
@@ -275,8 +277,3 @@ def is_named(said: Said, mistake: UnitMistake, robot: str, joints: Sequence[str]
     concerned = first.joints or tuple(joints)
     group = {(scale.channel, scale.factor, scale.inverse) for scale in group_of(mistake, robot)}
     return (first.channel, first.factor, first.inverse) in group and set(concerned) <= set(wrong)
-
-
-def _words(scale: Scale) -> str:
-    """What a message says was read as what, without its remedy."""
-    return scale.mistake(SCALES.get(scale.factor, 1.0)).partition(":")[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -88,7 +89,11 @@ def unit_subjects(run: Run) -> dict[str, UnitSubject]:
     study = study_of(run.loaded, MistakesStudy)
     if study.units is None or not study.reads_units:
         return {}
-    return {name: _subject(run, study, name, settings) for name, settings in study.units.chosen.items()}
+    found = {}
+    for name, settings in study.units.chosen.items():
+        problems = partial(_problems, study, name, settings)
+        found[name] = UnitSubject(name, run_of(run, settings.experiment, f"units/{name}", problems), settings)
+    return found
 
 
 def individuals(study: MistakesStudy) -> list[Individual]:
@@ -113,14 +118,7 @@ def needed_by_units(run: Run) -> Further:
     )
 
 
-def _subject(run: Run, study: MistakesStudy, name: str, settings: UnitRobot) -> UnitSubject:
-    def problems(loaded: LoadedExperiment) -> Problems:
-        return _problems(loaded, study, name, settings)
-
-    return UnitSubject(name, run_of(run, settings.experiment, f"units/{name}", problems), settings)
-
-
-def _problems(loaded: LoadedExperiment, study: MistakesStudy, name: str, settings: UnitRobot) -> Problems:
+def _problems(study: MistakesStudy, name: str, settings: UnitRobot, loaded: LoadedExperiment) -> Problems:
     """Yields what a robot's experiment lacks."""
     place: FieldPath = ("study", "units", "robots", name)
     problem = fit_problem(loaded.experiment, settings.fit)
@@ -272,7 +270,10 @@ def _as_read(
         options = {"time": stamps() if stamped else None, "one_shot": campaign.is_trajectory}
         acquire = mapping_of(path, joints, signals, period_s, options)
         read = reading_campaign(campaign, acquire, stretch)
-        campaigns[name] = read if "angle" in signals else _without_angles(read)
+        if "angle" not in signals:
+            # Friction follows the motors' angles: without these it cannot be subtracted.
+            read = read.model_copy(update={"estimate": replace(read.estimate, compensation="none")})
+        campaigns[name] = read
     experiment = loaded.experiment.model_copy(update={"campaigns": campaigns, "designs": {}, "study": None})
     return replace(loaded, experiment=experiment)
 
@@ -294,11 +295,6 @@ def reading_campaign(campaign: Campaign, acquire: Acquire, stretch: float) -> Ca
         return Campaign(source=source, realizations=campaign.realizations, payload_kg=campaign.payload_kg)
     changed = {"source": source, "excitation": _stretched(campaign.excitation, stretch), "outputs": ("motors",)}
     return campaign.model_copy(update=changed)
-
-
-def _without_angles(campaign: Campaign) -> Campaign:
-    """A campaign whose friction cannot be subtracted, as that follows the motors' angles."""
-    return campaign.model_copy(update={"estimate": replace(campaign.estimate, compensation="none")})
 
 
 def _stretched(excitation: Any, stretch: float) -> Any:  # noqa: ANN401

@@ -181,7 +181,8 @@ def drawn_physics(defects: Defects, seed: int) -> dict[str, Any]:
     def factor() -> float:
         return float(np.exp(np.log(defects.size_factor) * generator.uniform(-1, 1)))
 
-    sizes = {key: value * factor() if _is_size(key, value) else value for key, value in defects.imperfections.items()}
+    sizes = dict(defects.imperfections)
+    sizes |= {key: value * factor() for key, value in sizes.items() if key in _SIZES and isinstance(value, int | float)}
     chosen = np.sort(generator.permutation(len(defects.springs))[: defects.springs_each])
     springs = []
     for spring in (defects.springs[index] for index in chosen.tolist()):
@@ -190,10 +191,6 @@ def drawn_physics(defects: Defects, seed: int) -> dict[str, Any]:
         springs.append({**plain, **{key: plain[key] * share for key in _OF_SPRINGS if key in plain}})
     truth = {**defects.truth, **({"springs": springs} if springs else {})}
     return {key: value for key, value in (("imperfections", sizes), ("truth", truth)) if value}
-
-
-def _is_size(key: str, value: object) -> bool:
-    return key in _SIZES and isinstance(value, int | float)
 
 
 def check_trust(study: TrustStudy, experiment: Experiment, robot: RobotFile | None) -> Problems:

@@ -7,13 +7,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import read_artifact
 from robid.frf.frf import Frf
 from robid.models.lpv.files import solution_from_artifact, validation_from_artifact
-from robid.models.lpv.fit.model import LpvModel
 from robid.models.lpv.fit.responses import expected_share, smooth_variance
 from robid.models.lpv.fit.solution import Held, LpvSolution
 from robid.models.lpv.fit.state_space import MATRICES, block_names, measure
@@ -70,20 +69,17 @@ def _waterfall(title: str, y_title: str, solution: LpvSolution, heights: list[Fl
     """Measured, sparse and interpolated heights (n_pos, n_freq) over frequency and the first scheduling parameter."""
     held, ports = solution.own, solution.ports
     order, lines = np.argsort(held.points[:, 0]), np.arange(len(held.frequency_hz))
+    # Lines at even distances on a logarithmic axis, as far as there are some.
+    wanted = np.geomspace(held.frequency_hz[0], held.frequency_hz[-1], _SHOWN)
+    spaced = np.unique(np.abs(np.log(held.frequency_hz[:, None] / wanted)).argmin(axis=0))
     layers = []
     for (name, drawn), rows in zip(_LAYERS, heights, strict=True):
-        shown = _spaced(held.frequency_hz) if drawn == "points" else lines
+        shown = spaced if drawn == "points" else lines
         curves = tuple(tuple(row) for row in rows[order][:, shown].tolist())
         layers.append(Layer(name, tuple(held.frequency_hz[shown].tolist()), curves, drawn))
     along = tuple(held.points[order, 0].tolist())
     place_title = f"{ports.scheduling[0]} [{ports.scheduling_units[0]}]"
     return Waterfall(title, _FREQUENCY, place_title, y_title, along, tuple(layers))
-
-
-def _spaced(frequency_hz: FloatArray) -> IntArray:
-    """Indices of lines at even distances on a logarithmic axis, as far as there are some."""
-    wanted = np.geomspace(frequency_hz[0], frequency_hz[-1], _SHOWN)
-    return np.unique(np.abs(np.log(frequency_hz[:, None] / wanted)).argmin(axis=0))
 
 
 def left_out_section(solution: LpvSolution, held: Held, measured: Frf) -> Section:
@@ -162,7 +158,10 @@ def nearness_section(solution: LpvSolution, left_out: Held, window: int) -> Sect
     )
     rows = []
     for word, held in (("Fitted positions", solution.own), ("Left out", left_out)):
-        rows += [Row((name, str(count), *_nearness(held, model, window)), group=word) for name, model, count in models]
+        for name, model, count in models:
+            answer = model.frozen_response(held.points, held.frequency_hz)
+            shares = (percent(share_within(deviations(held, answer), limit)) for limit in _LIMITS)
+            rows.append(Row((name, str(count), *shares, significant(error_ratio(held, answer, window))), group=word))
         perfect = (percent(expected_share(held.degrees_of_freedom, limit)) for limit in _LIMITS)
         rows.append(Row(("a perfect one", MISSING, *perfect, "1"), faint=True, group=word))
     heads = ("Model", "Blocks", "Within 2 deviations", "Within 1 deviation", "Error / deviation")
@@ -179,13 +178,6 @@ def nearness_section(solution: LpvSolution, left_out: Held, window: int) -> Sect
     return Section(
         "At rest: how near the models are", lead, (Table(heads, tuple(rows), caption=caption, fit="compact"),)
     )
-
-
-def _nearness(held: Held, model: LpvModel, window: int) -> tuple[str, ...]:
-    response = model.frozen_response(held.points, held.frequency_hz)
-    ratio = deviations(held, response)
-    shares = (percent(share_within(ratio, limit)) for limit in _LIMITS)
-    return (*shares, significant(error_ratio(held, response, window)))
 
 
 def block_section(solution: LpvSolution, paper: Mapping[str, Any]) -> Section:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.artifacts.artifact import Dataset
-from robid.models.lpv.fit.basis import Basis, polynomial_basis
+from robid.models.lpv.fit.basis import polynomial_basis
 from robid.models.lpv.fit.fitting import LpvResult, estimate_lpv
 from robid.models.lpv.fit.options import LpvOptions
 from robid.models.lpv.fit.responses import LocalResponses
@@ -56,22 +56,12 @@ def synthetic_responses(points: FloatArray, T: FloatArray, generator: np.random.
     return LocalResponses(points, FREQUENCY, exact + error, variance, 1.0)
 
 
-def synthetic_basis() -> Basis:
-    """Returns powers up to the fourth: as many functions as positions, as in the paper."""
-    return polynomial_basis(POSITIONS, 4)
-
-
 def fit_synthetic(seed: int, options: LpvOptions) -> LpvResult:
-    """Fits one noisy draw, the system in a random basis."""
+    """Fits one noisy draw, the system in a random basis; as many functions as positions, as in the paper."""
     generator = np.random.default_rng(seed)
     T = generator.standard_normal((3, 3))
     fitted, held_out = (synthetic_responses(points, T, generator) for points in (POSITIONS, LEFT_OUT))
-    return estimate_lpv(fitted, held_out, synthetic_basis(), options)
-
-
-def finds_structure(seed: int) -> bool:
-    """Tells whether one noisy draw gives exactly the true blocks, with the default options."""
-    return block_names(fit_synthetic(seed, LpvOptions(order=ORDER)).kept) == STRUCTURE
+    return estimate_lpv(fitted, held_out, polynomial_basis(POSITIONS, 4), options)
 
 
 _ASKED = Asked(lower=0.95)

@@ -9,7 +9,6 @@ from typing import Any, get_args
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
-from robid.artifacts.artifact import Artifact
 from robid.artifacts.kinds import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.exchange import Exchange
@@ -213,7 +212,7 @@ class Found:
 def gather(run: Run, earlier: Earlier) -> Found:
     """Puts the tasks' results together."""
     study, names = study_of(run.loaded, ZimmermannStudy), list(study_of(run.loaded, ZimmermannStudy).models)
-    results = [_values(result) for result in earlier[1]]
+    results = [values_of(result) for result in earlier[1]]
     by_model = {name: results[index :: len(names)] for index, name in enumerate(names)}
     further = _further_sets(run, study, earlier)
     models = {name: _model(name, rows, further.get(name, [])) for name, rows in by_model.items()}
@@ -235,13 +234,9 @@ def gather(run: Run, earlier: Earlier) -> Found:
     )
 
 
-def _values(result: Artifact) -> dict[str, Any]:
-    return values_of(result)
-
-
 def _further_sets(run: Run, study: ZimmermannStudy, earlier: Earlier) -> dict[str, list[list[dict[str, Any]]]]:
     """Results of each further set of drawn models, by model and individual."""
-    results = [_values(result) for result in earlier[3]]
+    results = [values_of(result) for result in earlier[3]]
     found: dict[str, list[list[dict[str, Any]]]] = {}
     for pair in pairs(run, earlier):
         owners = owners_of_sets(study, len(pair.configurations))
@@ -321,7 +316,12 @@ def summarise(found: Found) -> dict[str, float]:
         if explained:
             off = [abs(np.median(local / slope) - 1) for local, slope in explained.values()]
             summary[f"{study.nonlinear}.explains_error"] = float(np.median(off))
-    return summary | _step_summary(found.steps)
+    steps = [step_figures(one) for one in found.steps]
+    for name in steps[0] if steps else ():
+        for key in ("tool_rms_m", "torque_rms_nm", "path_rms_m", "vibration_m", "tool_relative"):
+            values = [getattr(one[name], key) for one in steps]
+            summary[f"{name.replace(' ', '_')}.step_{key}"] = float(np.median(values))
+    return summary
 
 
 def explained_springs(found: Found) -> dict[tuple[str, str], tuple[FloatArray, FloatArray]]:
@@ -346,16 +346,6 @@ def explained_springs(found: Found) -> dict[tuple[str, str], tuple[FloatArray, F
 
 def _ratio(one: FloatArray, other: FloatArray) -> float:
     return float(np.median(one / other))
-
-
-def _step_summary(steps: tuple[StepResponses, ...]) -> dict[str, float]:
-    every = [step_figures(one) for one in steps]
-    found: Mapping[str, float] = {}
-    for name in every[0] if every else ():
-        for key in ("tool_rms_m", "torque_rms_nm", "path_rms_m", "vibration_m", "tool_relative"):
-            values = [getattr(one[name], key) for one in every]
-            found = {**found, f"{name.replace(' ', '_')}.step_{key}": float(np.median(values))}
-    return dict(found)
 
 
 @dataclass(frozen=True)

@@ -199,7 +199,11 @@ def fit_model(one: Fitting) -> Content:
     datasets = {**fitted_parameters(one, solution), **_deviations(one, frf, solution), **_judgement(one, solution)}
     datasets["used"] = Dataset(np.array(one.used), "1", ("used",), "Configurations of the fit")
     if "cubic" in one.options.free:
-        datasets["slope"] = _slopes(one, solution)
+        every = read_responses(one.estimation)
+        model, parameters = fitted_model(one.robots[0], solution, every, one.options, one.delay_s).linear
+        slopes = settle_springs(model.rest, parameters.springs).stiffness
+        axes = ("configuration", "spring")
+        datasets["slope"] = Dataset(slopes, "N m/rad", axes, "Slope under gravity and excitation")
     return Content(datasets, {"status": solution.estimate.status, "misfit": solution.misfit})
 
 
@@ -288,15 +292,6 @@ def _judgement(one: Fitting, solution: ElasticSolution) -> dict[str, Dataset]:
         "deviation": Dataset(own(np.sqrt(frf.element_variance())), unit, curve, "Its standard deviation"),
         "modelled": Dataset(own(costs.modelled), unit, curve, "The model's"),
     }
-
-
-def _slopes(one: Fitting, solution: ElasticSolution) -> Dataset:
-    fitted: FittedModel = fitted_model(
-        one.robots[0], solution, read_responses(one.estimation), one.options, one.delay_s
-    )
-    model, parameters = fitted.linear
-    slopes = settle_springs(model.rest, parameters.springs).stiffness
-    return Dataset(slopes, "N m/rad", ("configuration", "spring"), "Slope under gravity and excitation")
 
 
 _FURTHER = 1  # keeps the draw of further sets apart from that of the first

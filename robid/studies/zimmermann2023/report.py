@@ -20,7 +20,6 @@ from robid.studies.page import Conclusion, figure, table
 from robid.studies.study import Results
 from robid.studies.zimmermann2023.figures import (
     MISSED,
-    EffortCurves,
     Found,
     Rivals,
     explained_springs,
@@ -40,7 +39,8 @@ _FURTHER = 2.0
 def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
     """Turns the tasks' results into figures, tables and what follows for the choice of configurations."""
     found, paper = gather(run, results), paper_figures(run.loaded)
-    summary = summarise(found)
+    summary, told = summarise(found), found.effort
+    effort = deviation_figures(told.experiments, told.average, told.worst)
     sections = (
         _data_section(found, paper),
         _model_section(found, summary, paper),
@@ -48,7 +48,7 @@ def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
         _response_section(found),
         _spring_section(found),
         *_explanation_sections(found),
-        _effort_section(found.effort),
+        Section("How long must I measure?", f"{found.effort.sentence} {_EFFORT}", (Beside(effort, 2),)),
         *_step_section(found, summary),
         *_design_sections(run),
     )
@@ -256,6 +256,10 @@ def _explanation_sections(found: Found) -> tuple[Section, ...]:
     return (Section("Local models are slopes of the nonlinear one", lead, (shown,)),)
 
 
+_EFFORT = (
+    "Optimal: as many visits as tell most. Guess: its configurations in turn, by their own measurements. Random:"
+    " candidates, median of 200 draws, and the worst tenth of them."
+)
 _MOST = 7
 _MM = 1e3
 _MAGNITUDE = ("Frequency [Hz]", "Magnitude [rad/(s² N m)]")
@@ -314,15 +318,6 @@ def _spring_section(found: Found) -> Section:
         f" deviations to each side. Along x: {order}."
     )
     return Section("Fig. 5: parameters and deviations", lead, (Beside(tuple(figures), 3),))
-
-
-def _effort_section(effort: EffortCurves) -> Section:
-    lead = (
-        f"{effort.sentence} Optimal: as many visits as tell most. Guess: its configurations in turn, by their own"
-        " measurements. Random: candidates, median of 200 draws, and the worst tenth of them."
-    )
-    figures = deviation_figures(effort.experiments, effort.average, effort.worst)
-    return Section("How long must I measure?", lead, (Beside(figures, 2),))
 
 
 def _design_sections(run: Run) -> tuple[Section, ...]:

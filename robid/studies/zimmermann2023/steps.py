@@ -31,7 +31,7 @@ from robid.settings.sources import true_robot_of
 from robid.signals.waveforms import PEAK_ACCELERATION, PEAK_SNAP, smooth_step, step_duration_s
 from robid.simulate.engine import true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
-from robid.simulate.playback import Playback, Played, play, turned_tool, with_tool_point
+from robid.simulate.playback import Playback, play, turned_tool, with_tool_point
 from robid.studies.settings.elastic import StepOptions, ZimmermannStudy
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Content, Earlier, Task, study_of
@@ -192,7 +192,8 @@ def run_steps(bench: StepBench, task: StepTask) -> StepRun:
             for each, options in ((bench.true, bench.simulation), (robot, ideal))
         ]
         tools.append([(side.tool - side.tool[0]).swapaxes(0, 1) for side in sides])
-        torques.append([_own_torques(side) for side in sides])
+        axes = np.arange(len(task.profiles))
+        torques.append([side.torque[:, axes, axes].T for side in sides])  # of each simulation's own axis
     return StepRun(_paths(bench, task), np.array(tools).swapaxes(0, 1), np.array(torques).swapaxes(0, 1))
 
 
@@ -232,12 +233,6 @@ def _paths(bench: StepBench, task: StepTask) -> FloatArray:
             for axis, p in enumerate(task.profiles)
         ]
     )
-
-
-def _own_torques(played: Played) -> FloatArray:
-    """Torque of each simulation's own axis (n_axis, n_time)."""
-    axes = np.arange(played.torque.shape[1])
-    return np.asarray(played.torque[:, axes, axes].T)
 
 
 _MOVED, _STEPPED = "model configuration axis time xyz", "model configuration axis time"
