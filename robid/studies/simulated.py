@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -13,7 +13,7 @@ from scipy.stats import gmean, norm
 from scipy.stats import t as student
 
 from robid.arrays import FloatArray
-from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance
+from robid.artifacts.artifact import Artifact, Dataset, Provenance
 from robid.artifacts.kinds import EXCITATION, FRF, TASK, excitation_from_artifact, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.excitation.excitation import CampaignExcitation
@@ -150,13 +150,11 @@ def response_from(held: Artifact, prefix: str = "") -> Frf:
     refusal = held.attributes.get(f"{prefix}{REFUSAL}")
     if refusal is not None:
         raise DataError(str(refusal), where=prefix.strip("/").rpartition("/")[2] or "all places")
-    datasets: dict[str, Dataset] = _behind(held.datasets, prefix)
-    attributes: dict[str, Attribute] = _behind(held.attributes, prefix)
+    datasets, attributes = (
+        {name.removeprefix(prefix): value for name, value in named.items() if name.startswith(prefix)}
+        for named in (dict[str, Any](held.datasets), dict[str, Any](held.attributes))
+    )
     return frf_from_artifact(Artifact(FRF, datasets, attributes, held.provenance))
-
-
-def _behind(named: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-    return {name.removeprefix(prefix): value for name, value in named.items() if name.startswith(prefix)}
 
 
 def read_responses(paths: Sequence[Path]) -> Frf:
@@ -202,9 +200,6 @@ def kept_truth(held: Artifact) -> dict[str, float]:
     return dict(zip(names, values, strict=True))
 
 
-_TIE_LEVEL = 0.95
-
-
 def ratio_interval(one: FloatArray, other: FloatArray) -> tuple[float, float]:
     """The 95 % interval of the geometric mean ratio of two figures over the individuals, which both were measured on.
 
@@ -218,7 +213,7 @@ def ratio_interval(one: FloatArray, other: FloatArray) -> tuple[float, float]:
     ratio = np.log(one / other)
     if ratio.size < 2:
         return 0.0, float("inf")
-    reach = student.ppf(0.5 + 0.5 * _TIE_LEVEL, ratio.size - 1) * ratio.std(ddof=1) / np.sqrt(ratio.size)
+    reach = student.ppf(0.5 + 0.5 * _LEVEL, ratio.size - 1) * ratio.std(ddof=1) / np.sqrt(ratio.size)
     return float(np.exp(ratio.mean() - reach)), float(np.exp(ratio.mean() + reach))
 
 

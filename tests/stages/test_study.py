@@ -87,14 +87,9 @@ def test_a_linear_robot_without_noise_has_no_bias(study):
 
 def test_chunks_differ_in_phases_and_noise_alone(done):
     run = Run(load_with_study(Path("study.yaml")), done.runs, "serial", 1)
-    chunks = [task.arguments[0] for task in frf.tasks(run)]
-    places = [task.arguments[2] for task in frf.tasks(run)]
-    assert [(place, len(chunk.reference)) for place, chunk in zip(places, chunks, strict=True)] == [
-        (0, 2),
-        (0, 2),
-        (1, 2),
-        (1, 2),
-    ]
+    chunks, _, places, *_ = zip(*(task.arguments for task in frf.tasks(run, ())), strict=True)
+    assert places == (0, 0, 1, 1)
+    assert [len(chunk.reference) for chunk in chunks] == [2, 2, 2, 2]
     seeds = [chunk.options.seed for chunk in chunks]
     assert seeds[0] != seeds[1]
     assert seeds[:2] == seeds[2:]  # the configuration's index seeds as well

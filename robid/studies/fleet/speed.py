@@ -27,7 +27,7 @@ from robid.fleet.row import RowTask
 from robid.fleet.rows import load_fleet
 from robid.pipeline.graph import Run
 from robid.report.numbers import significant
-from robid.report.section import Section, Table
+from robid.report.section import Section
 from robid.studies.fleet.logs import NAME as LOGS_NAME
 from robid.studies.fleet.logs import (
     fleet_robots,
@@ -39,7 +39,7 @@ from robid.studies.fleet.logs import (
 )
 from robid.studies.fleet.whole import FOLDER, resident_mib
 from robid.studies.fleet.whole import NAME as WHOLE_NAME
-from robid.studies.page import Asked, PartFound
+from robid.studies.page import Asked, PartFound, table
 from robid.studies.settings.study import FleetSpeed
 from robid.studies.study import Content, Part, Results, Task, values_of
 
@@ -161,50 +161,34 @@ def _conclude_speed(_run: Run, speed: FleetSpeed, results: Results) -> PartFound
     timed = zip(values["backend"].tolist(), values["workers"].tolist(), strict=True)
     rates = {way: values["rate"][:, index].tolist() for index, way in enumerate(timed)}
     cores = next(count for name, count in rates if name == "processes")
-    figures = efficiencies(rates, cores)
     asked = {f"fleet.efficiency_{name}": Asked(lower=bar) for name, bar in _BARS.items()}
     asked["fleet.two_workers"] = _TWO_WORKERS
-    return PartFound(figures, asked, (speed_section(rates, SERIAL, speed.rows, cores),))
+    columns = (
+        ("Backend", lambda way: way[0]),
+        ("Workers", lambda way: str(way[1])),
+        ("Rows a second, median", lambda way: significant(median(rates[way]))),
+        ("Lowest", lambda way: significant(min(rates[way]))),
+        ("Highest", lambda way: significant(max(rates[way]))),
+        ("Each worker over serial", lambda way: significant(median(rates[way]) / way[1] / median(rates[SERIAL]))),
+    )
+    lead = (
+        f"`robid reprocess` on {speed.rows} sound rows as a user would start it, backends in turn, on {cores} cores."
+        " Rows a second between the first and the last finished row: the start of the command and of its workers is not"
+        " in it; of w workers, w rows count as finished with the first, which is rather too strict."
+    )
+    section = Section("Speed", lead, (table(columns, rates, fit="compact"),))
+    return PartFound(efficiencies(rates, cores), asked, (section,))
 
 
 def efficiencies(rates: Mapping[tuple[str, int], Sequence[float]], cores: int) -> dict[str, float]:
     """Returns the throughput of each core over that of the serial backend, from medians over the runs."""
     middle = {way: median(found) for way, found in rates.items()}
-    figures = {f"fleet.efficiency_{name}": middle[name, cores] / cores / middle[SERIAL] for name in _BARS}
     return {
-        **figures,
+        **{f"fleet.efficiency_{name}": middle[name, cores] / cores / middle[SERIAL] for name in _BARS},
         "fleet.two_workers": middle["dask", 2] / middle["dask", 1],
         "fleet.serial_rows_per_second": middle[SERIAL],
         "fleet.cores": float(cores),
     }
-
-
-def speed_section(
-    rates: Mapping[tuple[str, int], Sequence[float]], serial: tuple[str, int], rows: int, cores: int
-) -> Section:
-    """How fast each backend was."""
-    middle = {way: median(found) for way, found in rates.items()}
-    table = Table(
-        ("Backend", "Workers", "Rows a second, median", "Lowest", "Highest", "Each worker over serial"),
-        tuple(
-            (
-                way[0],
-                str(way[1]),
-                significant(middle[way]),
-                significant(min(found)),
-                significant(max(found)),
-                significant(middle[way] / way[1] / middle[serial]),
-            )
-            for way, found in rates.items()
-        ),
-        fit="compact",
-    )
-    lead = (
-        f"`robid reprocess` on {rows} sound rows as a user would start it, backends in turn, on {cores} cores. Rows a"
-        " second between the first and the last finished row: the start of the command and of its workers is not in"
-        " it; of w workers, w rows count as finished with the first, which is rather too strict."
-    )
-    return Section("Speed", lead, (table,))
 
 
 SPEED = Part(NAME, _conclude_speed, _speed_tasks, time_all)
@@ -278,10 +262,10 @@ def _conclude_scheduler(_run: Run, _count: int, results: Results) -> PartFound:
     values = {name: float(dataset.values) for name, dataset in found.datasets.items()}
     values["rows_per_second"] = values["rows"] / values["seconds"]
     meanings = {**_MEANINGS, "rows_per_second": "Rows a second"}
-    table = Table(("", "Value"), tuple((meanings[name], significant(value)) for name, value in values.items()))
+    shown = table((("", lambda name: meanings[name]), ("Value", lambda name: significant(values[name]))), values)
     lead = "A local Dask cluster on all cores, fed with rows like those of the fleet, but without work."
     figures = {f"fleet.scheduled.{name}": value for name, value in values.items() if np.isfinite(value)}
-    return PartFound(figures, {}, (Section("Very many rows", lead, (table,)),))
+    return PartFound(figures, {}, (Section("Very many rows", lead, (shown,)),))
 
 
 SCHEDULER = Part("scheduler", _conclude_scheduler, _scheduler_tasks, feed, field="scheduled")

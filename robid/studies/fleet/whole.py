@@ -20,7 +20,7 @@ from robid.fleet.row import Told
 from robid.fleet.rows import load_fleet
 from robid.fleet.run import Batch, Options, run_fleet
 from robid.pipeline.graph import Run
-from robid.report.section import Cell, Curve, Figure, Section, Table
+from robid.report.section import Cell, Section, Table
 from robid.studies.fleet.logs import NAME as LOGS_NAME
 from robid.studies.fleet.logs import (
     Fault,
@@ -32,7 +32,7 @@ from robid.studies.fleet.logs import (
     template_path,
     write_manifest,
 )
-from robid.studies.page import Asked, PartFound
+from robid.studies.page import Asked, PartFound, figure, table
 from robid.studies.settings.study import KINDS, FleetStudy
 from robid.studies.study import Content, Part, Results, Task, values_of
 
@@ -84,23 +84,14 @@ _TITLES = {
 
 
 def faults_section(robots: Sequence[FleetRobot], values: Mapping[str, Any], figures: Mapping[str, float]) -> Section:
-    """What became of each fault, and which sound robots are accused.
-
-    Args:
-        robots: The robots.
-        values: Of each (n_row,): `failed`, `off`, and what is `told` of it.
-        figures: Figures by name.
-    """
-    counts = tuple(
-        (
-            _TITLES[kind],
-            str(sum(robot.kind == kind for robot in robots)),
-            f"{figures[f'fleet.{kind}.found']:.0f}",
-            f"{figures[f'fleet.{kind}.failed']:.0f}",
-        )
-        for kind in KINDS
-        if f"fleet.{kind}.found" in figures
+    """What became of each fault, and which sound robots are accused; `values` (n_row,) are those of the task."""
+    counts = (
+        ("Fault", lambda kind: _TITLES[kind]),
+        ("Robots", lambda kind: str(sum(robot.kind == kind for robot in robots))),
+        ("Found", lambda kind: f"{figures[f'fleet.{kind}.found']:.0f}"),
+        ("of them failed", lambda kind: f"{figures[f'fleet.{kind}.failed']:.0f}"),
     )
+    planted = [kind for kind in KINDS if f"fleet.{kind}.found" in figures]
     rows = []
     for index, robot in enumerate(robots):
         named = bool(values["failed"][index] or values["off"][index])
@@ -110,19 +101,14 @@ def faults_section(robots: Sequence[FleetRobot], values: Mapping[str, Any], figu
         became = "failed" if values["failed"][index] else "an outlier" if named else "not found"
         good = named == (robot.fault is not None)
         rows.append((robot.name, what, Cell(became, "" if good else "bad"), str(values["told"][index])))
-    each = Table(
-        ("Robot", "What is wrong", "It is", "What is said"),
-        tuple(rows),
-        title="Robots with a fault, and sound ones that are accused",
-        prose=True,
-        fit="tall",
-    )
+    heads = ("Robot", "What is wrong", "It is", "What is said")
+    title = "Robots with a fault, and sound ones that are accused"
+    each = Table(heads, tuple(rows), title=title, prose=True, fit="tall")
     lead = (
         "Found is a fault whose row failed or is on the list of outliers; accused is a sound robot of which that is"
         " true. A grade accuses nobody."
     )
-    head = ("Fault", "Robots", "Found", "of them failed")
-    return Section("Faults", lead, (Table(head, counts, title="By kind", fit="compact"), each))
+    return Section("Faults", lead, (table(counts, planted, title="By kind", fit="compact"), each))
 
 
 def said(fault: Fault) -> str:
@@ -139,18 +125,13 @@ def said(fault: Fault) -> str:
 
 
 def memory_section(memory: FloatArray, settled: int) -> tuple[Section, ...]:
-    """How the memory of the worker grew; nothing where it was not watched.
-
-    Args:
-        memory (n_done,): After each row [MiB].
-        settled: Number of rows after which growth counts.
-    """
+    """How the memory of the worker (n_done,) [MiB] grew from so many rows on; nothing where it was not watched."""
     if len(memory) <= settled:
         return ()
-    curve = Curve("worker", tuple(float(number) for number in range(1, len(memory) + 1)), tuple(memory.tolist()))
-    figure = Figure("Memory after each row", "Row", "Resident memory [MiB]", (curve,), log_x=False, log_y=False)
+    axes = "Row", "Resident memory [MiB]"
+    shown = figure("Memory after each row", axes, None, {"worker": memory}, log_x=False, log_y=False)
     lead = f"Of the one worker process that reprocessed the fleet; growth is counted from the {settled}th row on."
-    return (Section("Memory", lead, (figure,)),)
+    return (Section("Memory", lead, (shown,)),)
 
 
 NAME, FOLDER = "whole", "reprocessed"

@@ -175,23 +175,23 @@ def nearness_section(solution: LpvSolution, left_out: Held, window: int) -> Sect
     unit = solution.ports.scheduling_units[0]
     own, other = (", ".join(places(held)) for held in (solution.own, left_out))
     lead = f"Models against measured responses, fitted at {own} {unit}, and at {other} {unit}, which no fit has read."
-    return Section(
-        "At rest: how near the models are", lead, (Table(heads, tuple(rows), caption=caption, fit="compact"),)
-    )
+    shown = Table(heads, tuple(rows), caption=caption, fit="compact")
+    return Section("At rest: how near the models are", lead, (shown,))
 
 
 def block_section(solution: LpvSolution, paper: Mapping[str, Any]) -> Section:
     """Returns the sizes of the blocks of the interpolated and of the sparse model, the paper's beside ours."""
     sizes, sparse = solution.core_model.sizes, solution.blocks
     smile = measure(solution.dense.smile, solution.basis.basis().largest, sizes)
-    names = tuple(pretty_unit(name) for name in solution.basis.names)
-    whole, varying = ("1", *names), names
-    printed = paper["smile"], paper["regularized"]
-    tables = (
-        _blocks("Table I: SMILE model, norms", whole, printed[0]["absolute"], smile.absolute.tolist()),
-        _blocks("Table II: SMILE model, relative", varying, printed[0]["relative"], smile.relative.tolist()),
-        _blocks("Table III: sparse model, norms", whole, printed[1]["absolute"], sparse.absolute.tolist()),
-        _blocks("Table IV: sparse model, relative", varying, printed[1]["relative"], sparse.relative.tolist()),
+    varying = tuple(pretty_unit(name) for name in solution.basis.names)
+    tables = tuple(
+        _blocks(f"Table {number}: {model} model, {what}", names, printed[key], getattr(ours, key).tolist())
+        for number, model, what, names, printed, key, ours in (
+            ("I", "SMILE", "norms", ("1", *varying), paper["smile"], "absolute", smile),
+            ("II", "SMILE", "relative", varying, paper["smile"], "relative", smile),
+            ("III", "sparse", "norms", ("1", *varying), paper["regularized"], "absolute", sparse),
+            ("IV", "sparse", "relative", varying, paper["regularized"], "relative", sparse),
+        )
     )
     gone = ", ".join(block_names(~sparse.kept)) or "none"
     lead = (
@@ -207,14 +207,10 @@ def _blocks(
     """Norms of the blocks (matrix, function), a row a function."""
     rows = []
     for place, name in enumerate(names):
-        cells = (_text(row, place) for pair in zip(paper, ours, strict=True) for row in pair)
-        rows.append((name, *cells))
+        norms = (row[place : place + 1] for pair in zip(paper, ours, strict=True) for row in pair)
+        rows.append((name, *(significant(norm[0]) if norm else MISSING for norm in norms)))
     heads = ("Function", *(head for matrix in MATRICES for head in (f"{matrix}, paper", "Ours")))
     return Table(heads, tuple(rows), title=title)
-
-
-def _text(row: Sequence[float], place: int) -> str:
-    return significant(row[place]) if place < len(row) else MISSING
 
 
 def _differences(solution: LpvSolution, paper: Mapping[str, Any]) -> str:
