@@ -201,14 +201,9 @@ def kept_truth(held: Artifact) -> dict[str, float]:
 
 
 def ratio_interval(one: FloatArray, other: FloatArray) -> tuple[float, float]:
-    """The 95 % interval of the geometric mean ratio of two figures over the individuals, which both were measured on.
+    """The 95 % interval of the geometric mean ratio of two figures (n_seed,) over the individuals that both share.
 
-    Args:
-        one (n_seed,): Figures of one model, above 0.
-        other (n_seed,): Those of another.
-
-    Returns:
-        Its ends, by the t distribution; 0 and infinity with one individual.
+    Its ends are by the t distribution; 0 and infinity with one individual.
     """
     ratio = np.log(one / other)
     if ratio.size < 2:
@@ -224,15 +219,9 @@ def differs(one: FloatArray, other: FloatArray) -> bool:
 
 
 def stated_std(lower: FloatArray, upper: FloatArray, confidence: float) -> FloatArray:
-    """Deviation (n_param,) of each parameter's logarithm whose normal interval is as wide as that of a fit.
+    """Deviation (n_param,) of each parameter's logarithm whose normal interval is as wide as a fit's at its level.
 
-    Args:
-        lower (n_param,): Lower ends of the fit's intervals; they need not lie around the estimated values.
-        upper (n_param,): Upper ends.
-        confidence: Their level.
-
-    Returns:
-        The deviations; NaN where the interval does not lie above 0.
+    The ends (n_param,) need not lie around the estimated values; NaN where the interval does not lie above 0.
     """
     ratio = np.divide(upper, lower, out=np.full(lower.shape, np.nan), where=lower > 0)
     return np.asarray(np.log(ratio) / (2 * norm.ppf(0.5 + 0.5 * confidence)))
@@ -250,15 +239,10 @@ def over_springs(values: FloatArray, mean: Mean) -> FloatArray:
 
 
 def scatter(error: FloatArray, mean: Mean) -> float:
-    """Standard deviation of each parameter's error over all samples, mean over the parameters.
+    """Standard deviation of each parameter's error over all samples, mean over the parameters; NaN of a single sample.
 
-    Args:
-        error (n_seed, n_set, n_param): Logarithm of estimate over truth of each individual, from each of the sets of
-            configurations that the model may have.
-        mean: Which mean.
-
-    Returns:
-        The scatter; NaN of a single sample.
+    Errors (n_seed, n_set, n_param) are the logarithms of estimate over truth of each individual, from each of the sets
+    of configurations that the model may have.
     """
     samples = error.reshape(-1, error.shape[-1])
     return float(over_springs(samples.std(axis=0, ddof=1), mean)) if len(samples) > 1 else float("nan")
@@ -267,26 +251,16 @@ def scatter(error: FloatArray, mean: Mean) -> float:
 def scatter_error(error: FloatArray, mean: Mean) -> float:
     """Standard error of the logarithm of the scatter, by leaving out one individual after the other.
 
-    Args:
-        error (n_seed, n_set, n_param): As for `scatter`.
-        mean: Which mean.
-
-    Returns:
-        The error; NaN of fewer than three individuals.
+    Errors (n_seed, n_set, n_param) are as for `scatter`; NaN of fewer than three individuals.
     """
     return _jackknife(np.array([np.log(scatter(np.delete(error, out, axis=0), mean)) for out in _seeds(error)]))
 
 
 def scatters_differ(one: FloatArray, other: FloatArray, mean: Mean) -> bool:
-    """Tells whether two models scatter differently by more than chance over the individuals, which both share.
+    """Tells whether two models' errors (n_seed, n_set, n_param) scatter differently by more than chance.
 
-    Args:
-        one (n_seed, n_set, n_param): Errors of one model, as for `scatter`.
-        other (n_seed, n_other, n_param): Those of another.
-        mean: Which mean.
-
-    Returns:
-        Whether 0 lies outside the 95 % interval of the logarithm of their ratio; never of fewer than three individuals.
+    That is whether 0 lies outside the 95 % interval of the logarithm of their ratio over the individuals, which both
+    share; never of fewer than three.
     """
 
     def log_ratio(one: FloatArray, other: FloatArray) -> float:

@@ -242,11 +242,8 @@ def recorded_part(
 ) -> Part:
     """Returns a part that shows fits to a recording, in an experiment of its own, and is left out without the logs.
 
-    Args:
-        name: Its name, and that of the experiment's folder.
-        title: What was recorded, as the subject of a sentence.
-        fits: Names of the fits.
-        conclude: Says, by the case, the experiment's run and its models, what was found.
+    The title is the subject of a sentence; `conclude` says, by the case, the experiment's run and its models, what was
+    found.
     """
 
     def outputs(case: Any) -> tuple[str, ...]:  # noqa: ANN401

@@ -112,13 +112,9 @@ def _rate(timing: Timing, repeat: int, way: tuple[str, int]) -> float:
 
 
 def rate_of(finished: Sequence[float], workers: int) -> float:
-    """Returns rows a second between the first and the last finished row.
+    """Returns rows a second between the first and the last of the rows, finished at these times in order [s].
 
     The first rows of all workers count as finished with the very first, which is rather too strict.
-
-    Args:
-        finished: When each row was finished, in order [s].
-        workers: Number of workers.
 
     Raises:
         BackendError: If there are too few rows to tell.

@@ -43,8 +43,7 @@ _STATM = Path("/proc/self/statm")
 def watched_worker(series: list[float]) -> Iterator[Map]:
     """Yields a map with a single worker process, as `robid reprocess --backend processes --workers 1` has it.
 
-    Args:
-        series: Gets the worker's memory after each task [MiB]; nothing where the system does not tell it.
+    The series gets the worker's memory after each task [MiB]; nothing where the system does not tell it.
     """
 
     def mapped(
@@ -190,15 +189,9 @@ def _told(batch: Batch, row: int) -> str:
 
 
 def count_found(kinds: Sequence[str], failed: BoolArray, off: BoolArray) -> dict[str, float]:
-    """Counts the faults that are found and the sound robots that are accused.
+    """Counts the faults that are found and the sound robots that are accused, of rows that failed or are off (n_row,).
 
-    Args:
-        kinds: Kind of each row's fault (n_row,), empty of a sound one.
-        failed (n_row,): Whether it failed.
-        off (n_row,): Whether it is on the list of outliers.
-
-    Returns:
-        Numbers by name; a kind that was not planted has none.
+    A sound robot's kind is empty; a kind that was not planted has no numbers.
     """
     named = failed | off
     of = np.array(kinds)

@@ -169,14 +169,9 @@ class Compared:
 def estimator_figures(
     name: str, estimates: ComplexArray, variance: FloatArray, reference: ComplexArray, default: ComplexArray
 ) -> Compared:
-    """Compares one estimator with the best linear approximation and with the default estimator.
+    """Compares an estimator with the best linear approximation (n_conf, n_freq, n_out, n_in), and with the default one.
 
-    Args:
-        name: Name of the estimator.
-        estimates (n_conf, n_group, n_freq, n_out, n_in): Its estimates; NaN where refused.
-        variance (n_conf, n_group, n_freq, n_out, n_in): Variance that each reports.
-        reference (n_conf, n_freq, n_out, n_in): Best linear approximation.
-        default (n_conf, n_group, n_freq, n_out, n_in): Estimates of the default estimator.
+    Estimates, NaN where refused, and the variance that each reports are (n_conf, n_group, n_freq, n_out, n_in).
     """
     found = scatter(estimates, variance, reference)
     figures = {"median_bias": _quantile(found.bias, 0.5)}
@@ -193,13 +188,9 @@ def estimator_figures(
 
 
 def bias_figures(name: str, whole: ComplexArray, estimates: ComplexArray, truth: ComplexArray) -> Compared:
-    """Compares the responses under one compensation with the true robot's frictionless linearisation.
+    """Compares responses under one compensation with the true robot's linearisation (n_conf, n_freq, n_out, n_in).
 
-    Args:
-        name: Name of the compensation.
-        whole (n_conf, n_freq, n_out, n_in): Best linear approximation; NaN where refused.
-        estimates (n_conf, n_group, n_freq, n_out, n_in): Estimates from the groups.
-        truth (n_conf, n_freq, n_out, n_in): True response.
+    Estimates are those of the groups (n_conf, n_group, n_freq, n_out, n_in), `whole` that of all, NaN where refused.
     """
     bias = np.abs(whole / truth - 1)
     diagonal = elements(bias, diagonal=True)

@@ -151,13 +151,7 @@ class _Series:
 def exciting_motion(branch: Branch, model: RigidModel, truth: FloatArray) -> FloatArray:
     """Returns the best conditioned of random Fourier series within the limits of joints and torques.
 
-    Args:
-        branch: The robot and its case.
-        model: The model with the columns of base parameters alone.
-        truth (n_base,): The base parameters.
-
-    Returns:
-        Motor angles (n_sample, n_joint) at the controller's samples [rad].
+    It is judged by the columns of the base parameters (n_base,), and given as motor angles (n_sample, n_joint) [rad].
 
     Raises:
         DataError: If every series needs more torque than there is.

@@ -271,13 +271,9 @@ def measured(position: FloatArray, bench: Bench, phase_rad: FloatArray) -> Float
 def simulate(
     parameters: FloatArray, bench: Bench, phase_rad: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Simulates devices in closed loop.
+    """Simulates devices in closed loop, their parameters (n_device, 5) in the order of `NAMES`.
 
-    Args:
-        parameters (n_device, 5): Parameters in the order of `NAMES`.
-        bench: The loop.
-        phase_rad (n_device,): Zeros of the encoders; without them the loop sees the motion itself, as an
-            instrument does.
+    Without zeros of the encoders (n_device,) the loop sees the motion itself, as an instrument does.
 
     Returns:
         True positions (n_sample, n_device) [rad] and commanded torques [N m], those held from that sample on.

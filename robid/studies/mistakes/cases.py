@@ -79,14 +79,7 @@ def against_truth(solution: ElasticSolution, validation: Validation, truth: dict
 
 
 def refused_causes(robot: Robot, frf: Frf | None, text: str, delay_s: float = 0.0) -> tuple[str, ...]:
-    """Returns the causes that the tool names where it refuses data, in their order.
-
-    Args:
-        robot: The robot as the file that the fit reads describes it.
-        frf: The response, if that was not refused itself.
-        text: Why it was refused.
-        delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
-    """
+    """Returns the causes that the tool names where it refuses data, by its text and the response, in their order."""
     seen = () if frf is None else tuple(doubt.cause for doubt in data_doubts(robot, frf, delay_s))
     named = sorted((text.find(words), cause) for cause, words in CAUSES.items() if words in text)
     return tuple(dict.fromkeys((*seen, *(cause for _, cause in named))))
@@ -173,9 +166,14 @@ def judge_case(fitting: Fitting, model: Path, mistake: Mistake, about: dict[str,
 
 def _content(about: dict[str, Attribute], solution: ElasticSolution, validation: Validation, truth: Against) -> Content:
     error, axis, doubts = solution.model_error, ("doubt",), validation.outcome.grade.doubts
-    shares = (float("nan"), float("nan")) if error is None else telling_shares(error)
+    shares = dict.fromkeys(("share_above", "share_correlated", "telling_above", "telling_correlated"), float("nan"))
+    if error is not None:
+        shares = dict(zip(shares, (error.share_above, error.share_correlated, *telling_shares(error)), strict=True))
+    keys = ("cost_ratio", "motor_error_db", "motor_error_deg", "median_error_db", "worst_error_db")
     attributes: dict[str, Attribute] = {
         **about,
+        **shares,
+        **{key: getattr(validation, key) for key in keys},
         "given": validation.outcome.grade.value,
         "right": truth.grade,
         "holds": truth.holds,
@@ -184,17 +182,8 @@ def _content(about: dict[str, Attribute], solution: ElasticSolution, validation:
         "coverage": truth.coverage,
         "status": solution.estimate.status,
         "misfit": solution.misfit,
-        "share_above": float("nan") if error is None else error.share_above,
-        "share_correlated": float("nan") if error is None else error.share_correlated,
-        "telling_above": shares[0],
-        "telling_correlated": shares[1],
-        "cost_ratio": validation.cost_ratio,
         "reasons": "; ".join(validation.outcome.grade.reasons),
-        "motor_error_db": validation.motor_error_db,
-        "motor_error_deg": validation.motor_error_deg,
         "resonance_shift": float("nan") if validation.resonance_shift is None else validation.resonance_shift,
-        "median_error_db": validation.median_error_db,
-        "worst_error_db": validation.worst_error_db,
         "validation_ok": validation.outcome.ok,
     }
     datasets = {

@@ -139,14 +139,9 @@ def read_with(mistake: Mistake) -> dict[str, Any]:
 
 
 def mistaken_record(record: Record, mistake: Mistake, configurations: FloatArray, index: int, campaign: str) -> Record:
-    """Returns a record as it is read with a mistake in its mapping.
+    """Returns the record of one configuration as it is read with a mistake in its mapping.
 
-    Args:
-        record: Record of one configuration.
-        mistake: The mistake.
-        configurations (n_conf, n_joint): The campaign's configurations [rad].
-        index: Index of the record's.
-        campaign: `estimation` or `validation`: only the first has swapped configurations.
+    Of all configurations (n_conf, n_joint) [rad] two are swapped in the campaign `estimation` alone.
     """
     torque = np.array([mistake.torque_factor.get(name, 1.0) for name in record.input_names])
     angle = np.array([mistake.angle_factor.get(name, 1.0) for name in record.output_names])

@@ -75,13 +75,7 @@ def _speed(angle: FloatArray, period_s: float) -> FloatArray:
 
 
 def mistaken_log(log: Log, scale: Scale, factors: FloatArray) -> Log:
-    """Returns a log whose values are those of another unit than the one that is stated.
-
-    Args:
-        log: The log in SI units.
-        scale: What is wrong; the time stamps, where it is the time.
-        factors (n_joint,): What the channel of each joint is multiplied by; 1 where nothing is wrong.
-    """
+    """Returns a log in SI units with a channel, or the time stamps, times each joint's factor (n_joint,)."""
     if scale.channel == "time":
         return {name: {**one, "time": one["time"] * factors[0]} for name, one in log.items()}
     changed = {f"{_SIGNALS[scale.channel]}_{number}": factor for number, factor in enumerate(factors.tolist(), start=1)}
@@ -103,14 +97,9 @@ def write_log(path: Path, log: Log) -> None:
 def mapping_of(
     path: Path, joints: Sequence[str], signals: Sequence[LogSignal], period_s: float, options: Mapping[str, Any]
 ) -> Acquire:
-    """Returns the mapping that reads such a log, every channel in SI units.
+    """Returns the mapping that reads such a log, every channel in SI units, at a stated sampling period [s].
 
-    Args:
-        path: The log.
-        joints: Names of the joints.
-        signals: What it holds beside the torques; where it has no angles, speeds take their place.
-        period_s: Stated sampling period [s].
-        options: Further options of the mapping.
+    Where it holds no angles beside the torques, speeds take their place.
     """
     place = "c{configuration}_r{realization}_e{experiment}"
 
@@ -255,16 +244,9 @@ def group_of(mistake: UnitMistake, robot: str) -> tuple[Scale, ...]:
 
 
 def is_named(said: Said, mistake: UnitMistake, robot: str, joints: Sequence[str], wrong: Sequence[str]) -> bool:
-    """Whether a mistake's group is named first.
+    """Whether a mistake's group is named first, `wrong` being the joints whose channel has it.
 
     A refusal names it by its words; a grade by the likeliest scale of its first cause, on no joint that is right.
-
-    Args:
-        said: What the tool said.
-        mistake: The mistake.
-        robot: Name of the robot.
-        joints: All of its joints.
-        wrong: Those whose channel has the mistake.
     """
     if said.refusal:
         group_told = group_of(mistake, robot) if CAUSES[UNITS] in said.refusal else ()

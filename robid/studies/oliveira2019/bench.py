@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from scipy.signal import StateSpace, cont2discrete, dlsim, tf2ss
 from scipy.stats import norm
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.artifacts.mapping import to_datasets
 from robid.models.external.fit.data import Shot
 from robid.models.external.fit.fitting import fit_external
 from robid.models.external.fit.graphs import Fitted
@@ -22,7 +23,7 @@ from robid.settings.robot_parts import plain_settings
 from robid.signals.quantities import Channel
 from robid.signals.waveforms import chirp
 from robid.studies.experiments import paper_figures
-from robid.studies.oliveira2019.judging import CONFIDENCE, Identified, Quality, RootValue, Tried, to_content
+from robid.studies.oliveira2019.judging import CONFIDENCE, Identified, Quality, RootValue, Tried
 from robid.studies.settings.parts import PlantsCase
 from robid.studies.study import Content, Results, Task
 
@@ -170,23 +171,9 @@ def plants_tasks(run: Run, case: PlantsCase, _earlier: Mapping[str, Results]) ->
     ]
 
 
-def identify(channel: BenchChannel) -> Content:
-    """Identifies one channel."""
-    found = identify_channel(channel.plant, channel.bench, channel.case, channel.case.first_seed)
-    return to_content(found)
-
-
 _PER_DECADE, _BEYOND = 40, 2.0
 _STEP_SAMPLES = 120
 _WHATS = {"": "rate", "_frequency": "frequency", "_damping": "damping"}
-
-
-@dataclass(frozen=True)
-class Measured:
-    """What one seed measured of a channel: shots that are fitted, and the one that validates."""
-
-    fitted: tuple[Shot, ...]
-    validation: Shot
 
 
 class Measuring:
@@ -204,14 +191,13 @@ class Measuring:
         self.answers = [bench.answer(plant, command) for command in self.commands]
         self._names = [f"chirp to {high:g} Hz" for high in (*case.fit_hz, case.validation_hz)]
 
-    def measure(self, seed: int) -> Measured:
-        """Measures all chirps, the noise being that of a seed and of the channel."""
+    def measure(self, seed: int) -> list[Shot]:
+        """Measures all chirps, the last one to validate, the noise being that of a seed and of the channel."""
         generator = np.random.default_rng([seed, *self._plant.name.encode()])
-        shots = [
+        return [
             self._shot(index, self._bench.measure(self._plant, answer, generator))
             for index, answer in enumerate(self.answers)
         ]
-        return Measured(tuple(shots[:-1]), shots[-1])
 
     def _shot(self, index: int, repeats: FloatArray) -> Shot:
         count, mean = len(repeats), repeats.mean(axis=0)
@@ -228,23 +214,28 @@ class Measuring:
         )
 
 
-def identify_channel(plant: Plant, bench: Bench, case: PlantsCase, seed: int) -> Identified:
+def identify(channel: BenchChannel) -> Content:
     """Measures a channel, lets the evidence choose its structure, and validates the fit on the chirp left out."""
-    measured = Measuring(plant, bench, case).measure(seed)
+    plant, bench, case = channel.plant, channel.bench, channel.case
+    *fitted_shots, left_out = Measuring(plant, bench, case).measure(case.first_seed)
     options = ExternalOptions(
         max_poles=case.max_poles,
         max_delay_samples=case.max_delay_samples,
         moving_average=bench.moving_average,
         confidence=CONFIDENCE,
     )
-    solution = fit_external(measured.fitted, *_channels(plant), "zoh", options)
+    solution = fit_external(fitted_shots, *_channels(plant), "zoh", options)
     fitted = Fitted(solution.transfer(0), solution.transfers.root_of(0))
-    frequency_hz = frequencies(case)
+    return Content(*to_datasets(_identified(channel, solution, fitted, left_out)))
+
+
+def _identified(channel: BenchChannel, solution: ExternalSolution, fitted: Fitted, left_out: Shot) -> Identified:
+    frequency_hz, quality = frequencies(channel.case), solution.quality
     response, relative, phase = response_of(fitted, frequency_hz)
-    step_s = np.arange(_STEP_SAMPLES) * bench.sampling_period_s
+    step_s = np.arange(_STEP_SAMPLES) * channel.bench.sampling_period_s
     step, step_std = step_of(fitted, step_s)
-    simulated, simulated_std = simulation_of(fitted, measured.validation.inputs)
-    quality = solution.quality
+    simulated, simulated_std = simulation_of(fitted, left_out.inputs)
+    told = (f"{finding.channel}: {finding.message}" for finding in solution.findings)
     return Identified(
         numerator=fitted.model.numerator[0, 0],
         denominator=fitted.model.denominator,
@@ -253,16 +244,9 @@ def identify_channel(plant: Plant, bench: Bench, case: PlantsCase, seed: int) ->
         reason=quality.reason[0],
         status=quality.status[0],
         roots=_roots(solution),
-        undetermined=(
-            *solution.estimate.undetermined,
-            *solution.remarks,
-            *(f"{finding.channel}: {finding.message}" for finding in solution.findings),
-        ),
-        tried=tuple(
-            Tried(one.poles, one.zeros, one.delay_samples, one.bic, one.whiteness_p, one.chosen)
-            for one in solution.tried
-        ),
-        quality=_quality(plant, fitted, measured, int(quality.n_parameter[0])),
+        undetermined=(*solution.estimate.undetermined, *solution.remarks, *told),
+        tried=tuple(Tried(*(getattr(one, each.name) for each in fields(Tried))) for one in solution.tried),
+        quality=_quality(channel.plant, fitted, left_out, int(quality.n_parameter[0])),
         frequency_hz=frequency_hz,
         response=response,
         continuous=fitted.model.response(2 * np.pi * frequency_hz)[:, 0, 0],
@@ -271,8 +255,8 @@ def identify_channel(plant: Plant, bench: Bench, case: PlantsCase, seed: int) ->
         etfe_hz=solution.etfe.frequency_hz,
         etfe=solution.etfe.response[:, 0, 0],
         etfe_radius=solution.etfe.radius[:, 0, 0],
-        command=measured.validation.inputs[:, 0],
-        measured=measured.validation.outputs[:, 0],
+        command=left_out.inputs[:, 0],
+        measured=left_out.outputs[:, 0],
         simulated=simulated,
         bound=quantile() * simulated_std,
         step_s=step_s,
@@ -296,14 +280,10 @@ def frequencies(case: PlantsCase) -> FloatArray:
 
 
 def response_of(fitted: Fitted, frequency_hz: FloatArray) -> tuple[ComplexArray, FloatArray, FloatArray]:
-    """Returns a response (n_freq,) from samples to samples, and the deviations of its magnitude and phase.
-
-    Args:
-        fitted: The model with its uncertainty.
-        frequency_hz (n_freq,): Frequencies [Hz].
+    """Returns a response (n_freq,) from samples to samples, with hold, average and delay, and its deviations.
 
     Returns:
-        The response with hold, average and delay; the relative deviation of its magnitude; that of its phase [rad].
+        The response; the relative deviation of its magnitude; that of its phase [rad].
     """
     omega = 2 * np.pi * frequency_hz
     response = fitted.model.sampled_response(omega)[:, 0, 0]
@@ -336,10 +316,16 @@ def _channels(plant: Plant) -> tuple[Sequence[Channel], Sequence[Channel]]:
 def _roots(solution: ExternalSolution) -> tuple[RootValue, ...]:
     """Takes what says where poles and zeros lie from the estimate, without the channel's name."""
     estimate = solution.estimate
-    sizes: dict[str, float] = {}
-    for name, kind, value in zip(estimate.names, estimate.kinds, estimate.value.tolist(), strict=True):
-        if not kind.endswith("_damping"):
-            sizes[_place(name)] = abs(value)
+    rows = list(
+        zip(
+            estimate.names,
+            estimate.kinds,
+            estimate.value.tolist(),
+            np.sqrt(np.diag(estimate.covariance)).tolist(),
+            strict=True,
+        )
+    )
+    sizes = {_place(name): abs(value) for name, kind, value, _ in rows if not kind.endswith("_damping")}
     return tuple(
         RootValue(
             name=name.partition(".")[2],
@@ -347,11 +333,9 @@ def _roots(solution: ExternalSolution) -> tuple[RootValue, ...]:
             what=_WHATS[kind.removeprefix("pole").removeprefix("zero")],
             size_rad_s=sizes[_place(name)],
             value=value,
-            relative_std=float(std / abs(value)) if value else np.inf,
+            relative_std=std / abs(value) if value else np.inf,
         )
-        for name, kind, value, std in zip(
-            estimate.names, estimate.kinds, estimate.value.tolist(), np.sqrt(np.diag(estimate.covariance)), strict=True
-        )
+        for name, kind, value, std in rows
         if kind != "gain"
     )
 
@@ -361,9 +345,8 @@ def _place(name: str) -> str:
     return name.removesuffix(".frequency").removesuffix(".damping")
 
 
-def _quality(plant: Plant, fitted: Fitted, measured: Measured, n_parameter: int) -> Quality:
+def _quality(plant: Plant, fitted: Fitted, shot: Shot, n_parameter: int) -> Quality:
     """Table 2's measures on the chirp left out, the final prediction error in the paper's units."""
-    shot = measured.validation
     simulated = predict(fitted.model, shot, [0], [0])
     left = (shot.outputs - simulated) / PRINTED[plant.unit]
     whole = shot.outputs - shot.outputs.mean(axis=0)

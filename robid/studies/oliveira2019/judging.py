@@ -9,9 +9,6 @@ from typing import Annotated
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, Quantity
-from robid.artifacts.artifact import Artifact
-from robid.artifacts.mapping import from_datasets, to_datasets
-from robid.studies.study import Content
 
 CONFIDENCE = 0.97
 """Level of the paper's bounds."""
@@ -79,16 +76,6 @@ class Identified:
     step_std: Annotated[FloatArray, Quantity("1", "step", "Its predicted deviation")]
 
 
-def to_content(found: Identified) -> Content:
-    """Returns what a task keeps of a channel."""
-    return Content(*to_datasets(found))
-
-
-def from_content(artifact: Artifact) -> Identified:
-    """Returns the channel that a task kept."""
-    return from_datasets(Identified, artifact)
-
-
 _JUDGED_BELOW = 0.005  # predicted relative deviation
 _REAL = 1e-9
 _KNOWN = 0.2  # predicted relative deviation beyond which a number is as good as unknown
@@ -143,13 +130,9 @@ def judge_roots(
     denominator: tuple[float, ...],
     band_rad_s: tuple[float, float],
 ) -> list[RootError]:
-    """Judges the poles and zeros inside a band that are said to be well known.
+    """Judges the poles and zeros inside a band [rad/s] that are said to be well known.
 
-    Args:
-        found: The estimates.
-        numerator: The true numerator, highest power first.
-        denominator: The true denominator.
-        band_rad_s: Ends of the band [rad/s].
+    True numerator and denominator have the highest power first.
     """
     true = {"zero": root_values(numerator), "pole": root_values(denominator)}
     low, high = band_rad_s
@@ -173,11 +156,7 @@ def undetermined_roots(
 ) -> tuple[str, ...]:
     """Names the true poles and zeros that the estimate does not show, each with what hides it.
 
-    Args:
-        found: The estimates.
-        numerator: The true numerator, highest power first.
-        denominator: The true denominator.
-        nyquist_rad_s: Half the sampling rate [rad/s].
+    True numerator and denominator have the highest power first; Nyquist's is half the sampling rate [rad/s].
     """
     true = {"zero": root_values(numerator), "pole": root_values(denominator)}
     told = []

@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.artifacts.mapping import from_datasets
 from robid.pipeline.graph import Run
 from robid.report.numbers import MINUS, MISSING, percent, significant
 from robid.report.section import Beside, Curve, Figure, Notes, Row, Section, Table
@@ -50,7 +51,7 @@ _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 def _conclude_plants(run: Run, case: PlantsCase, results: Results) -> PartFound:
     paper = paper_figures(run.loaded)
     bench, plants = bench_of(paper, case), plants_of(paper)
-    channels = [(plant, judging.from_content(one)) for plant, one in zip(plants, results, strict=True)]
+    channels = [(plant, from_datasets(judging.Identified, one)) for plant, one in zip(plants, results, strict=True)]
     low, high = (2 * np.pi * end for end in case.band_hz)
     errors = {
         plant.name: judging.judge_roots(list(found.roots), plant.numerator, plant.denominator, (low, high))

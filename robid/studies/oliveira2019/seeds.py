@@ -10,6 +10,7 @@ from scipy.signal import cont2discrete, dlsim, zpk2ss
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.artifacts.artifact import Artifact, Dataset
+from robid.artifacts.mapping import from_datasets
 from robid.models.external.fit.choice import choose_structure
 from robid.models.external.fit.data import Shot
 from robid.models.external.fit.graphs import Fitted
@@ -31,7 +32,7 @@ from robid.studies.oliveira2019.bench import (
     response_of,
     simulation_of,
 )
-from robid.studies.oliveira2019.judging import CONFIDENCE, Identified, from_content
+from robid.studies.oliveira2019.judging import CONFIDENCE, Identified
 from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import PlantsCase, SyntheticCase
 from robid.studies.study import Content, Part, Results, Task, in_chunks
@@ -170,7 +171,7 @@ def coverage_tasks(run: Run, case: PlantsCase, earlier: Mapping[str, Results]) -
     """Returns the tasks: some seeds of one channel each, at the structure that its own task chose."""
     tasks = []
     for index, channel in enumerate(channels_of(run, case)):
-        start = _model(channel, from_content(earlier["plants"][index]))
+        start = _model(channel, from_datasets(Identified, earlier["plants"][index]))
         chosen = [start.numerator.ravel().tolist(), start.denominator.tolist(), start.delay_samples]
         for seeds in in_chunks(case.first_seed, case.seeds, case.seeds_per_task):
             decides = {**decides_of(channel), "start": chosen, "seeds": [seeds.start, seeds.stop]}
@@ -190,7 +191,7 @@ def cover(channel: BenchChannel, start: TransferMatrix, seeds: range) -> Content
     )
     rows = []
     for seed in seeds:
-        fit = fit_block(measuring.measure(seed).fitted, [0], [0], structure, start)
+        fit = fit_block(measuring.measure(seed)[:-1], [0], [0], structure, start)
         rows.append(_shares(channel, measuring, Fitted(fit.model, fit.covariance_root)))
     output, magnitude, phase, error = np.array(rows).T
     return Content(

@@ -83,25 +83,16 @@ class Held:
 
 
 def physical(found: Intervals, truth: FloatArray, counted: BoolArray) -> Held:
-    """Holds intervals against the springs themselves.
-
-    Args:
-        found: The intervals.
-        truth (n_robot, n_spring): True springs.
-        counted (n_robot, n_spring): Which of them count.
-    """
+    """Holds intervals against true springs, of which some count, both (n_robot, n_spring)."""
     known = counted & np.isfinite(truth) & np.isfinite(found.lower)
     inside = (found.lower <= truth) & (truth <= found.upper)
     return Held(inside & known, known, _log_ratio(found.value, truth, known), found.half_width)
 
 
 def effective(found: Intervals, reference: Intervals, counted: BoolArray) -> Held:
-    """Holds intervals against those of the same robots in other places, the root of both squared.
+    """Holds intervals against those of the same robots in other places, the root of both half widths squared.
 
-    Args:
-        found: The intervals.
-        reference: Those in the places of the reference.
-        counted (n_robot, n_spring): Which of them count.
+    Counted are some springs of each robot (n_robot, n_spring).
     """
     known = counted & np.isfinite(found.lower) & np.isfinite(reference.lower)
     error = _log_ratio(found.value, reference.value, known)

@@ -148,13 +148,9 @@ def _with_bristles(
 
 
 def off_robot(robot: Robot, doubts: Sequence[Nuisance], amounts: Mapping[str, float], shares: FloatArray) -> Robot:
-    """Returns the robot with everything that is off and belongs to its mechanics.
+    """Returns the robot with everything that is off, by its name, and belongs to its mechanics.
 
-    Args:
-        robot: The robot.
-        doubts: What it is doubted for.
-        amounts: How far it is off, by the doubts' names.
-        shares (n_spring,): Load of each gear here, from -1 to 1 over the places.
+    The load of each gear here (n_spring,) is from -1 to 1 over the places.
     """
     inertia = axial_inertia(build_model(robot))
     further = []

@@ -61,7 +61,6 @@ RANDOM, FRESH, DESIGNED = "random", "fresh", "designed"
 class Places:
     """A campaign that a robot is measured with, in places of its own."""
 
-    use: str
     owner: str
     campaign: Campaign
     content: CampaignExcitation
@@ -121,7 +120,7 @@ def machines(run: Run) -> dict[str, Machine]:
         name: Machine(
             one,
             {
-                use: Places(use, owner, one.loaded.experiment.campaigns[owner], played(one, owner))
+                use: Places(owner, one.loaded.experiment.campaigns[owner], played(one, owner))
                 for use, owner in campaigns_of(one.loaded, study).items()
             },
         )

@@ -91,10 +91,7 @@ def freeze_drive(
 def run_drive(drive: FrozenDrive, torque: FloatArray, position: FloatArray) -> FloatArray:
     """Runs a drive from rest, its matrices interpolated between the two nearest points of the grid.
 
-    Args:
-        drive: The drive.
-        torque (n_sample,): Recorded torque [N m].
-        position (n_sample,): Where it is, within the grid [rad, or m].
+    Recorded torque [N m] and where it is within the grid [rad, or m] are (n_sample,).
 
     Returns:
         Angles and positions (n_sample, n_out), from where they were at first.
@@ -174,11 +171,7 @@ def error_excess(parts: ErrorParts, reference: ErrorParts) -> FloatArray:
 
 
 def measured_amplitudes(samples: FloatArray, lines: IntArray) -> ComplexArray:
-    """Returns amplitudes at the lines of each period, whose drift is removed.
-
-    Args:
-        samples (n_period, n_sample, n_channel): Successive periods.
-        lines (n_freq,): DFT lines of one period.
+    """Returns amplitudes at DFT lines (n_freq,) of successive periods (n_period, n_sample, n_channel) without drift.
 
     Returns:
         DFT sums over the number of samples (n_period, n_freq, n_channel).
@@ -396,12 +389,7 @@ def travel(solution: LpvSolution, record: Record, truth: TrueRobot) -> Travelled
 
 
 def travel_figures(travelled: Travelled, fixed: FloatArray) -> dict[str, float]:
-    """Returns what the study says of the travelling slide.
-
-    Args:
-        travelled: Its amplitudes.
-        fixed (n_out,): What `total_over_noise` says of the slide at one position.
-    """
+    """Returns what the study says of the travelling slide, and (n_out,) of the one at one position."""
     fitted, true = travelled.error(travelled.fitted), travelled.error(travelled.true)
     excess, signal = travelled.excess(travelled.fitted), deviation(split_errors(travelled.measured).total)
     columns = {

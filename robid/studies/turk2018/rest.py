@@ -287,12 +287,10 @@ def below_response_db(held: Held) -> FloatArray:
 
 
 def error_ratio(held: Held, response: ComplexArray, window: int) -> float:
-    """Returns the root mean square over all lines of the error over its deviation, as a fit weighs it.
+    """Returns the root mean square over all lines of a model's error over its deviation, as a fit weighs it.
 
-    Args:
-        held: What was measured.
-        response (n_pos, n_freq, n_out, n_in): What a model says there.
-        window: Lines over which the variance is averaged, so that few lines with small estimates do not decide.
+    The model's response is (n_pos, n_freq, n_out, n_in); the variance is averaged over a window of lines, so that few
+    lines with small estimates do not decide.
     """
     known = _is_known(held)
     variance = smooth_variance(np.where(known, held.std, np.inf) ** 2, window)

@@ -36,11 +36,7 @@ from robid.studies.wernholt2008.study import (
 
 
 def spread(values: FloatArray, best: FloatArray) -> dict[str, FloatArray]:
-    """Returns the statistics over models near the best one, of each parameter (n_param,) divided by the best model's.
-
-    Args:
-        values (n_model, n_param): Their parameters.
-        best (n_param,): The best model's, none of them zero.
+    """Returns statistics of models (n_model, n_param) near the best one, each parameter divided by the best model's.
 
     Source:
         Wernholt and Moberg (2008), Table 1.

@@ -79,10 +79,7 @@ def effort_curves(
 
 
 def deviations(information: FloatArray) -> FloatArray:
-    """Mean and largest deviation of log-parameters with some information.
-
-    Args:
-        information (..., n_param, n_param): Information.
+    """Mean and largest deviation of log-parameters with some information (..., n_param, n_param).
 
     Returns:
         Both (..., 2); infinite where the information is singular.

@@ -113,13 +113,7 @@ class Fitting:
 
 
 def model_sets(study: ZimmermannStudy, torque: dict[str, FloatArray], n_conf: int) -> dict[str, tuple[int, ...]]:
-    """Returns the configurations of every model, in rising order.
-
-    Args:
-        study: The study.
-        torque (n_conf,): Gravity torque on the transmission of each joint that a model asks for, by name [N m].
-        n_conf: Number of configurations.
-    """
+    """Returns the configurations of every model, in rising order; gravity torques (n_conf,) [N m] are by joint."""
     return {name: model_set(choice, torque, n_conf) for name, choice in study.models.items()}
 
 
