@@ -16,6 +16,7 @@ from robid.settings.experiment import Campaign, Experiment, Source
 from robid.settings.load import LoadedExperiment
 from robid.settings.problems import format_field, suggest
 from robid.settings.robot import RobotFile
+from robid.settings.robot_sections import given
 from robid.settings.sources import SimulateSettings
 from robid.settings.yaml import FieldPath, load_yaml
 
@@ -80,21 +81,26 @@ def missing_log(run: Run) -> str:
     return ""
 
 
-def campaign_problem(experiment: Experiment, name: str, unknown: str = "response") -> str:
+def unknown(what: str, name: str, known: Iterable[str]) -> str:
+    """Says that something of a name is not there, and what is; empty when it is there."""
+    known = list(known)
+    return "" if name in known else f"there is no {what and what + ' '}`{name}`; {suggest(name, known)}"
+
+
+def campaign_problem(experiment: Experiment, name: str, what: str = "response") -> str:
     """Says why a campaign cannot be studied: it is not there, or its truth is not known; empty when it can be."""
     campaign = experiment.campaigns.get(name)
     if campaign is None:
-        return f"there is no campaign `{name}`; {suggest(name, experiment.campaigns)}"
-    if campaign.source is None or campaign.source.simulate is None:
-        return f"campaign `{name}` is not simulated, so its true {unknown} is not known"
-    return ""
+        return unknown("campaign", name, experiment.campaigns)
+    simulated = campaign.source is not None and campaign.source.simulate is not None
+    return "" if simulated else f"campaign `{name}` is not simulated, so its true {what} is not known"
 
 
 def fit_problem(experiment: Experiment, name: str) -> str:
     """Says why a fit cannot be studied: it is not there, or its robot's truth is not known."""
     fit = experiment.fits.get(name)
     if fit is None:
-        return f"there is no fit `{name}`; {suggest(name, experiment.fits)}"
+        return unknown("fit", name, experiment.fits)
     if fit.validate_on is None or len(fit.campaigns) > 1 or fit.configurations is not None:
         return f"fit `{name}` needs one campaign with all its configurations, and one to `validate_on`"
     problems = (campaign_problem(experiment, each, "robot") for each in (fit.campaign, str(fit.validate_on)))
@@ -105,7 +111,7 @@ def family_problem(experiment: Experiment, name: str, family: str, *, validated:
     """Says why a fit is none of a family, with a campaign to validate on where one is needed; empty when it is."""
     fit = experiment.fits.get(name)
     if fit is None:
-        return f"there is no fit `{name}`; {suggest(name, experiment.fits)}"
+        return unknown("fit", name, experiment.fits)
     if fit.family != family:
         return f"fit `{name}` is of the family `{fit.family}`, not `{family}`"
     return f"fit `{name}` names no campaign in `validate_on`" if validated and fit.validate_on is None else ""
@@ -115,8 +121,8 @@ def name_problems(names: Sequence[str], known: Sequence[str], what: str = "") ->
     """Returns what is wrong with a list of names, each with its index: unknown ones, and those that are there twice."""
     found = []
     for index, name in enumerate(names):
-        if name not in known:
-            found.append((index, f"there is no {what and what + ' '}`{name}`; {suggest(name, known)}"))
+        if message := unknown(what, name, known):
+            found.append((index, message))
         elif name in names[:index]:
             found.append((index, f"`{name}` is there twice"))
     return found
@@ -132,20 +138,13 @@ def changed_simulation(
     Raises:
         ValidationError: If there is no such option, or its value is not allowed.
     """
-    if campaign.source is None:
-        message = "the settings' checks let a study without a simulated campaign pass"
-        raise RuntimeError(message)
-    plain = campaign.source.model_dump(mode="json")["simulate"]
+    plain = given(campaign.source).model_dump(mode="json")["simulate"]
     for key in ("imperfections", "truth"):
         changed = physics.get(key) or {}
         plain[key] = {**plain[key], **changed} if isinstance(changed, dict) else plain[key]
     if seed is not None:
         plain["truth"]["seed"], plain["seed"] = seed, noise
-    options = Source.model_validate({"simulate": plain}).simulate
-    if options is None:
-        message = "the settings' checks let a study without a simulated campaign pass"
-        raise RuntimeError(message)
-    return options
+    return given(Source.model_validate({"simulate": plain}).simulate)
 
 
 def physics_problems(campaign: Campaign, physics: Mapping[str, Any], robot: RobotFile | None) -> Problems:

@@ -45,13 +45,11 @@ from robid.studies.simulated import measure, measure_or_refuse
 from robid.studies.study import Earlier, Procedure, Step, joined, run_tasks, seconds_of
 from robid.studies.trust import linear
 from robid.studies.trust import report as trust_report
-from robid.studies.trust import responses as models
 from robid.studies.trust import responses as trust
 from robid.studies.turk2018.moving import TRAVEL
 from robid.studies.turk2018.rest import REST
 from robid.studies.turk2018.synthetic import KNOWN_STRUCTURE
 from robid.studies.wernholt2008 import report as wernholt_report
-from robid.studies.wernholt2008 import study as individuals
 from robid.studies.wernholt2008 import study as wernholt
 from robid.studies.zimmermann2023 import models as zimmermann_models
 from robid.studies.zimmermann2023 import report as zimmermann_report
@@ -64,7 +62,7 @@ PROCEDURES: Mapping[str, Procedure] = {
         wernholt.needs,
         (
             Step("starts", wernholt.tasks, wernholt.fit_chunk),
-            Step("individuals", individuals.individual_tasks, individuals.fit_individual),
+            Step("individuals", wernholt.individual_tasks, wernholt.fit_individual),
         ),
         wernholt_report.conclude,
     ),
@@ -98,9 +96,9 @@ PROCEDURES: Mapping[str, Procedure] = {
         trust.needs,
         (
             Step("responses", trust.response_tasks, measure_or_refuse),
-            Step("models", models.model_tasks, models.fit_individual),
+            Step("models", trust.model_tasks, trust.fit_individual),
             Step("linear", linear.linear_tasks, linear.fit_linear),
-            Step("grades", models.grade_tasks, models.grade_individual),
+            Step("grades", trust.grade_tasks, trust.grade_individual),
         ),
         trust_report.conclude,
         trust.further,

@@ -31,6 +31,7 @@ from robid.robot.friction import TorqueLaw
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import plain_settings, robot_settings
+from robid.settings.robot_sections import given
 from robid.settings.sources import SimulateSettings
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
@@ -61,10 +62,7 @@ def make_estimator(loaded: LoadedExperiment, campaign: Campaign, options: Estima
 
 def simulate_options(campaign: Campaign) -> SimulateSettings:
     """Returns how a campaign that the settings' checks let pass as simulated is simulated."""
-    if campaign.source is None or campaign.source.simulate is None:
-        message = "the settings' checks let a study without a simulated campaign pass"
-        raise RuntimeError(message)
-    return campaign.source.simulate
+    return given(given(campaign.source).simulate)
 
 
 def played(run: Run, campaign: str) -> CampaignExcitation:

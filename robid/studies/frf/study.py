@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray
 from robid.artifacts.artifact import Dataset
 from robid.artifacts.kinds import EXCITATION
 from robid.artifacts.store import read_header
@@ -28,6 +28,9 @@ from robid.simulate.options import SimulateOptions
 from robid.studies.settings.study import FrfStudy, choices
 from robid.studies.simulated import Estimator, make_estimator, played, simulate_options, simulation_settings, threads_of
 from robid.studies.study import Content, Earlier, Task, study_of
+
+_Outcome: TypeAlias = tuple[ComplexArray, FloatArray, str]
+"""Response and variance of one estimate, NaN where it was refused, and why."""
 
 
 def compared(study: FrfStudy, campaign: Campaign) -> list[EstimateOptions]:
@@ -118,29 +121,19 @@ def estimate_chunk(
     whole = [_estimate(record, each, identified) for each in whole_estimators]
     element = ("frequency", "output", "input")
     unit = f"rad/(s^2 {units_text(record.input_channels)})"
-    refused = [next((one.refusal for one in row if one.refusal), "") for row in (*small, whole)]
+    refused = [next((reason for *_, reason in row if reason), "") for row in (*small, whole)]
+    response, variance = (np.array([[one[at] for one in row] for row in small]) for at in (0, 1))
     datasets = {
         "configuration": Dataset(np.array(index), "1", ()),
         "angles": Dataset(configuration, "rad", ("joint",)),
         "frequency_hz": Dataset(record.frequency_hz, "Hz", ("frequency",)),
-        "response": Dataset(
-            np.array([[one.response for one in row] for row in small]), unit, ("estimate", "group", *element)
-        ),
-        "variance": Dataset(
-            np.array([[one.variance for one in row] for row in small]), f"({unit})^2", ("estimate", "group", *element)
-        ),
-        "whole": Dataset(np.array([one.response for one in whole]), unit, ("compensation", *element)),
+        "response": Dataset(response, unit, ("estimate", "group", *element)),
+        "variance": Dataset(variance, f"({unit})^2", ("estimate", "group", *element)),
+        "whole": Dataset(np.array([one[0] for one in whole]), unit, ("compensation", *element)),
         "realizations": Dataset(np.array(n_real), "1", ()),
         "refusals": Dataset(np.array(refused, dtype=str), "1", ("reason",), "First refusal of each; last: of whole"),
     }
     return Content(datasets)
-
-
-@dataclass(frozen=True)
-class _Outcome:
-    response: Any
-    variance: Any
-    refusal: str = ""
 
 
 def _identified(record: Record, estimators: tuple[Estimator, ...]) -> tuple[TorqueLaw, ...] | str | None:
@@ -167,9 +160,9 @@ def _estimate(record: Record, estimator: Estimator, identified: tuple[TorqueLaw,
         frf = replace(estimator, laws=laws).estimate(record)
     except DataError as error:
         return _refused(record, error.what)
-    return _Outcome(frf.response[0], frf.element_variance()[0])
+    return frf.response[0], frf.element_variance()[0], ""
 
 
 def _refused(record: Record, reason: str) -> _Outcome:
     shape = (len(record.excited_lines), len(record.output_names), len(record.input_names))
-    return _Outcome(np.full(shape, complex(np.nan, np.nan)), np.full(shape, np.nan), reason)
+    return np.full(shape, complex(np.nan, np.nan)), np.full(shape, np.nan), reason

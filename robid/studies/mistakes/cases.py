@@ -25,7 +25,6 @@ from robid.pipeline.graph import Run
 from robid.results.doubt import CAUSES
 from robid.results.plausible.doubts import data_doubts
 from robid.robot.description import Robot
-from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, plain_settings
 from robid.studies.mistakes.responses import Case, campaigns_of, cases, mistaken_robot, mistaken_truth
 from robid.studies.settings.mistakes import Mistake, MistakesStudy
@@ -116,7 +115,7 @@ def case_tasks(run: Run, earlier: Earlier) -> list[Task]:
 
 
 def _fitting(run: Run, case: Case, responses: Path) -> tuple[dict[str, Any], Fitting]:
-    loaded: LoadedExperiment = case.subject.loaded
+    loaded = case.subject.run.loaded
     loaded = replace(loaded, robot=mistaken_robot(loaded.robot, case.mistake))
     fit = study_of(run.loaded, MistakesStudy).fit
     options = elastic_fit(loaded.experiment, fit).options()

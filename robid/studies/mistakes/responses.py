@@ -53,11 +53,6 @@ class Subject:
     run: Run
     sound: range
 
-    @property
-    def loaded(self) -> LoadedExperiment:
-        """Its experiment and robot file."""
-        return self.run.loaded
-
 
 @dataclass(frozen=True)
 class Case:
@@ -89,10 +84,7 @@ class Case:
 def campaigns_of(loaded: LoadedExperiment, fit: str) -> dict[str, str]:
     """Returns the names of the campaigns that a fit is fitted to and validated on."""
     chosen = loaded.experiment.fits[fit]
-    if chosen.validate_on is None:
-        message = "the settings' checks let a fit without validation pass"
-        raise RuntimeError(message)
-    return {"estimation": chosen.campaign, "validation": chosen.validate_on}
+    return {"estimation": chosen.campaign, "validation": given(chosen.validate_on)}
 
 
 def needs(loaded: LoadedExperiment, fit: str | None = None) -> tuple[str, ...]:
@@ -115,7 +107,7 @@ def further(run: Run) -> Further:
     study = study_of(run.loaded, MistakesStudy)
     if not study.makes_mistakes:
         return ()
-    return tuple((one.run, needs(one.loaded, study.fit)) for name, one in subjects(run).items() if name != "heavy")
+    return tuple((one.run, needs(one.run.loaded, study.fit)) for name, one in subjects(run).items() if name != "heavy")
 
 
 def cases(run: Run) -> list[Case]:
@@ -221,7 +213,7 @@ def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
     contents = {
         (robot.name, name): played(robot.run, owner)
         for robot in subjects(run).values()
-        for name, owner in campaigns_of(robot.loaded, fit).items()
+        for name, owner in campaigns_of(robot.run.loaded, fit).items()
     }
     return [Task(name, *_simulated(fit, group, run, contents)) for name, group in groups.items()]
 
@@ -229,7 +221,7 @@ def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
 def _simulated(
     fit: str, group: list[Case], run: Run, contents: Mapping[tuple[str, str], CampaignExcitation]
 ) -> tuple[dict[str, Any], tuple[Individual]]:
-    loaded = group[0].subject.loaded
+    loaded = group[0].subject.run.loaded
     read = {case.response: case for case in group}
     decides: dict[str, Any] = {"read": {name: read_with(case.mistake) for name, case in read.items()}}
     measured = []
@@ -246,7 +238,7 @@ def _measured(
     read: Mapping[str, Case], name: str, number: int, campaign: Campaign, content: CampaignExcitation
 ) -> tuple[Measured, dict[str, Any]]:
     case = next(iter(read.values()))
-    factor, loaded = case.mistake.excitation_factor, case.subject.loaded
+    factor, loaded = case.mistake.excitation_factor, case.subject.run.loaded
     options = changed_simulation(campaign, case.mistake.physics, case.seed, 2 * case.seed + number)
     experiment = simulated_experiment(loaded, campaign, options, content)
     if factor != 1:

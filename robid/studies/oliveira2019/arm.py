@@ -33,6 +33,7 @@ from robid.robot.description import Robot
 from robid.robot.kinematics import ToolArm
 from robid.settings.robot_derived import require_pose_interface, tool_arm
 from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
+from robid.settings.robot_sections import given
 from robid.signals.record import Record
 from robid.simulate.options import Controller, PoseInterface
 from robid.simulate.pose_response import pose_response
@@ -101,10 +102,7 @@ def map_home(
     """Maps one home of the record at `path`, and holds the map beside the linearised loop."""
     record = record_from_artifact(read_artifact(path, RECORD))
     etfe, pairs, found = map_record(record, index, options)
-    if record.configurations is None:
-        message = "a simulated record names its configurations"
-        raise RuntimeError(message)
-    place, inputs = record.configurations[index], pairs.inputs
+    place, inputs = given(record.configurations)[index], pairs.inputs
     linear = pose_response(robot, arm, controller, interface, place, etfe.frequency_hz, inputs, measured)
     mapped = Mapped(
         inputs=pairs.inputs,

@@ -177,19 +177,15 @@ _WHATS = {"": "rate", "_frequency": "frequency", "_damping": "damping"}
 
 
 class Measuring:
-    """A channel on the bench; what is the same for all seeds is simulated once.
+    """A channel on the bench; what is the same for all seeds is simulated once."""
 
-    Args:
-        plant: The channel.
-        bench: The bench.
-        case: Which chirps are played.
-    """
-
-    def __init__(self, plant: Plant, bench: Bench, case: PlantsCase) -> None:
-        self._plant, self._bench = plant, bench
-        self.commands = [bench.command(plant, high) for high in (*case.fit_hz, case.validation_hz)]
-        self.answers = [bench.answer(plant, command) for command in self.commands]
-        self._names = [f"chirp to {high:g} Hz" for high in (*case.fit_hz, case.validation_hz)]
+    def __init__(self, channel: BenchChannel) -> None:
+        """Simulates the answers to all chirps, the last one that which validates."""
+        self._plant, self._bench, case = channel.plant, channel.bench, channel.case
+        highest_hz = (*case.fit_hz, case.validation_hz)
+        self.commands = [self._bench.command(self._plant, high) for high in highest_hz]
+        self.answers = [self._bench.answer(self._plant, command) for command in self.commands]
+        self._names = [f"chirp to {high:g} Hz" for high in highest_hz]
 
     def measure(self, seed: int) -> list[Shot]:
         """Measures all chirps, the last one to validate, the noise being that of a seed and of the channel."""
@@ -217,7 +213,7 @@ class Measuring:
 def identify(channel: BenchChannel) -> Content:
     """Measures a channel, lets the evidence choose its structure, and validates the fit on the chirp left out."""
     plant, bench, case = channel.plant, channel.bench, channel.case
-    *fitted_shots, left_out = Measuring(plant, bench, case).measure(case.first_seed)
+    *fitted_shots, left_out = Measuring(channel).measure(case.first_seed)
     options = ExternalOptions(
         max_poles=case.max_poles,
         max_delay_samples=case.max_delay_samples,

@@ -181,7 +181,7 @@ def coverage_tasks(run: Run, case: PlantsCase, earlier: Mapping[str, Results]) -
 
 def cover(channel: BenchChannel, start: TransferMatrix, seeds: range) -> Content:
     """Refits some seeds of a channel from the model of the first, and tells the share of bounds that hold the truth."""
-    measuring = Measuring(channel.plant, channel.bench, channel.case)
+    measuring = Measuring(channel)
     structure = Structure(
         poles=len(start.denominator) - 1,
         zeros=start.numerator.shape[-1] - 1,

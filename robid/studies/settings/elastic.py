@@ -12,12 +12,11 @@ from robid.models.elastic.fit.options import ElasticOptions, WeightsKind
 from robid.robot.parameters import ElasticKind
 from robid.settings.base import Name, Section
 from robid.settings.checks.configurations import configuration_count
-from robid.settings.experiment import Campaign, Experiment
-from robid.settings.problems import suggest
+from robid.settings.experiment import Experiment
 from robid.settings.robot import RobotFile
+from robid.settings.robot_sections import given
 from robid.settings.yaml import FieldPath
-from robid.simulate.options import SimulateOptions
-from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, name_problems
+from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, name_problems, unknown
 
 
 @dataclass(frozen=True)
@@ -112,13 +111,8 @@ def check_zimmermann2023(study: ZimmermannStudy, experiment: Experiment, robot: 
     elif not unusable:
         yield from _check_pairs(experiment, study)
     if not unusable:
-        yield from _check_configurations(
-            study, configuration_count(experiment, experiment.campaigns[study.estimation[0]])
-        )
-
-
-def _simulated(campaign: Campaign) -> SimulateOptions | None:
-    return None if campaign.source is None else campaign.source.simulate
+        count = configuration_count(experiment, experiment.campaigns[study.estimation[0]])
+        yield from _check_configurations(study, count)
 
 
 def _check_pairs(experiment: Experiment, study: ZimmermannStudy) -> Problems:
@@ -129,31 +123,30 @@ def _check_pairs(experiment: Experiment, study: ZimmermannStudy) -> Problems:
                 message = f"`{name}` has other configurations than `{study.estimation[0]}`"
                 yield ("study", key, index), message
     for index, pair in enumerate(zip(study.estimation, study.validation, strict=True)):
-        own, other = (_simulated(experiment.campaigns[name]) for name in pair)
-        if own is not None and other is not None and own.truth != other.truth:
+        own, other = (given(given(experiment.campaigns[name].source).simulate) for name in pair)
+        if own.truth != other.truth:
             message = f"`{pair[1]}` simulates another individual than `{pair[0]}`: give both the same `truth`"
             yield ("study", "validation", index), message
 
 
 def _check_names(experiment: Experiment, study: ZimmermannStudy, robot: RobotFile | None) -> Problems:
-    if study.design not in experiment.designs:
-        message = f"there is no design `{study.design}`; {suggest(study.design, experiment.designs)}"
+    if message := unknown("design", study.design, experiment.designs):
         yield ("study", "design"), message
     roles: list[tuple[FieldPath, str | None]] = [
         ((key,), getattr(study, key)) for key in ("reference", "optimal", "guess", "nonlinear")
     ]
     roles += [(("stepped", index), name) for index, name in enumerate(study.stepped)]
     for place, name in roles:
-        if name is not None and name not in study.models:
-            yield ("study", *place), f"there is no model `{name}`; {suggest(name, study.models)}"
+        if name is not None and (message := unknown("model", name, study.models)):
+            yield ("study", *place), message
     joints = [] if robot is None else [joint.name for joint in robot.joints]
     asked: list[tuple[FieldPath, str | None]] = [
         (("models", name, "low_torque"), choice.low_torque) for name, choice in study.models.items()
     ]
     asked += [(("axes", index), joint) for index, joint in enumerate(study.axes)]
     for place, joint in asked:
-        if robot is not None and joint is not None and joint not in joints:
-            yield ("study", *place), f"there is no joint `{joint}`; {suggest(joint, joints)}"
+        if robot is not None and joint is not None and (message := unknown("joint", joint, joints)):
+            yield ("study", *place), message
 
 
 def _check_configurations(study: ZimmermannStudy, n_conf: int | None) -> Problems:

@@ -11,10 +11,9 @@ from robid.results.doubt import CAUSES
 from robid.results.scale import CHANNELS, OWN_SCALES, SCALES
 from robid.settings.base import Name, Section
 from robid.settings.experiment import Experiment
-from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
-from robid.studies.experiments import Count, Positive, Problems, Whole, fit_problem, physics_problems
+from robid.studies.experiments import Count, Positive, Problems, Whole, fit_problem, physics_problems, unknown
 
 LogSignal: TypeAlias = Literal["angle", "arm", "speed"]
 """What a log may hold beside the torques: angles of motors and arms, speeds of motors."""
@@ -200,8 +199,8 @@ def check_mistakes(study: MistakesStudy, experiment: Experiment, robot: RobotFil
     yield from robot_problems(study, "heavy", experiment, robot)
     for name, mistake in study.mistakes.items():
         field = ("study", "mistakes", name)
-        if mistake.cause is not None and mistake.cause not in CAUSES:
-            yield (*field, "cause"), f"there is no cause `{mistake.cause}`; {suggest(mistake.cause, CAUSES)}"
+        if mistake.cause is not None and (message := unknown("cause", mistake.cause, CAUSES)):
+            yield (*field, "cause"), message
         if mistake.robot == "light" and study.light is None:
             yield (*field, "robot"), "the study has no `light` robot"
     yield from _check_units(study)
@@ -249,4 +248,4 @@ def _name_problems(field: FieldPath, mistake: Mistake, robot: RobotFile) -> Prob
 
 
 def _unknown(field: FieldPath, names: Sequence[str], kind: str, known: Sequence[str]) -> Problems:
-    yield from ((field, f"there is no {kind} `{name}`; {suggest(name, known)}") for name in names if name not in known)
+    yield from ((field, message) for name in names if (message := unknown(kind, name, known)))

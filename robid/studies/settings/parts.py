@@ -9,10 +9,18 @@ from pydantic import Field
 from robid.models.lpv.settings import LpvFit
 from robid.settings.base import Name, Section
 from robid.settings.experiment import Campaign, Experiment
-from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
-from robid.studies.experiments import Count, NotNegative, Positive, Problems, Whole, campaign_problem, family_problem
+from robid.studies.experiments import (
+    Count,
+    NotNegative,
+    Positive,
+    Problems,
+    Whole,
+    campaign_problem,
+    family_problem,
+    unknown,
+)
 
 
 class PlantsCase(Section):
@@ -101,7 +109,7 @@ def _check_arm(experiment: Experiment, case: CartesianCase) -> Problems:
     if problem := family_problem(experiment, case.fit, "external", validated=True):
         yield (*field, "fit"), problem
     if homes is None:
-        yield (*field, "homes"), f"there is no campaign `{case.homes}`; {suggest(case.homes, experiment.campaigns)}"
+        yield (*field, "homes"), unknown("campaign", case.homes, experiment.campaigns)
     elif not homes.moves_poses or homes.source is None or homes.source.simulate is None:
         yield (*field, "homes"), f"campaign `{case.homes}` does not simulate pose commands"
 
@@ -303,7 +311,6 @@ def _check_case(field: FieldPath, case: SeededCase, sampling_period_s: float) ->
 def _check_middle(experiment: Experiment, case: BranchCase) -> Problems:
     campaign = experiment.campaigns.get(case.campaign)
     if campaign is None:
-        message = f"there is no campaign `{case.campaign}`; {suggest(case.campaign, experiment.campaigns)}"
-        yield ("study", "branch", "campaign"), message
+        yield ("study", "branch", "campaign"), unknown("campaign", case.campaign, experiment.campaigns)
     elif campaign.configurations is None or campaign.configurations.list_rows is None:
         yield ("study", "branch", "campaign"), f"campaign `{case.campaign}` does not list its configurations"

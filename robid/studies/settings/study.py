@@ -14,9 +14,8 @@ from robid.settings.base import Name, Section
 from robid.settings.checks.experiment import Studies
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.load import LoadedExperiment
-from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
-from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, name_problems
+from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, name_problems, unknown
 from robid.studies.settings.elastic import WernholtStudy, ZimmermannStudy, check_wernholt2008, check_zimmermann2023
 from robid.studies.settings.mistakes import MistakesStudy, check_mistakes
 from robid.studies.settings.parts import (
@@ -85,10 +84,7 @@ def _check_names(study: FrfStudy) -> Problems:
         ("compensations", choices("compensation"), study.compensations or ()),
     ):
         yield from ((("study", key, index), message) for index, message in name_problems(named, known))
-    if study.reference_estimator not in choices("estimator"):
-        message = (
-            f"there is no `{study.reference_estimator}`; {suggest(study.reference_estimator, choices('estimator'))}"
-        )
+    if message := unknown("", study.reference_estimator, choices("estimator")):
         yield ("study", "reference_estimator"), message
 
 

@@ -12,11 +12,19 @@ from pydantic import Field
 from robid.results.doubt import CAUSES
 from robid.settings.base import Name, Section
 from robid.settings.experiment import Experiment
-from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import SpringSection
 from robid.simulate.options import Imperfections
-from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, fit_problem, physics_problems
+from robid.studies.experiments import (
+    Count,
+    Positive,
+    Problems,
+    Whole,
+    campaign_problem,
+    fit_problem,
+    physics_problems,
+    unknown,
+)
 from robid.studies.settings.mistakes import Physics
 
 
@@ -250,8 +258,8 @@ def _check_groups(study: TrustStudy) -> Problems:
         if name in study.sets:
             yield field, "a set has this name too"
         for index, cause in enumerate(kind.named):
-            if cause not in CAUSES:
-                yield (*field, "named", index), f"there is no cause `{cause}`; {suggest(cause, CAUSES)}"
+            if message := unknown("cause", cause, CAUSES):
+                yield (*field, "named", index), message
 
 
 def _end(study: TrustStudy, use: str) -> int:

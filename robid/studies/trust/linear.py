@@ -260,7 +260,7 @@ def linear_tasks(run: Run, _earlier: Earlier) -> list[Task]:
 
 
 def _tasks(machine: Machine, robots: list[Individual], options: ElasticOptions, noise: float) -> Iterator[Task]:
-    loaded, campaign = machine.loaded, machine.places[RANDOM].campaign
+    loaded, campaign = machine.run.loaded, machine.places[RANDOM].campaign
     nominal = loaded.robot.to_robot(campaign.payload_kg)
     period = require_controller(loaded).sampling_period_s
     for one in robots:

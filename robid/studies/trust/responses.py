@@ -31,6 +31,7 @@ from robid.robot.doubts import Doubts
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, plain_settings
+from robid.settings.robot_sections import given
 from robid.simulate.truth import TrueRobot
 from robid.studies.experiments import (
     Further,
@@ -73,11 +74,6 @@ class Machine:
     run: Run
     places: dict[str, Places]
 
-    @property
-    def loaded(self) -> LoadedExperiment:
-        """Its experiment and robot file."""
-        return self.run.loaded
-
     def places_of(self, one: Individual, use: str) -> Places:
         """Returns a campaign in the places of a robot: drawn for it, but for those that a design chose."""
         places = self.places[use]
@@ -87,12 +83,9 @@ class Machine:
         return replace(places, content=replace(places.content, configurations=configurations))
 
     def _drawn(self, campaign: Campaign, count: int, seed: int, use: str) -> FloatArray:
-        stated = None if campaign.configurations is None else campaign.configurations.random
-        if stated is None:
-            message = "the settings' checks let a campaign without random configurations pass"
-            raise RuntimeError(message)
+        stated = given(given(campaign.configurations).random)
         wanted = stated.model_copy(update={"count": count, "seed": 2 * seed + (use == FRESH)})
-        return draw_in_reach(self.loaded, self.loaded.robot.to_robot(campaign.payload_kg), wanted)
+        return draw_in_reach(self.run.loaded, self.run.loaded.robot.to_robot(campaign.payload_kg), wanted)
 
 
 def campaigns_of(loaded: LoadedExperiment, study: TrustStudy) -> dict[str, str]:
@@ -151,7 +144,7 @@ def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
             options = changed_simulation(places.campaign, one.physics, one.seed, noise)
             content = replace(places.content, configurations=places.content.configurations[:count])
             name = f"{one.key}_{use}"
-            found += measurements(machine.loaded, places.campaign, options, content, name, threads_of(run))
+            found += measurements(machine.run.loaded, places.campaign, options, content, name, threads_of(run))
     return found
 
 
@@ -205,7 +198,7 @@ def make_fitting(
     run: Run, machine: Machine, one: Individual, use: str, responses: Results
 ) -> tuple[dict[str, Any], Fitting]:
     """Returns a fit with what decides its result."""
-    loaded, places = machine.loaded, machine.places[use]
+    loaded, places = machine.run.loaded, machine.places[use]
     options = elastic_fit(loaded.experiment, study_of(run.loaded, TrustStudy).fit).options()
     simulate = changed_simulation(places.campaign, one.physics, one.seed)
     experiment = simulated_experiment(loaded, places.campaign, simulate, places.content)
