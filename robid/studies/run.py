@@ -72,7 +72,7 @@ PROCEDURES: Mapping[str, Procedure] = {
             Step("responses", zimmermann_models.response_tasks, measure),
             Step("models", zimmermann_models.model_tasks, zimmermann_models.fit_model),
             Step("steps", steps.step_tasks, steps.step),
-            Step("sets", zimmermann_models.set_tasks, zimmermann_models.fit_set),
+            Step("sets", zimmermann_models.set_tasks, zimmermann_models.fit_model),
         ),
         zimmermann_report.conclude,
     ),

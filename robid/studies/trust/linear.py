@@ -5,7 +5,7 @@ They are off by what their file is doubted for: by amounts drawn from the priors
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -42,10 +42,10 @@ from robid.signals.quantities import motor_channels
 from robid.simulate.options import Imperfections, Truth
 from robid.simulate.truth import TrueRobot
 from robid.studies.experiments import changed_simulation
-from robid.studies.settings.trust import LINEAR, Individual, TrustStudy, individuals
+from robid.studies.settings.trust import LINEAR, TrustStudy, individuals
 from robid.studies.simulated import solution_or_refusal, with_truth
 from robid.studies.study import Content, Earlier, Task, study_of
-from robid.studies.trust.responses import RANDOM, Machine, machines
+from robid.studies.trust.responses import RANDOM, machines
 
 _PERCENT = 100.0
 _Value = TypeVar("_Value")
@@ -252,41 +252,41 @@ def linear_tasks(run: Run, _earlier: Earlier) -> list[Task]:
     study = study_of(run.loaded, TrustStudy)
     if study.linear is None:
         return []
-    machine = machines(run)["heavy"]
-    own = [one for one in individuals(study) if one.kind == "linear"]
-    return list(
-        _tasks(machine, own, elastic_fit(run.loaded.experiment, study.fit).options(), study.linear.relative_noise)
-    )
-
-
-def _tasks(machine: Machine, robots: list[Individual], options: ElasticOptions, noise: float) -> Iterator[Task]:
+    machine, found = machines(run)["heavy"], []
+    options = elastic_fit(run.loaded.experiment, study.fit).options()
     loaded, campaign = machine.run.loaded, machine.places[RANDOM].campaign
     nominal = loaded.robot.to_robot(campaign.payload_kg)
     period = require_controller(loaded).sampling_period_s
-    for one in robots:
-        places = machine.places_of(one, RANDOM)
-        truth = changed_simulation(campaign, {}, one.seed)
+    for one in (one for one in individuals(study) if one.kind == "linear"):
+        places, truth = machine.places_of(one, RANDOM), changed_simulation(campaign, {}, one.seed)
         experiment = simulated_experiment(loaded, campaign, truth, places.content)
-        length = experiment.reference.shape[2] * period
-        sampling = period, delay_s(loaded, campaign)
         fit = LinearFit(
-            nominal, experiment.robot, one.group == LINEAR, one.seed, places.content.configurations,
-            experiment.excited_lines, length, sampling, noise, options,
-        )  # fmt: skip
+            nominal=nominal,
+            robot=experiment.robot,
+            drawn=one.group == LINEAR,
+            seed=one.seed,
+            configurations=places.content.configurations,
+            lines=experiment.excited_lines,
+            period_s=experiment.reference.shape[2] * period,
+            sampling=(period, delay_s(loaded, campaign)),
+            relative_noise=study.linear.relative_noise,
+            options=options,
+        )
         decides = {
             "drawn": fit.drawn,
             "seed": one.seed,
             "truth": plain_settings(truth.truth),
             "configurations": fit.configurations.tolist(),
             "lines": fit.lines.tolist(),
-            "period_s": length,
-            "sampling": list(sampling),
-            "noise": noise,
+            "period_s": fit.period_s,
+            "sampling": list(fit.sampling),
+            "noise": fit.relative_noise,
             "options": plain_settings(options),
             "settings": model_settings(loaded, places.owner),
             **robot_settings(loaded, "friction", "controller"),
         }
-        yield Task(one.key, decides, (fit,))
+        found.append(Task(one.key, decides, (fit,)))
+    return found
 
 
 def fit_linear(one: LinearFit) -> Content:

@@ -187,17 +187,19 @@ def model_task(
 
 
 def fit_model(one: Fitting) -> Content:
-    """Fits a model and holds it against the validation's responses."""
+    """Fits a model and, where it is judged, holds it against the validation's responses."""
     frf = read_responses([one.estimation[index] for index in one.used])
     solution = fit_elastic(one.robots[0], frf, one.options, one.delay_s)
-    datasets = {**fitted_parameters(one, solution), **_deviations(one, frf, solution), **_judgement(one, solution)}
-    datasets["used"] = Dataset(np.array(one.used), "1", ("used",), "Configurations of the fit")
-    if "cubic" in one.options.free:
-        every = read_responses(one.estimation)
-        model, parameters = fitted_model(one.robots[0], solution, every, one.options, one.delay_s).linear
-        slopes = settle_springs(model.rest, parameters.springs).stiffness
-        axes = ("configuration", "spring")
-        datasets["slope"] = Dataset(slopes, "N m/rad", axes, "Slope under gravity and excitation")
+    datasets = fitted_parameters(one, solution)
+    if one.validation:
+        datasets |= {**_deviations(one, frf, solution), **_judgement(one, solution)}
+        datasets["used"] = Dataset(np.array(one.used), "1", ("used",), "Configurations of the fit")
+        if "cubic" in one.options.free:
+            every = read_responses(one.estimation)
+            model, parameters = fitted_model(one.robots[0], solution, every, one.options, one.delay_s).linear
+            slopes = settle_springs(model.rest, parameters.springs).stiffness
+            axes = ("configuration", "spring")
+            datasets["slope"] = Dataset(slopes, "N m/rad", axes, "Slope under gravity and excitation")
     return Content(datasets, {"status": solution.estimate.status, "misfit": solution.misfit})
 
 
@@ -209,7 +211,8 @@ def fitted_parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Data
         fitted_robot(one.robots[0], each).springs for each in (found, replace(found, value=found.middle))
     )
     by_name = {each.name: each for each in one.truth.springs}
-    true = [by_name[each.name] for each in springs]
+    true, cubic = zip(*((by_name[each.name].stiffness, by_name[each.name].cubic) for each in springs), strict=True)
+    own, middle = (np.array([each.stiffness for each in some]) for some in (springs, middles))
     deviation = stated_std(found.lower, found.upper, found.confidence)
     predicting = stated_std(*found.effective_interval, found.confidence)
     return {
@@ -219,12 +222,10 @@ def fitted_parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Data
         "fit_std": Dataset(deviation, "1", parameter, "Deviation of the logarithm that the fit's interval states"),
         "effective_std": Dataset(predicting, "1", parameter, "The same of what infinitely many configurations give"),
         "springs": Dataset(np.array([each.name for each in springs]), "1", spring),
-        "stiffness": Dataset(np.array([each.stiffness for each in springs]), "N m/rad", spring),
-        "physical_stiffness": Dataset(
-            np.array([each.stiffness for each in middles]), "N m/rad", spring, "Middle of the interval of each itself"
-        ),
-        "true_stiffness": Dataset(np.array([each.stiffness for each in true]), "N m/rad", spring),
-        "true_cubic": Dataset(np.array([each.cubic for each in true]), "N m/rad^3", spring),
+        "stiffness": Dataset(own, "N m/rad", spring),
+        "physical_stiffness": Dataset(middle, "N m/rad", spring, "Middle of the interval of each itself"),
+        "true_stiffness": Dataset(np.array(true), "N m/rad", spring),
+        "true_cubic": Dataset(np.array(cubic), "N m/rad^3", spring),
     }
 
 
@@ -316,10 +317,3 @@ def set_tasks(run: Run, earlier: Earlier) -> list[Task]:
 def owners_of_sets(study: ZimmermannStudy, n_conf: int) -> list[str]:
     """Returns the model of each further set of one individual, in the order of its tasks."""
     return [name for name, choice in study.models.items() for _ in further_sets(choice, n_conf)]
-
-
-def fit_set(one: Fitting) -> Content:
-    """Fits a model that is not judged."""
-    frf = read_responses([one.estimation[index] for index in one.used])
-    solution = fit_elastic(one.robots[0], frf, one.options, one.delay_s)
-    return Content(fitted_parameters(one, solution), {"status": solution.estimate.status, "misfit": solution.misfit})
