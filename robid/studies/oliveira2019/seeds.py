@@ -33,7 +33,7 @@ from robid.studies.oliveira2019.bench import (
     simulation_of,
 )
 from robid.studies.oliveira2019.judging import CONFIDENCE, Identified
-from robid.studies.page import Asked, PartFound
+from robid.studies.page import Asked, PartFound, table
 from robid.studies.settings.parts import PlantsCase, SyntheticCase
 from robid.studies.study import Content, Part, Results, Task, in_chunks
 
@@ -147,7 +147,7 @@ def _conclude_synthetic(_run: Run, _case: SyntheticCase, results: Results) -> Pa
         (str(order), *(str(int(((true[:, 0] == order) & (found[:, 0] == other)).sum())) for other in orders))
         for order in orders
     )
-    table = Table(
+    shown = Table(
         ("True poles", *(f"{other} found" for other in orders)), rows, caption="Number of plants.", fit="compact"
     )
     lead = (
@@ -155,7 +155,7 @@ def _conclude_synthetic(_run: Run, _case: SyntheticCase, results: Results) -> Pa
         f" {SIGNAL_TO_NOISE_DB:g} dB; the delay is known, the evidence chooses the numbers of poles and zeros."
     )
     return PartFound(
-        figures, {"synthetic.order_correct_share": Asked(lower=0.95)}, (Section("Random plants", lead, (table,)),)
+        figures, {"synthetic.order_correct_share": Asked(lower=0.95)}, (Section("Random plants", lead, (shown,)),)
     )
 
 
@@ -265,25 +265,21 @@ def _joined(results: Iterable[Artifact], name: str) -> dict[str, FloatArray]:
 
 
 def _section(found: Mapping[str, Mapping[str, FloatArray]], figures: Mapping[str, float]) -> Section:
-    rows = tuple(
-        (
-            name,
-            percent(float(one["output"].mean())),
-            percent(float(one["magnitude"].mean())),
-            percent(float(one["phase"].mean())),
-            significant(100 * float(np.median(one["error"]))),
-            significant(100 * float(np.max(one["error"]))),
-        )
-        for name, one in found.items()
+    columns = (
+        ("Channel", lambda name: name),
+        ("Outputs", lambda name: percent(float(found[name]["output"].mean()))),
+        ("Magnitudes", lambda name: percent(float(found[name]["magnitude"].mean()))),
+        ("Phases", lambda name: percent(float(found[name]["phase"].mean()))),
+        ("Largest error of a magnitude, median [%]", lambda name: significant(100 * np.median(found[name]["error"]))),
+        ("worst [%]", lambda name: significant(100 * np.max(found[name]["error"]))),
     )
-    heads = ("BenchChannel", "Outputs", "Magnitudes", "Phases", "Largest error of a magnitude, median [%]", "worst [%]")
     lead = (
         f"Each channel measured with the noise of {figures['coverage.seeds']:.0f} seeds and refitted at the chosen"
         f" structure: how many of the bounds of {100 * CONFIDENCE:g} % hold the truth. Outputs are the true ones of"
         " the chirp that validates, sample by sample; magnitudes and phases those of the responses inside the band."
         " Bounds know nothing of poles that the chosen structure leaves out."
     )
-    return Section("Do bounds cover?", lead, (Table(heads, rows, fit="compact"),))
+    return Section("Do bounds cover?", lead, (table(columns, found, fit="compact"),))
 
 
 COVERAGE_PART = Part("coverage", _conclude_coverage, coverage_tasks, cover, field="plants")

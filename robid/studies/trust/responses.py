@@ -178,20 +178,15 @@ class Fitting:
 
 
 def model_tasks(run: Run, earlier: Earlier) -> list[Task]:
-    """Returns the fits: those of the reference ask for all of a robot's fresh places."""
-    known, found = machines(run), []
+    """Returns the fits."""
+    study, known, found = study_of(run.loaded, TrustStudy), machines(run), list[Task]()
     for one in simulated(run):
-        for use in fits_of(one, known[one.robot]):
+        # Those of the reference are fitted in all of their places, each on their own.
+        placed = (use for use, _ in uses(one, study, known[one.robot]))
+        for use in (use for use in placed if use == RANDOM or one.referenced):
             decides, fitting = make_fitting(run, known[one.robot], one, use, earlier[0])
             found.append(Task(f"{one.key}_{use}", decides, (fitting,)))
     return found
-
-
-def fits_of(one: Individual, machine: Machine) -> Iterator[str]:
-    """Yields the places that a robot is fitted in, each on their own."""
-    yield RANDOM
-    if one.referenced:
-        yield from (use for use in (FRESH, DESIGNED) if use in machine.places)
 
 
 def make_fitting(

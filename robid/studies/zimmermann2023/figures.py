@@ -281,25 +281,7 @@ def summarise(found: Found) -> dict[str, float]:
     study, models = found.study, found.models
     summary: dict[str, float] = {}
     for name, one in models.items():
-        for key, values in (
-            ("average_std", one.average_std),
-            ("worst_std", one.std.max(axis=1)),
-            *((f"{mean}_fit_std", one.stated(mean)) for mean in get_args(Mean)),
-            *((f"{mean}_effective_std", over_springs(one.effective_std, mean)) for mean in get_args(Mean)),
-            ("average_cost", one.average_cost),
-            ("worst_cost", one.cost.max(axis=1)),
-            ("average_excess", one.average_excess),
-        ):
-            summary[f"{name}.{key}"] = float(np.median(values))
-            summary[f"{name}.{key}_low"], summary[f"{name}.{key}_high"] = float(values.min()), float(values.max())
-        if len(one.error) > 1:
-            summary[f"{name}.scatter"] = scatter(one.error, "average")
-            summary[f"{name}.fit_scatter"] = scatter(one.fit_error, "average")
-            summary[f"{name}.typical_scatter"] = scatter(one.error, "typical")
-            summary[f"{name}.typical_fit_scatter"] = scatter(one.fit_error, "typical")
-            summary[f"{name}.offset"] = float(np.abs(one.error.mean(axis=(0, 1))).mean())
-        if len(one.error) > 2:
-            summary[f"{name}.scatter_error"] = scatter_error(one.error, "average")
+        summary |= {f"{name}.{key}": value for key, value in _model_figures(one).items()}
         summary[f"{name}.missed"] = float(np.median((one.missed & found.there).sum(axis=(1, 2))))
     optimal, reference = models[study.optimal], models[study.reference]
     summary[f"{study.optimal}.gap"] = found.design.gap
@@ -318,6 +300,30 @@ def summarise(found: Found) -> dict[str, float]:
         for key in ("tool_rms_m", "torque_rms_nm", "path_rms_m", "vibration_m", "tool_relative"):
             values = [getattr(one[name], key) for one in steps]
             summary[f"{name.replace(' ', '_')}.step_{key}"] = float(np.median(values))
+    return summary
+
+
+def _model_figures(one: Model) -> dict[str, float]:
+    """Medians over the individuals with the ends of their range, and the scatter where there are several."""
+    summary: dict[str, float] = {}
+    for key, values in (
+        ("average_std", one.average_std),
+        ("worst_std", one.std.max(axis=1)),
+        *((f"{mean}_fit_std", one.stated(mean)) for mean in get_args(Mean)),
+        *((f"{mean}_effective_std", over_springs(one.effective_std, mean)) for mean in get_args(Mean)),
+        ("average_cost", one.average_cost),
+        ("worst_cost", one.cost.max(axis=1)),
+        ("average_excess", one.average_excess),
+    ):
+        summary[key] = float(np.median(values))
+        summary[f"{key}_low"], summary[f"{key}_high"] = float(values.min()), float(values.max())
+    if len(one.error) > 1:
+        summary["scatter"], summary["fit_scatter"] = (scatter(each, "average") for each in (one.error, one.fit_error))
+        summary["typical_scatter"] = scatter(one.error, "typical")
+        summary["typical_fit_scatter"] = scatter(one.fit_error, "typical")
+        summary["offset"] = float(np.abs(one.error.mean(axis=(0, 1))).mean())
+    if len(one.error) > 2:
+        summary["scatter_error"] = scatter_error(one.error, "average")
     return summary
 
 

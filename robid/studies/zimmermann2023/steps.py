@@ -169,18 +169,14 @@ class StepTask:
     profiles: Sequence[StepProfile]  # Step of each axis
 
 
-@dataclass(frozen=True)
-class StepRun:
-    """What happened in one configuration."""
+def run_steps(bench: StepBench, task: StepTask) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Steps every axis of one configuration with every model.
 
-    path: FloatArray  # (n_axis, n_time, 3) commanded displacement of the tool point [m]
-    # (2, n_model, n_axis, n_time, 3) displacement of the tool point of the true robot and of the model [m]
-    tool: FloatArray
-    torque: FloatArray  # (2, n_model, n_axis, n_time) torque of the stepped axis of both [N m]
-
-
-def run_steps(bench: StepBench, task: StepTask) -> StepRun:
-    """Steps every axis of one configuration with every model."""
+    Returns:
+        Commanded displacement of the tool point (n_axis, n_time, 3) [m]; displacement of that of the true robot and of
+        the model (2, n_model, n_axis, n_time, 3) [m]; torque of the stepped axis of both (2, n_model, n_axis, n_time)
+        [N m].
+    """
     tools, torques = [], []
     friction = bench.simulation.imperfections.friction
     # A model knows its own springs and friction; noise, ripple and the rest are the true robot's alone.
@@ -194,7 +190,7 @@ def run_steps(bench: StepBench, task: StepTask) -> StepRun:
         tools.append([(side.tool - side.tool[0]).swapaxes(0, 1) for side in sides])
         axes = np.arange(len(task.profiles))
         torques.append([side.torque[:, axes, axes].T for side in sides])  # of each simulation's own axis
-    return StepRun(_paths(bench, task), np.array(tools).swapaxes(0, 1), np.array(torques).swapaxes(0, 1))
+    return _paths(bench, task), np.array(tools).swapaxes(0, 1), np.array(torques).swapaxes(0, 1)
 
 
 def step_control(robot: Robot, bench: StepBench, task: StepTask) -> Playback:
@@ -343,18 +339,21 @@ def step_responses(
     bench = StepBench(robot, robots, controller, simulation, options.duration_s)
     tasks = [StepTask(index, *pair) for index, pair in enumerate(zip(configurations, profiles, strict=True))]
     run = partial(run_steps, bench)
-    parts: list[StepRun] = parallel_map(run, tasks) if parallel_map else [run(task) for task in tasks]
+    parts = parallel_map(run, tasks) if parallel_map else [run(task) for task in tasks]
+    path, tool, torque = zip(*parts, strict=True)
+    tool_true, tool_model = np.stack(tool, axis=2)
+    torque_true, torque_model = np.stack(torque, axis=2)
     return StepResponses(
         time_s=bench.time_s,
         models=tuple(models),
         axes=tuple(joint.name for joint in true.joints),
         configurations=configurations,
         move_s=np.array([[profile.duration_s for profile in row] for row in profiles]),
-        path=np.array([part.path for part in parts]),
-        tool_true=np.stack([part.tool[0] for part in parts], axis=1),
-        tool_model=np.stack([part.tool[1] for part in parts], axis=1),
-        torque_true=np.stack([part.torque[0] for part in parts], axis=1),
-        torque_model=np.stack([part.torque[1] for part in parts], axis=1),
+        path=np.array(path),
+        tool_true=tool_true,
+        tool_model=tool_model,
+        torque_true=torque_true,
+        torque_model=torque_model,
     )
 
 
