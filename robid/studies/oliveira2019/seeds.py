@@ -270,8 +270,11 @@ def _section(found: Mapping[str, Mapping[str, FloatArray]], figures: Mapping[str
         ("Outputs", lambda name: percent(float(found[name]["output"].mean()))),
         ("Magnitudes", lambda name: percent(float(found[name]["magnitude"].mean()))),
         ("Phases", lambda name: percent(float(found[name]["phase"].mean()))),
-        ("Largest error of a magnitude, median [%]", lambda name: significant(100 * np.median(found[name]["error"]))),
-        ("worst [%]", lambda name: significant(100 * np.max(found[name]["error"]))),
+        (
+            "Largest error of a magnitude, median [%]",
+            lambda name: significant(100 * float(np.median(found[name]["error"]))),
+        ),
+        ("worst [%]", lambda name: significant(100 * float(np.max(found[name]["error"])))),
     )
     lead = (
         f"Each channel measured with the noise of {figures['coverage.seeds']:.0f} seeds and refitted at the chosen"
