@@ -1,4 +1,4 @@
-"""Simulated campaigns and elastic fits inside the tasks of a study: what is measured, fitted and kept."""
+"""Simulated campaigns and elastic fits inside a study's tasks, and how estimates scatter over individuals."""
 
 from __future__ import annotations
 

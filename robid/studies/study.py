@@ -1,4 +1,4 @@
-"""What a study is: steps of tasks or several parts, what they found, and what is asked of that."""
+"""What a study is: tasks, each done once, in steps or in several parts; a stopped one goes on with what is left."""
 
 from __future__ import annotations
 

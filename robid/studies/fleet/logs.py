@@ -1,4 +1,4 @@
-"""The logs of the fleet: each robot is simulated and logged as its controller would do it, faults included."""
+"""The robots of the fleet, what is wrong with some of them, and their logs as a controller would write them."""
 
 from __future__ import annotations
 

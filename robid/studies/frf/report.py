@@ -1,4 +1,4 @@
-"""What the study of estimators found: tables, figures, and which default follows."""
+"""What the study of estimators found: scatter, bias and honesty of estimates, and which default follows."""
 
 from __future__ import annotations
 

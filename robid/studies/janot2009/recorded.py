@@ -1,4 +1,4 @@
-"""Real data beside published values: the EMPS axis, and the Staubli TX40."""
+"""Arms and axes against what is known of them: published values of recordings, the truth of simulated robots."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Logs of simulated records in a unit of a controller's own, their mapping, and rough robot files."""
+"""Logs in a unit of a controller's own, their mapping, rough robot files, and whether what is said names the scale."""
 
 from __future__ import annotations
 

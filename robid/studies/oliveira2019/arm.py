@@ -1,4 +1,4 @@
-"""A simulated arm and a real axis seen from outside: channels, decoupling maps and resonances."""
+"""A simulated arm and a real axis seen from outside: channels, maps beside the linearised loop, and resonances."""
 
 from __future__ import annotations
 

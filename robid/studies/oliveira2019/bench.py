@@ -1,4 +1,7 @@
-"""The paper's transfer functions as plants, excited and measured as its robot was; shares no code with any fit."""
+"""The paper's transfer functions as plants, measured as its robot was, and each channel identified.
+
+What simulates the plants shares no code with any fit.
+"""
 
 from __future__ import annotations
 

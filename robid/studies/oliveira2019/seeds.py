@@ -1,4 +1,4 @@
-"""How often bounds hold the truth: channels refitted at the chosen structure, a seed's noise at a time."""
+"""How often, over many seeds, bounds hold the truth, and the order of random plants is found."""
 
 from __future__ import annotations
 

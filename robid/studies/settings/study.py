@@ -1,4 +1,4 @@
-"""What the study section of an experiment file may be; those of responses and of fleets in full."""
+"""What the study section of an experiment file may be, and its checks; those of responses and of fleets in full."""
 
 from __future__ import annotations
 

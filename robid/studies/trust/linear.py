@@ -1,6 +1,6 @@
 """Linear robots of the study of trust: exact responses plus noise.
 
-They are off by what their file is doubted for: by amounts drawn from the priors of these doubts, or by nothing.
+They are off by what their file may have wrong: by amounts drawn from the priors of nuisance parameters, or by nothing.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The two machines of the study of trust, and the places in which each robot is measured, one task each."""
+"""The machines of the study of trust, the places in which each robot is measured, its fits, and their grades."""
 
 from __future__ import annotations
 

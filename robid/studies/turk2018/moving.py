@@ -1,4 +1,7 @@
-"""The model while the slide moves, beside the true drive and the paper's: what both miss of a record."""
+"""The model while the slide moves, and the true drive, linearised wherever it is: a linear model can reach no more.
+
+Both run along a record; what they miss of it stands beside the paper's figures.
+"""
 
 from __future__ import annotations
 

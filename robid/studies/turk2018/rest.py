@@ -1,4 +1,4 @@
-"""The model at rest beside the paper's: errors against the deviations of the responses, Tables I to IV."""
+"""The model at rest beside the paper's: errors against the deviations of the responses, tables and Bode plots."""
 
 from __future__ import annotations
 

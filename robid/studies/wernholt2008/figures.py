@@ -1,4 +1,4 @@
-"""The figures of the study of parameter estimators: the models of all starts, judged, and what they have in common."""
+"""The models of all starts, judged, and the seven conclusions of Wernholt and Moberg (2008), sec. 7, against them."""
 
 from __future__ import annotations
 

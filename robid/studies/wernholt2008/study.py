@@ -1,4 +1,4 @@
-"""The study of estimators of springs and dampers: models from many starts, all scored with the same cost."""
+"""Models of springs and dampers from many starts, scored with the same cost, and estimates of individuals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figures of the study of configurations, and which models are surely better than the optimal one."""
+"""The figures of the study of configurations: models against each other, and how long one must measure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steps of one axis at a time: the true robot under control that each model designs, against its own prediction."""
+"""Fastest steps of one axis at a time: the true robot under control that each model designs, and its prediction."""
 
 from __future__ import annotations
 
