@@ -242,7 +242,7 @@ def run_a_study(
     del debug
     from robid.commands.shared import open_run
     from robid.commands.study import study_experiment
-    from robid.studies.known import load_with_study
+    from robid.studies.settings.study import load_with_study
 
     run = open_run(experiment, run_dir, backend, workers, scheduler, load_with_study)
     return study_experiment(run, force=force, as_json=as_json)

@@ -4,7 +4,7 @@ import numpy as np
 
 from robid.artifacts.artifact import Dataset
 from robid.errors import DataError
-from robid.studies.tasks import Content
+from robid.studies.study import Content
 
 CALLS = []
 

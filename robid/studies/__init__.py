@@ -1,4 +1,4 @@
 """What reproduces a paper or a comparison beyond its file.
 
-Read `tasks`, `study`, `experiments`, `simulated`, `run`, then `settings` and a package for each study.
+Read `study`, `page`, `experiments`, `simulated`, `run`, then `settings` and a package for each study.
 """

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from robid.errors import SettingsError
 from robid.models.known import load_experiment
@@ -16,8 +16,14 @@ from robid.settings.experiment import Campaign, Experiment, Source
 from robid.settings.load import LoadedExperiment
 from robid.settings.problems import format_field, suggest
 from robid.settings.robot import RobotFile
+from robid.settings.robot_sections import given
 from robid.settings.sources import SimulateSettings
 from robid.settings.yaml import FieldPath, load_yaml
+
+Whole = Annotated[int, Field(ge=0)]
+Count = Annotated[int, Field(ge=1)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
 
 Problems: TypeAlias = Iterator[tuple[FieldPath, str]]
 """Fields of a file, each with what is wrong with it."""
@@ -44,12 +50,6 @@ def run_of(
 ) -> Run:
     """Returns the run of another experiment file in a folder of the study's own.
 
-    Args:
-        run: The study's.
-        experiment: The file, relative to the study's.
-        folder: The folder, in the study's run folder.
-        problems: Finds what the study and the experiment have against each other.
-
     Raises:
         SettingsError: If there is such a thing.
     """
@@ -58,6 +58,16 @@ def run_of(
     if told:
         raise SettingsError("; ".join(told), where=str(loaded.path), remedy="correct the file, or the study")
     return replace(run, loaded=loaded, folder=run.folder / folder)
+
+
+def both_runs(run: Run, light: str | None, problems: Callable[[LoadedExperiment], Problems]) -> dict[str, Run]:
+    """Returns the study's run as `heavy`, and that of the `light` robot's experiment where there is one."""
+    return {"heavy": run} if light is None else {"heavy": run, "light": run_of(run, light, "light", problems)}
+
+
+def excitations(campaigns: Iterable[str]) -> tuple[str, ...]:
+    """Returns where the chain leaves what campaigns play."""
+    return tuple(f"{name}/excitation.h5" for name in campaigns)
 
 
 def missing_log(run: Run) -> str:
@@ -71,21 +81,26 @@ def missing_log(run: Run) -> str:
     return ""
 
 
-def campaign_problem(experiment: Experiment, name: str, unknown: str = "response") -> str:
+def unknown(what: str, name: str, known: Iterable[str]) -> str:
+    """Says that something of a name is not there, and what is; empty when it is there."""
+    known = list(known)
+    return "" if name in known else f"there is no {what and what + ' '}`{name}`; {suggest(name, known)}"
+
+
+def campaign_problem(experiment: Experiment, name: str, what: str = "response") -> str:
     """Says why a campaign cannot be studied: it is not there, or its truth is not known; empty when it can be."""
     campaign = experiment.campaigns.get(name)
     if campaign is None:
-        return f"there is no campaign `{name}`; {suggest(name, experiment.campaigns)}"
-    if campaign.source is None or campaign.source.simulate is None:
-        return f"campaign `{name}` is not simulated, so its true {unknown} is not known"
-    return ""
+        return unknown("campaign", name, experiment.campaigns)
+    simulated = campaign.source is not None and campaign.source.simulate is not None
+    return "" if simulated else f"campaign `{name}` is not simulated, so its true {what} is not known"
 
 
 def fit_problem(experiment: Experiment, name: str) -> str:
     """Says why a fit cannot be studied: it is not there, or its robot's truth is not known."""
     fit = experiment.fits.get(name)
     if fit is None:
-        return f"there is no fit `{name}`; {suggest(name, experiment.fits)}"
+        return unknown("fit", name, experiment.fits)
     if fit.validate_on is None or len(fit.campaigns) > 1 or fit.configurations is not None:
         return f"fit `{name}` needs one campaign with all its configurations, and one to `validate_on`"
     problems = (campaign_problem(experiment, each, "robot") for each in (fit.campaign, str(fit.validate_on)))
@@ -96,7 +111,7 @@ def family_problem(experiment: Experiment, name: str, family: str, *, validated:
     """Says why a fit is none of a family, with a campaign to validate on where one is needed; empty when it is."""
     fit = experiment.fits.get(name)
     if fit is None:
-        return f"there is no fit `{name}`; {suggest(name, experiment.fits)}"
+        return unknown("fit", name, experiment.fits)
     if fit.family != family:
         return f"fit `{name}` is of the family `{fit.family}`, not `{family}`"
     return f"fit `{name}` names no campaign in `validate_on`" if validated and fit.validate_on is None else ""
@@ -106,8 +121,8 @@ def name_problems(names: Sequence[str], known: Sequence[str], what: str = "") ->
     """Returns what is wrong with a list of names, each with its index: unknown ones, and those that are there twice."""
     found = []
     for index, name in enumerate(names):
-        if name not in known:
-            found.append((index, f"there is no {what and what + ' '}`{name}`; {suggest(name, known)}"))
+        if message := unknown(what, name, known):
+            found.append((index, message))
         elif name in names[:index]:
             found.append((index, f"`{name}` is there twice"))
     return found
@@ -118,29 +133,18 @@ def changed_simulation(
 ) -> SimulateSettings:
     """Returns how a campaign is simulated with changed imperfections and another truth.
 
-    Args:
-        campaign: The campaign, simulated.
-        physics: `imperfections` and `truth` that take the place of the campaign's.
-        seed: Seed of the true robot; the campaign's when None.
-        noise: Seed of the noise, where `seed` is given.
+    With a `seed` of the true robot `noise` is the seed of the noise; without one both are the campaign's.
 
     Raises:
         ValidationError: If there is no such option, or its value is not allowed.
     """
-    if campaign.source is None:
-        message = "the settings' checks let a study without a simulated campaign pass"
-        raise RuntimeError(message)
-    plain = campaign.source.model_dump(mode="json")["simulate"]
+    plain = given(campaign.source).model_dump(mode="json")["simulate"]
     for key in ("imperfections", "truth"):
         changed = physics.get(key) or {}
         plain[key] = {**plain[key], **changed} if isinstance(changed, dict) else plain[key]
     if seed is not None:
         plain["truth"]["seed"], plain["seed"] = seed, noise
-    options = Source.model_validate({"simulate": plain}).simulate
-    if options is None:
-        message = "the settings' checks let a study without a simulated campaign pass"
-        raise RuntimeError(message)
-    return options
+    return given(Source.model_validate({"simulate": plain}).simulate)
 
 
 def physics_problems(campaign: Campaign, physics: Mapping[str, Any], robot: RobotFile | None) -> Problems:

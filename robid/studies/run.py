@@ -24,34 +24,31 @@ from robid.report.page import ReportContent
 from robid.report.section import Section, Table
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import plain_settings
-from robid.studies.fleet.logs import LOGS
-from robid.studies.fleet.robots import require_packages
+from robid.studies.experiments import Further
+from robid.studies.fleet.logs import LOGS, require_packages
 from robid.studies.fleet.speed import SCHEDULER, SPEED
 from robid.studies.fleet.whole import WHOLE
 from robid.studies.frf import report as frf_report
 from robid.studies.frf import study as frf
 from robid.studies.janot2009.branch import BRANCH
 from robid.studies.janot2009.haptic import HAPTIC
-from robid.studies.janot2009.kr300 import KR300
-from robid.studies.janot2009.recorded import EMPS, TX40
+from robid.studies.janot2009.recorded import EMPS, KR300, TX40
 from robid.studies.mistakes import cases, responses
 from robid.studies.mistakes import report as mistakes_report
-from robid.studies.mistakes.units.cases import needed_by_units, read_individual, unit_tasks
+from robid.studies.mistakes.wrong_units import needed_by_units, read_individual, unit_tasks
 from robid.studies.oliveira2019.arm import ARM, POSITION_LOOP
-from robid.studies.oliveira2019.coverage import COVERAGE_PART
 from robid.studies.oliveira2019.plants import PLANTS
-from robid.studies.oliveira2019.synthetic import RANDOM_PLANTS
+from robid.studies.oliveira2019.seeds import COVERAGE_PART, RANDOM_PLANTS
+from robid.studies.page import Conclusion
 from robid.studies.settings.study import FrfStudy
 from robid.studies.simulated import measure, measure_or_refuse
-from robid.studies.study import Conclusion, Earlier, Procedure, Step, joined
-from robid.studies.tasks import run_tasks, seconds_of
-from robid.studies.trust import linear, models
+from robid.studies.study import Earlier, Procedure, Step, joined, run_tasks, seconds_of
+from robid.studies.trust import linear
 from robid.studies.trust import report as trust_report
 from robid.studies.trust import responses as trust
 from robid.studies.turk2018.moving import TRAVEL
 from robid.studies.turk2018.rest import REST
 from robid.studies.turk2018.synthetic import KNOWN_STRUCTURE
-from robid.studies.wernholt2008 import individuals
 from robid.studies.wernholt2008 import report as wernholt_report
 from robid.studies.wernholt2008 import study as wernholt
 from robid.studies.zimmermann2023 import models as zimmermann_models
@@ -65,7 +62,7 @@ PROCEDURES: Mapping[str, Procedure] = {
         wernholt.needs,
         (
             Step("starts", wernholt.tasks, wernholt.fit_chunk),
-            Step("individuals", individuals.individual_tasks, individuals.fit_individual),
+            Step("individuals", wernholt.individual_tasks, wernholt.fit_individual),
         ),
         wernholt_report.conclude,
     ),
@@ -75,7 +72,7 @@ PROCEDURES: Mapping[str, Procedure] = {
             Step("responses", zimmermann_models.response_tasks, measure),
             Step("models", zimmermann_models.model_tasks, zimmermann_models.fit_model),
             Step("steps", steps.step_tasks, steps.step),
-            Step("sets", zimmermann_models.set_tasks, zimmermann_models.fit_set),
+            Step("sets", zimmermann_models.set_tasks, zimmermann_models.fit_model),
         ),
         zimmermann_report.conclude,
     ),
@@ -92,17 +89,16 @@ PROCEDURES: Mapping[str, Procedure] = {
     ),
     "janot2009": joined((HAPTIC, BRANCH, EMPS, TX40, KR300), "the verdict on least squares is right"),
     "oliveira2019": joined(
-        (PLANTS, COVERAGE_PART, RANDOM_PLANTS, ARM, POSITION_LOOP),
-        "commands explain positions as well as is promised",
+        (PLANTS, COVERAGE_PART, RANDOM_PLANTS, ARM, POSITION_LOOP), "commands explain positions as well as is promised"
     ),
     "turk2018": joined((KNOWN_STRUCTURE, REST, TRAVEL), "one sparse model knows the ball screw wherever its slide is"),
     "trust": Procedure(
         trust.needs,
         (
             Step("responses", trust.response_tasks, measure_or_refuse),
-            Step("models", models.model_tasks, models.fit_individual),
+            Step("models", trust.model_tasks, trust.fit_individual),
             Step("linear", linear.linear_tasks, linear.fit_linear),
-            Step("grades", models.grade_tasks, models.grade_individual),
+            Step("grades", trust.grade_tasks, trust.grade_individual),
         ),
         trust_report.conclude,
         trust.further,
@@ -161,23 +157,39 @@ def run_study(
             with progress(step.folder) as shown:
                 done = run_tasks(run.path(step.folder), step.function, tasks, parallel_map, shown, force=force)
             results = (*results, done)
+    return _concluded(run, study, results, further, started)
+
+
+def _concluded(run: Run, study: Procedure, results: Earlier, further: Further, started: str) -> StudyOutcome:
+    """Concludes, and writes page and summary anew where they are not what the results say."""
     conclusion = study.conclude(run, results)
     headers = [[read_header(path, TASK) for path in done.paths] for done in results]
-    rows = tuple(
-        _row(step, [each.provenance for each in made]) for step, made in zip(study.steps, headers, strict=True)
-    )
+    conclusion = replace(conclusion, warnings=(*conclusion.warnings, *_of_several_commits(headers)))
     hashes = {
         f"{step.name}/{path.stem}".lstrip("/"): header.content_sha256
         for step, done, made in zip(study.steps, results, headers, strict=True)
         for path, header in zip(done.paths, made, strict=True)
     }
-    conclusion = replace(conclusion, warnings=(*conclusion.warnings, *_of_several_commits(headers)))
-    provenance = _provenance(run, {**hashes, **_read_elsewhere(further)}, started)
+    # A page may show outputs of other experiments without a task.
+    elsewhere = {
+        f"{other.folder.name}/{output}": read_header(other.path(output)).content_sha256
+        for other, outputs in further
+        for output in outputs
+    }
+    provenance = _provenance(run, {**hashes, **elsewhere}, started)
     if _is_fresh(run, provenance):
         return StudyOutcome("fresh", conclusion)
-    seconds = sum(seconds_of(header.provenance) for made in headers for header in made)
+    rows = tuple(_row(step, [one.provenance for one in made]) for step, made in zip(study.steps, headers, strict=True))
+    seconds = sum(seconds_of(one.provenance) for made in headers for one in made)
     write_json(run.path(SUMMARY), {**conclusion.summary, "tasks.count": len(hashes), "tasks.seconds": seconds})
-    write_page(run.path(REPORT), _content(run.loaded, conclusion, rows), provenance)
+    content = ReportContent(
+        title=run.loaded.experiment.name,
+        verdict=conclusion.verdict,
+        robot=run.loaded.robot.name,
+        sections=conclusion.sections + _against_references(run.loaded, conclusion.summary) + run_section(rows),
+        warnings=conclusion.warnings,
+    )
+    write_page(run.path(REPORT), content, provenance)
     return StudyOutcome("made", conclusion)
 
 
@@ -188,15 +200,6 @@ def _of_several_commits(headers: Iterable[Iterable[Header]]) -> tuple[str, ...]:
         return ()
     listed = ", ".join(f"{commit[:8]}{commit[40:]}" or "none" for commit in commits)
     return (f"Results come from several commits of robid: {listed}. Where methods differ, `--force` makes all anew.",)
-
-
-def _read_elsewhere(further: Iterable[tuple[Run, tuple[str, ...]]]) -> dict[str, str]:
-    """Content hashes of the outputs of other experiments, which a page may show without a task."""
-    return {
-        f"{other.folder.name}/{output}": read_header(other.path(output)).content_sha256
-        for other, outputs in further
-        for output in outputs
-    }
 
 
 def _provenance(run: Run, hashes: dict[str, str], started: str) -> Provenance:
@@ -238,17 +241,6 @@ def _row(step: Step, made: list[Provenance]) -> StageRow:
         content_hash="",
         seconds=seconds,
         phrase=f"{counted(len(made), 'task')}, {duration(seconds / max(len(made), 1))} each",
-    )
-
-
-def _content(loaded: LoadedExperiment, conclusion: Conclusion, rows: tuple[StageRow, ...]) -> ReportContent:
-    references = _against_references(loaded, conclusion.summary)
-    return ReportContent(
-        title=loaded.experiment.name,
-        verdict=conclusion.verdict,
-        robot=loaded.robot.name,
-        sections=conclusion.sections + references + run_section(rows),
-        warnings=conclusion.warnings,
     )
 
 

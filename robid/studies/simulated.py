@@ -1,17 +1,19 @@
-"""Simulated campaigns and elastic fits inside the tasks of a study: what is measured, fitted and kept."""
+"""Simulated campaigns and elastic fits inside a study's tasks, and how estimates scatter over individuals."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from scipy.stats import gmean, norm
+from scipy.stats import t as student
 
 from robid.arrays import FloatArray
-from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance
+from robid.artifacts.artifact import Artifact, Dataset, Provenance
 from robid.artifacts.kinds import EXCITATION, FRF, TASK, excitation_from_artifact, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.excitation.excitation import CampaignExcitation
@@ -29,10 +31,11 @@ from robid.robot.friction import TorqueLaw
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import plain_settings, robot_settings
+from robid.settings.robot_sections import given
 from robid.settings.sources import SimulateSettings
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
-from robid.studies.tasks import Content, Task
+from robid.studies.study import Content, Task
 
 REFUSAL = "refusal"
 """Attribute that says why a configuration has no response, or a robot no fit."""
@@ -51,17 +54,6 @@ class Estimator:
         return estimate_frf(record, self.options, self.laws, self.delay_s)
 
 
-@dataclass(frozen=True)
-class Measurement:
-    """One configuration of a campaign: simulated, and its response estimated."""
-
-    experiment: SimulatedExperiment  # What is simulated
-    configuration: FloatArray  # (n_joint,) where [rad, or m]
-    index: int  # Its number, which seeds the noise
-    estimator: Estimator  # How the response is estimated
-    threads: int  # Threads of the simulation
-
-
 def make_estimator(loaded: LoadedExperiment, campaign: Campaign, options: EstimateOptions) -> Estimator:
     """Returns an estimator with what these options read from the robot file."""
     laws, delay = stated_laws(loaded, campaign, options)
@@ -70,10 +62,7 @@ def make_estimator(loaded: LoadedExperiment, campaign: Campaign, options: Estima
 
 def simulate_options(campaign: Campaign) -> SimulateSettings:
     """Returns how a campaign that the settings' checks let pass as simulated is simulated."""
-    if campaign.source is None or campaign.source.simulate is None:
-        message = "the settings' checks let a study without a simulated campaign pass"
-        raise RuntimeError(message)
-    return campaign.source.simulate
+    return given(given(campaign.source).simulate)
 
 
 def played(run: Run, campaign: str) -> CampaignExcitation:
@@ -119,35 +108,27 @@ def measurements(
     name: str,
     threads: int,
 ) -> Iterator[Task]:
-    """Yields the tasks `<name>_<number>` that measure a campaign, one for each configuration.
-
-    Args:
-        loaded: Its experiment.
-        campaign: The campaign.
-        options: How it is simulated.
-        content: What is played, and where.
-        name: Name of the tasks.
-        threads: Threads of the simulation.
-    """
+    """Yields the tasks `<name>_<number>` that measure a campaign, one for each configuration."""
     experiment = simulated_experiment(loaded, campaign, options, content)
     estimator = make_estimator(loaded, campaign, campaign.estimate)
     decides = response_settings(loaded, campaign, options, experiment)
     for index, configuration in enumerate(content.configurations):
         place = {"index": index, "configuration": configuration.tolist()}
-        argument = Measurement(experiment, configuration, index, estimator, threads)
-        yield Task(f"{name}_{index + 1}", {**decides, **place}, argument)
+        arguments = experiment, configuration, index, estimator, threads
+        yield Task(f"{name}_{index + 1}", {**decides, **place}, arguments)
 
 
-def measure(one: Measurement) -> Content:
-    """Simulates a configuration and estimates its response; the record is not kept."""
-    record = simulate(one.experiment, one.configuration, one.index, one.threads)
-    return response_content(one.estimator.estimate(record))
+def measure(
+    experiment: SimulatedExperiment, configuration: FloatArray, index: int, estimator: Estimator, threads: int
+) -> Content:
+    """Simulates a configuration (n_joint,) and estimates its response; the record is not kept."""
+    return response_content(estimator.estimate(simulate(experiment, configuration, index, threads)))
 
 
-def measure_or_refuse(one: Measurement) -> Content:
+def measure_or_refuse(*arguments: Any) -> Content:  # noqa: ANN401
     """Measures a configuration, or says why it has no response."""
     try:
-        return measure(one)
+        return measure(*arguments)
     except DataError as error:
         return Content({}, {REFUSAL: str(error)})
 
@@ -167,13 +148,11 @@ def response_from(held: Artifact, prefix: str = "") -> Frf:
     refusal = held.attributes.get(f"{prefix}{REFUSAL}")
     if refusal is not None:
         raise DataError(str(refusal), where=prefix.strip("/").rpartition("/")[2] or "all places")
-    datasets: dict[str, Dataset] = _behind(held.datasets, prefix)
-    attributes: dict[str, Attribute] = _behind(held.attributes, prefix)
+    datasets, attributes = (
+        {name.removeprefix(prefix): value for name, value in named.items() if name.startswith(prefix)}
+        for named in (dict[str, Any](held.datasets), dict[str, Any](held.attributes))
+    )
     return frf_from_artifact(Artifact(FRF, datasets, attributes, held.provenance))
-
-
-def _behind(named: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-    return {name.removeprefix(prefix): value for name, value in named.items() if name.startswith(prefix)}
 
 
 def read_responses(paths: Sequence[Path]) -> Frf:
@@ -217,3 +196,85 @@ def kept_truth(held: Artifact) -> dict[str, float]:
     """Returns the true values that a task kept, by name."""
     names, values = (held.datasets[key].values.tolist() for key in ("truth_names", "truth"))
     return dict(zip(names, values, strict=True))
+
+
+def ratio_interval(one: FloatArray, other: FloatArray) -> tuple[float, float]:
+    """The 95 % interval of the geometric mean ratio of two figures (n_seed,) over the individuals that both share.
+
+    Its ends are by the t distribution; 0 and infinity with one individual.
+    """
+    ratio = np.log(one / other)
+    if ratio.size < 2:
+        return 0.0, float("inf")
+    reach = student.ppf(0.5 + 0.5 * _LEVEL, ratio.size - 1) * ratio.std(ddof=1) / np.sqrt(ratio.size)
+    return float(np.exp(ratio.mean() - reach)), float(np.exp(ratio.mean() + reach))
+
+
+def differs(one: FloatArray, other: FloatArray) -> bool:
+    """Tells whether two figures (n_seed,) differ by more than chance over the individuals, see `ratio_interval`."""
+    low, high = ratio_interval(one, other)
+    return low > 1 or high < 1
+
+
+def stated_std(lower: FloatArray, upper: FloatArray, confidence: float) -> FloatArray:
+    """Deviation (n_param,) of each parameter's logarithm whose normal interval is as wide as a fit's at its level.
+
+    The ends (n_param,) need not lie around the estimated values; NaN where the interval does not lie above 0.
+    """
+    ratio = np.divide(upper, lower, out=np.full(lower.shape, np.nan), where=lower > 0)
+    return np.asarray(np.log(ratio) / (2 * norm.ppf(0.5 + 0.5 * confidence)))
+
+
+Mean: TypeAlias = Literal["average", "typical"]
+"""Arithmetic or geometric mean over springs: a spring that no data can tell outweighs all others in the first."""
+
+_LEVEL = 0.95
+
+
+def over_springs(values: FloatArray, mean: Mean) -> FloatArray:
+    """Mean (...) of figures (..., n_param) over the parameters."""
+    return np.asarray(values.mean(axis=-1) if mean == "average" else gmean(values, axis=-1))
+
+
+def scatter(error: FloatArray, mean: Mean) -> float:
+    """Standard deviation of each parameter's error over all samples, mean over the parameters; NaN of a single sample.
+
+    Errors (n_seed, n_set, n_param) are the logarithms of estimate over truth of each individual, from each of the sets
+    of configurations that the model may have.
+    """
+    samples = error.reshape(-1, error.shape[-1])
+    return float(over_springs(samples.std(axis=0, ddof=1), mean)) if len(samples) > 1 else float("nan")
+
+
+def scatter_error(error: FloatArray, mean: Mean) -> float:
+    """Standard error of the logarithm of the scatter, by leaving out one individual after the other.
+
+    Errors (n_seed, n_set, n_param) are as for `scatter`; NaN of fewer than three individuals.
+    """
+    return _jackknife(np.array([np.log(scatter(np.delete(error, out, axis=0), mean)) for out in _seeds(error)]))
+
+
+def scatters_differ(one: FloatArray, other: FloatArray, mean: Mean) -> bool:
+    """Tells whether two models' errors (n_seed, n_set, n_param) scatter differently by more than chance.
+
+    That is whether 0 lies outside the 95 % interval of the logarithm of their ratio over the individuals, which both
+    share; never of fewer than three.
+    """
+
+    def log_ratio(one: FloatArray, other: FloatArray) -> float:
+        return float(np.log(scatter(one, mean) / scatter(other, mean)))
+
+    ratio = [log_ratio(np.delete(one, out, axis=0), np.delete(other, out, axis=0)) for out in _seeds(one)]
+    if len(ratio) == 0:
+        return False
+    reach = student.ppf(0.5 + 0.5 * _LEVEL, len(one) - 1) * _jackknife(np.array(ratio))
+    return bool(abs(log_ratio(one, other)) > reach)
+
+
+def _seeds(error: FloatArray) -> range:
+    return range(len(error) if len(error) > 2 else 0)
+
+
+def _jackknife(values: FloatArray) -> float:
+    count = values.size
+    return float(np.sqrt((count - 1) * values.var())) if count else float("nan")

@@ -1,37 +1,173 @@
-"""What a study is: steps of tasks or several parts, what they found, and what is asked of that."""
+"""What a study is: tasks, each done once, in steps or in several parts; a stopped one goes on with what is left."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from robid.artifacts.artifact import Artifact
+from robid.artifacts.artifact import Artifact, Attribute, Dataset, Provenance, canonical_hash, git_commit, utc_now
+from robid.artifacts.kinds import TASK
 from robid.artifacts.results import MODEL
-from robid.artifacts.store import read_artifact
+from robid.artifacts.store import kind_of, read_artifact, write_artifact
+from robid.backends.map import Map, Progress
+from robid.errors import ArtifactError
 from robid.pipeline.graph import Run
-from robid.report.numbers import MISSING, significant
-from robid.report.page import Verdict
-from robid.report.section import Cell, Section, Table
 from robid.settings.load import LoadedExperiment
 from robid.studies.experiments import Further, missing_log, paper_figures, run_of
-from robid.studies.tasks import TASKS, Content, Function, Results, Task
+from robid.studies.page import Conclusion, PartFound, concluded
+from robid.versions import package_versions
+
+TASKS = "tasks"
+"""Folder of the tasks in the run folder."""
+
+
+@dataclass(frozen=True)
+class Content:
+    """What a task found."""
+
+    datasets: Mapping[str, Dataset]  # Named arrays
+    attributes: Mapping[str, Attribute] = field(default_factory=dict)  # Scalars and texts, where there are any
+
+
+Function = Callable[..., Content]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One independent piece of a study."""
+
+    name: str  # Name of its file in the folder of tasks
+    decides: dict[str, Any]  # Everything that decides its result, as values that JSON knows
+    arguments: tuple[Any, ...]  # What the study's function is given
+
+    def path(self, folder: Path) -> Path:
+        """Returns where its result lies; one that other settings gave lies elsewhere."""
+        return folder / f"{self.name}.{canonical_hash(self.decides)[:16]}.h5"
+
+
+@dataclass(frozen=True)
+class Results:
+    """The results of tasks in their order, each read when it is asked for."""
+
+    paths: tuple[Path, ...]  # Where they lie
+
+    @property
+    def by_name(self) -> dict[str, Path]:
+        """Where they lie, by the names of the tasks."""
+        return {path.name.split(".")[0]: path for path in self.paths}
+
+    def __len__(self) -> int:
+        """Returns how many there are."""
+        return len(self.paths)
+
+    def __getitem__(self, index: int) -> Artifact:
+        """Reads one."""
+        return read_artifact(self.paths[index], TASK)
+
+    def __iter__(self) -> Iterator[Artifact]:
+        """Reads one after the other."""
+        return (read_artifact(path, TASK) for path in self.paths)
+
+
+def values_of(held: Artifact) -> dict[str, Any]:
+    """Returns the arrays that a task kept, by name."""
+    return {name: dataset.values for name, dataset in held.datasets.items()}
+
+
+def seconds_of(made: Provenance) -> float:
+    """Returns how long a task took [s]."""
+    begun, ended = (datetime.fromisoformat(at) for at in (made.started_utc, made.finished_utc))
+    return (ended - begun).total_seconds()
+
+
+def in_chunks(first: int, count: int, size: int) -> list[range]:
+    """Returns seeds, one after the other from the first on, in chunks of a size."""
+    return [range(start, min(start + size, first + count)) for start in range(first, first + count, size)]
+
+
+@dataclass(frozen=True)
+class _Work:
+    function: Function
+    task: Task
+    path: Path
+
+    @property
+    def label(self) -> str:
+        """What messages call it."""
+        return self.task.name
+
+
+def run_tasks(
+    folder: Path,
+    function: Function,
+    tasks: Sequence[Task],
+    parallel_map: Map,
+    progress: Progress,
+    *,
+    force: bool = False,
+) -> Results:
+    """Does the tasks that are not done yet, and returns the results of all in their order.
+
+    Args:
+        folder: Where the results lie, one file each; files of other tasks are removed once all are done.
+        function: Does one task; a function of a module.
+        tasks: The tasks, their names different.
+        parallel_map: Runs them.
+        progress: Is told how far it is.
+        force: Whether to do again what is done.
+
+    Raises:
+        RobidError: What the first failing task raised; what is finished stays.
+    """
+    if force:
+        for task in tasks:
+            task.path(folder).unlink(missing_ok=True)
+    todo = [task for task in tasks if not is_done(folder, task)]
+    progress.expect(len(tasks), "tasks", len(tasks) - len(todo))
+    work = [_Work(function, task, task.path(folder)) for task in todo]
+    parallel_map(_do, work, lambda _index, _result: progress.advance())
+    paths = tuple(task.path(folder) for task in tasks)
+    for path in set(folder.glob("*.h5")).difference(paths):
+        if kind_of(path) == TASK.name:
+            path.unlink()
+    return Results(paths)
+
+
+def is_done(folder: Path, task: Task) -> bool:
+    """Tells whether a task's result is there and sound; a damaged one is removed."""
+    path = task.path(folder)
+    if not path.exists():
+        return False
+    try:
+        read_artifact(path, TASK)
+    except ArtifactError:
+        path.unlink()
+        return False
+    return True
+
+
+def _do(work: _Work) -> None:
+    started = utc_now()
+    found = work.function(*work.task.arguments)
+    provenance = Provenance(
+        stage="study",
+        settings=work.task.decides,
+        settings_hash=canonical_hash(work.task.decides),
+        versions=package_versions(),
+        git_commit=git_commit(),
+        started_utc=started,
+        finished_utc=utc_now(),
+    )
+    write_artifact(work.path, Artifact(TASK, found.datasets, found.attributes, provenance), alone=False)
+
 
 Earlier: TypeAlias = "tuple[Results, ...]"
 """Results of the steps before."""
 
-_DIGITS = 5  # published values are asked for within a hundredth
 _Kind = TypeVar("_Kind")
-
-
-@dataclass(frozen=True)
-class Conclusion:
-    """What a study found."""
-
-    verdict: Verdict  # The answer
-    summary: dict[str, float]  # Figures by dotted name
-    sections: tuple[Section, ...]  # Tables and figures of the page
-    warnings: tuple[str, ...] = ()  # What the reader must know before using a number
 
 
 @dataclass(frozen=True)
@@ -68,29 +204,7 @@ def study_of(loaded: LoadedExperiment, kind: type[_Kind]) -> _Kind:
     return study
 
 
-@dataclass(frozen=True)
-class Asked:
-    """What is asked of a figure."""
-
-    lower: float = float("-inf")  # The least that it may be
-    upper: float = float("inf")  # The most that it may be
-
-    def is_reached(self, value: float) -> bool:
-        """Whether a figure lies within."""
-        return self.lower <= value <= self.upper
-
-
-@dataclass(frozen=True)
-class PartFound:
-    """What a part of a study found."""
-
-    figures: dict[str, float]  # Figures by their name in summary.json
-    asked: Mapping[str, Asked] = field(default_factory=dict)  # What is asked of some of them
-    sections: tuple[Section, ...] = ()  # Tables and figures of the page
-    warnings: tuple[str, ...] = ()  # Why something is left out, where it is
-
-
-def _nothing(_argument: object) -> Content:
+def _nothing(*_arguments: object) -> Content:
     raise NotImplementedError
 
 
@@ -128,11 +242,8 @@ def recorded_part(
 ) -> Part:
     """Returns a part that shows fits to a recording, in an experiment of its own, and is left out without the logs.
 
-    Args:
-        name: Its name, and that of the experiment's folder.
-        title: What was recorded, as the subject of a sentence.
-        fits: Names of the fits.
-        conclude: Says, by the case, the experiment's run and its models, what was found.
+    The title is the subject of a sentence; `conclude` says, by the case, the experiment's run and its models, what was
+    found.
     """
 
     def outputs(case: Any) -> tuple[str, ...]:  # noqa: ANN401
@@ -154,13 +265,7 @@ def recorded_part(
 def joined(
     parts: Sequence[Part], reached: str, prepare: Callable[[LoadedExperiment], object] = paper_figures
 ) -> Procedure:
-    """Returns the procedure of a study of several parts that reads nothing of its own chain.
-
-    Args:
-        parts: The parts, in the order of the page.
-        reached: What it means that all that is asked for is reached, in words.
-        prepare: Refuses, before anything is computed, what cannot be read.
-    """
+    """Returns the procedure of a study of several parts that reads nothing of its own chain."""
 
     def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
         prepare(loaded)
@@ -175,7 +280,7 @@ def joined(
             for part, done in zip(parts, results, strict=True)
             if (case := part.case_of(run))
         )
-        return _join([one for one in each if one is not None], reached)
+        return concluded([one for one in each if one is not None], reached)
 
     def step(index: int, part: Part) -> Step:
         def tasks(run: Run, earlier: Earlier) -> list[Task]:
@@ -185,40 +290,3 @@ def joined(
         return Step(part.name, tasks, part.function)
 
     return Procedure(needs, tuple(step(*one) for one in enumerate(parts)), conclude, further)
-
-
-def _join(found: Sequence[PartFound], reached: str) -> Conclusion:
-    figures = {name: value for one in found for name, value in one.figures.items()}
-    asked = {name: limits for one in found for name, limits in one.asked.items()}
-    missed = [name for name, limits in asked.items() if not limits.is_reached(figures[name])]
-    text = f"All {len(asked)} figures that are asked for are reached: {reached}."
-    if not asked:
-        text = "No part of the study could be done."
-    elif missed:
-        met = f"{len(asked) - len(missed)} of {len(asked)}"
-        text = f"{met} figures that are asked for are reached; missed: {', '.join(missed)}."
-    rows = tuple(
-        (
-            name,
-            _end(limits.lower),
-            _end(limits.upper),
-            significant(figures[name], _DIGITS),
-            Cell("missed", "bad") if name in missed else Cell("reached", "good"),
-        )
-        for name, limits in asked.items()
-    )
-    table = Table(("Figure", "At least", "At most", "Ours", ""), rows, fit="compact")
-    return Conclusion(
-        Verdict(text, "warn" if missed or not asked else "ok"),
-        figures,
-        (Section("What is asked", "By their name in summary.json.", (table,)), *_all(one.sections for one in found)),
-        tuple(_all(one.warnings for one in found)),
-    )
-
-
-def _end(value: float) -> str:
-    return MISSING if abs(value) == float("inf") else significant(value, _DIGITS)
-
-
-def _all(lists: Iterable[Iterable[Any]]) -> list[Any]:
-    return [one for each in lists for one in each]

@@ -13,7 +13,7 @@ import pytest
 from robid.pipeline import terminal
 from robid.pipeline.graph import Run
 from robid.studies.frf import study as frf
-from robid.studies.known import load_with_study
+from robid.studies.settings.study import load_with_study
 
 _HERE = Path(__file__).parent
 TASKS = {f"configuration_{index}_chunk_{chunk}" for index in (1, 2) for chunk in (1, 2)}
@@ -87,13 +87,14 @@ def test_a_linear_robot_without_noise_has_no_bias(study):
 
 def test_chunks_differ_in_phases_and_noise_alone(done):
     run = Run(load_with_study(Path("study.yaml")), done.runs, "serial", 1)
-    chunks = [task.argument for task in frf.tasks(run)]
-    assert [(chunk.index, len(chunk.experiment.reference)) for chunk in chunks] == [(0, 2), (0, 2), (1, 2), (1, 2)]
-    seeds = [chunk.experiment.options.seed for chunk in chunks]
+    chunks, _, places, *_ = zip(*(task.arguments for task in frf.tasks(run, ())), strict=True)
+    assert places == (0, 0, 1, 1)
+    assert [len(chunk.reference) for chunk in chunks] == [2, 2, 2, 2]
+    seeds = [chunk.options.seed for chunk in chunks]
     assert seeds[0] != seeds[1]
     assert seeds[:2] == seeds[2:]  # the configuration's index seeds as well
-    assert not np.allclose(chunks[0].experiment.reference, chunks[1].experiment.reference)
-    assert chunks[0].experiment.robot == chunks[1].experiment.robot
+    assert not np.allclose(chunks[0].reference, chunks[1].reference)
+    assert chunks[0].robot == chunks[1].robot
 
 
 def test_a_second_study_does_nothing(done):

@@ -13,9 +13,8 @@ from robid.pipeline.graph import Run
 from robid.robot.description import Robot
 from robid.studies.fleet import logs, speed
 from robid.studies.fleet import speed as scheduler
-from robid.studies.fleet.robots import fleet_robots
-from robid.studies.known import load_with_study
-from robid.studies.settings.study import KINDS
+from robid.studies.fleet.logs import fleet_robots
+from robid.studies.settings.study import KINDS, load_with_study
 
 _HERE = Path(__file__).parent
 RATES = {("serial", 1): 1.0, ("dask", 1): 1.0, ("dask", 2): 1.5}
@@ -72,14 +71,17 @@ def _has_the_faults(study):
     """Against the same robots without any fault."""
     run = loaded_run(study, "runs/many")
     robots = {robot.name: robot for robot in fleet_robots(run)}
-    chunks = [task.argument for task in logs.log_tasks(run)]
-    true = {one.of.name: one.robot for chunk in chunks for one in chunk.robots}
+    true = {
+        one.of.name: one.robot
+        for task in logs.log_tasks(run, run.loaded.experiment.study, {})
+        for one in task.arguments[2]
+    }
     sound_run = loaded_run(study, "sound", ("faults: {each: 1}", "faults: {each: 0}"))
     shutil.copytree(study.runs / "estimation", study.folder / "sound/estimation")
     sound: dict[str, Robot] = {}
-    for task in logs.log_tasks(sound_run):
-        logs.write_logs(task.argument)
-        sound |= {one.of.name: one.robot for one in task.argument.robots}
+    for task in logs.log_tasks(sound_run, sound_run.loaded.experiment.study, {}):
+        logs.write_logs(*task.arguments)
+        sound |= {one.of.name: one.robot for one in task.arguments[2]}
     study.change("faults: {each: 0}", "faults: {each: 1}", "many.yaml")
     for name, robot in robots.items():
         log, own = (study.folder / folder / robot.log for folder in ("sound", "runs/many"))

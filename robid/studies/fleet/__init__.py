@@ -1,4 +1,4 @@
 """Faults among many logged robots, and the speed of `robid reprocess`.
 
-Read `robots`, then the parts in the order of the page: `logs`, `whole`, `speed`.
+Read the parts in the order of the page: `logs` with its robots and their faults, `whole`, `speed`.
 """

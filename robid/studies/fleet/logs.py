@@ -1,4 +1,4 @@
-"""The logs of the fleet: each robot is simulated and logged as its controller would do it, faults included."""
+"""The robots of the fleet, what is wrong with some of them, and their logs as a controller would write them."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.io import savemat
 
 from robid.arrays import FloatArray
@@ -18,21 +19,154 @@ from robid.artifacts.artifact import Artifact, Dataset
 from robid.artifacts.atomic import replacing
 from robid.artifacts.kinds import EXCITATION
 from robid.artifacts.store import read_header
-from robid.errors import SettingsError
+from robid.errors import SettingsError, require_module
+from robid.fleet.table import require_table
 from robid.pipeline.graph import Run
 from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
+from robid.settings.load import LoadedExperiment
 from robid.settings.sources import true_robot_of
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions
-from robid.studies.experiments import Further, changed_simulation
-from robid.studies.fleet.robots import FleetRobot, Log, faulty_bytes, faulty_log, fleet_robots
-from robid.studies.settings.study import FleetStudy
+from robid.studies.experiments import changed_simulation
+from robid.studies.page import PartFound
+from robid.studies.settings.study import KINDS, FleetStudy
 from robid.studies.simulated import played, simulate_options, simulation_settings, threads_of
-from robid.studies.study import Part, PartFound, study_of
-from robid.studies.tasks import TASKS, Content, Results, Task
+from robid.studies.study import TASKS, Content, Part, Results, Task, study_of
+
+_WHERE = (0.1, 0.6)
+"""Shares of the log between which faults lie: in its periods that are used, not in those that follow them."""
+
+_VARIANTS = {"sign": ("torque", "angle"), "dead": ("constant", "noise"), "file": ("truncated", "overwritten")}
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What is wrong with a robot or its log."""
+
+    kind: str
+    variant: str  # Which of its forms, of the kinds that have several
+    joint: int  # Index of the joint
+    channel: str  # `torque` or `angle` of that joint
+    at: float  # Where in its file or its samples, as a share
+    samples: int  # How many are lost
+    seed: int  # Seed of noise
+
+
+@dataclass(frozen=True)
+class FleetRobot:
+    """A robot of the fleet."""
+
+    name: str  # Its row in the manifest
+    seed: int  # Seed of its springs, its friction and its noise
+    fault: Fault | None  # What is wrong; None of a sound one
+
+    @property
+    def log(self) -> str:
+        """Its log, from the run folder on."""
+        return f"logs/{self.name}.mat"
+
+    @property
+    def kind(self) -> str:
+        """Kind of its fault; empty of a sound one."""
+        return "" if self.fault is None else self.fault.kind
+
+
+def fleet_robots(run: Run) -> tuple[FleetRobot, ...]:
+    """Returns the robots, in the order of the manifest."""
+    study, n_joint = study_of(run.loaded, FleetStudy), len(run.loaded.robot.joints)
+    return plan_robots(study, n_joint)
+
+
+def plan_robots(study: FleetStudy, n_joint: int) -> tuple[FleetRobot, ...]:
+    """Draws which robots have a fault, and what."""
+    generator = np.random.default_rng(study.faults.seed)
+    chosen = generator.permutation(study.robots)[: len(KINDS) * study.faults.each]
+    faults = {int(index): _fault(study, n_joint, number, generator) for number, index in enumerate(chosen)}
+    width = max(len(str(study.robots)), 4)
+    return tuple(
+        FleetRobot(f"r{index + 1:0{width}d}", study.first_seed + index, faults.get(index))
+        for index in range(study.robots)
+    )
+
+
+def _fault(study: FleetStudy, n_joint: int, number: int, generator: np.random.Generator) -> Fault:
+    """One of each kind after the other; the forms of a kind take turns."""
+    kind, turn = KINDS[number % len(KINDS)], number // len(KINDS)
+    variants = _VARIANTS.get(kind, ("",))
+    variant = variants[turn % len(variants)]
+    joint, fewest_most = int(generator.integers(n_joint)), study.faults.lost_samples
+    channel = variant if kind == "sign" else str(generator.choice(["torque", "angle"]))
+    at, samples = float(generator.uniform(*_WHERE)), int(generator.integers(*fewest_most, endpoint=True))
+    return Fault(kind, variant, joint, channel, at, samples, int(generator.integers(2**31)))
+
+
+def template_path(run: Run) -> Path:
+    """Returns the experiment file that reads the logs."""
+    return run.loaded.path.parent / study_of(run.loaded, FleetStudy).experiment
+
+
+Log: TypeAlias = dict[str, dict[str, NDArray[np.int32]]]
+"""Samples (n_sample,) of each channel, as `torque_<joint>`, of each experiment of a log."""
+
+_NOISE = 2.0
+_OVERWRITTEN = 512
+
+
+def faulty_log(log: Log, fault: Fault, joints: Sequence[str]) -> Log:
+    """Returns a log as a fault in its signals leaves it."""
+    channel = f"{fault.channel}_{joints[fault.joint]}"
+    if fault.kind == "sign":
+        return {name: {**one, channel: -one[channel]} for name, one in log.items()}
+    if fault.kind == "dead":
+        return _dead(log, fault, channel)
+    if fault.kind == "gap":
+        return _with_gap(log, fault)
+    return log
+
+
+def faulty_bytes(content: bytes, fault: Fault) -> bytes:
+    """Returns a file as a fault leaves it: cut off, or a part of it overwritten; other kinds leave it as it is."""
+    at = int(fault.at * len(content))
+    if fault.kind != "file":
+        return content
+    if fault.variant == "truncated":
+        return content[:at]
+    part = content[at : at + _OVERWRITTEN]
+    return content[:at] + bytes(255 - byte for byte in part) + content[at + len(part) :]
+
+
+def _dead(log: Log, fault: Fault, channel: str) -> Log:
+    """A channel stays at its first number, or shows a few counts of noise around it."""
+    generator = np.random.default_rng(fault.seed)
+    first = next(iter(log.values()))[channel][0]
+    spread = _NOISE if fault.variant == "noise" else 0.0
+
+    def dead(one: Mapping[str, NDArray[np.int32]]) -> NDArray[np.int32]:
+        noise = spread * generator.normal(size=one[channel].shape)
+        return np.asarray(first + np.rint(noise), dtype=np.int32)
+
+    return {name: {**one, channel: dead(one)} for name, one in log.items()}
+
+
+def _with_gap(log: Log, fault: Fault) -> Log:
+    """All channels of one experiment lack the same samples."""
+    name = list(log)[fault.seed % len(log)]
+    length = len(next(iter(log[name].values())))
+    at = int(fault.at * (length - fault.samples))
+    lost = slice(at, at + fault.samples)
+    return {**log, name: {channel: np.delete(values, lost) for channel, values in log[name].items()}}
+
+
+def require_packages(loaded: LoadedExperiment) -> None:
+    """Refuses to start without the packages that tables and Dask need."""
+    require_table()
+    study = study_of(loaded, FleetStudy)
+    if study.speed is not None or study.scheduled:
+        require_module("distributed", "dask", "What the study measures of Dask")
+
 
 NAME = "logs"
 COUNTS_PER_TURN = 65536
@@ -50,16 +184,6 @@ class Logged:
     path: Path
 
 
-@dataclass(frozen=True)
-class Chunk:
-    """Robots that are logged in one go."""
-
-    experiment: SimulatedExperiment
-    configurations: FloatArray
-    robots: tuple[Logged, ...]
-    threads: int
-
-
 def manifest_path(run: Run) -> Path:
     """Returns where the manifest of all robots lies."""
     return run.path("manifest.csv")
@@ -67,10 +191,6 @@ def manifest_path(run: Run) -> Path:
 
 def _excitation(run: Run) -> str:
     return f"{study_of(run.loaded, FleetStudy).campaign}/excitation.h5"
-
-
-def _further(run: Run, _study: FleetStudy) -> Further:
-    return ((run, (_excitation(run),)),)
 
 
 def log_tasks(run: Run, study: FleetStudy, _earlier: Mapping[str, Results]) -> list[Task]:
@@ -99,8 +219,8 @@ def log_tasks(run: Run, study: FleetStudy, _earlier: Mapping[str, Results]) -> l
     for first in range(0, len(robots), study.robots_per_task):
         some = robots[first : first + study.robots_per_task]
         logged = tuple(_logged(run, campaign, experiment, robot) for robot in some)
-        chunk = Chunk(experiment, content.configurations, logged, threads)
-        task = Task(some[0].name, {**decides, "robots": [asdict(robot) for robot in some]}, chunk)
+        arguments = experiment, content.configurations, logged, threads
+        task = Task(some[0].name, {**decides, "robots": [asdict(robot) for robot in some]}, arguments)
         if not all(one.path.exists() for one in logged):
             task.path(run.path(f"{TASKS}/{NAME}")).unlink(missing_ok=True)
         tasks.append(task)
@@ -136,14 +256,16 @@ def stated_payload(run: Run) -> float:
     return run.loaded.robot.to_robot(campaign.payload_kg).payload.mass_kg
 
 
-def write_logs(chunk: Chunk) -> Content:
-    """Simulates robots and writes their logs."""
+def write_logs(
+    shared: SimulatedExperiment, configurations: FloatArray, robots: tuple[Logged, ...], threads: int
+) -> Content:
+    """Simulates robots in configurations (n_conf, n_joint) and writes their logs."""
     hashes = []
-    for one in chunk.robots:
-        experiment = replace(chunk.experiment, robot=one.robot, options=one.options)
+    for one in robots:
+        experiment = replace(shared, robot=one.robot, options=one.options)
         log: Log = {}
-        for index, configuration in enumerate(chunk.configurations):
-            log |= log_of(simulate(experiment, configuration, index, chunk.threads), index)
+        for index, configuration in enumerate(configurations):
+            log |= log_of(simulate(experiment, configuration, index, threads), index)
         joints = [joint.name for joint in one.robot.joints]
         content = log_bytes(log if one.of.fault is None else faulty_log(log, one.of.fault, joints))
         content = content if one.of.fault is None else faulty_bytes(content, one.of.fault)
@@ -154,12 +276,7 @@ def write_logs(chunk: Chunk) -> Content:
 
 
 def log_of(record: Record, configuration: int) -> Log:
-    """Returns what a controller logs of one configuration: torques in mN m, motor angles in counts.
-
-    Args:
-        record: The record of that configuration.
-        configuration: Its index.
-    """
+    """Returns what a controller logs of one configuration: torques in mN m, motor angles in counts."""
     counts = COUNTS_PER_TURN / (2 * np.pi)
     inputs, outputs = 1000 * record.inputs[0], counts * (record.outputs[0] + record.output_offset[0])
     found: Log = {}
@@ -205,4 +322,4 @@ def _conclude(run: Run, _study: FleetStudy, _results: Results) -> PartFound:
     return PartFound({"fleet.robots": float(len(robots)), "fleet.log_mb": size / 1e6})
 
 
-LOGS = Part(NAME, _conclude, log_tasks, write_logs, _further, field="")
+LOGS = Part(NAME, _conclude, log_tasks, write_logs, lambda run, _study: ((run, (_excitation(run),)),), field="")

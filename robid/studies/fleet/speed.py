@@ -27,15 +27,21 @@ from robid.fleet.row import RowTask
 from robid.fleet.rows import load_fleet
 from robid.pipeline.graph import Run
 from robid.report.numbers import significant
-from robid.report.section import Section, Table
+from robid.report.section import Section
 from robid.studies.fleet.logs import NAME as LOGS_NAME
-from robid.studies.fleet.logs import hashes_of, manifest_path, stated_payload, write_manifest
-from robid.studies.fleet.robots import fleet_robots, template_path
+from robid.studies.fleet.logs import (
+    fleet_robots,
+    hashes_of,
+    manifest_path,
+    stated_payload,
+    template_path,
+    write_manifest,
+)
 from robid.studies.fleet.whole import FOLDER, resident_mib
 from robid.studies.fleet.whole import NAME as WHOLE_NAME
+from robid.studies.page import Asked, PartFound, table
 from robid.studies.settings.study import FleetSpeed
-from robid.studies.study import Asked, Part, PartFound
-from robid.studies.tasks import Content, Results, Task, values_of
+from robid.studies.study import Content, Part, Results, Task, values_of
 
 NAME = "speed"
 SERIAL = ("serial", 1)
@@ -66,8 +72,7 @@ def ways(cores: int) -> tuple[tuple[str, int], ...]:
     return tuple(dict.fromkeys([SERIAL, ("processes", cores), ("dask", cores), ("dask", 1), ("dask", 2)]))
 
 
-def speed_tasks(run: Run, speed: FleetSpeed, earlier: Mapping[str, Results]) -> list[Task]:
-    """Returns the one task, so that nothing else runs meanwhile."""
+def _speed_tasks(run: Run, speed: FleetSpeed, earlier: Mapping[str, Results]) -> list[Task]:
     sound = [robot for robot in fleet_robots(run) if robot.fault is None][: speed.rows]
     path, template = run.path("manifest_of_speed.csv"), template_path(run)
     write_manifest(path, sound, stated_payload(run))
@@ -79,7 +84,7 @@ def speed_tasks(run: Run, speed: FleetSpeed, earlier: Mapping[str, Results]) -> 
         "formats": FORMATS,
     }
     timing = Timing(path, template, run.path(NAME), ways(core_count()), speed.repeats, canonical_hash(decides))
-    return [Task(NAME, decides, timing)]
+    return [Task(NAME, decides, (timing,))]
 
 
 def time_all(timing: Timing) -> Content:
@@ -107,13 +112,9 @@ def _rate(timing: Timing, repeat: int, way: tuple[str, int]) -> float:
 
 
 def rate_of(finished: Sequence[float], workers: int) -> float:
-    """Returns rows a second between the first and the last finished row.
+    """Returns rows a second between the first and the last of the rows, finished at these times in order [s].
 
     The first rows of all workers count as finished with the very first, which is rather too strict.
-
-    Args:
-        finished: When each row was finished, in order [s].
-        workers: Number of workers.
 
     Raises:
         BackendError: If there are too few rows to tell.
@@ -150,72 +151,43 @@ def finish_times(timing: Timing, way: tuple[str, int]) -> list[float]:
     return finished[:-1]
 
 
-def conclude_speed(_run: Run, speed: FleetSpeed, results: Results) -> PartFound:
-    """Compares the backends."""
+def _conclude_speed(_run: Run, speed: FleetSpeed, results: Results) -> PartFound:
     [found] = results
     values = values_of(found)
     timed = zip(values["backend"].tolist(), values["workers"].tolist(), strict=True)
     rates = {way: values["rate"][:, index].tolist() for index, way in enumerate(timed)}
     cores = next(count for name, count in rates if name == "processes")
-    figures = efficiencies(rates, cores)
     asked = {f"fleet.efficiency_{name}": Asked(lower=bar) for name, bar in _BARS.items()}
     asked["fleet.two_workers"] = _TWO_WORKERS
-    return PartFound(figures, asked, (speed_section(rates, SERIAL, speed.rows, cores),))
+    columns = (
+        ("Backend", lambda way: way[0]),
+        ("Workers", lambda way: str(way[1])),
+        ("Rows a second, median", lambda way: significant(median(rates[way]))),
+        ("Lowest", lambda way: significant(min(rates[way]))),
+        ("Highest", lambda way: significant(max(rates[way]))),
+        ("Each worker over serial", lambda way: significant(median(rates[way]) / way[1] / median(rates[SERIAL]))),
+    )
+    lead = (
+        f"`robid reprocess` on {speed.rows} sound rows as a user would start it, backends in turn, on {cores} cores."
+        " Rows a second between the first and the last finished row: the start of the command and of its workers is not"
+        " in it; of w workers, w rows count as finished with the first, which is rather too strict."
+    )
+    section = Section("Speed", lead, (table(columns, rates, fit="compact"),))
+    return PartFound(efficiencies(rates, cores), asked, (section,))
 
 
 def efficiencies(rates: Mapping[tuple[str, int], Sequence[float]], cores: int) -> dict[str, float]:
-    """Returns the throughput of each core over that of the serial backend, from medians over the runs.
-
-    Args:
-        rates: Rows a second of each run, by backend and number of workers.
-        cores: Cores of the machine.
-    """
+    """Returns the throughput of each core over that of the serial backend, from medians over the runs."""
     middle = {way: median(found) for way, found in rates.items()}
-    figures = {f"fleet.efficiency_{name}": middle[name, cores] / cores / middle[SERIAL] for name in _BARS}
     return {
-        **figures,
+        **{f"fleet.efficiency_{name}": middle[name, cores] / cores / middle[SERIAL] for name in _BARS},
         "fleet.two_workers": middle["dask", 2] / middle["dask", 1],
         "fleet.serial_rows_per_second": middle[SERIAL],
         "fleet.cores": float(cores),
     }
 
 
-def speed_section(
-    rates: Mapping[tuple[str, int], Sequence[float]], serial: tuple[str, int], rows: int, cores: int
-) -> Section:
-    """How fast each backend was.
-
-    Args:
-        rates: Rows a second of each run, by backend and number of workers.
-        serial: The backend that the others are held against.
-        rows: Rows of each run.
-        cores: Cores of the machine.
-    """
-    middle = {way: median(found) for way, found in rates.items()}
-    table = Table(
-        ("Backend", "Workers", "Rows a second, median", "Lowest", "Highest", "Each worker over serial"),
-        tuple(
-            (
-                way[0],
-                str(way[1]),
-                significant(middle[way]),
-                significant(min(found)),
-                significant(max(found)),
-                significant(middle[way] / way[1] / middle[serial]),
-            )
-            for way, found in rates.items()
-        ),
-        fit="compact",
-    )
-    lead = (
-        f"`robid reprocess` on {rows} sound rows as a user would start it, backends in turn, on {cores} cores. Rows a"
-        " second between the first and the last finished row: the start of the command and of its workers is not in"
-        " it; of w workers, w rows count as finished with the first, which is rather too strict."
-    )
-    return Section("Speed", lead, (table,))
-
-
-SPEED = Part(NAME, conclude_speed, speed_tasks, time_all)
+SPEED = Part(NAME, _conclude_speed, _speed_tasks, time_all)
 
 
 _MEANINGS = {
@@ -235,18 +207,7 @@ class Fed:
     answer: Path
 
 
-@dataclass(frozen=True)
-class Feeding:
-    """What a scheduler is fed with."""
-
-    first: Fed
-    count: int
-    workers: int
-    folder: Path
-
-
-def scheduler_tasks(run: Run, count: int, earlier: Mapping[str, Results]) -> list[Task]:
-    """Returns the one task, of so many rows."""
+def _scheduler_tasks(run: Run, count: int, earlier: Mapping[str, Results]) -> list[Task]:
     fleet = load_fleet(manifest_path(run), template_path(run))
     rows = run.path(FOLDER) / "rows"
     sound = next(index for index, robot in enumerate(fleet_robots(run)) if robot.fault is None)
@@ -254,19 +215,20 @@ def scheduler_tasks(run: Run, count: int, earlier: Mapping[str, Results]) -> lis
     first = Fed(RowTask(row, fleet.template.path, fleet.text, rows, keep=False), rows / row.id)
     workers = core_count()
     decides = {"rows": count, "workers": workers, "like": earlier[WHOLE_NAME].paths[0].name}
-    return [Task("scheduler", decides, Feeding(first, count, workers, run.folder))]
+    return [Task("scheduler", decides, (first, count, workers, run.folder))]
 
 
-def feed(feeding: Feeding) -> Content:
-    """Feeds a local cluster and says what that took."""
-    first, digits = feeding.first, len(str(feeding.count))
-    rows = [_like(first, f"x{number:0{digits}d}") for number in range(feeding.count)]
-    with make_map("dask", feeding.workers, folder=feeding.folder) as mapped:
-        mapped(answer, rows[: feeding.workers])
+def feed(first: Fed, count: int, workers: int, folder: Path) -> Content:
+    """Feeds a local cluster with so many rows and says what that took."""
+    digits = len(str(count))
+    names = [f"x{number:0{digits}d}" for number in range(count)]
+    rows = [replace(first, task=replace(first.task, row=replace(first.task.row, id=name))) for name in names]
+    with make_map("dask", workers, folder=folder) as mapped:
+        mapped(answer, rows[:workers])
         before, begun = resident_mib(), time.monotonic()
         answers = mapped(answer, rows)
         seconds, after = time.monotonic() - begun, resident_mib()
-    grown = float("nan") if before is None or after is None else (after - before) * 2**20 / feeding.count
+    grown = float("nan") if before is None or after is None else (after - before) * 2**20 / count
     found = {
         "rows": float(len(answers)),
         "seconds": seconds,
@@ -275,10 +237,6 @@ def feed(feeding: Feeding) -> Content:
         "memory_bytes": grown,
     }
     return Content({name: Dataset(np.array(value), "1", (), _MEANINGS[name]) for name, value in found.items()})
-
-
-def _like(first: Fed, name: str) -> Fed:
-    return replace(first, task=replace(first.task, row=replace(first.task.row, id=name)))
 
 
 def answer(fed: Fed) -> Ledger:
@@ -294,16 +252,16 @@ def _outline(folder: Path) -> Ledger:
     return ledger.outline
 
 
-def conclude_scheduler(_run: Run, _count: int, results: Results) -> PartFound:
+def _conclude_scheduler(_run: Run, _count: int, results: Results) -> PartFound:
     """Tabulates what a row costs scheduler and command."""
     [found] = results
     values = {name: float(dataset.values) for name, dataset in found.datasets.items()}
     values["rows_per_second"] = values["rows"] / values["seconds"]
     meanings = {**_MEANINGS, "rows_per_second": "Rows a second"}
-    table = Table(("", "Value"), tuple((meanings[name], significant(value)) for name, value in values.items()))
+    shown = table((("", lambda name: meanings[name]), ("Value", lambda name: significant(values[name]))), values)
     lead = "A local Dask cluster on all cores, fed with rows like those of the fleet, but without work."
     figures = {f"fleet.scheduled.{name}": value for name, value in values.items() if np.isfinite(value)}
-    return PartFound(figures, {}, (Section("Very many rows", lead, (table,)),))
+    return PartFound(figures, {}, (Section("Very many rows", lead, (shown,)),))
 
 
-SCHEDULER = Part("scheduler", conclude_scheduler, scheduler_tasks, feed, field="scheduled")
+SCHEDULER = Part("scheduler", _conclude_scheduler, _scheduler_tasks, feed, field="scheduled")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,13 +20,21 @@ from robid.fleet.row import Told
 from robid.fleet.rows import load_fleet
 from robid.fleet.run import Batch, Options, run_fleet
 from robid.pipeline.graph import Run
-from robid.report.section import Cell, Curve, Figure, Section, Table
+from robid.report.section import Cell, Section, Table
 from robid.studies.fleet.logs import NAME as LOGS_NAME
-from robid.studies.fleet.logs import hashes_of, manifest_path, stated_payload, write_manifest
-from robid.studies.fleet.robots import Fault, FleetRobot, fleet_robots, template_path
+from robid.studies.fleet.logs import (
+    Fault,
+    FleetRobot,
+    fleet_robots,
+    hashes_of,
+    manifest_path,
+    stated_payload,
+    template_path,
+    write_manifest,
+)
+from robid.studies.page import Asked, PartFound, figure, table
 from robid.studies.settings.study import KINDS, FleetStudy
-from robid.studies.study import Asked, Part, PartFound
-from robid.studies.tasks import Content, Results, Task, values_of
+from robid.studies.study import Content, Part, Results, Task, values_of
 
 _STATM = Path("/proc/self/statm")
 
@@ -36,8 +43,7 @@ _STATM = Path("/proc/self/statm")
 def watched_worker(series: list[float]) -> Iterator[Map]:
     """Yields a map with a single worker process, as `robid reprocess --backend processes --workers 1` has it.
 
-    Args:
-        series: Gets the worker's memory after each task [MiB]; nothing where the system does not tell it.
+    The series gets the worker's memory after each task [MiB]; nothing where the system does not tell it.
     """
 
     def mapped(
@@ -77,23 +83,14 @@ _TITLES = {
 
 
 def faults_section(robots: Sequence[FleetRobot], values: Mapping[str, Any], figures: Mapping[str, float]) -> Section:
-    """What became of each fault, and which sound robots are accused.
-
-    Args:
-        robots: The robots.
-        values: Of each (n_row,): `failed`, `off`, and what is `told` of it.
-        figures: Figures by name.
-    """
-    counts = tuple(
-        (
-            _TITLES[kind],
-            str(sum(robot.kind == kind for robot in robots)),
-            f"{figures[f'fleet.{kind}.found']:.0f}",
-            f"{figures[f'fleet.{kind}.failed']:.0f}",
-        )
-        for kind in KINDS
-        if f"fleet.{kind}.found" in figures
+    """What became of each fault, and which sound robots are accused; `values` (n_row,) are those of the task."""
+    counts = (
+        ("Fault", lambda kind: _TITLES[kind]),
+        ("Robots", lambda kind: str(sum(robot.kind == kind for robot in robots))),
+        ("Found", lambda kind: f"{figures[f'fleet.{kind}.found']:.0f}"),
+        ("of them failed", lambda kind: f"{figures[f'fleet.{kind}.failed']:.0f}"),
     )
+    planted = [kind for kind in KINDS if f"fleet.{kind}.found" in figures]
     rows = []
     for index, robot in enumerate(robots):
         named = bool(values["failed"][index] or values["off"][index])
@@ -103,19 +100,14 @@ def faults_section(robots: Sequence[FleetRobot], values: Mapping[str, Any], figu
         became = "failed" if values["failed"][index] else "an outlier" if named else "not found"
         good = named == (robot.fault is not None)
         rows.append((robot.name, what, Cell(became, "" if good else "bad"), str(values["told"][index])))
-    each = Table(
-        ("Robot", "What is wrong", "It is", "What is said"),
-        tuple(rows),
-        title="Robots with a fault, and sound ones that are accused",
-        prose=True,
-        fit="tall",
-    )
+    heads = ("Robot", "What is wrong", "It is", "What is said")
+    title = "Robots with a fault, and sound ones that are accused"
+    each = Table(heads, tuple(rows), title=title, prose=True, fit="tall")
     lead = (
         "Found is a fault whose row failed or is on the list of outliers; accused is a sound robot of which that is"
         " true. A grade accuses nobody."
     )
-    head = ("Fault", "Robots", "Found", "of them failed")
-    return Section("Faults", lead, (Table(head, counts, title="By kind", fit="compact"), each))
+    return Section("Faults", lead, (table(counts, planted, title="By kind", fit="compact"), each))
 
 
 def said(fault: Fault) -> str:
@@ -132,18 +124,13 @@ def said(fault: Fault) -> str:
 
 
 def memory_section(memory: FloatArray, settled: int) -> tuple[Section, ...]:
-    """How the memory of the worker grew; nothing where it was not watched.
-
-    Args:
-        memory (n_done,): After each row [MiB].
-        settled: Number of rows after which growth counts.
-    """
+    """How the memory of the worker (n_done,) [MiB] grew from so many rows on; nothing where it was not watched."""
     if len(memory) <= settled:
         return ()
-    curve = Curve("worker", tuple(float(number) for number in range(1, len(memory) + 1)), tuple(memory.tolist()))
-    figure = Figure("Memory after each row", "Row", "Resident memory [MiB]", (curve,), log_x=False, log_y=False)
+    axes = "Row", "Resident memory [MiB]"
+    shown = figure("Memory after each row", axes, None, {"worker": memory}, log_x=False, log_y=False)
     lead = f"Of the one worker process that reprocessed the fleet; growth is counted from the {settled}th row on."
-    return (Section("Memory", lead, (figure,)),)
+    return (Section("Memory", lead, (shown,)),)
 
 
 NAME, FOLDER = "whole", "reprocessed"
@@ -152,16 +139,7 @@ _GROWTH = Asked(upper=1.1)
 _SETTLED = 10
 
 
-@dataclass(frozen=True)
-class Whole:
-    """What is reprocessed, and where."""
-
-    manifest: Path
-    template: Path
-    folder: Path
-
-
-def whole_tasks(run: Run, _study: FleetStudy, earlier: Mapping[str, Results]) -> list[Task]:
+def _whole_tasks(run: Run, _study: FleetStudy, earlier: Mapping[str, Results]) -> list[Task]:
     """Returns the one task: all rows, of which a stopped study keeps what is done."""
     path, template = manifest_path(run), template_path(run)
     write_manifest(path, fleet_robots(run), stated_payload(run))
@@ -171,20 +149,20 @@ def whole_tasks(run: Run, _study: FleetStudy, earlier: Mapping[str, Results]) ->
         "logs": list(hashes_of(earlier[LOGS_NAME])),
         "formats": FORMATS,
     }
-    return [Task(NAME, decides, Whole(path, template, run.path(FOLDER)))]
+    return [Task(NAME, decides, (path, template, run.path(FOLDER)))]
 
 
-def reprocess_whole(whole: Whole) -> Content:
+def reprocess_whole(manifest: Path, template: Path, folder: Path) -> Content:
     """Reprocesses all rows on one worker, and watches its memory."""
     memory: list[float] = []
-    fleet = load_fleet(whole.manifest, whole.template)
+    fleet = load_fleet(manifest, template)
 
     def open_map(*, one: bool) -> AbstractContextManager[Map]:
         del one
         return watched_worker(memory)
 
-    with locked(whole.folder / FOLDER_LOCK, "robid study"):
-        batch = run_fleet(fleet, whole.folder, Options(pages="none"), open_map, Told(), lambda *_: None)
+    with locked(folder / FOLDER_LOCK, "robid study"):
+        batch = run_fleet(fleet, folder, Options(pages="none"), open_map, Told(), lambda *_: None)
     failed = np.array([ledger.status == "failed" for ledger in batch.ledgers])
     off = np.array([row in batch.comparison.off for row in range(len(batch.ledgers))])
     told = np.array([_told(batch, row) for row in range(len(batch.ledgers))])
@@ -211,15 +189,9 @@ def _told(batch: Batch, row: int) -> str:
 
 
 def count_found(kinds: Sequence[str], failed: BoolArray, off: BoolArray) -> dict[str, float]:
-    """Counts the faults that are found and the sound robots that are accused.
+    """Counts the faults that are found and the sound robots that are accused, of rows that failed or are off (n_row,).
 
-    Args:
-        kinds: Kind of each row's fault (n_row,), empty of a sound one.
-        failed (n_row,): Whether it failed.
-        off (n_row,): Whether it is on the list of outliers.
-
-    Returns:
-        Numbers by name; a kind that was not planted has none.
+    A sound robot's kind is empty; a kind that was not planted has no numbers.
     """
     named = failed | off
     of = np.array(kinds)
@@ -237,7 +209,7 @@ def count_found(kinds: Sequence[str], failed: BoolArray, off: BoolArray) -> dict
     return figures
 
 
-def conclude_whole(run: Run, _study: FleetStudy, results: Results) -> PartFound:
+def _conclude_whole(run: Run, _study: FleetStudy, results: Results) -> PartFound:
     """Counts what was found, and says how the worker's memory grew."""
     [found] = results
     values = values_of(found)
@@ -263,4 +235,4 @@ def conclude_whole(run: Run, _study: FleetStudy, results: Results) -> PartFound:
     return PartFound(figures, asked, sections, tuple(warnings))
 
 
-WHOLE = Part(NAME, conclude_whole, whole_tasks, reprocess_whole, field="")
+WHOLE = Part(NAME, _conclude_whole, _whole_tasks, reprocess_whole, field="")

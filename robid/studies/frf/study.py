@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray
 from robid.artifacts.artifact import Dataset
 from robid.artifacts.kinds import EXCITATION
 from robid.artifacts.store import read_header
@@ -27,21 +27,10 @@ from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import SimulateOptions
 from robid.studies.settings.study import FrfStudy, choices
 from robid.studies.simulated import Estimator, make_estimator, played, simulate_options, simulation_settings, threads_of
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Content, Task
+from robid.studies.study import Content, Earlier, Task, study_of
 
-
-@dataclass(frozen=True)
-class Chunk:
-    """Some realizations in one configuration: simulated at once, estimated group by group and as a whole."""
-
-    experiment: SimulatedExperiment
-    configuration: FloatArray
-    index: int
-    group: int
-    small: tuple[Estimator, ...]
-    whole: tuple[Estimator, ...]
-    threads: int
+_Outcome: TypeAlias = tuple[ComplexArray, FloatArray, str]
+"""Response and variance of one estimate, NaN where it was refused, and why."""
 
 
 def compared(study: FrfStudy, campaign: Campaign) -> list[EstimateOptions]:
@@ -88,13 +77,11 @@ def tasks(run: Run, _earlier: Earlier) -> list[Task]:
         for number, start in enumerate(range(0, campaign.realizations, length)):
             seed = int(np.random.SeedSequence([options.seed, number]).generate_state(1)[0])
             part = replace(
-                whole,
-                reference=whole.reference[start : start + length],
-                options=replace(options, seed=seed),
+                whole, reference=whole.reference[start : start + length], options=replace(options, seed=seed)
             )
-            chunk = Chunk(part, configuration, index, study.group, small, large, threads_of(run))
+            arguments = part, configuration, index, study.group, small, large, threads_of(run)
             place = {"configuration": index, "chunk": number}
-            found.append(Task(f"configuration_{index + 1}_chunk_{number + 1}", {**decides, **place}, chunk))
+            found.append(Task(f"configuration_{index + 1}_chunk_{number + 1}", {**decides, **place}, arguments))
     return found
 
 
@@ -116,39 +103,37 @@ def _decides(loaded: LoadedExperiment, excitation: str) -> dict[str, Any]:
     }
 
 
-def estimate_chunk(chunk: Chunk) -> Content:
-    """Simulates a chunk and estimates from each of its groups, and from all of it."""
-    record = simulate(chunk.experiment, chunk.configuration, chunk.index, chunk.threads)
+def estimate_chunk(
+    experiment: SimulatedExperiment,
+    configuration: FloatArray,
+    index: int,
+    group: int,
+    small_estimators: tuple[Estimator, ...],
+    whole_estimators: tuple[Estimator, ...],
+    threads: int,
+) -> Content:
+    """Simulates some realizations in one configuration, and estimates from each of their groups and from all."""
+    record = simulate(experiment, configuration, index, threads)
     n_real = record.inputs.shape[1]
-    groups = [record.realizations(chunk.group, at) for at in range(0, n_real, chunk.group)]
-    identified = _identified(groups[0], (*chunk.small, *chunk.whole))
-    small = [[_estimate(group, each, identified) for group in groups] for each in chunk.small]
-    whole = [_estimate(record, each, identified) for each in chunk.whole]
+    groups = [record.realizations(group, at) for at in range(0, n_real, group)]
+    identified = _identified(groups[0], (*small_estimators, *whole_estimators))
+    small = [[_estimate(part, each, identified) for part in groups] for each in small_estimators]
+    whole = [_estimate(record, each, identified) for each in whole_estimators]
     element = ("frequency", "output", "input")
     unit = f"rad/(s^2 {units_text(record.input_channels)})"
-    refused = [next((one.refusal for one in row if one.refusal), "") for row in (*small, whole)]
+    refused = [next((reason for *_, reason in row if reason), "") for row in (*small, whole)]
+    response, variance = (np.array([[one[at] for one in row] for row in small]) for at in (0, 1))
     datasets = {
-        "configuration": Dataset(np.array(chunk.index), "1", ()),
-        "angles": Dataset(chunk.configuration, "rad", ("joint",)),
+        "configuration": Dataset(np.array(index), "1", ()),
+        "angles": Dataset(configuration, "rad", ("joint",)),
         "frequency_hz": Dataset(record.frequency_hz, "Hz", ("frequency",)),
-        "response": Dataset(
-            np.array([[one.response for one in row] for row in small]), unit, ("estimate", "group", *element)
-        ),
-        "variance": Dataset(
-            np.array([[one.variance for one in row] for row in small]), f"({unit})^2", ("estimate", "group", *element)
-        ),
-        "whole": Dataset(np.array([one.response for one in whole]), unit, ("compensation", *element)),
+        "response": Dataset(response, unit, ("estimate", "group", *element)),
+        "variance": Dataset(variance, f"({unit})^2", ("estimate", "group", *element)),
+        "whole": Dataset(np.array([one[0] for one in whole]), unit, ("compensation", *element)),
         "realizations": Dataset(np.array(n_real), "1", ()),
         "refusals": Dataset(np.array(refused, dtype=str), "1", ("reason",), "First refusal of each; last: of whole"),
     }
     return Content(datasets)
-
-
-@dataclass(frozen=True)
-class _Outcome:
-    response: Any
-    variance: Any
-    refusal: str = ""
 
 
 def _identified(record: Record, estimators: tuple[Estimator, ...]) -> tuple[TorqueLaw, ...] | str | None:
@@ -175,9 +160,9 @@ def _estimate(record: Record, estimator: Estimator, identified: tuple[TorqueLaw,
         frf = replace(estimator, laws=laws).estimate(record)
     except DataError as error:
         return _refused(record, error.what)
-    return _Outcome(frf.response[0], frf.element_variance()[0])
+    return frf.response[0], frf.element_variance()[0], ""
 
 
 def _refused(record: Record, reason: str) -> _Outcome:
     shape = (len(record.excited_lines), len(record.output_names), len(record.input_names))
-    return _Outcome(np.full(shape, complex(np.nan, np.nan)), np.full(shape, np.nan), reason)
+    return np.full(shape, complex(np.nan, np.nan)), np.full(shape, np.nan), reason

@@ -20,17 +20,10 @@ from robid.robot.regressor.model import RigidModel, build_rigid_model
 from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
 from robid.simulate.options import Controller
 from robid.simulate.rigid_loop import simulate_rigid_loop
-from robid.studies.janot2009.seeded import FILTERS, Chunk, Machine, Recording, chunk_tasks, gather, judge_chunk
-from robid.studies.janot2009.verdicts import (
-    VERDICTS,
-    estimate_tables,
-    joint_figures,
-    verdict_figures,
-    verdict_parts,
-)
+from robid.studies.janot2009 import seeded
+from robid.studies.page import PartFound
 from robid.studies.settings.parts import BranchCase
-from robid.studies.study import Part, PartFound
-from robid.studies.tasks import Content, Results, Task
+from robid.studies.study import Content, Part, Results, Task
 
 _SUBSTEPS = 2
 _GUESS = 0.8  # of everything: what least squares makes of badly filtered rows need not be a robot at all
@@ -48,14 +41,14 @@ class Rig:
     command: FloatArray  # (n_sample, n_joint) motor angles that it is told [rad]
 
     @property
-    def machine(self) -> Machine:
+    def machine(self) -> seeded.Machine:
         """The robot as what is to be identified."""
 
         def simulate(parameters: FloatArray) -> FloatArray:
             command = np.broadcast_to(self.command, (len(parameters), *self.command.shape))
             return simulate_rigid_loop(self.model, parameters, self.branch.robot, self.branch.controller, command)[0]
 
-        return Machine(
+        return seeded.Machine(
             self.model, self.truth, first_moments(self.model.names), simulate, weighted=True, guess=_GUESS * self.truth
         )
 
@@ -68,7 +61,7 @@ def make_rig(branch: Branch) -> Rig:
     return Rig(branch, model, truth, exciting_motion(branch, model, truth))
 
 
-def record_branch(rig: Rig, seeds: range) -> Recording:
+def record_branch(rig: Rig, seeds: range) -> seeded.Recording:
     """Simulates the robot once a seed: the zeros of its encoders and its torque noise differ."""
     case, (n_sample, n_joint) = rig.branch.case, rig.command.shape
     generators = [np.random.default_rng(seed) for seed in seeds]
@@ -85,19 +78,10 @@ def record_branch(rig: Rig, seeds: range) -> Recording:
     )
     noise = np.array([generator.standard_normal((n_sample, n_joint)) for generator in generators])
     seen = measure(angle.swapaxes(0, 1)).swapaxes(0, 1)
-    return Recording(controller.sampling_period_s, seen, torque + case.torque_noise_nm * noise)
+    return seeded.Recording(controller.sampling_period_s, seen, torque + case.torque_noise_nm * noise)
 
 
-@dataclass(frozen=True)
-class BranchChunk:
-    """Some seeds of the branch."""
-
-    branch: Branch
-    chunk: Chunk
-
-
-def branch_tasks(run: Run, case: BranchCase, _earlier: Mapping[str, Results]) -> list[Task]:
-    """Returns the tasks of the branch."""
+def _branch_tasks(run: Run, case: BranchCase, _earlier: Mapping[str, Results]) -> list[Task]:
     campaign = run.loaded.experiment.campaigns[case.campaign]
     decides = {
         **robot_settings(run.loaded, "mechanics", "rigid", "range", "motor_limits", "friction", "controller"),
@@ -107,18 +91,16 @@ def branch_tasks(run: Run, case: BranchCase, _earlier: Mapping[str, Results]) ->
     middle = configurations_of(run.loaded, campaign, {})[0]
     robot = run.loaded.robot.to_robot(campaign.payload_kg)
     branch = Branch(case, robot, require_controller(run.loaded), middle)
-    return chunk_tasks(case, "branch", decides, lambda chunk: BranchChunk(branch, chunk))
+    return seeded.chunk_tasks(case, "branch", decides, branch)
 
 
-def identify_branch(one: BranchChunk) -> Content:
-    """Simulates and identifies some seeds of the branch."""
-    rig = make_rig(one.branch)
-    return judge_chunk(rig.machine, record_branch(rig, one.chunk.seeds), one.branch.case)
+def _identify_branch(branch: Branch, case: BranchCase, seeds: range) -> Content:
+    rig = make_rig(branch)
+    return seeded.judge_chunk(rig.machine, record_branch(rig, seeds), case)
 
 
-def conclude_branch(run: Run, case: BranchCase, results: Results) -> PartFound:
-    """Turns the branch's seeds into figures, tables, and what is asked of them."""
-    found = {filters: gather(results, filters) for filters in FILTERS}
+def _conclude_branch(run: Run, case: BranchCase, results: Results) -> PartFound:
+    found = {filters: seeded.gather(results, filters) for filters in seeded.FILTERS}
     joints = tuple(joint.name for joint in run.loaded.robot.joints)
     lead = (
         "The paper says of its medical interface that it saw there what it saw on one axis. Its geometry is not"
@@ -126,10 +108,11 @@ def conclude_branch(run: Run, case: BranchCase, results: Results) -> PartFound:
         " and Huber's estimator share what bias there is, so that their difference alone need not show it: the"
         " instruments and the residuals' correlation do."
     )
-    parts = (*verdict_parts(found, case), joint_figures(found, case, joints), *estimate_tables(found, case))
-    section = Section(f"Branch of a haptic interface over {case.seeds} seeds", lead, parts)
-    asked = {f"branch.{filters}.verdict_share": each for filters, each in VERDICTS.items()}
-    return PartFound(verdict_figures("branch", found), asked, (section,))
+    histograms, estimates = seeded.joint_figures(found, case, joints), seeded.estimate_tables(found, case)
+    title, parts = f"Branch of a haptic interface over {case.seeds} seeds", seeded.verdict_parts(found, case)
+    section = Section(title, lead, (*parts, histograms, *estimates))
+    asked = {f"branch.{filters}.verdict_share": each for filters, each in seeded.VERDICTS.items()}
+    return PartFound(seeded.verdict_figures("branch", found), asked, (section,))
 
 
 _COARSE = 200  # samples by which a series is chosen
@@ -168,13 +151,7 @@ class _Series:
 def exciting_motion(branch: Branch, model: RigidModel, truth: FloatArray) -> FloatArray:
     """Returns the best conditioned of random Fourier series within the limits of joints and torques.
 
-    Args:
-        branch: The robot and its case.
-        model: The model with the columns of base parameters alone.
-        truth (n_base,): The base parameters.
-
-    Returns:
-        Motor angles (n_sample, n_joint) at the controller's samples [rad].
+    It is judged by the columns of the base parameters (n_base,), and given as motor angles (n_sample, n_joint) [rad].
 
     Raises:
         DataError: If every series needs more torque than there is.
@@ -216,4 +193,4 @@ def _condition(branch: Branch, series: _Series, model: RigidModel, truth: FloatA
     return float(np.linalg.cond(columns / np.linalg.norm(columns, axis=0)))
 
 
-BRANCH = Part("branch", conclude_branch, branch_tasks, identify_branch)
+BRANCH = Part("branch", _conclude_branch, _branch_tasks, _identify_branch)

@@ -13,44 +13,17 @@ from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Beside, Section, Table
 from robid.studies.experiments import paper_figures
-from robid.studies.janot2009.seeded import (
-    BENDS,
-    FILTERS,
-    Chunk,
-    Judged,
-    Machine,
-    Recording,
-    chunk_tasks,
-    gather,
-    judge_chunk,
-)
-from robid.studies.janot2009.verdicts import (
-    VERDICTS,
-    cuts,
-    error_table,
-    errors_of,
-    or_missing,
-    outlier_share,
-    residual_figures,
-    verdict_figures,
-    verdict_parts,
-)
+from robid.studies.janot2009 import seeded
+from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import HAPTIC_PERIOD_S, SeededCase
-from robid.studies.study import Asked, Part, PartFound
-from robid.studies.tasks import Content, Results, Task
+from robid.studies.study import Content, Part, Results
 
 FIRST_MOMENTS = ((1, 2),)
 
 
-def haptic_tasks(_run: Run, case: SeededCase, _earlier: Mapping[str, Results]) -> list[Task]:
-    """Returns the tasks of the device."""
-    return chunk_tasks(case, "haptic", {}, lambda chunk: chunk)
-
-
-def identify_haptic(chunk: Chunk) -> Content:
-    """Simulates and identifies some seeds of the device."""
-    bench = bench_of(chunk.case)
-    return judge_chunk(haptic_machine(bench), record(chunk.seeds, bench), chunk.case)
+def _identify_haptic(case: SeededCase, seeds: range) -> Content:
+    bench = bench_of(case)
+    return seeded.judge_chunk(haptic_machine(bench), record(seeds, bench), case)
 
 
 def bench_of(case: SeededCase) -> Bench:
@@ -58,66 +31,58 @@ def bench_of(case: SeededCase) -> Bench:
     return Bench(duration_s=case.duration_s, quantum_rad=case.resolution_rad, torque_noise_nm=case.torque_noise_nm)
 
 
-def haptic_machine(bench: Bench) -> Machine:
+def haptic_machine(bench: Bench) -> seeded.Machine:
     """Returns the device as what is to be identified."""
 
     def simulate_loop(parameters: FloatArray) -> FloatArray:
         return simulate(parameters, bench)[0].T[..., None]
 
-    return Machine(Device(), np.array(NOMINAL), FIRST_MOMENTS, simulate_loop, weighted=False)
+    return seeded.Machine(Device(), np.array(NOMINAL), FIRST_MOMENTS, simulate_loop, weighted=False)
 
 
-def record(seeds: range, bench: Bench) -> Recording:
+def record(seeds: range, bench: Bench) -> seeded.Recording:
     """Simulates one device a seed: the zero of its encoder and its torque noise differ."""
     generators = [np.random.default_rng(seed) for seed in seeds]
     phase = np.array([generator.uniform(0, bench.quantum_rad) for generator in generators])
     position, torque = simulate(np.tile(NOMINAL, (len(seeds), 1)), bench, phase)
     noise = np.stack([generator.standard_normal(len(torque)) for generator in generators])
     seen = measured(position, bench, phase)
-    return Recording(bench.sampling_period_s, seen.T[..., None], (torque.T + bench.torque_noise_nm * noise)[..., None])
+    return seeded.Recording(
+        bench.sampling_period_s, seen.T[..., None], (torque.T + bench.torque_noise_nm * noise)[..., None]
+    )
 
 
 _PLAIN, _HUBER, _PAPERS_BEND = range(3)
 _SIGMA = "sigma"
 
 
-def conclude_haptic(run: Run, case: SeededCase, results: Results) -> PartFound:
-    """Turns the device's seeds into figures, tables beside the paper's, and what is asked of them."""
-    found = {filters: gather(results, filters) for filters in FILTERS}
+def _conclude_haptic(run: Run, case: SeededCase, results: Results) -> PartFound:
+    found = {filters: seeded.gather(results, filters) for filters in seeded.FILTERS}
     paper = paper_figures(run.loaded)
-    figures = verdict_figures("haptic", found) | _error_figures(found["bad"]) | _table_figures(found)
+    errors = seeded.errors_of(found["bad"])
+    figures = seeded.verdict_figures("haptic", found) | {
+        "haptic.iv.max_error_percent": float(errors.instruments.max()),
+        "haptic.iv.max_excess": errors.excess,
+        "haptic.ls.max_error_percent": float(errors.least_squares.max()),
+    }
+    # The first seed's variations of eq. 22, sigma among them, and Huber's passes.
+    for filters, judged in found.items():
+        figures |= {f"haptic.{filters}.e.{name}": value for name, value in variations(judged, _HUBER).items()}
+        figures[f"haptic.{filters}.huber_iterations"] = float(judged.iterations[_HUBER])
     return PartFound(figures, _ASKED, (_tables(found, case, paper), _figures(found, case), _seeds(found, case)))
 
 
 _ASKED = {
     "haptic.good.sigma": Asked(0.008, 0.012),
     "haptic.bad.sigma": Asked(0.031, 0.047),
-    **{f"haptic.{filters}.verdict_share": asked for filters, asked in VERDICTS.items()},
+    **{f"haptic.{filters}.verdict_share": asked for filters, asked in seeded.VERDICTS.items()},
     "haptic.iv.max_error_percent": Asked(upper=5.0),
     "haptic.iv.max_excess": Asked(upper=1.0),
     "haptic.ls.max_error_percent": Asked(lower=20.0),
 }
 
 
-def _error_figures(bad: Judged) -> dict[str, float]:
-    errors = errors_of(bad)
-    return {
-        "haptic.iv.max_error_percent": float(errors.instruments.max()),
-        "haptic.iv.max_excess": errors.excess,
-        "haptic.ls.max_error_percent": float(errors.least_squares.max()),
-    }
-
-
-def _table_figures(found: Mapping[str, Judged]) -> dict[str, float]:
-    """The first seed's variations of eq. 22, sigma among them, and Huber's passes."""
-    figures: dict[str, float] = {}
-    for filters, judged in found.items():
-        figures |= {f"haptic.{filters}.e.{name}": value for name, value in variations(judged, _HUBER).items()}
-        figures[f"haptic.{filters}.huber_iterations"] = float(judged.iterations[_HUBER])
-    return figures
-
-
-def variations(judged: Judged, row: int) -> dict[str, float]:
+def variations(judged: seeded.Judged, row: int) -> dict[str, float]:
     """Relative variations (eq. 22) of one of Huber's estimates from least squares, by parameter and `sigma` [%]."""
     plain = np.append(judged.value[_PLAIN], judged.sigma[_PLAIN])
     other = np.append(judged.value[row], judged.sigma[row])
@@ -125,16 +90,20 @@ def variations(judged: Judged, row: int) -> dict[str, float]:
     return dict(zip((*judged.names, _SIGMA), relative.tolist(), strict=True))
 
 
-def _tables(found: Mapping[str, Judged], case: SeededCase, paper: Mapping[str, Any]) -> Section:
-    good, bad = (found[filters] for filters in FILTERS)
-    nominal = paper.get("nominal", {})
-    first, second = f"{case.good_cut_hz:g} Hz", f"{case.bad_cut_hz:g} Hz"
+def _tables(found: Mapping[str, seeded.Judged], case: SeededCase, paper: Mapping[str, Any]) -> Section:
+    shown = (
+        ("Table 1: least squares", "good", _PLAIN),
+        ("Table 2: Huber", "good", _HUBER),
+        ("Table 3: least squares", "bad", _PLAIN),
+        ("Table 4: Huber", "bad", _HUBER),
+        ("Table 5: Huber with H = 0.2", "bad", _PAPERS_BEND),
+    )
+    cut, nominal = dict(zip(seeded.FILTERS, seeded.cuts(case), strict=True)), paper.get("nominal", {})
     tables = (
-        _estimates(f"Table 1: least squares, {first}", good, _PLAIN, paper.get("table_1", {}), nominal),
-        _estimates(f"Table 2: Huber, {first}", good, _HUBER, paper.get("table_2", {}), nominal),
-        _estimates(f"Table 3: least squares, {second}", bad, _PLAIN, paper.get("table_3", {}), nominal),
-        _estimates(f"Table 4: Huber, {second}", bad, _HUBER, paper.get("table_4", {}), nominal),
-        _estimates(f"Table 5: Huber with H = 0.2, {second}", bad, _PAPERS_BEND, paper.get("table_5", {}), nominal),
+        *(
+            _estimates(f"{title}, {cut[filters]:g} Hz", found[filters], row, paper.get(f"table_{number}", {}), nominal)
+            for number, (title, filters, row) in enumerate(shown, 1)
+        ),
         _variation_table(found, case, paper),
     )
     lead = (
@@ -145,15 +114,17 @@ def _tables(found: Mapping[str, Judged], case: SeededCase, paper: Mapping[str, A
     return Section("Haptic device: Tables 1 to 6", lead, (Beside(tables, columns=2), *_limits(found, case)))
 
 
-def _estimates(title: str, judged: Judged, row: int, paper: Mapping[str, Any], nominal: Mapping[str, float]) -> Table:
+def _estimates(
+    title: str, judged: seeded.Judged, row: int, paper: Mapping[str, Any], nominal: Mapping[str, float]
+) -> Table:
     value, deviation = paper.get("value", {}), paper.get("deviation", {})
     own = np.abs(judged.std[row] / judged.value[row]).tolist()
     rows = tuple(
         (
             f"{name} [{unit}]",
-            or_missing(nominal.get(name)),
-            or_missing(value.get(name)),
-            or_missing(deviation.get(name), fraction=True),
+            significant(nominal.get(name)),
+            significant(value.get(name)),
+            percent(deviation.get(name)),
             significant(estimate),
             percent(relative),
         )
@@ -161,19 +132,19 @@ def _estimates(title: str, judged: Judged, row: int, paper: Mapping[str, Any], n
             judged.names, judged.units, judged.value[row].tolist(), own, strict=True
         )
     )
-    sigma = ("sigma [N m]", "", or_missing(paper.get(_SIGMA)), "", significant(float(judged.sigma[row, 0])), "")
+    sigma = ("sigma [N m]", "", significant(paper.get(_SIGMA)), "", significant(float(judged.sigma[row, 0])), "")
     passes = ("passes", "", str(paper.get("iterations", MISSING)), "", str(int(judged.iterations[row])), "")
     heads = ("Parameter", "Nominal", "Paper", "Deviation", "Ours", "Deviation")
     return Table(heads, (*rows, sigma, *([passes] if row else [])), title=title)
 
 
-def _variation_table(found: Mapping[str, Judged], case: SeededCase, paper: Mapping[str, Any]) -> Table:
+def _variation_table(found: Mapping[str, seeded.Judged], case: SeededCase, paper: Mapping[str, Any]) -> Table:
     printed, below = paper.get("table_6", {}), paper.get("table_6_below", {})
-    good, bad = (variations(found[filters], _HUBER) for filters in FILTERS)
+    good, bad = (variations(found[filters], _HUBER) for filters in seeded.FILTERS)
     rows = tuple(
         (
             f"%e({name})",
-            f"< {percent(below[name])}" if name in below else or_missing(printed.get(name), fraction=True),
+            f"< {percent(below[name])}" if name in below else percent(printed.get(name)),
             percent(bad[name] / 100),
             percent(good[name] / 100),
         )
@@ -187,16 +158,16 @@ def _variation_table(found: Mapping[str, Judged], case: SeededCase, paper: Mappi
     return Table(heads, rows, title="Table 6: relative variations", caption=caption)
 
 
-def _limits(found: Mapping[str, Judged], case: SeededCase) -> tuple[Table, ...]:
+def _limits(found: Mapping[str, seeded.Judged], case: SeededCase) -> tuple[Table, ...]:
     """Huber's estimates with H towards infinity and towards 0."""
-    order = np.argsort(BENDS)[::-1]
+    order = np.argsort(seeded.BENDS)[::-1]
     tables = []
-    for filters, cut in zip(FILTERS, cuts(case), strict=True):
+    for filters, cut in zip(seeded.FILTERS, seeded.cuts(case), strict=True):
         judged = found[filters]
         each = [variations(judged, 1 + index) for index in order]
         rows = [(name, *(percent(round(one[name] / 100, 6)) for one in each)) for name in each[0]]
         rows.append(("passes", *(str(int(judged.iterations[1 + index])) for index in order)))
-        heads = ("Variation", *(f"H = {BENDS[index]:g}" for index in order))
+        heads = ("Variation", *(f"H = {seeded.BENDS[index]:g}" for index in order))
         tables.append(Table(heads, tuple(rows), title=f"Limits of H, {cut:g} Hz"))
     caption = (
         "Distance from least squares (eq. 22). Towards infinity Huber's estimator is least squares, towards 0 it"
@@ -205,33 +176,31 @@ def _limits(found: Mapping[str, Judged], case: SeededCase) -> tuple[Table, ...]:
     return (*tables[:-1], replace(tables[-1], caption=caption))
 
 
-def _figures(found: Mapping[str, Judged], case: SeededCase) -> Section:
-    good, bad = (found[filters] for filters in FILTERS)
-    first, second = f"{case.good_cut_hz:g} Hz", f"{case.bad_cut_hz:g} Hz"
-    second_and_third = residual_figures(
+def _figures(found: Mapping[str, seeded.Judged], case: SeededCase) -> Section:
+    good, bad = (found[filters] for filters in seeded.FILTERS)
+    beyond = [percent(seeded.outlier_share(each)) for each in (good, bad)]
+    first, second = (f"{cut:g} Hz" for cut in seeded.cuts(case))
+    spread, weights, _ = seeded.residual_figures(
         good, 0, (f"Fig. 2: residuals, {first}", f"Fig. 3: Huber's weights, {first}", "")
     )
-    others = residual_figures(
-        bad, 0, (f"Fig. 4: residuals, {second}", "", f"Fig. 5: course of the residuals, {second}")
-    )
+    names = f"Fig. 4: residuals, {second}", "", f"Fig. 5: course of the residuals, {second}"
+    other, _, course = seeded.residual_figures(bad, 0, names)
     lead = (
         f"Least squares of seed {case.first_seed}. In the paper Fig. 2 is close to a Gaussian of 0.01 N m with few"
         " outliers, Fig. 3 is 1 in the middle and falls as one over the residual, Fig. 4 is no Gaussian, and Fig. 5"
         " often leaves the band of three deviations. Of ours"
-        f" {percent(outlier_share(good))} lie beyond three deviations at {first}, {percent(outlier_share(bad))} at"
-        f" {second}; of a Gaussian 0.27 %."
+        f" {beyond[0]} lie beyond three deviations at {first}, {beyond[1]} at {second}; of a Gaussian 0.27 %."
     )
-    return Section(
-        "Haptic device: Figs 2 to 5", lead, (Beside((*second_and_third[:2], others[0], others[2]), columns=2),)
-    )
+    shown = Beside((spread, weights, other, course), columns=2)
+    return Section("Haptic device: Figs 2 to 5", lead, (shown,))
 
 
-def _seeds(found: Mapping[str, Judged], case: SeededCase) -> Section:
+def _seeds(found: Mapping[str, seeded.Judged], case: SeededCase) -> Section:
     lead = (
         "Verdicts, and what the paper does not have: instrumental variables, whose instrument is the device simulated"
         " without noise, on the badly filtered data."
     )
-    parts = (*verdict_parts(found, case), error_table(found["bad"], case.bad_cut_hz))
+    parts = (*seeded.verdict_parts(found, case), seeded.error_table(found["bad"], case.bad_cut_hz))
     return Section(f"Haptic device over {case.seeds} seeds", lead, parts)
 
 
@@ -302,13 +271,9 @@ def measured(position: FloatArray, bench: Bench, phase_rad: FloatArray) -> Float
 def simulate(
     parameters: FloatArray, bench: Bench, phase_rad: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Simulates devices in closed loop.
+    """Simulates devices in closed loop, their parameters (n_device, 5) in the order of `NAMES`.
 
-    Args:
-        parameters (n_device, 5): Parameters in the order of `NAMES`.
-        bench: The loop.
-        phase_rad (n_device,): Zeros of the encoders; without them the loop sees the motion itself, as an
-            instrument does.
+    Without zeros of the encoders (n_device,) the loop sees the motion itself, as an instrument does.
 
     Returns:
         True positions (n_sample, n_device) [rad] and commanded torques [N m], those held from that sample on.
@@ -336,4 +301,6 @@ def simulate(
     return positions, torques
 
 
-HAPTIC = Part("haptic", conclude_haptic, haptic_tasks, identify_haptic)
+HAPTIC = Part(
+    "haptic", _conclude_haptic, lambda _run, case, _earlier: seeded.chunk_tasks(case, "haptic", {}), _identify_haptic
+)

@@ -1,21 +1,40 @@
-"""Real data beside published values: the EMPS axis, and the Staubli TX40."""
+"""Arms and axes against what is known of them: published values of recordings, the truth of simulated robots."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from robid.artifacts.artifact import Artifact
+import numpy as np
+
+from robid.artifacts.artifact import Artifact, Dataset
+from robid.artifacts.kinds import EXCITATION, excitation_from_artifact
+from robid.artifacts.store import read_artifact, read_header
+from robid.design.excitation.excitation import Excitation
 from robid.models.rigid.files import solution_from_artifact
+from robid.models.rigid.fit.fitting import fit_rigid
+from robid.models.rigid.fit.options import RigidFitOptions
+from robid.models.rigid.fit.shots import shots_of
 from robid.models.rigid.fit.solution import RigidSolution
+from robid.models.rigid.settings import rigid_fit
+from robid.pipeline.configurations import configurations_of
 from robid.pipeline.graph import Run
-from robid.report.numbers import significant
+from robid.report.numbers import percent, significant
 from robid.report.section import Section, Table
 from robid.robot.description import Robot
+from robid.robot.regressor.base import find_base_parameters
+from robid.robot.regressor.model import build_rigid_model
+from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
 from robid.settings.yaml import load_yaml
-from robid.studies.settings.parts import RealCase, RecordedCase
-from robid.studies.study import Asked, PartFound, recorded_part
+from robid.simulate.experiment import SimulatedExperiment, simulate
+from robid.simulate.options import Controller, SimulateOptions, Truth
+from robid.simulate.truth import true_robot
+from robid.studies.experiments import Further, run_of
+from robid.studies.page import Asked, PartFound, table
+from robid.studies.settings.parts import CoverageCase, RealCase, RecordedCase
+from robid.studies.simulated import simulate_options
+from robid.studies.study import Content, Part, Results, Task, in_chunks, recorded_part
 
 PUBLISHED: Mapping[str, float] = {
     **{"Ia3": 0.0988, "Ia4": 0.0313, "Ia5": 0.0468, "Ia6": 0.0105, "Iam6": 0.00964, "fvm6": 0.616},
@@ -29,35 +48,16 @@ _VISCOUS = ("fv1", "fv2", "fv3", "fv4", "fv5", "fv6")
 _UNITS = {"Ia": "kg m^2", "fv": "N m s/rad", "fs": "N m"}
 
 
-@dataclass(frozen=True)
-class Row:
-    """A parameter beside its published value."""
-
-    name: str  # Its name in the literature
-    unit: str
-    published: float  # The published value
-    found: float  # Ours
-
-    @property
-    def error_percent(self) -> float:
-        """Difference from the published value over it [%]."""
-        return 100 * (self.found / self.published - 1)
-
-
-def published_rows(solution: RigidSolution, robot: Robot) -> tuple[Row, ...]:
-    """Returns the published parameters with what a fit found of them.
-
-    Args:
-        solution: The fit.
-        robot: The robot that it is of, for its gears.
-    """
+def published_rows(solution: RigidSolution, robot: Robot) -> dict[str, tuple[float, float]]:
+    """Returns the published parameters, each with what a fit found of it, by their names in the literature."""
     found = arm_side(solution.estimate.found, robot)
-    return tuple(Row(name, _UNITS[name[:2]], value, found[name]) for name, value in PUBLISHED.items())
+    return {name: (value, found[name]) for name, value in PUBLISHED.items()}
 
 
 def tx40_figures(solution: RigidSolution, robot: Robot) -> dict[str, float]:
     """Returns the figures of the study: how far a fit is from what was published, and what its residuals say."""
-    error = {row.name: abs(row.error_percent) for row in published_rows(solution, robot)}
+    pairs = published_rows(solution, robot)
+    error = {name: 100 * abs(found / published - 1) for name, (published, found) in pairs.items()}
     return {
         "tx40.max_inertia_error_percent": max(error[name] for name in _INERTIAS),
         "tx40.max_viscous_error_percent": max(error[name] for name in _VISCOUS),
@@ -72,11 +72,6 @@ def arm_side(parameters: Mapping[str, float], robot: Robot) -> dict[str, float]:
     A motor's inertia `J` and friction count with its gear ratio squared, Coulomb friction with the ratio. Motor 6 turns
     with axes 5 and 6: `Iam6 = J6`, `Ia5 = J5 + J6`, `Ia6 = J6 + ` the coupled gear's own, viscous friction alike. Of
     Coulomb friction, which feels each speed by itself, `fsm6` is motor 6's and `fs6` the coupled gear's.
-
-    Args:
-        parameters: What a fit found, by name; motor inertias that are not there belong to an axis that cannot tell
-            them from its links'.
-        robot: The robot.
     """
     joints = dict(enumerate(robot.joints, start=1))
     gear, result = robot.joints[-1].name, dict[str, float]()
@@ -99,10 +94,7 @@ def arm_side(parameters: Mapping[str, float], robot: Robot) -> dict[str, float]:
     return result
 
 
-_ASKED = {
-    "tx40.max_inertia_error_percent": Asked(upper=15.0),
-    "tx40.max_viscous_error_percent": Asked(upper=20.0),
-}
+_ASKED = {"tx40.max_inertia_error_percent": Asked(upper=15.0), "tx40.max_viscous_error_percent": Asked(upper=20.0)}
 
 
 def _conclude_tx40(_run: Run, _case: RecordedCase, own: Run, models: list[Artifact]) -> PartFound:
@@ -110,8 +102,8 @@ def _conclude_tx40(_run: Run, _case: RecordedCase, own: Run, models: list[Artifa
     solution = solution_from_artifact(models[0])
     robot = own.loaded.robot.to_robot()
     rows = tuple(
-        (row.name, row.unit, significant(row.published), significant(row.found), f"{row.error_percent:+.1f} %")
-        for row in published_rows(solution, robot)
+        (name, _UNITS[name[:2]], significant(published), significant(found), f"{100 * (found / published - 1):+.1f} %")
+        for name, (published, found) in published_rows(solution, robot).items()
     )
     caption = "Arm side, as published; the wrist's sixth motor turns with axes 5 and 6."
     table = Table(("Parameter", "Unit", "Published", "Ours", "Off"), rows, caption=caption, fit="compact")
@@ -129,14 +121,14 @@ def _conclude_emps(run: Run, case: RealCase, _own: Run, models: list[Artifact]) 
     """Turns the axis' fits into figures and what is asked of them."""
     published = load_yaml(run.loaded.path.parent / case.published).data
     plain, asymmetric = map(solution_from_artifact, models)
-    figures = _figures(plain, asymmetric)
-    return PartFound(figures, asked_of(published), (_section(figures, published, plain),))
+    figures = _emps_figures(plain, asymmetric)
+    return PartFound(figures, asked_of(published), (_emps_section(figures, published, plain),))
 
 
 EMPS = recorded_part("emps", "The EMPS axis", lambda _case: _FITS, _conclude_emps)
 
 
-def _figures(plain: RigidSolution, asymmetric: RigidSolution) -> dict[str, float]:
+def _emps_figures(plain: RigidSolution, asymmetric: RigidSolution) -> dict[str, float]:
     estimate = plain.estimate
     named = {
         _KINDS[kind]: value
@@ -165,7 +157,7 @@ def asked_of(values: Mapping[str, Any]) -> dict[str, Asked]:
     return asked
 
 
-def _section(figures: Mapping[str, float], values: Mapping[str, Any], plain: RigidSolution) -> Section:
+def _emps_section(figures: Mapping[str, float], values: Mapping[str, Any], plain: RigidSolution) -> Section:
     rows = tuple(
         (name, significant(value, _DIGITS), significant(figures[f"emps.{name}"], _DIGITS))
         for name, value in _published(values).items()
@@ -181,3 +173,142 @@ def _section(figures: Mapping[str, float], values: Mapping[str, Any], plain: Rig
 
 
 TX40 = recorded_part("tx40", "The TX40", lambda case: (case.fit,), _conclude_tx40)
+
+
+_FRICTION = (".viscous", ".coulomb")
+
+
+def _conclude_kr300(_run: Run, _case: CoverageCase, results: Results) -> PartFound:
+    """Counts how often intervals held the truth, and how far friction and the rest were off."""
+    own = {name: [each for each in results if each.attributes["joints"] == name] for name in JOINTS}
+    found = {name: _held_figures(rows) for name, rows in own.items() if rows}
+    prefixes = {"rigid": "kr300.", "elastic": "kr300.elastic."}
+    figures = {f"{prefixes[name]}{key}": value for name, one in found.items() for key, value in one.items()}
+    columns = (
+        ("Joints", lambda name: name),
+        ("Robots", lambda name: f"{found[name]['robots']:.0f}"),
+        ("Intervals that hold", lambda name: percent(found[name]["coverage_95"])),
+        ("Errors, in deviations", lambda name: significant(found[name]["rms_deviations"], 3)),
+        ("Friction off (median)", lambda name: percent(found[name]["median_friction_error"])),
+        ("(worst mean)", lambda name: percent(found[name]["worst_friction_error"])),
+    )
+    caption = (
+        "95 % intervals of all base parameters; friction, ripple, resolver and encoder errors and torque noise are on."
+        " Rigid joints are what the model assumes; the springs of elastic ones it does not know."
+    )
+    section = Section("Six axes: intervals against the truth", "", (table(columns, found, caption=caption),))
+    return PartFound(figures, {"kr300.coverage_95": Asked(0.92, 0.98)}, (section,))
+
+
+def _held_figures(results: Sequence[Artifact]) -> dict[str, float]:
+    names = results[0].datasets["names"].values.tolist()
+    value, truth, std, inside = (
+        np.concatenate([each.datasets[key].values for each in results]) for key in ("value", "truth", "std", "inside")
+    )
+    friction = [index for index, name in enumerate(names) if name.endswith(_FRICTION)]
+    error = np.abs(value[:, friction] / truth[:, friction] - 1)
+    return {
+        "robots": float(len(value)),
+        "coverage_95": float(inside.mean()),
+        "rms_deviations": float(np.sqrt(np.mean(((value - truth) / std) ** 2))),
+        "median_friction_error": float(np.median(error)),
+        "worst_friction_error": float(error.mean(axis=0).max()),
+    }
+
+
+JOINTS = ("rigid", "elastic")
+
+
+@dataclass(frozen=True)
+class Robots:
+    """Some robots of one kind."""
+
+    robot: Robot  # The robot file's, with or without its springs
+    controller: Controller
+    excitation: Excitation  # The trajectories
+    configuration: tuple[float, ...]  # (n_joint,) where they begin
+    periods: int  # Recorded periods
+    simulated: SimulateOptions  # How they are simulated, seeds left open
+    truth: Truth  # How they deviate from the file, seeds left open
+    options: RigidFitOptions  # How they are identified
+    seeds: tuple[int, ...]  # One for each robot and its noise
+
+
+def _further_kr300(run: Run, case: CoverageCase) -> Further:
+    return ((run_of(run, case.experiment, "kr300"), (f"{case.campaign}/excitation.h5",)),)
+
+
+def kr300_tasks(run: Run, case: CoverageCase, _earlier: Mapping[str, Results]) -> list[Task]:
+    """Returns the tasks: some robots each, rigid ones, then elastic ones."""
+    own = run_of(run, case.experiment, "kr300")
+    campaign = own.loaded.experiment.campaigns[case.campaign]
+    path, options = own.path(f"{case.campaign}/excitation.h5"), rigid_fit(own.loaded.experiment, case.fit).options()
+    decides = {
+        **robot_settings(own.loaded, "mechanics", "rigid", "friction", "controller", "timing"),
+        "excitation": read_header(path).content_sha256,
+        "campaign": plain_settings(campaign),
+        "options": plain_settings(options),
+    }
+    robot, simulated = own.loaded.robot.to_robot(campaign.payload_kg), simulate_options(campaign)
+    one = Robots(
+        robot=robot,
+        controller=require_controller(own.loaded),
+        excitation=excitation_from_artifact(read_artifact(path, EXCITATION)).excitation,
+        configuration=tuple(configurations_of(own.loaded, campaign, {})[0].tolist()),
+        periods=campaign.periods,
+        simulated=simulated,
+        truth=simulated.truth,
+        options=replace(options, instruments="none", physical=False, sweep=()),
+        seeds=(),
+    )
+    tasks = []
+    for name, count in zip(JOINTS, (case.seeds, case.elastic_seeds), strict=True):
+        own_robot = replace(robot, springs=()) if name == "rigid" else robot
+        for seeds in in_chunks(case.first_seed, count, case.seeds_per_task):
+            argument = replace(one, robot=own_robot, seeds=tuple(seeds))
+            tasks.append(Task(f"{name}_{seeds.start}", {**decides, "joints": name, "seeds": list(seeds)}, (argument,)))
+    return tasks
+
+
+def _identify_robots(one: Robots) -> Content:
+    rows = [_identify(one, seed) for seed in one.seeds]
+    axes = ("seed", "parameter")
+    names = np.array(rows[0][0])
+    value, truth, std, inside = (np.array([row[index] for row in rows]) for index in range(1, 5))
+    return Content(
+        {
+            "names": Dataset(names, "1", ("parameter",)),
+            "value": Dataset(value, "SI", axes, "Estimates"),
+            "truth": Dataset(truth, "SI", axes, "True values"),
+            "std": Dataset(std, "SI", axes, "Deviations that the fit states"),
+            "inside": Dataset(inside, "1", axes, "Whether the interval holds the truth"),
+        },
+        {"joints": "rigid" if not one.robot.springs else "elastic"},
+    )
+
+
+def _identify(one: Robots, seed: int) -> tuple[tuple[str, ...], list[float], list[float], list[float], list[bool]]:
+    true = true_robot(one.robot, replace(one.truth, seed=seed))
+    experiment = SimulatedExperiment(
+        robot=true,
+        controller=one.controller,
+        options=replace(one.simulated, seed=seed),
+        reference=one.excitation.reference,
+        inject=one.excitation.kind,
+        excited_lines=one.excitation.excited_lines,
+        detection_lines=one.excitation.detection_lines,
+        periods=one.periods,
+    )
+    record = simulate(experiment, np.array(one.configuration), 0)
+    shots = shots_of(record, one.robot, late_samples=one.controller.delay_samples)
+    found = fit_rigid(one.robot, shots, one.options).estimate
+    base = find_base_parameters(build_rigid_model(one.robot, one.options.model), one.options.base)
+    values = base.values(build_rigid_model(true, one.options.model).nominal)
+    known = dict(zip(base.base_names, values.tolist(), strict=True))
+    truth = np.array([known[name] for name in found.names])
+    inside = (found.lower <= truth) & (truth <= found.upper)
+    std = np.sqrt(np.diag(found.covariance))
+    return found.names, found.value.tolist(), truth.tolist(), std.tolist(), inside.tolist()
+
+
+KR300 = Part("kr300", _conclude_kr300, kr300_tasks, _identify_robots, _further_kr300)

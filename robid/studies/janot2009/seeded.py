@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -24,9 +24,14 @@ from robid.models.rigid.fit.regression import (
 )
 from robid.models.rigid.fit.residuals import Influence
 from robid.models.rigid.fit.rows import Reading, Regressor, Remembered, prepare
+from robid.models.rigid.fit.solution import RowResiduals
+from robid.models.rigid.page import course, histogram, weights
+from robid.report.numbers import percent, significant
+from robid.report.section import Beside, Figure, Notes, Part, Table
 from robid.settings.robot_parts import plain_settings
+from robid.studies.page import Asked
 from robid.studies.settings.parts import SeededCase
-from robid.studies.tasks import Content, Task, in_chunks
+from robid.studies.study import Content, Task, in_chunks
 
 FILTERS = ("good", "bad")
 """Filters that suit, and filters that do not."""
@@ -34,14 +39,6 @@ BENDS = (HuberOptions.bend, 0.2, 0.01, 1e3)
 """Bends `H` that are shown: the usual one, the paper's 0.2, towards 0 and towards infinity."""
 TESTS = ("Huber", "instruments", "normality", "whiteness")
 _ITERATIONS = 1000  # towards H = 0 the weights settle slowly
-
-
-@dataclass(frozen=True)
-class Chunk:
-    """Some seeds of a case."""
-
-    case: SeededCase
-    seeds: range
 
 
 @dataclass(frozen=True)
@@ -72,23 +69,14 @@ class Judged:
     """The verdict on it."""
 
 
-def chunk_tasks(
-    case: SeededCase, name: str, decides: dict[str, Any], argument: Callable[[Chunk], object]
-) -> list[Task]:
-    """Returns the tasks of a case: its seeds in chunks, with either of the filters.
-
-    Args:
-        case: The case.
-        name: Its name.
-        decides: What decides its results beside its settings.
-        argument: Makes what the task's function is given.
-    """
+def chunk_tasks(case: SeededCase, name: str, decides: dict[str, Any], *given: object) -> list[Task]:
+    """Returns the tasks of a case: its seeds in chunks, with either of the filters."""
     own = plain_settings(case)
     settings = {key: own[key] for key in own if key not in ("seeds", "seeds_per_task", "first_seed")}
     found = []
     for seeds in in_chunks(case.first_seed, case.seeds, case.seeds_per_task):
         place = {"seeds": [seeds.start, seeds.stop], "bends": BENDS}
-        found.append(Task(f"{name}_{seeds.start}", {**decides, **settings, **place}, argument(Chunk(case, seeds))))
+        found.append(Task(f"{name}_{seeds.start}", {**decides, **settings, **place}, (*given, case, seeds)))
     return found
 
 
@@ -96,9 +84,8 @@ def judge_chunk(machine: Machine, recording: Recording, case: SeededCase) -> Con
     """Identifies every seed of a recording with either of the filters, the first seed in detail."""
     datasets: dict[str, Dataset] = {}
     attributes: dict[str, Attribute] = {}
-    for name, cut in zip(FILTERS, (case.good_cut_hz, case.bad_cut_hz), strict=True):
-        options = PreprocessingOptions(cut, drop_deviations=case.drop_deviations)
-        judged = _judged(machine, identify(machine, recording, options), _detail(machine, recording, options))
+    for name, cut in zip(FILTERS, cuts(case), strict=True):
+        judged = _judged(machine, recording, PreprocessingOptions(cut, drop_deviations=case.drop_deviations))
         arrays, scalars = to_datasets(judged, f"{name}/")
         datasets, attributes = datasets | arrays, attributes | scalars
     return Content(datasets, attributes)
@@ -114,32 +101,19 @@ def gather(results: Iterable[Artifact], filters: str) -> Judged:
     return Judged(**{**vars(parts[0]), **joined})
 
 
-@dataclass(frozen=True)
-class _Detail:
-    estimates: tuple[Regression, ...]
-    time_s: FloatArray
-    residual: FloatArray
-    weight: FloatArray
-
-
-def _detail(machine: Machine, recording: Recording, options: PreprocessingOptions) -> _Detail:
-    """The paper's tables of the first seed: rows chosen by the measured speed, equal weights."""
-    rows = read(machine, recording, 0, options)
-    reduction = reduce_rows(rows)
-    plain = ordinary_least_squares(reduction)
-    swept = sweep_bend(rows, reduction, BENDS, HuberOptions(covariance="weighted", iteration_limit=_ITERATIONS))
-    residual = residuals(rows, plain.parameters)
-    period = recording.sampling_period_s * options.decimator(recording.sampling_period_s).factor
-    weight = huber_weights(residuals(rows, swept[0].parameters) / swept[0].scale, BENDS[0])
-    return _Detail((plain, *swept), np.arange(len(residual)) * period, residual, weight)
-
-
-def _judged(machine: Machine, found: Identified, detail: _Detail) -> Judged:
-    size = np.abs(machine.truth)
+def _judged(machine: Machine, recording: Recording, options: PreprocessingOptions) -> Judged:
+    found, size = identify(machine, recording, options), np.abs(machine.truth)
     for vector in machine.vectors:
         size[list(vector)] = np.linalg.norm(machine.truth[list(vector)])
     verdicts = [one.verdict for one in found.conclusions]
     instrumental = [one.instruments.parameters for one in found.conclusions if one.instruments is not None]
+    # The paper's tables of the first seed: rows chosen by the measured speed, equal weights.
+    rows = read(machine, recording, 0, options)
+    reduction = reduce_rows(rows)
+    plain = ordinary_least_squares(reduction)
+    swept = sweep_bend(rows, reduction, BENDS, HuberOptions(covariance="weighted", iteration_limit=_ITERATIONS))
+    residual, estimates = residuals(rows, plain.parameters), (plain, *swept)
+    period = recording.sampling_period_s * options.decimator(recording.sampling_period_s).factor
     return Judged(
         names=tuple(machine.regressor.names),
         units=tuple(machine.regressor.units),
@@ -150,13 +124,13 @@ def _judged(machine: Machine, found: Identified, detail: _Detail) -> Judged:
         plain=np.array([one.parameters for one in found.plain]),
         instrumental=np.array(instrumental),
         deviation=np.array([one.deviation for one in found.plain]),
-        value=np.array([one.parameters for one in detail.estimates]),
-        std=np.array([one.standard_deviation for one in detail.estimates]),
-        sigma=np.array([one.deviation for one in detail.estimates]),
-        iterations=np.array([one.iterations for one in detail.estimates]),
-        time_s=detail.time_s,
-        residual=detail.residual,
-        weight=detail.weight,
+        value=np.array([one.parameters for one in estimates]),
+        std=np.array([one.standard_deviation for one in estimates]),
+        sigma=np.array([one.deviation for one in estimates]),
+        iterations=np.array([one.iterations for one in estimates]),
+        time_s=np.arange(len(residual)) * period,
+        residual=residual,
+        weight=huber_weights(residuals(rows, swept[0].parameters) / swept[0].scale, BENDS[0]),
         sentence=verdicts[0].sentence,
     )
 
@@ -220,13 +194,7 @@ def read(
 
 
 def identify(machine: Machine, recording: Recording, options: PreprocessingOptions) -> Identified:
-    """Identifies every seed of a recording.
-
-    Args:
-        machine: What was recorded.
-        recording: Its records.
-        options: The filters.
-    """
+    """Identifies every seed of a recording."""
     fit = weighted_least_squares if machine.weighted else ordinary_least_squares
     plain = [fit(reduce_rows(read(machine, recording, seed, options))) for seed in range(len(recording))]
     rows, found = _instruments(machine, recording, options, plain)
@@ -257,3 +225,118 @@ def _instruments(
         if np.max(step) <= _SETTLED:
             break
     return rows, found
+
+
+VERDICTS = {"good": Asked(lower=0.95), "bad": Asked(lower=0.95)}
+_BIAS_ALLOWED = 2.0  # per cent
+_DEVIATIONS = 3.0
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of the means over the seeds, in per cent of the truth, of a vector's parts of its norm."""
+
+    least_squares: FloatArray  # (n_param,) of least squares
+    instruments: FloatArray  # (n_param,) of the instrumental variables
+    standard: FloatArray  # (n_param,) standard errors of these
+
+    @property
+    def excess(self) -> float:
+        """Largest error of the instrumental variables over what is allowed: 3 standard errors, or 2 %."""
+        allowed = np.maximum(_DEVIATIONS * self.standard, _BIAS_ALLOWED)
+        return float(np.max(self.instruments / allowed))
+
+
+def errors_of(judged: Judged) -> Errors:
+    """Compares the means over the seeds with the truth."""
+    relative = 100 / judged.size
+    scatter = judged.instrumental.std(axis=0, ddof=1) / np.sqrt(len(judged.instrumental))
+    return Errors(
+        np.abs(judged.plain.mean(axis=0) - judged.truth) * relative,
+        np.abs(judged.instrumental.mean(axis=0) - judged.truth) * relative,
+        scatter * relative,
+    )
+
+
+def verdict_figures(name: str, found: Mapping[str, Judged]) -> dict[str, float]:
+    """Returns shares of right verdicts and of alarms, and the residuals' mean deviation, by filter."""
+    figures: dict[str, float] = {f"{name}.seeds": len(found["good"].trust)}
+    for filters, judged in found.items():
+        trusted = float(judged.trust.mean())
+        figures[f"{name}.{filters}.verdict_share"] = trusted if filters == "good" else 1 - trusted
+        figures[f"{name}.{filters}.sigma"] = float(np.sqrt((judged.deviation**2).mean(axis=1)).mean())
+        for test, share in zip(TESTS, judged.alarms.mean(axis=0).tolist(), strict=True):
+            figures[f"{name}.{filters}.alarms.{test.lower()}"] = share
+    return figures
+
+
+def verdict_parts(found: Mapping[str, Judged], case: SeededCase) -> tuple[Table, Notes]:
+    """Shares of the seeds that were trusted, and of those that each test spoke against; the words on the first seed."""
+    judged = [found[filters] for filters in FILTERS]
+    shares = {"Trusted": [one.trust for one in judged]}
+    shares |= {f"Alarm: {test}": [one.alarms[:, at] for one in judged] for at, test in enumerate(TESTS)}
+    rows = tuple((name, *(percent(float(values.mean())) for values in pair)) for name, pair in shares.items())
+    heads = (f"{case.seeds} seeds", *(f"{cut:g} Hz" for cut in cuts(case)))
+    said = (f"Seed {case.first_seed}, {cut:g} Hz: {one.sentence}" for one, cut in zip(judged, cuts(case), strict=True))
+    return Table(heads, rows, title="Verdict on least squares", fit="compact"), Notes(tuple(said))
+
+
+def cuts(case: SeededCase) -> tuple[float, float]:
+    """Returns the cut-offs in the order of `FILTERS` [Hz]."""
+    return case.good_cut_hz, case.bad_cut_hz
+
+
+def error_table(judged: Judged, cut_hz: float) -> Table:
+    """Errors of the means over the seeds."""
+    errors = errors_of(judged)
+    values = np.stack([errors.least_squares, errors.instruments, errors.standard], axis=1) / 100
+    rows = tuple(
+        (name, unit, significant(truth), *map(percent, row))
+        for name, unit, truth, row in zip(
+            judged.names, judged.units, judged.truth.tolist(), values.tolist(), strict=True
+        )
+    )
+    heads = ("Parameter", "Unit", "Truth", "Least squares", "Instruments", "Standard error")
+    caption = (
+        "Distance of the mean over the seeds from the truth, of first moments over their norm; the standard error is"
+        " that of the instruments' mean."
+    )
+    return Table(heads, rows, title=f"Errors at {cut_hz:g} Hz", caption=caption)
+
+
+def estimate_tables(found: Mapping[str, Judged], case: SeededCase) -> tuple[Table, ...]:
+    """The first seed's estimates with either filter against the truth."""
+    tables = []
+    for filters, cut in zip(FILTERS, cuts(case), strict=True):
+        judged = found[filters]
+        values = np.stack([judged.truth, judged.plain[0], judged.value[1], judged.instrumental[0]], axis=1)
+        rows = tuple(
+            (f"{name} [{unit}]", *(significant(each) for each in row))
+            for name, unit, row in zip(judged.names, judged.units, values.tolist(), strict=True)
+        )
+        heads = ("Base parameter", "Truth", "Least squares", "Huber", "Instruments")
+        tables.append(Table(heads, rows, title=f"Estimates of seed {case.first_seed} at {cut:g} Hz", fit="compact"))
+    return tuple(tables)
+
+
+def residual_figures(judged: Judged, joint: int, names: tuple[str, str, str]) -> tuple[Figure, ...]:
+    """Histogram, weights and course of one joint's residuals of the first seed."""
+    rows = RowResiduals(judged.time_s, judged.residual, judged.residual, judged.weight)
+    shown = zip((histogram, weights, course), names, strict=True)
+    return tuple(draw(rows, joint, name, "N m") for draw, name in shown)
+
+
+def joint_figures(found: Mapping[str, Judged], case: SeededCase, joints: tuple[str, ...]) -> Part:
+    """Histograms of all joints' residuals with either filter, good ones first."""
+    shown = [
+        residual_figures(found[filters], index, (f"{joint}, {cut:g} Hz", "", ""))[0]
+        for filters, cut in zip(FILTERS, cuts(case), strict=True)
+        for index, joint in enumerate(joints)
+    ]
+    return Beside(tuple(shown), columns=len(joints))
+
+
+def outlier_share(judged: Judged) -> float:
+    """Returns the share of the first seed's residuals beyond three deviations."""
+    residual = judged.residual[np.isfinite(judged.residual)]
+    return float(np.mean(np.abs(residual) > _DEVIATIONS * residual.std()))

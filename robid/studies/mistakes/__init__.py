@@ -1,1 +1,4 @@
-"""The study of mistakes. Read `responses`, `cases`, `report`; `units` reads logs in wrong units."""
+"""The study of mistakes.
+
+Read `responses`, `cases`, `report`; `unit_logs` and `wrong_units` are about logs in wrong units.
+"""

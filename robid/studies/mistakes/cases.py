@@ -25,13 +25,11 @@ from robid.pipeline.graph import Run
 from robid.results.doubt import CAUSES
 from robid.results.plausible.doubts import data_doubts
 from robid.robot.description import Robot
-from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, plain_settings
 from robid.studies.mistakes.responses import Case, campaigns_of, cases, mistaken_robot, mistaken_truth
 from robid.studies.settings.mistakes import Mistake, MistakesStudy
 from robid.studies.simulated import kept_solution, kept_truth, response_from, solution_or_refusal
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Content, Task
+from robid.studies.study import Content, Earlier, Task, study_of
 
 GRADING = 4
 """Raised when the rules of the grade change, so that the cases are graded anew."""
@@ -80,14 +78,7 @@ def against_truth(solution: ElasticSolution, validation: Validation, truth: dict
 
 
 def refused_causes(robot: Robot, frf: Frf | None, text: str, delay_s: float = 0.0) -> tuple[str, ...]:
-    """Returns the causes that the tool names where it refuses data, in their order.
-
-    Args:
-        robot: The robot as the file that the fit reads describes it.
-        frf: The response, if that was not refused itself.
-        text: Why it was refused.
-        delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
-    """
+    """Returns the causes that the tool names where it refuses data, by its text and the response, in their order."""
     seen = () if frf is None else tuple(doubt.cause for doubt in data_doubts(robot, frf, delay_s))
     named = sorted((text.find(words), cause) for cause, words in CAUSES.items() if words in text)
     return tuple(dict.fromkeys((*seen, *(cause for _, cause in named))))
@@ -104,20 +95,11 @@ class Fitting:
     delay_s: float
 
 
-@dataclass(frozen=True)
-class Judged:
-    """A fit to be judged."""
-
-    fitting: Fitting
-    model: Path
-    mistake: Mistake
-    about: dict[str, Attribute]
-
-
 def model_tasks(run: Run, earlier: Earlier) -> list[Task]:
     """Returns the fit of each case."""
     responses = earlier[0].by_name
-    return [Task(case.key, *_fitting(run, case, responses[case.simulation])) for case in cases(run)]
+    fits = ((case, *_fitting(run, case, responses[case.simulation])) for case in cases(run))
+    return [Task(case.key, decides, (fitting,)) for case, decides, fitting in fits]
 
 
 def case_tasks(run: Run, earlier: Earlier) -> list[Task]:
@@ -128,12 +110,12 @@ def case_tasks(run: Run, earlier: Earlier) -> list[Task]:
         about: dict[str, Attribute] = {"case": case.name, "robot": case.subject.name, "seed": case.seed}
         about["cause"] = case.mistake.cause or ""
         decides = {"model": model.name, "grading": GRADING, **about}
-        found.append(Task(case.key, decides, Judged(fitting, model, case.mistake, about)))
+        found.append(Task(case.key, decides, (fitting, model, case.mistake, about)))
     return found
 
 
 def _fitting(run: Run, case: Case, responses: Path) -> tuple[dict[str, Any], Fitting]:
-    loaded: LoadedExperiment = case.subject.loaded
+    loaded = case.subject.run.loaded
     loaded = replace(loaded, robot=mistaken_robot(loaded.robot, case.mistake))
     fit = study_of(run.loaded, MistakesStudy).fit
     options = elastic_fit(loaded.experiment, fit).options()
@@ -162,10 +144,10 @@ def _response(held: Artifact, one: Fitting, campaign: str) -> Frf:
     return response_from(held, f"{one.response}/{campaign}/")
 
 
-def judge_case(one: Judged) -> Content:
+def judge_case(fitting: Fitting, model: Path, mistake: Mistake, about: dict[str, Attribute]) -> Content:
     """Validates and grades a case, and holds it against the truth."""
-    held, responses = read_artifact(one.model, TASK), read_artifact(one.fitting.responses, TASK)
-    fitting, truth = one.fitting, mistaken_truth(kept_truth(responses), one.mistake)
+    held, responses = read_artifact(model, TASK), read_artifact(fitting.responses, TASK)
+    truth = mistaken_truth(kept_truth(responses), mistake)
     frf: Frf | None = None
     try:
         frf = _response(responses, fitting, "estimation")
@@ -174,21 +156,23 @@ def judge_case(one: Judged) -> Content:
         doubts = assess_fit(fitting.robots[0], solution, frf, fitting.options, fitting.delay_s).doubts
         validation = validate_elastic(fitting.robots[1], solution, new, fitting.options, fitting.delay_s, truth, doubts)
     except DataError as error:
-        return _refused(one, frf, str(error))
-    return _content(one, solution, validation, against_truth(solution, validation, truth))
+        # Nothing may be used of what was refused, which no truth contradicts.
+        causes = np.array(refused_causes(fitting.robots[0], frf, str(error), fitting.delay_s), dtype=str)
+        attributes = {**about, "refusal": str(error), "given": 0, "right": 0}
+        return Content({"causes": Dataset(causes, "1", ("doubt",))}, attributes)
+    return _content(about, solution, validation, against_truth(solution, validation, truth))
 
 
-def _refused(one: Judged, frf: Frf | None, text: str) -> Content:
-    """What a refusal amounts to: nothing may be used, which no truth contradicts."""
-    causes = np.array(refused_causes(one.fitting.robots[0], frf, text, one.fitting.delay_s), dtype=str)
-    return Content({"causes": Dataset(causes, "1", ("doubt",))}, {**one.about, "refusal": text, "given": 0, "right": 0})
-
-
-def _content(one: Judged, solution: ElasticSolution, validation: Validation, truth: Against) -> Content:
+def _content(about: dict[str, Attribute], solution: ElasticSolution, validation: Validation, truth: Against) -> Content:
     error, axis, doubts = solution.model_error, ("doubt",), validation.outcome.grade.doubts
-    shares = (float("nan"), float("nan")) if error is None else telling_shares(error)
+    shares = dict.fromkeys(("share_above", "share_correlated", "telling_above", "telling_correlated"), float("nan"))
+    if error is not None:
+        shares = dict(zip(shares, (error.share_above, error.share_correlated, *telling_shares(error)), strict=True))
+    keys = ("cost_ratio", "motor_error_db", "motor_error_deg", "median_error_db", "worst_error_db")
     attributes: dict[str, Attribute] = {
-        **one.about,
+        **about,
+        **shares,
+        **{key: getattr(validation, key) for key in keys},
         "given": validation.outcome.grade.value,
         "right": truth.grade,
         "holds": truth.holds,
@@ -197,17 +181,8 @@ def _content(one: Judged, solution: ElasticSolution, validation: Validation, tru
         "coverage": truth.coverage,
         "status": solution.estimate.status,
         "misfit": solution.misfit,
-        "share_above": float("nan") if error is None else error.share_above,
-        "share_correlated": float("nan") if error is None else error.share_correlated,
-        "telling_above": shares[0],
-        "telling_correlated": shares[1],
-        "cost_ratio": validation.cost_ratio,
         "reasons": "; ".join(validation.outcome.grade.reasons),
-        "motor_error_db": validation.motor_error_db,
-        "motor_error_deg": validation.motor_error_deg,
         "resonance_shift": float("nan") if validation.resonance_shift is None else validation.resonance_shift,
-        "median_error_db": validation.median_error_db,
-        "worst_error_db": validation.worst_error_db,
         "validation_ok": validation.outcome.ok,
     }
     datasets = {

@@ -1,29 +1,38 @@
-"""What the study of mistakes found: shares of right grades and causes, and the table of all mistakes."""
+"""What the study of mistakes found: shares of right grades and causes, all mistakes, and logs in wrong units."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
 from robid.artifacts.artifact import Artifact
 from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, significant
-from robid.report.page import Verdict
-from robid.report.section import Section, Table
+from robid.report.section import Section
 from robid.studies.mistakes.cases import COVERED, GRADES, HALF_WIDTHS, SPRING_ERROR
 from robid.studies.mistakes.responses import SOUND
-from robid.studies.mistakes.units.figures import summarise_units, unit_rows, unit_sections, unit_verdicts
-from robid.studies.settings.mistakes import MistakesStudy
-from robid.studies.study import Conclusion, Earlier, study_of
+from robid.studies.mistakes.unit_logs import is_named, said_of
+from robid.studies.mistakes.wrong_units import UnitSubject, unit_subjects
+from robid.studies.page import Asked, Conclusion, PartFound, concluded, table
+from robid.studies.settings.mistakes import MistakesStudy, UnitMistake
+from robid.studies.study import Earlier, study_of
 
-ASKED = {"graded": 0.9, "named": 0.8, "false_alarms": 0.1}
-"""What is asked: at least, at least, at most."""
+ASKED = {
+    "graded": Asked(lower=0.9, what="share of the cases with a mistake that get the right grade or a worse one"),
+    "named": Asked(lower=0.8, what="where one cause is to blame, share in which it is named first"),
+    "false_alarms": Asked(upper=0.1, what="share of the sound robots that are not graded trust"),
+    "units.named": Asked(lower=0.9, what="share of wrong units that are named first"),
+    "units.false": Asked(upper=2, what="sound records of rough robot files in which units are accused"),
+}
+_EACH = 0.85  # at least, of wrong units on each robot
 
 _TRUST = 2
+_Row = TypeVar("_Row")
 
 
 @dataclass(frozen=True)
@@ -87,14 +96,11 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
     rows, units = [read_row(held) for held in results[2]], unit_rows(run, results[3])
     summary = {**summarise(rows), **summarise_units(units)}
     sections = (*((_mistake_section(rows), _sound_section(rows)) if rows else ()), *unit_sections(units))
-    asked = [name for name in ASKED if name in summary]
-    clauses = [(_sentence(name, summary[name]), _is_reached(name, summary[name])) for name in asked]
-    clauses += unit_verdicts(units)
-    seeds = study_of(run.loaded, MistakesStudy).use
-    is_good = all(reached for _, reached in clauses) and seeds == "judge"
-    text = f"{'; '.join(sentence for sentence, _ in clauses)}."
-    warnings = () if seeds == "judge" else ("These seeds are for choosing thresholds: their shares flatter.",)
-    return Conclusion(Verdict(text, "ok" if is_good else "warn"), summary, sections, warnings)
+    judged = study_of(run.loaded, MistakesStudy).use == "judge"
+    warnings = () if judged else ("These seeds are for choosing thresholds: their shares flatter.",)
+    asked = {name: limits for name, limits in ASKED.items() if name in summary} | unit_bars(units)
+    found = concluded([PartFound(summary, asked, sections, warnings)], "mistakes are graded and named")
+    return found if judged else replace(found, verdict=replace(found.verdict, level="warn"))
 
 
 def summarise(rows: Sequence[CaseRow]) -> dict[str, float]:
@@ -104,42 +110,41 @@ def summarise(rows: Sequence[CaseRow]) -> dict[str, float]:
     sound = [row for row in rows if row.name == SOUND]
     mistaken = [row for row in rows if row.name != SOUND]
     found = {
-        "graded": _share(row.graded for row in mistaken),
-        "named": _share(row.named for row in mistaken if row.blames),
-        "false_alarms": _share(row.given < _TRUST for row in sound),
-        "sound.deserve_trust": _share(row.right == _TRUST for row in sound),
+        "graded": _mean(row.graded for row in mistaken),
+        "named": _mean(row.named for row in mistaken if row.blames),
+        "false_alarms": _mean(row.given < _TRUST for row in sound),
+        "sound.deserve_trust": _mean(row.right == _TRUST for row in sound),
         "sound.robots": float(len(sound)),
         "cases": float(len(mistaken)),
     }
-    for robot in dict.fromkeys(row.robot for row in sound):
-        found[f"false_alarms.{robot}"] = _share(row.given < _TRUST for row in sound if row.robot == robot)
-    for name in dict.fromkeys(row.name for row in rows):
-        own = [row for row in rows if row.name == name]
+    for robot, own in _by(sound, "robot").items():
+        found[f"false_alarms.{robot}"] = _mean(row.given < _TRUST for row in own)
+    for name, own in _by(rows, "name").items():
         found |= {
-            f"{name}.graded": _share(row.graded for row in own),
-            f"{name}.named": _share(row.named for row in own if row.blames),
-            f"{name}.grade_mean": float(np.mean([row.given for row in own])),
-            f"{name}.right_mean": float(np.mean([row.right for row in own])),
-            f"{name}.worst_spring_error": _largest(row.spring_error for row in own),
-            f"{name}.worst_half_widths": _largest(row.half_widths for row in own),
+            f"{name}.graded": _mean(row.graded for row in own),
+            f"{name}.named": _mean(row.named for row in own if row.blames),
+            f"{name}.grade_mean": _mean(row.given for row in own),
+            f"{name}.right_mean": _mean(row.right for row in own),
+            f"{name}.worst_spring_error": max(_known(row.spring_error for row in own), default=math.nan),
+            f"{name}.worst_half_widths": max(_known(row.half_widths for row in own), default=math.nan),
             f"{name}.coverage": _mean(row.coverage for row in own),
             f"{name}.misfit": _median(row.misfit for row in own),
-            f"{name}.refused": _share(bool(row.refusal) for row in own),
+            f"{name}.refused": _mean(bool(row.refusal) for row in own),
         }
     return {name: value for name, value in found.items() if math.isfinite(value)}
 
 
-def _share(said: Iterable[bool]) -> float:
-    values = list(said)
-    return sum(values) / len(values) if values else math.nan
+def _by(rows: Sequence[_Row], *keys: str) -> dict[Any, list[_Row]]:
+    """Rows by what these fields of theirs are, in the order in which that is first met."""
+    found: dict[Any, list[_Row]] = {}
+    for row in rows:
+        named = tuple(getattr(row, key) for key in keys)
+        found.setdefault(named if len(keys) > 1 else named[0], []).append(row)
+    return found
 
 
 def _known(values: Iterable[float]) -> list[float]:
-    return [value for value in values if math.isfinite(value)]
-
-
-def _largest(values: Iterable[float]) -> float:
-    return max(_known(values), default=math.nan)
+    return [float(value) for value in values if math.isfinite(value)]
 
 
 def _mean(values: Iterable[float]) -> float:
@@ -152,24 +157,29 @@ def _median(values: Iterable[float]) -> float:
     return float(np.median(known)) if known else math.nan
 
 
-def _is_reached(name: str, value: float) -> bool:
-    return value <= ASKED[name] if name == "false_alarms" else value >= ASKED[name]
+_COLUMNS: tuple[tuple[str, Callable[[list[CaseRow]], str]], ...] = (
+    ("Robot", lambda rows: ", ".join(dict.fromkeys(row.robot for row in rows))),
+    ("Worst spring", lambda rows: percent(_median(row.spring_error for row in rows))),
+    ("In half-widths", lambda rows: significant(_median(row.half_widths for row in rows))),
+    ("Misfit", lambda rows: significant(_median(row.misfit for row in rows))),
+    ("Covered", lambda rows: percent(_mean(row.coverage for row in rows))),
+    ("Right grade", lambda rows: _counted(GRADES[row.right] for row in rows)),
+    ("Given grade", lambda rows: _given(rows)),
+    ("To blame", lambda rows: rows[0].cause or MISSING),
+    ("First named", lambda rows: _counted((*row.causes, MISSING)[0] for row in rows)),
+)
 
 
-def _sentence(name: str, value: float) -> str:
-    said = {
-        "graded": "{} of the cases with a mistake get the right grade or a worse one",
-        "named": "where one cause is to blame, it is named first in {}",
-        "false_alarms": "{} of the sound robots are not graded trust",
-    }
-    least = "at most" if name == "false_alarms" else "at least"
-    end = "reached" if _is_reached(name, value) else "missed"
-    return f"{said[name].format(percent(value))} (asked: {least} {percent(ASKED[name])}, {end})"
+def _given(rows: Sequence[CaseRow]) -> str:
+    refused = sum(bool(row.refusal) for row in rows)
+    return _counted(GRADES[row.given] for row in rows) + (f" ({refused} refused)" if refused else "")
+
+
+def _counted(texts: Iterable[str]) -> str:
+    return ", ".join(f"{count} {text}" for text, count in Counter(texts).most_common())
 
 
 def _mistake_section(rows: Sequence[CaseRow]) -> Section:
-    names = [name for name in dict.fromkeys(row.name for row in rows) if name != SOUND]
-    cells = tuple(_cells(name, [row for row in rows if row.name == name]) for name in names)
     caption = (
         "Medians over the seeds; grades and causes with the number of seeds. Worst spring: largest error of an"
         " identified spring, relative and over half its interval. Right grade: trust where at least"
@@ -177,43 +187,96 @@ def _mistake_section(rows: Sequence[CaseRow]) -> Section:
         f" {HALF_WIDTHS:g} half-widths, do not use where one is off by more than {percent(SPRING_ERROR)} or the"
         " validation fails, else predicts."
     )
-    return Section("Mistakes", "", (Table(_HEADS, cells, caption=caption),))
-
-
-_HEADS = (
-    *("Mistake", "Robot", "Worst spring", "In half-widths", "Misfit", "Covered"),
-    *("Right grade", "Given grade", "To blame", "First named"),
-)
-
-
-def _cells(name: str, rows: Sequence[CaseRow]) -> tuple[str, ...]:
-    refused = sum(bool(row.refusal) for row in rows)
-    given = _counted(GRADES[row.given] for row in rows)
-    return (
-        name.replace("_", " "),
-        ", ".join(dict.fromkeys(row.robot for row in rows)),
-        _percent(_median(row.spring_error for row in rows)),
-        significant(_median(row.half_widths for row in rows)),
-        significant(_median(row.misfit for row in rows)),
-        _percent(_mean(row.coverage for row in rows)),
-        _counted(GRADES[row.right] for row in rows),
-        f"{given} ({refused} refused)" if refused else given,
-        rows[0].cause or MISSING,
-        _counted((*row.causes, MISSING)[0] for row in rows),
-    )
+    made = _by([row for row in rows if row.name != SOUND], "name").values()
+    columns = (("Mistake", lambda own: own[0].name.replace("_", " ")), *_COLUMNS)
+    return Section("Mistakes", "", (table(columns, made, caption=caption),))
 
 
 def _sound_section(rows: Sequence[CaseRow]) -> Section:
-    sound = [row for row in rows if row.name == SOUND]
-    robots = dict.fromkeys(row.robot for row in sound)
-    cells = tuple(_cells(robot, [row for row in sound if row.robot == robot]) for robot in robots)
-    heads = ("Sound robots", *_HEADS[1:])
-    return Section("Sound robots", "Nothing is wrong with these.", (Table(heads, cells),))
+    sound = _by([row for row in rows if row.name == SOUND], "robot").values()
+    columns = (("Sound robots", lambda own: own[0].robot), *_COLUMNS)
+    return Section("Sound robots", "Nothing is wrong with these.", (table(columns, sound),))
 
 
-def _percent(value: float) -> str:
-    return percent(value) if math.isfinite(value) else MISSING
+@dataclass(frozen=True)
+class UnitRow:
+    """One case of logs that are read in a unit of another."""
+
+    name: str  # Name of the mistake; that of no mistake for a sound record
+    robot: str
+    seed: int  # Seed of the individual
+    rough: bool  # Whether nothing but the robot file is wrong
+    named: bool  # Whether the mistake is named first
+    accused: bool  # Whether units are accused first, rightly or not
+    first: str  # What is named first, in words
 
 
-def _counted(texts: Iterable[str]) -> str:
-    return ", ".join(f"{count} {text}" for text, count in Counter(texts).most_common())
+def unit_rows(run: Run, results: Iterable[Artifact]) -> list[UnitRow]:
+    """Reads the cases."""
+    study, subjects = study_of(run.loaded, MistakesStudy), unit_subjects(run)
+    mistakes = {} if study.units is None else study.units.mistakes
+    return [row for held in results for row in _unit_rows(held, subjects, mistakes)]
+
+
+def _unit_rows(
+    held: Artifact, subjects: Mapping[str, UnitSubject], mistakes: Mapping[str, UnitMistake]
+) -> Iterator[UnitRow]:
+    robot, rough = str(held.attributes["robot"]), bool(held.attributes["rough"])
+    seed = int(str(held.attributes["seed"]))
+    joints = [joint.name for joint in subjects[robot].run.loaded.robot.joints]
+    columns = (held.datasets[key].values.tolist() for key in ("case", "causes", "scales", "refusal"))
+    for name, *texts in zip(*columns, strict=True):
+        said, mistake = said_of(*texts), mistakes.get(name)
+        wrong = [joints[seed % len(joints)]] if mistake is not None and mistake.one_joint else joints
+        named = mistake is not None and is_named(said, mistake, robot, joints, wrong)
+        yield UnitRow(name, robot, seed, rough, named, said.accuses_units, said.first)
+
+
+def summarise_units(rows: Sequence[UnitRow]) -> dict[str, float]:
+    """Returns the figures of summary.json."""
+    wrong, sound = ([row for row in rows if row.rough == rough] for rough in (False, True))
+    found: dict[str, float] = {}
+    if wrong:
+        found = {"units.named": _mean(row.named for row in wrong), "units.cases": float(len(wrong))}
+        for key in ("robot", "name"):
+            for name, own in _by(wrong, key).items():
+                found[f"units.{name}.named"] = _mean(row.named for row in own)
+    if sound:
+        found |= {"units.false": float(sum(row.accused for row in sound)), "units.sound": float(len(sound))}
+    return found
+
+
+def unit_bars(rows: Sequence[UnitRow]) -> dict[str, Asked]:
+    """Returns what is asked of wrong units on the robot on which they are named least."""
+    summary, robots = summarise_units(rows), _by([row for row in rows if not row.rough], "robot")
+    worst = min(((summary[f"units.{robot}.named"], robot) for robot in robots), default=None)
+    return {} if worst is None else {f"units.{worst[1]}.named": Asked(lower=_EACH, what="the same on the worst robot")}
+
+
+def unit_sections(rows: Sequence[UnitRow]) -> tuple[Section, ...]:
+    """Returns the tables of the page."""
+    wrong, sound = ([row for row in rows if row.rough == rough] for rough in (False, True))
+    seeds = ("Seeds", lambda own: str(len(own)))
+    first = ("Said first", lambda own: _counted(row.first for row in own))
+    sections = []
+    if wrong:
+        names = list(_by(wrong, "name"))
+        pairs = sorted(_by(wrong, "name", "robot").values(), key=lambda own: names.index(own[0].name))
+        columns = (
+            ("Mistake", lambda own: own[0].name.replace("_", " ")),
+            ("Robot", lambda own: own[0].robot),
+            seeds,
+            ("Named", lambda own: percent(_mean(row.named for row in own))),
+            first,
+        )
+        caption = (
+            "Named: the first cause is the unit, and its likeliest scale one of those that give the same data; a"
+            " refusal must name the unit."
+        )
+        sections.append(Section("Wrong units", "", (table(columns, pairs, caption=caption),)))
+    if sound:
+        accused = ("Units accused", lambda own: str(sum(row.accused for row in own)))
+        columns_of_sound = (("Robot", lambda own: own[0].robot), ("Sound records", seeds[1]), accused, first)
+        shown = table(columns_of_sound, _by(sound, "robot").values())
+        sections.append(Section("Rough robot files", "Nothing but the robot file is off.", (shown,)))
+    return tuple(sections)

@@ -28,7 +28,7 @@ from robid.settings.robot_parts import delay_s, plain_settings
 from robid.settings.robot_sections import JointSection, given
 from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
-from robid.studies.experiments import Further, Problems, changed_simulation, run_of
+from robid.studies.experiments import Further, both_runs, changed_simulation, excitations
 from robid.studies.settings.mistakes import Mistake, MistakesStudy, robot_problems
 from robid.studies.simulated import (
     Estimator,
@@ -39,8 +39,7 @@ from robid.studies.simulated import (
     threads_of,
     with_truth,
 )
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Content, Task
+from robid.studies.study import Content, Earlier, Task, study_of
 
 SOUND = "sound"
 """Name of a robot with which nothing is wrong."""
@@ -53,11 +52,6 @@ class Subject:
     name: str
     run: Run
     sound: range
-
-    @property
-    def loaded(self) -> LoadedExperiment:
-        """Its experiment and robot file."""
-        return self.run.loaded
 
 
 @dataclass(frozen=True)
@@ -90,33 +84,22 @@ class Case:
 def campaigns_of(loaded: LoadedExperiment, fit: str) -> dict[str, str]:
     """Returns the names of the campaigns that a fit is fitted to and validated on."""
     chosen = loaded.experiment.fits[fit]
-    if chosen.validate_on is None:
-        message = "the settings' checks let a fit without validation pass"
-        raise RuntimeError(message)
-    return {"estimation": chosen.campaign, "validation": chosen.validate_on}
+    return {"estimation": chosen.campaign, "validation": given(chosen.validate_on)}
 
 
 def needs(loaded: LoadedExperiment, fit: str | None = None) -> tuple[str, ...]:
     """Returns the outputs of the chain that the tasks read."""
     if fit is None and not study_of(loaded, MistakesStudy).makes_mistakes:
         return ()
-    names = campaigns_of(loaded, fit or study_of(loaded, MistakesStudy).fit)
-    return tuple(f"{name}/excitation.h5" for name in names.values())
+    return excitations(campaigns_of(loaded, fit or study_of(loaded, MistakesStudy).fit).values())
 
 
 def subjects(run: Run) -> dict[str, Subject]:
     """Returns the robots of the study, the light one in a folder below."""
     study = study_of(run.loaded, MistakesStudy)
-    seeds = study.chosen
-    found = {"heavy": Subject("heavy", run, range(seeds.first, seeds.first + seeds.heavy))}
-    if study.light is not None:
-
-        def problems(loaded: LoadedExperiment) -> Problems:
-            return robot_problems(study, "light", loaded.experiment, loaded.robot)
-
-        light = run_of(run, study.light, "light", problems)
-        found["light"] = Subject("light", light, range(seeds.first, seeds.first + seeds.light))
-    return found
+    first, counts = study.chosen.first, {"heavy": study.chosen.heavy, "light": study.chosen.light}
+    runs = both_runs(run, study.light, lambda own: robot_problems(study, "light", own.experiment, own.robot))
+    return {name: Subject(name, own, range(first, first + counts[name])) for name, own in runs.items()}
 
 
 def further(run: Run) -> Further:
@@ -124,7 +107,7 @@ def further(run: Run) -> Further:
     study = study_of(run.loaded, MistakesStudy)
     if not study.makes_mistakes:
         return ()
-    return tuple((one.run, needs(one.loaded, study.fit)) for name, one in subjects(run).items() if name != "heavy")
+    return tuple((one.run, needs(one.run.loaded, study.fit)) for name, one in subjects(run).items() if name != "heavy")
 
 
 def cases(run: Run) -> list[Case]:
@@ -148,14 +131,9 @@ def read_with(mistake: Mistake) -> dict[str, Any]:
 
 
 def mistaken_record(record: Record, mistake: Mistake, configurations: FloatArray, index: int, campaign: str) -> Record:
-    """Returns a record as it is read with a mistake in its mapping.
+    """Returns the record of one configuration as it is read with a mistake in its mapping.
 
-    Args:
-        record: Record of one configuration.
-        mistake: The mistake.
-        configurations (n_conf, n_joint): The campaign's configurations [rad].
-        index: Index of the record's.
-        campaign: `estimation` or `validation`: only the first has swapped configurations.
+    Of all configurations (n_conf, n_joint) [rad] two are swapped in the campaign `estimation` alone.
     """
     torque = np.array([mistake.torque_factor.get(name, 1.0) for name in record.input_names])
     angle = np.array([mistake.angle_factor.get(name, 1.0) for name in record.output_names])
@@ -235,15 +213,15 @@ def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
     contents = {
         (robot.name, name): played(robot.run, owner)
         for robot in subjects(run).values()
-        for name, owner in campaigns_of(robot.loaded, fit).items()
+        for name, owner in campaigns_of(robot.run.loaded, fit).items()
     }
     return [Task(name, *_simulated(fit, group, run, contents)) for name, group in groups.items()]
 
 
 def _simulated(
     fit: str, group: list[Case], run: Run, contents: Mapping[tuple[str, str], CampaignExcitation]
-) -> tuple[dict[str, Any], Individual]:
-    loaded = group[0].subject.loaded
+) -> tuple[dict[str, Any], tuple[Individual]]:
+    loaded = group[0].subject.run.loaded
     read = {case.response: case for case in group}
     decides: dict[str, Any] = {"read": {name: read_with(case.mistake) for name, case in read.items()}}
     measured = []
@@ -253,30 +231,28 @@ def _simulated(
         decides[name] = settings
         measured.append(one)
     mistakes = {name: case.mistake for name, case in read.items()}
-    return decides, Individual(tuple(measured), mistakes, threads_of(run))
+    return decides, (Individual(tuple(measured), mistakes, threads_of(run)),)
 
 
 def _measured(
     read: Mapping[str, Case], name: str, number: int, campaign: Campaign, content: CampaignExcitation
 ) -> tuple[Measured, dict[str, Any]]:
     case = next(iter(read.values()))
-    factor, loaded = case.mistake.excitation_factor, case.subject.loaded
+    factor, loaded = case.mistake.excitation_factor, case.subject.run.loaded
     options = changed_simulation(campaign, case.mistake.physics, case.seed, 2 * case.seed + number)
     experiment = simulated_experiment(loaded, campaign, options, content)
     if factor != 1:
         experiment = replace(experiment, reference=factor * experiment.reference)
-    estimators = {name: _estimator(case, campaign) for name, case in read.items()}
+    estimators = {}
+    for key, each in read.items():
+        mistaken = replace(loaded, robot=mistaken_robot(loaded.robot, each.mistake))
+        estimators[key] = make_estimator(mistaken, campaign, campaign.estimate)
     decides = {
         **response_settings(loaded, campaign, options, experiment),
         "configurations": content.configurations.tolist(),
     }
     nominal, delay = loaded.robot.to_robot(campaign.payload_kg), delay_s(loaded, campaign)
     return Measured(name, experiment, content.configurations, estimators, nominal, delay), decides
-
-
-def _estimator(case: Case, campaign: Campaign) -> Estimator:
-    loaded = replace(case.subject.loaded, robot=mistaken_robot(case.subject.loaded.robot, case.mistake))
-    return make_estimator(loaded, campaign, campaign.estimate)
 
 
 def measure_all(one: Individual) -> Content:

@@ -1,30 +1,131 @@
-"""A simulated arm and a real axis seen from outside: channels, decoupling maps and resonances."""
+"""A simulated arm and a real axis seen from outside: channels, maps beside the linearised loop, and resonances."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 
+from robid.arrays import ComplexArray, FloatArray, Quantity
 from robid.artifacts.artifact import Artifact
+from robid.artifacts.kinds import RECORD, record_from_artifact
+from robid.artifacts.mapping import from_datasets, to_datasets
 from robid.artifacts.results import MODEL, VALIDATION
-from robid.artifacts.store import read_artifact
+from robid.artifacts.store import read_artifact, read_header
 from robid.models.external.files import solution_from_artifact, validation_from_artifact
-from robid.models.external.fit.solution import ExternalSolution
+from robid.models.external.fit.checks import blocks_of
+from robid.models.external.fit.coupling import CouplingMap, Pairs, map_coupling
+from robid.models.external.fit.data import commands_of, shots_of
+from robid.models.external.fit.etfe import Etfe, estimate_etfe
+from robid.models.external.fit.fitting import own_pairs, ports_of
+from robid.models.external.fit.options import ExternalOptions
+from robid.models.external.fit.solution import ExternalSolution, Ports
 from robid.models.external.judge.validating import ExternalValidation
 from robid.models.external.page.data import coupling_section
 from robid.models.external.settings import external_fit
 from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, significant
 from robid.report.section import Beside, Figure, Section, Table
+from robid.robot.description import Robot
+from robid.robot.kinematics import ToolArm
+from robid.settings.robot_derived import require_pose_interface, tool_arm
+from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
+from robid.settings.robot_sections import given
+from robid.signals.record import Record
+from robid.simulate.options import Controller, PoseInterface
+from robid.simulate.pose_response import pose_response
+from robid.simulate.truth import true_robot
 from robid.studies.experiments import Further, paper_figures
-from robid.studies.oliveira2019.homes import Mapped, homes_from, homes_tasks, map_home
-from robid.studies.oliveira2019.pictures import curve
+from robid.studies.oliveira2019.plants import thinned
+from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import CartesianCase, LoopCase
-from robid.studies.study import Asked, Part, PartFound, recorded_part
-from robid.studies.tasks import Results
+from robid.studies.simulated import simulate_options
+from robid.studies.study import Content, Part, Results, Task, recorded_part
+
+_RESPONSE = "frequency output command"
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """What was found in one home.
+
+    Attributes:
+        map: The decoupling map.
+    """
+
+    inputs: Annotated[tuple[str, ...], Quantity("1", "command", "Names of the commands")]
+    outputs: Annotated[tuple[str, ...], Quantity("1", "output", "Names of the outputs")]
+    map: CouplingMap
+    response: Annotated[
+        ComplexArray, Quantity("as the channels", _RESPONSE, "The empirical response, from samples to samples")
+    ]
+    linear: Annotated[ComplexArray, Quantity("as the channels", _RESPONSE, "That of the linearised loop")]
+    linear_gain: Annotated[FloatArray, Quantity("1", _RESPONSE, "In resolutions")]
+
+
+def _homes_tasks(run: Run, case: CartesianCase, _earlier: Mapping[str, Results]) -> list[Task]:
+    loaded, path = run.loaded, run.path(f"{case.homes}/record.h5")
+    campaign = loaded.experiment.campaigns[case.homes]
+    simulated, options = simulate_options(campaign), external_fit(loaded.experiment, case.fit).options()
+    nominal = loaded.robot.to_robot(campaign.payload_kg)
+    decides = {
+        **robot_settings(loaded, "mechanics", "friction", "controller"),
+        "record": read_header(path).content_sha256,
+        "simulated": plain_settings(simulated),
+        "options": plain_settings(options),
+    }
+    count = record_from_artifact(read_artifact(path, RECORD)).inputs.shape[0]
+    shared = (
+        true_robot(nominal, simulated.truth),
+        tool_arm(loaded.robot, nominal),
+        require_controller(loaded),
+        require_pose_interface(loaded.robot),
+        simulated.measured_pose,
+        options,
+    )
+    return [Task(f"home_{at + 1}", {**decides, "home": at}, (path, at, *shared)) for at in range(count)]
+
+
+def map_home(
+    path: Path,
+    index: int,
+    robot: Robot,
+    arm: ToolArm,
+    controller: Controller,
+    interface: PoseInterface,
+    measured: str,
+    options: ExternalOptions,
+) -> Content:
+    """Maps one home of the record at `path`, and holds the map beside the linearised loop."""
+    record = record_from_artifact(read_artifact(path, RECORD))
+    etfe, pairs, found = map_record(record, index, options)
+    place, inputs = given(record.configurations)[index], pairs.inputs
+    linear = pose_response(robot, arm, controller, interface, place, etfe.frequency_hz, inputs, measured)
+    mapped = Mapped(
+        inputs=pairs.inputs,
+        outputs=pairs.outputs,
+        map=found,
+        response=etfe.response,
+        linear=linear,
+        linear_gain=np.abs(linear) * pairs.per_resolution,
+    )
+    return Content(*to_datasets(mapped))
+
+
+def map_record(record: Record, index: int, options: ExternalOptions) -> tuple[Etfe, Pairs, CouplingMap]:
+    """Maps one configuration of a record of pose commands."""
+    told, places = commands_of(record, options), shots_of(record, options, "homes")
+    names = list(dict.fromkeys(shot.place for shot in places))
+    shots = [shot for shot in places if shot.place == names[index]]
+    ports: Ports = ports_of(shots, told.channels, record.output_channels, told.hold, options.coupling)
+    own = own_pairs(blocks_of(told.channels, record.output_channels, options), ports)
+    etfe = estimate_etfe(shots, ports.floor, options.confidence)
+    pairs = Pairs(ports.inputs, ports.outputs, ports.input_resolution, ports.output_resolution, own)
+    return etfe, pairs, map_coupling(shots, ports.floor, etfe, pairs, options.coupling)
+
 
 _CLEAR = 1.5
 """How far from the threshold the linearised loop leaves no doubt whether a pair is coupled."""
@@ -42,12 +143,12 @@ def further_arm(run: Run, case: CartesianCase) -> Further:
     return ((run, (model, validation, f"{case.homes}/record.h5")),)
 
 
-def conclude_arm(run: Run, case: CartesianCase, results: Results) -> PartFound:
-    """Turns the arm's fit and the maps of its homes into figures, and what is asked of them."""
+def _conclude_arm(run: Run, case: CartesianCase, results: Results) -> PartFound:
     paper = paper_figures(run.loaded)
     solution = solution_from_artifact(read_artifact(run.path(f"fits/{case.fit}/model.h5"), MODEL))
     validation = validation_from_artifact(read_artifact(run.path(f"fits/{case.fit}/validation.h5"), VALIDATION))
-    homes, options = homes_from(results), external_fit(run.loaded.experiment, case.fit).options().coupling
+    homes = [from_datasets(Mapped, one) for one in results]
+    options = external_fit(run.loaded.experiment, case.fit).options().coupling
     own = {f"arm.{one.output}.nrmse": one.nrmse for one in validation.agreements}
     figures = own | {"arm.decoupled_hz": solution.coupling.overall_hz} | home_figures(homes, options.ratio)
     asked = {name: Asked(lower=_LEAST_NRMSE) for name in own} | _ASKED
@@ -64,12 +165,7 @@ def conclude_arm(run: Run, case: CartesianCase, results: Results) -> PartFound:
 
 
 def home_figures(homes: Sequence[Mapped], threshold: float) -> dict[str, float]:
-    """Returns what maps and linearised loop say of each home, and how far they agree.
-
-    Args:
-        homes: The homes.
-        threshold: Gain in resolutions from which on coupling matters.
-    """
+    """Returns what maps and linearised loop say of each home, and how far they agree."""
     figures: dict[str, float] = {}
     right, errors = [], []
     for index, home in enumerate(homes, start=1):
@@ -115,17 +211,10 @@ def _channels(solution: ExternalSolution, validation: ExternalValidation, paper:
     transfers = solution.transfers
     rows = []
     for index, one in enumerate(validation.agreements):
-        printed = paper["table_4"].get(one.output, {})
-        rows.append(
-            (
-                one.output,
-                str(int(transfers.poles[index])),
-                str(int(transfers.zeros[index])),
-                str(int(transfers.delay_samples[index])),
-                f"{printed['nrmse']:.3f}" if printed else MISSING,
-                f"{one.nrmse:.4f}",
-            )
-        )
+        structure = (transfers.poles[index], transfers.zeros[index], transfers.delay_samples[index])
+        printed = paper["table_4"].get(one.output)
+        beside = MISSING if printed is None else f"{printed['nrmse']:.3f}"
+        rows.append((one.output, *(str(int(count)) for count in structure), beside, f"{one.nrmse:.4f}"))
     heads = ("Channel", "Poles", "Zeros", "Delay [samples]", "NRMSE, paper", "Ours")
     lead = (
         "The KR300 on its rail under a Cartesian position loop, with friction, ripple and encoders: fitted to its own"
@@ -146,12 +235,8 @@ def _coupling(homes: Sequence[Mapped], figures: Mapping[str, float], paper: Mapp
         )
         limit = figures[f"arm.home_{index}.decoupled_hz"]
         rows.append((f"home {index}", significant(limit), significant(home.map.examined_hz), named or "none"))
-    heads = (
-        "Robot",
-        "Decoupled up to [Hz]",
-        "Examined up to [Hz]",
-        "Outputs that follow another's command (from [Hz])",
-    )
+    coupled = "Outputs that follow another's command (from [Hz])"
+    heads = ("Robot", "Decoupled up to [Hz]", "Examined up to [Hz]", coupled)
     lead = (
         "Here the tool itself is measured, which shows what its motors hardly feel. Of the pairs of which the"
         f" linearised loop leaves no doubt, the maps are right about {100 * figures['arm.coupling_agreement']:.1f} %;"
@@ -188,15 +273,13 @@ def _resonances(homes: Sequence[Mapped]) -> Section:
 
 def _against_linear(title: str, home: Mapped, output: int, command: int) -> Figure:
     known = np.isfinite(home.map.gain[:, output, command])
-    frequency_hz = home.map.frequency_hz[known]
-    curves = (
-        curve("measured", frequency_hz, home.map.gain[known, output, command]),
-        curve("linearised", frequency_hz, home.linear_gain[known, output, command]),
-    )
-    return Figure(title, "Frequency [Hz]", "Gain, in resolutions", curves, height=280)
+    gains = {"measured": home.map.gain, "linearised": home.linear_gain}
+    series = {name: gain[known, output, command] for name, gain in gains.items()}
+    drawn = thinned(home.map.frequency_hz[known], series)
+    return Figure(title, "Frequency [Hz]", "Gain, in resolutions", drawn, height=280)
 
 
-ARM = Part("arm", conclude_arm, homes_tasks, map_home, further_arm)
+ARM = Part("arm", _conclude_arm, _homes_tasks, map_home, further_arm)
 
 
 _PUBLISHED_RAD_S, _NEAR = 126.4, 0.01
@@ -210,7 +293,15 @@ _LOOP_DIGITS = 5
 def _conclude_loop(_run: Run, _case: LoopCase, _own: Run, models: list[Artifact]) -> PartFound:
     """Turns the axis' fit into figures and what is asked of them."""
     solution = solution_from_artifact(models[0])
-    figures = _loop_figures(solution)
+    traces, denominator = solution.traces, solution.transfer(0).denominator
+    left = np.linalg.norm(traces.measured - traces.simulated)
+    natural = float(np.sqrt(denominator[2]))
+    figures = {
+        "emps.relative_error_percent": 100 * float(left / np.linalg.norm(traces.measured)),
+        "emps.natural_frequency": natural,
+        "emps.damping": float(denominator[1]) / (2 * natural),
+        "emps.gain": float(solution.transfer(0).static_gain[0, 0]),
+    }
     rows = tuple((name, significant(value, _LOOP_DIGITS)) for name, value in figures.items())
     lead = (
         "A carriage on a ball screw, measured in its position loop: from commanded to actual position by two poles and"
@@ -221,15 +312,3 @@ def _conclude_loop(_run: Run, _case: LoopCase, _own: Run, models: list[Artifact]
 
 
 POSITION_LOOP = recorded_part("emps", "The EMPS axis", lambda case: (case.fit,), _conclude_loop)
-
-
-def _loop_figures(solution: ExternalSolution) -> dict[str, float]:
-    traces, denominator = solution.traces, solution.transfer(0).denominator
-    left = np.linalg.norm(traces.measured - traces.simulated)
-    natural = float(np.sqrt(denominator[2]))
-    return {
-        "emps.relative_error_percent": 100 * float(left / np.linalg.norm(traces.measured)),
-        "emps.natural_frequency": natural,
-        "emps.damping": float(denominator[1]) / (2 * natural),
-        "emps.gain": float(solution.transfer(0).static_gain[0, 0]),
-    }

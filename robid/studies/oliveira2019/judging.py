@@ -9,9 +9,6 @@ from typing import Annotated
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, Quantity
-from robid.artifacts.artifact import Artifact
-from robid.artifacts.mapping import from_datasets, to_datasets
-from robid.studies.tasks import Content
 
 CONFIDENCE = 0.97
 """Level of the paper's bounds."""
@@ -45,8 +42,7 @@ class Identified:
     numerator: Annotated[FloatArray, Quantity("rad/s, powers", "power", "Estimate, highest power of s first")]
     denominator: Annotated[FloatArray, Quantity("rad/s, powers", "power", "As the numerator")]
     covariance: Annotated[
-        FloatArray,
-        Quantity("SI", "parameter parameter", "Of the coefficients, the first below left out"),
+        FloatArray, Quantity("SI", "parameter parameter", "Of the coefficients, the first below left out")
     ]
     delay_samples: int
     """Estimated delay."""
@@ -56,8 +52,7 @@ class Identified:
     """How the fit ended."""
     roots: Annotated[tuple[RootValue, ...], Quantity("as named", "root", "Poles and zeros")]
     undetermined: Annotated[
-        tuple[str, ...],
-        Quantity("1", "sentence", "What the data do not determine, a sentence each"),
+        tuple[str, ...], Quantity("1", "sentence", "What the data do not determine, a sentence each")
     ]
     tried: Annotated[tuple[Tried, ...], Quantity("as named", "structure", "The structures that were tried")]
     quality: Quality
@@ -79,16 +74,6 @@ class Identified:
     step_s: Annotated[FloatArray, Quantity("s", "step", "Times since a unit step of the command: every sample")]
     step: Annotated[FloatArray, Quantity("1", "step", "What the estimate answers, without the moving average")]
     step_std: Annotated[FloatArray, Quantity("1", "step", "Its predicted deviation")]
-
-
-def to_content(found: Identified) -> Content:
-    """Returns what a task keeps of a channel."""
-    return Content(*to_datasets(found))
-
-
-def from_content(artifact: Artifact) -> Identified:
-    """Returns the channel that a task kept."""
-    return from_datasets(Identified, artifact)
 
 
 _JUDGED_BELOW = 0.005  # predicted relative deviation
@@ -145,13 +130,9 @@ def judge_roots(
     denominator: tuple[float, ...],
     band_rad_s: tuple[float, float],
 ) -> list[RootError]:
-    """Judges the poles and zeros inside a band that are said to be well known.
+    """Judges the poles and zeros inside a band [rad/s] that are said to be well known.
 
-    Args:
-        found: The estimates.
-        numerator: The true numerator, highest power first.
-        denominator: The true denominator.
-        band_rad_s: Ends of the band [rad/s].
+    True numerator and denominator have the highest power first.
     """
     true = {"zero": root_values(numerator), "pole": root_values(denominator)}
     low, high = band_rad_s
@@ -175,11 +156,7 @@ def undetermined_roots(
 ) -> tuple[str, ...]:
     """Names the true poles and zeros that the estimate does not show, each with what hides it.
 
-    Args:
-        found: The estimates.
-        numerator: The true numerator, highest power first.
-        denominator: The true denominator.
-        nyquist_rad_s: Half the sampling rate [rad/s].
+    True numerator and denominator have the highest power first; Nyquist's is half the sampling rate [rad/s].
     """
     true = {"zero": root_values(numerator), "pole": root_values(denominator)}
     told = []

@@ -1,35 +1,36 @@
-"""The paper's channels: figures and what is asked of them, its Tables 1 to 4 beside ours."""
+"""The paper's channels: figures and what is asked of them, its Tables 1 to 4 and the kinds of its figures with ours."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from robid.arrays import ComplexArray, FloatArray
+from robid.artifacts.mapping import from_datasets
 from robid.pipeline.graph import Run
 from robid.report.numbers import MINUS, MISSING, percent, significant
-from robid.report.section import Notes, Row, Section, Table
+from robid.report.section import Beside, Curve, Figure, Notes, Row, Section, Table
 from robid.studies.experiments import paper_figures
-from robid.studies.oliveira2019.bench import ROTATIONS, Bench, Plant, bench_of, plants_of
-from robid.studies.oliveira2019.identification import identify, plants_tasks
-from robid.studies.oliveira2019.judging import (
-    Identified,
-    RootError,
-    band_errors,
-    from_content,
-    judge_roots,
-    root_values,
-    undershoot,
-    undetermined_roots,
+from robid.studies.oliveira2019 import judging
+from robid.studies.oliveira2019.bench import (
+    ROTATIONS,
+    Bench,
+    Plant,
+    bench_of,
+    identify,
+    plants_of,
+    plants_tasks,
 )
-from robid.studies.oliveira2019.pictures import picture_sections
+from robid.studies.page import Asked, PartFound, curves, table
 from robid.studies.settings.parts import PlantsCase
-from robid.studies.study import Asked, Part, PartFound
-from robid.studies.tasks import Results
+from robid.studies.study import Part, Results
 
-_LEAST_NRMSE = 0.99
+Channels: TypeAlias = Sequence[tuple[Plant, judging.Identified]]
+"""Each true channel with what was identified of it."""
+
 _ASKED = {
     "max_band_error_percent": Asked(upper=1.0),
     "max_band_error_degrees": Asked(upper=1.0),
@@ -37,42 +38,53 @@ _ASKED = {
     "poles_judged": Asked(lower=3),
     "max_pole_deviations": Asked(upper=4.0),
 }
+_LEAST_NRMSE = 0.99
+_WINDOW_S = (20.0, 26.0)
+_NEAR_RAD_S = 120.0
+_UNDERSHOOT = ("B", "C")
+_HEIGHT = 280
+_MOST_POINTS, _MOST_LINES = 1200, 700
+_DIGITS = 4
+_SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def conclude_plants(run: Run, case: PlantsCase, results: Results) -> PartFound:
-    """Turns the identified channels into figures, tables beside the paper's, and what is asked of them."""
+def _conclude_plants(run: Run, case: PlantsCase, results: Results) -> PartFound:
     paper = paper_figures(run.loaded)
     bench, plants = bench_of(paper, case), plants_of(paper)
-    found = {plant.name: from_content(one) for plant, one in zip(plants, results, strict=True)}
-    errors = {plant.name: root_errors(plant, found[plant.name], case) for plant in plants}
-    figures = plant_figures(plants, found, bench, case) | _root_figures(errors)
+    channels = [(plant, from_datasets(judging.Identified, one)) for plant, one in zip(plants, results, strict=True)]
+    low, high = (2 * np.pi * end for end in case.band_hz)
+    errors = {
+        plant.name: judging.judge_roots(list(found.roots), plant.numerator, plant.denominator, (low, high))
+        for plant, found in channels
+    }
+    every = [error for one in errors.values() for error in one]
+    figures = plant_figures(channels, bench, case) | {
+        "poles_judged": float(len(every)),
+        "max_pole_error_percent": max((error.percent for error in every), default=np.nan),
+        "max_pole_deviations": max((error.deviations for error in every), default=np.nan),
+    }
     asked = {f"{plant.name}.nrmse": Asked(lower=_LEAST_NRMSE) for plant in plants} | _ASKED
-    sections = (table_section(plants, found, errors, paper, bench), *picture_sections(plants, found, bench, case))
+    sections = (
+        _table_section(channels, errors, paper, bench),
+        _excitation(plants[0], bench, case),
+        _undershoots([pair for pair in channels if pair[0].name in _UNDERSHOOT], bench),
+        _validation(channels, bench),
+        _frequency(channels, bench),
+    )
     return PartFound(figures, asked, sections)
 
 
-def root_errors(plant: Plant, found: Identified, case: PlantsCase) -> list[RootError]:
-    """Judges the poles and zeros of a channel that lie inside the band and are said to be well known."""
-    low, high = (2 * np.pi * end for end in case.band_hz)
-    return judge_roots(list(found.roots), plant.numerator, plant.denominator, (low, high))
-
-
-def plant_figures(
-    plants: Sequence[Plant], found: Mapping[str, Identified], bench: Bench, case: PlantsCase
-) -> dict[str, float]:
+def plant_figures(channels: Channels, bench: Bench, case: PlantsCase) -> dict[str, float]:
     """Returns each channel's measures, and the largest errors of responses inside the band."""
     figures: dict[str, float] = {}
     off = []
-    for plant in plants:
-        one = found[plant.name]
+    for plant, one in channels:
         inside = (one.frequency_hz >= case.band_hz[0]) & (one.frequency_hz <= case.band_hz[1])
         band_hz = one.frequency_hz[inside]
-        off.append(band_errors(one.response[inside], bench.response(plant, band_hz)))
-        between = band_errors(one.continuous[inside], bench.continuous(plant, band_hz))
+        off.append(judging.band_errors(one.response[inside], bench.response(plant, band_hz)))
+        between = judging.band_errors(one.continuous[inside], bench.continuous(plant, band_hz))
         own = {
-            "nrmse": one.quality.nrmse,
-            "r2": one.quality.r2,
-            "fpe": one.quality.fpe,
+            **{key: getattr(one.quality, key) for key in ("nrmse", "r2", "fpe")},
             "poles": float(len(one.denominator) - 1),
             "zeros": float(len(one.numerator) - 1),
             "delay_samples": float(one.delay_samples),
@@ -81,113 +93,72 @@ def plant_figures(
             "continuous_error_percent": between[0],
             "continuous_error_degrees": between[1],
         }
-        figures |= {f"{plant.name}.{name}": value for name, value in own.items()} | _undershoot(plant, one, bench)
-    figures["max_band_error_percent"] = max(percent for percent, _ in off)
-    figures["max_band_error_degrees"] = max(degrees for _, degrees in off)
+        # How far a step response is below zero at the samples, where estimate or truth says so.
+        index, depth = judging.undershoot(one.step)
+        _, true_depth = judging.undershoot(bench.step(plant, len(one.step_s)))
+        if max(depth, true_depth) > 0:
+            own |= {"undershoot": depth, "undershoot_std": float(one.step_std[index]), "undershoot_true": true_depth}
+        figures |= {f"{plant.name}.{name}": value for name, value in own.items()}
+    figures["max_band_error_percent"], figures["max_band_error_degrees"] = map(max, zip(*off, strict=True))
     return figures
 
 
-def _undershoot(plant: Plant, found: Identified, bench: Bench) -> dict[str, float]:
-    """How far a step response is below zero at the samples, where estimate or truth says so."""
-    true = bench.step(plant, len(found.step_s))
-    index, depth = undershoot(found.step)
-    _, true_depth = undershoot(true)
-    if max(depth, true_depth) == 0:
-        return {}
-    return {
-        f"{plant.name}.undershoot": depth,
-        f"{plant.name}.undershoot_std": float(found.step_std[index]),
-        f"{plant.name}.undershoot_true": true_depth,
-    }
-
-
-def _root_figures(errors: Mapping[str, list[RootError]]) -> dict[str, float]:
-    every = [error for one in errors.values() for error in one]
-    return {
-        "poles_judged": float(len(every)),
-        "max_pole_error_percent": max((error.percent for error in every), default=np.nan),
-        "max_pole_deviations": max((error.deviations for error in every), default=np.nan),
-    }
-
-
-_DIGITS = 4
-_SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
-def table_section(
-    plants: Sequence[Plant],
-    found: Mapping[str, Identified],
-    errors: Mapping[str, list[RootError]],
-    paper: Mapping[str, Any],
-    bench: Bench,
+def _table_section(
+    channels: Channels, errors: Mapping[str, list[judging.RootError]], paper: Mapping[str, Any], bench: Bench
 ) -> Section:
-    """Returns the tables of all channels."""
     lead = (
         "The functions that the paper identified are the plants here, so its column is also the truth: simulated with"
         f" a transport delay of {bench.delay_samples} samples and a moving average of {bench.moving_average}, measured"
         f" {bench.repeats} times with noise of {bench.noise_resolutions:g} resolution, and rounded to it. The average"
         " is known, the delay is not. A structure is chosen by evidence, of each channel on its own."
     )
-    tables = (_amplitudes(plants, paper), _functions(plants, found), _roots(plants, found, errors))
-    nyquist = math.pi / bench.sampling_period_s
-    told = tuple(
-        sentence
-        for plant in plants
-        for sentence in (
-            *found[plant.name].undetermined,
-            *(
-                f"{plant.name}: {hidden}"
-                for hidden in undetermined_roots(found[plant.name].roots, plant.numerator, plant.denominator, nyquist)
-            ),
-        )
-    )
-    notes = (Notes(told),) if told else ()
-    return Section("The paper's channels: Tables 1 to 4", lead, (*tables, *notes, _measures(plants, found, paper)))
+    told: list[str] = []
+    for plant, one in channels:
+        nyquist = math.pi / bench.sampling_period_s
+        hidden = judging.undetermined_roots(one.roots, plant.numerator, plant.denominator, nyquist)
+        told += [*one.undetermined, *(f"{plant.name}: {sentence}" for sentence in hidden)]
+    tables = (_amplitudes(channels, paper), _functions(channels), _root_table(channels, errors))
+    notes = (Notes(tuple(told)),) if told else ()
+    return Section("The paper's channels: Tables 1 to 4", lead, (*tables, *notes, _measures(channels, paper)))
 
 
-def _amplitudes(plants: Sequence[Plant], paper: Mapping[str, Any]) -> Table:
+def _amplitudes(channels: Channels, paper: Mapping[str, Any]) -> Table:
+    printed = {"rad": "degrees", "m": "mm"}
     rows = tuple(
-        (f"{plant.name} [{_printed_unit(plant)}]", *(f"{size:g}" for size in paper["amplitudes"][plant.name]))
-        for plant in plants
+        (f"{plant.name} [{printed[plant.unit]}]", *(f"{size:g}" for size in paper["amplitudes"][plant.name]))
+        for plant, _ in channels
     )
     heads = ("Channel", *(f"0.01 to {high:g} Hz" for high in paper["high_hz"]))
     caption = "Largest command of each chirp, the paper's and ours; it falls along a straight line to zero."
     return Table(heads, rows, title="Table 1: amplitudes", caption=caption, fit="compact")
 
 
-def _functions(plants: Sequence[Plant], found: Mapping[str, Identified]) -> Table:
-    rows = []
-    for plant in plants:
-        one = found[plant.name]
-        rows.append(
-            (
-                plant.name,
-                _fraction(plant.numerator, plant.denominator),
-                _fraction(one.numerator.tolist(), one.denominator.tolist()),
-                str(one.delay_samples),
-                one.reason,
-            )
-        )
-    heads = ("Channel", "Paper, and truth", "Ours", "Delay [samples]", "Chosen")
-    return Table(tuple(heads), tuple(rows), title="Table 3: transfer functions", prose=True)
+def _functions(channels: Channels) -> Table:
+    columns = (
+        ("Channel", lambda pair: pair[0].name),
+        ("Paper, and truth", lambda pair: _fraction(pair[0].numerator, pair[0].denominator)),
+        ("Ours", lambda pair: _fraction(pair[1].numerator.tolist(), pair[1].denominator.tolist())),
+        ("Delay [samples]", lambda pair: str(pair[1].delay_samples)),
+        ("Chosen", lambda pair: pair[1].reason),
+    )
+    return table(columns, channels, title="Table 3: transfer functions", prose=True)
 
 
-def _roots(plants: Sequence[Plant], found: Mapping[str, Identified], errors: Mapping[str, list[RootError]]) -> Table:
+def _root_table(channels: Channels, errors: Mapping[str, list[judging.RootError]]) -> Table:
     rows: list[Row] = []
-    for plant in plants:
-        group = f"Channel {plant.name}: true {_true_roots(plant)}"
+    for plant, found in channels:
         judged = {error.name: error for error in errors[plant.name]}
-        for root in found[plant.name].roots:
+        for root in found.roots:
             error = judged.get(root.name)
-            cells = (
-                root.name,
-                significant(root.value, _DIGITS),
-                percent(root.relative_std),
-                MISSING if error is None else significant(error.truth, _DIGITS),
-                MISSING if error is None else percent(error.percent / 100),
-                MISSING if error is None else significant(error.deviations, 2),
-            )
-            rows.append(Row(cells, faint=error is None, group=group))
+            against = (MISSING,) * 3
+            if error is not None:
+                against = (
+                    significant(error.truth, _DIGITS),
+                    percent(error.percent / 100),
+                    significant(error.deviations, 2),
+                )
+            cells = (root.name, significant(root.value, _DIGITS), percent(root.relative_std), *against)
+            rows.append(Row(cells, faint=error is None, group=f"Channel {plant.name}: true {_true_roots(plant)}"))
     heads = ("Number", "Ours", "Deviation", "Truth", "Off", "Off, in deviations")
     caption = (
         "Rates of real poles and zeros [rad/s], positive in the left half plane; natural frequency [rad/s] and damping"
@@ -196,44 +167,31 @@ def _roots(plants: Sequence[Plant], found: Mapping[str, Identified], errors: Map
     return Table(heads, tuple(rows), title="Poles and zeros", caption=caption, fit="tall")
 
 
-def _measures(plants: Sequence[Plant], found: Mapping[str, Identified], paper: Mapping[str, Any]) -> Table:
-    rows = []
-    for plant in plants:
-        printed, own = paper["table_4"][plant.name], found[plant.name].quality
-        rows.append(
-            (
-                plant.name,
-                f"{printed['r2']:.3f}",
-                f"{own.r2:.6f}",
-                f"{printed['nrmse']:.3f}",
-                f"{own.nrmse:.4f}",
-                f"{printed['fpe']:g}",
-                significant(own.fpe),
-            )
-        )
-    heads = ("Channel", "R², paper", "Ours", "NRMSE, paper", "Ours", "FPE, paper", "Ours")
+def _measures(channels: Channels, paper: Mapping[str, Any]) -> Table:
+    printed = paper["table_4"]
+    columns = (
+        ("Channel", lambda pair: pair[0].name),
+        ("R², paper", lambda pair: f"{printed[pair[0].name]['r2']:.3f}"),
+        ("Ours", lambda pair: f"{pair[1].quality.r2:.6f}"),
+        ("NRMSE, paper", lambda pair: f"{printed[pair[0].name]['nrmse']:.3f}"),
+        ("Ours", lambda pair: f"{pair[1].quality.nrmse:.4f}"),
+        ("FPE, paper", lambda pair: f"{printed[pair[0].name]['fpe']:g}"),
+        ("Ours", lambda pair: significant(pair[1].quality.fpe)),
+    )
     caption = (
         "On the chirp that was not fitted, as in Table 2: R² is 1 less the residual's share of the variance, NRMSE 1"
         " less that of the deviation, FPE the residual's variance times (1 + d/N)/(1 - d/N) [mm² or degrees²]."
         " The paper's are of its robot, ours of plants without anything unmodelled."
     )
-    return Table(tuple(heads), tuple(rows), title="Tables 2 and 4: validation", caption=caption, fit="compact")
-
-
-def _printed_unit(plant: Plant) -> str:
-    return "degrees" if plant.name in ROTATIONS else "mm"
+    return table(columns, channels, title="Tables 2 and 4: validation", caption=caption, fit="compact")
 
 
 def _true_roots(plant: Plant) -> str:
-    return "; ".join(
-        f"{word} {', '.join(_one_root(what, value) for what, _, value in root_values(polynomial))}"
-        for word, polynomial in (("zeros", plant.numerator), ("poles", plant.denominator))
-    )
-
-
-def _one_root(what: str, value: float) -> str:
-    number = significant(value, _DIGITS)
-    return number if what == "rate" else f"{what} {number}"
+    said = []
+    for word, polynomial in (("zeros", plant.numerator), ("poles", plant.denominator)):
+        values = [(what, significant(value, _DIGITS)) for what, _, value in judging.root_values(polynomial)]
+        said.append(f"{word} {', '.join(value if what == 'rate' else f'{what} {value}' for what, value in values)}")
+    return "; ".join(said)
 
 
 def _fraction(numerator: Sequence[float], denominator: Sequence[float]) -> str:
@@ -243,9 +201,7 @@ def _fraction(numerator: Sequence[float], denominator: Sequence[float]) -> str:
 def _polynomial(coefficients: Sequence[float]) -> str:
     """Writes a polynomial of s, as in `24.08 s + 1362`."""
     terms: list[str] = []
-    degree = len(coefficients) - 1
-    for place, value in enumerate(coefficients):
-        power = degree - place
+    for power, value in zip(range(len(coefficients) - 1, -1, -1), coefficients, strict=True):
         variable = "" if power == 0 else ("s" if power == 1 else "s" + str(power).translate(_SUPERSCRIPTS))
         size = significant(abs(value), _DIGITS)
         written = variable if variable and abs(value) == 1 else f"{size} {variable}".strip()
@@ -254,4 +210,116 @@ def _polynomial(coefficients: Sequence[float]) -> str:
     return "".join(terms)
 
 
-PLANTS = Part("plants", conclude_plants, plants_tasks, identify)
+def thinned(x: FloatArray, series: Mapping[str, FloatArray]) -> tuple[Curve, ...]:
+    """Returns curves over x (n_point,), thinned evenly where they have many points."""
+    every = max(1, int(np.ceil(len(x) / _MOST_POINTS)))
+    return curves(x[::every], {name: values[::every] for name, values in series.items()})
+
+
+def _over_time(title: str, unit: str, time_s: FloatArray, signals: Mapping[str, FloatArray]) -> Figure:
+    axes = "Time [s]", f"Position [{unit}]"
+    return Figure(title, *axes, thinned(time_s, signals), log_x=False, log_y=False, height=_HEIGHT)
+
+
+def _excitation(plant: Plant, bench: Bench, case: PlantsCase) -> Section:
+    high = max(case.fit_hz)
+    command = bench.command(plant, high)
+    measured = bench.measure(plant, bench.answer(plant, command), np.random.default_rng(case.first_seed))[0]
+    time = np.arange(bench.n_sample) * bench.sampling_period_s
+    signals = {"in": command, "out": measured}
+    frequency = np.fft.rfftfreq(len(time), bench.sampling_period_s)[1:]
+    # On a logarithmic axis the many fast components are thinned, the few slow ones are not.
+    kept = np.unique(np.geomspace(1, len(frequency), _MOST_LINES).astype(int)) - 1
+    amplitudes = {name: (2 / len(time) * np.abs(np.fft.rfft(values))[1:])[kept] for name, values in signals.items()}
+    floor = curves(frequency[[0, -1]], {"resolution": np.full(2, plant.resolution)})
+    spectra = (*curves(frequency[kept], amplitudes), *floor)
+    figures = (
+        _over_time(f"Fig. 5a: chirp to {high:g} Hz, channel {plant.name}", plant.unit, time, signals),
+        Figure("Fig. 5b: spectra", "Frequency [Hz]", f"Amplitude [{plant.unit}]", spectra, height=_HEIGHT),
+    )
+    return Section("Excitation: Fig. 5", "One of the repeats.", (Beside(figures, columns=2),))
+
+
+def _undershoots(channels: Channels, bench: Bench) -> Section:
+    parts: list[Figure] = []
+    for plant, one in channels:
+        sets = {
+            "true poles": plant.denominator,
+            "true zeros": plant.numerator,
+            "our poles": one.denominator.tolist(),
+            "our zeros": one.numerator.tolist(),
+        }
+        signals = {"true": bench.step(plant, len(one.step_s)), "ours": one.step}
+        for sign, factor in (("+", 3.0), (chr(0x2212), -3.0)):
+            signals[f"ours {sign} 3 deviations"] = one.step + factor * one.step_std
+        parts += [
+            _root_figure(f"Fig. 6a: channel {plant.name}", sets),
+            _over_time(f"Fig. 6b: step of channel {plant.name}", "1", one.step_s, signals),
+        ]
+    lead = (
+        f"Poles and zeros within {_NEAR_RAD_S:g} rad/s. Step responses are shown at the samples, where the data can"
+        " tell them; between these the fast poles of B and C, which no data at this rate determine, say how deep the"
+        " undershoot goes."
+    )
+    return Section("Undershoot of B and C: Fig. 6", lead, (Beside(tuple(parts), columns=2),))
+
+
+def _root_figure(title: str, sets: Mapping[str, Sequence[float]]) -> Figure:
+    """Poles and zeros in the complex plane, those near the origin."""
+    drawn: list[Curve] = []
+    for name, polynomial in sets.items():
+        roots = np.asarray(np.roots(polynomial), complex)
+        near = roots[np.abs(roots) <= _NEAR_RAD_S]
+        drawn += curves(near.real, {name: near.imag}, points=True)
+    return Figure(title, "Real part [rad/s]", "Imaginary part [rad/s]", tuple(drawn), log_x=False, log_y=False)
+
+
+def _validation(channels: Channels, bench: Bench) -> Section:
+    figures = []
+    for plant, one in channels:
+        time = np.arange(len(one.measured)) * bench.sampling_period_s
+        inside = (time >= _WINDOW_S[0]) & (time <= _WINDOW_S[1])
+        signals = {
+            "measured": one.measured,
+            "model": one.simulated,
+            "lower": one.simulated - one.bound,
+            "upper": one.simulated + one.bound,
+        }
+        title = f"Fig. {7 if plant.name in ROTATIONS else 8}: channel {plant.name}"
+        shown = {name: values[inside] for name, values in signals.items()}
+        figures.append(_over_time(title, plant.unit, time[inside], shown))
+    lead = (
+        f"Six seconds of the chirp that was not fitted, with the bounds of {100 * judging.CONFIDENCE:g} % of what the"
+        " model says; they are narrower than the lines."
+    )
+    return Section("Validation: Figs 7 and 8", lead, (Beside(tuple(figures), columns=2),))
+
+
+def _frequency(channels: Channels, bench: Bench) -> Section:
+    parts: list[Figure] = []
+    for plant, one in channels:
+        responses = (
+            ("empirical", one.etfe_hz, one.etfe),
+            ("model", one.frequency_hz, one.response),
+            ("true", one.frequency_hz, bench.response(plant, one.frequency_hz)),
+        )
+        title = f"Fig. {10 if plant.name in ROTATIONS else 11}: channel {plant.name}"
+        for name, y_title, write in (
+            (title, "Magnitude [dB]", _decibels),
+            (f"{title}, phase", "Phase [degrees]", _phase),
+        ):
+            drawn = tuple(one for word, hz, values in responses for one in thinned(hz, {word: write(values)}))
+            parts.append(Figure(name, "Frequency [Hz]", y_title, drawn, log_y=False, height=_HEIGHT))
+    lead = "From samples to samples: with hold, moving average and delay, which the paper's leave out."
+    return Section("Frequency responses: Figs 10 and 11", lead, (Beside(tuple(parts), columns=2),))
+
+
+def _decibels(values: ComplexArray) -> FloatArray:
+    return np.asarray(20 * np.log10(np.maximum(np.abs(values), 1e-12)))
+
+
+def _phase(values: ComplexArray) -> FloatArray:
+    return np.degrees(np.unwrap(np.angle(values)))
+
+
+PLANTS = Part("plants", _conclude_plants, plants_tasks, identify)

@@ -12,12 +12,11 @@ from robid.models.elastic.fit.options import ElasticOptions, WeightsKind
 from robid.robot.parameters import ElasticKind
 from robid.settings.base import Name, Section
 from robid.settings.checks.configurations import configuration_count
-from robid.settings.experiment import Campaign, Experiment
-from robid.settings.problems import suggest
+from robid.settings.experiment import Experiment
 from robid.settings.robot import RobotFile
+from robid.settings.robot_sections import given
 from robid.settings.yaml import FieldPath
-from robid.simulate.options import SimulateOptions
-from robid.studies.experiments import Problems, campaign_problem, name_problems
+from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, name_problems, unknown
 
 
 @dataclass(frozen=True)
@@ -49,16 +48,15 @@ class ModelChoice(Section):
     """The data of one model of a design study, and what it frees beyond the others."""
 
     configurations: tuple[Annotated[int, Field(ge=0)], ...] | None = Field(
-        default=None, description="Indices, from 0, of the campaigns' configurations; all when not given.", min_length=1
+        None, description="Indices, from 0, of the campaigns' configurations; all when not given.", min_length=1
     )
-    count: int | None = Field(default=None, description="How many of these are taken; all when not given.", ge=1)
-    seed: int = Field(default=1, description="Seed of the draw that takes them.", ge=0)
+    count: Count | None = Field(None, description="How many of these are taken; all when not given.")
+    seed: Whole = Field(1, description="Whole of the draw that takes them.")
     low_torque: Name | None = Field(
-        default=None,
-        description="Name of the joint with whose smallest gravity torques they are taken, not drawn.",
+        None, description="Name of the joint with whose smallest gravity torques they are taken, not drawn."
     )
-    free: tuple[ElasticKind, ...] = Field(default=(), description="Kinds that it frees beside those of `fit`.")
-    fixed: tuple[str, ...] = Field(default=(), description="Parameters that it fixes beside those of `fit`.")
+    free: tuple[ElasticKind, ...] = Field((), description="Kinds that it frees beside those of `fit`.")
+    fixed: tuple[str, ...] = Field((), description="Parameters that it fixes beside those of `fit`.")
 
 
 class ZimmermannStudy(Section):
@@ -79,24 +77,22 @@ class ZimmermannStudy(Section):
     )
     models: dict[Name, ModelChoice] = Field(description="The models, by name.", min_length=1)
     axes: tuple[Name, ...] = Field(
-        default=("axis_2", "axis_3"),
+        ("axis_2", "axis_3"),
         description="Joints by whose first resonance, of the motor's own response, the models are judged.",
         min_length=1,
     )
-    reference: Name = Field(default="m49", description="The model that has all configurations.")
-    optimal: Name = Field(default="opt2", description="The model that has those of `design`.")
-    guess: Name = Field(default="guess", description="The model that has those an engineer would choose.")
+    reference: Name = Field("m49", description="The model that has all configurations.")
+    optimal: Name = Field("opt2", description="The model that has those of `design`.")
+    guess: Name = Field("guess", description="The model that has those an engineer would choose.")
     nonlinear: Name | None = Field(
-        default=None, description="The model whose gears stiffen, which explains the others' springs."
+        None, description="The model whose gears stiffen, which explains the others' springs."
     )
     design: Name = Field(description="The design of the study.")
     steps: StepOptions = Field(
         default_factory=StepOptions, description="Steps that compare the models in the time domain."
     )
-    stepped: tuple[Name, ...] = Field(default=(), description="Models that control the steps, the robot file beside.")
-    paper: str | None = Field(
-        default=None, description="File with the paper's figures, relative to this one.", min_length=1
-    )
+    stepped: tuple[Name, ...] = Field((), description="Models that control the steps, the robot file beside.")
+    paper: str | None = Field(None, description="File with the paper's figures, relative to this one.", min_length=1)
 
 
 def check_zimmermann2023(study: ZimmermannStudy, experiment: Experiment, robot: RobotFile | None) -> Problems:
@@ -115,13 +111,8 @@ def check_zimmermann2023(study: ZimmermannStudy, experiment: Experiment, robot: 
     elif not unusable:
         yield from _check_pairs(experiment, study)
     if not unusable:
-        yield from _check_configurations(
-            study, configuration_count(experiment, experiment.campaigns[study.estimation[0]])
-        )
-
-
-def _simulated(campaign: Campaign) -> SimulateOptions | None:
-    return None if campaign.source is None else campaign.source.simulate
+        count = configuration_count(experiment, experiment.campaigns[study.estimation[0]])
+        yield from _check_configurations(study, count)
 
 
 def _check_pairs(experiment: Experiment, study: ZimmermannStudy) -> Problems:
@@ -132,31 +123,30 @@ def _check_pairs(experiment: Experiment, study: ZimmermannStudy) -> Problems:
                 message = f"`{name}` has other configurations than `{study.estimation[0]}`"
                 yield ("study", key, index), message
     for index, pair in enumerate(zip(study.estimation, study.validation, strict=True)):
-        own, other = (_simulated(experiment.campaigns[name]) for name in pair)
-        if own is not None and other is not None and own.truth != other.truth:
+        own, other = (given(given(experiment.campaigns[name].source).simulate) for name in pair)
+        if own.truth != other.truth:
             message = f"`{pair[1]}` simulates another individual than `{pair[0]}`: give both the same `truth`"
             yield ("study", "validation", index), message
 
 
 def _check_names(experiment: Experiment, study: ZimmermannStudy, robot: RobotFile | None) -> Problems:
-    if study.design not in experiment.designs:
-        message = f"there is no design `{study.design}`; {suggest(study.design, experiment.designs)}"
+    if message := unknown("design", study.design, experiment.designs):
         yield ("study", "design"), message
     roles: list[tuple[FieldPath, str | None]] = [
         ((key,), getattr(study, key)) for key in ("reference", "optimal", "guess", "nonlinear")
     ]
     roles += [(("stepped", index), name) for index, name in enumerate(study.stepped)]
     for place, name in roles:
-        if name is not None and name not in study.models:
-            yield ("study", *place), f"there is no model `{name}`; {suggest(name, study.models)}"
+        if name is not None and (message := unknown("model", name, study.models)):
+            yield ("study", *place), message
     joints = [] if robot is None else [joint.name for joint in robot.joints]
     asked: list[tuple[FieldPath, str | None]] = [
         (("models", name, "low_torque"), choice.low_torque) for name, choice in study.models.items()
     ]
     asked += [(("axes", index), joint) for index, joint in enumerate(study.axes)]
     for place, joint in asked:
-        if robot is not None and joint is not None and joint not in joints:
-            yield ("study", *place), f"there is no joint `{joint}`; {suggest(joint, joints)}"
+        if robot is not None and joint is not None and (message := unknown("joint", joint, joints)):
+            yield ("study", *place), message
 
 
 def _check_configurations(study: ZimmermannStudy, n_conf: int | None) -> Problems:
@@ -174,9 +164,9 @@ class EstimatorChoice(Section):
     """One estimator of the parameters."""
 
     estimator: EstimatorKind = Field(description="As in a fit.")
-    weights: WeightsKind = Field(default="user", description="As `kind` in the weights of a fit.")
+    weights: WeightsKind = Field("user", description="As `kind` in the weights of a fit.")
     configurations: Literal["all", "best"] = Field(
-        default="all", description="All, or the one with the smallest predicted covariance."
+        "all", description="All, or the one with the smallest predicted covariance."
     )
 
 
@@ -192,32 +182,27 @@ class WernholtStudy(Section):
     )
     estimators: dict[Name, EstimatorChoice] = Field(description="What is compared, by name.", min_length=1)
     reference: Name = Field(
-        default="lls15u", description="The estimator whose best model the others' parameters are divided by."
+        "lls15u", description="The estimator whose best model the others' parameters are divided by."
     )
-    wide: tuple[Name, ...] = Field(default=(), description="Estimators that also start over `wide_decades`.")
-    wide_decades: float = Field(default=2.0, description="Spread of these starts [decades].", gt=0)
-    plain: bool = Field(
-        default=True, description="Whether every start is also fitted with `strategy: plain`, as in the paper."
-    )
-    starts_per_task: int = Field(default=25, description="Starts that are fitted in one go.", ge=1)
+    wide: tuple[Name, ...] = Field((), description="Estimators that also start over `wide_decades`.")
+    wide_decades: Positive = Field(2.0, description="Spread of these starts [decades].")
+    plain: bool = Field(True, description="Whether every start is also fitted with `strategy: plain`, as in the paper.")
+    starts_per_task: Count = Field(25, description="Starts that are fitted in one go.")
     individuals: tuple[Name, ...] = Field(
-        default=(),
+        (),
         description="Names of further simulated campaigns, one for each individual of the robot, on which estimates"
         " from all configurations are held against the truth.",
     )
     individual_estimators: tuple[Name, ...] = Field(
-        default=(),
-        description="Estimators that are held against them; all with all configurations when not given.",
+        (), description="Estimators that are held against them; all with all configurations when not given."
     )
-    individual_starts: int = Field(
-        default=3, description="Starts of each of these fits, the robot file's values the first one.", ge=1
+    individual_starts: Count = Field(
+        3, description="Starts of each of these fits, the robot file's values the first one."
     )
     element: tuple[int, int] = Field(
-        default=(1, 1), description="Numbers, from 1, of the output and the input of the response that is drawn."
+        (1, 1), description="Numbers, from 1, of the output and the input of the response that is drawn."
     )
-    paper: str | None = Field(
-        default=None, description="File with the paper's figures, relative to this one.", min_length=1
-    )
+    paper: str | None = Field(None, description="File with the paper's figures, relative to this one.", min_length=1)
 
 
 def check_wernholt2008(study: WernholtStudy, experiment: Experiment, _robot: RobotFile | None) -> Problems:

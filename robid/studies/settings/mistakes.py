@@ -11,10 +11,9 @@ from robid.results.doubt import CAUSES
 from robid.results.scale import CHANNELS, OWN_SCALES, SCALES
 from robid.settings.base import Name, Section
 from robid.settings.experiment import Experiment
-from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
-from robid.studies.experiments import Problems, fit_problem, physics_problems
+from robid.studies.experiments import Count, Positive, Problems, Whole, fit_problem, physics_problems, unknown
 
 LogSignal: TypeAlias = Literal["angle", "arm", "speed"]
 """What a log may hold beside the torques: angles of motors and arms, speeds of motors."""
@@ -39,14 +38,14 @@ class UnitRobot(Section):
     experiment: str = Field(description="Experiment file, relative to this one.", min_length=1)
     fit: Name = Field(description="Name of its fit, of any family, with a campaign to validate on, both simulated.")
     log: tuple[LogSignal, ...] = Field(
-        default=("angle",), description="What its logs hold beside time and motor torques.", min_length=1
+        ("angle",), description="What its logs hold beside time and motor torques.", min_length=1
     )
-    counts_per_turn: float = Field(default=65536, description="Counts of one turn of a motor's encoder.", gt=0)
-    torque_constant_nm_a: float = Field(
-        description="Torque constant of the motors, which the robot file states too [N m/A].", gt=0
+    counts_per_turn: Positive = Field(65536, description="Counts of one turn of a motor's encoder.")
+    torque_constant_nm_a: Positive = Field(
+        description="Torque constant of the motors, which the robot file states too [N m/A]."
     )
     variants: tuple[Physics, ...] = Field(
-        default=(Physics(),),
+        (Physics(),),
         description="How true robots differ beside their seed, in what the model lacks too; seeds take turns.",
         min_length=1,
     )
@@ -59,9 +58,9 @@ class UnitMistake(Section):
         description="What is wrong: a channel, `x` where the values that are read are too large or `/` where they are"
         " too small, and the factor."
     )
-    one_joint: bool = Field(default=False, description="Whether it is that of one joint, by the seed; else of all.")
+    one_joint: bool = Field(False, description="Whether it is that of one joint, by the seed; else of all.")
     stamps: bool = Field(
-        default=True, description="Whether the log has a time channel; else only its sampling period is stated."
+        True, description="Whether the log has a time channel; else only its sampling period is stated."
     )
     log: dict[Name, tuple[LogSignal, ...]] = Field(
         default_factory=dict, description="What the logs hold in the place of the robot's `log`, by robot."
@@ -69,21 +68,19 @@ class UnitMistake(Section):
     same: dict[Name, tuple[ScaleText, ...]] = Field(
         default_factory=dict, description="Further scales that give the same data, by robot: its group."
     )
-    refusals: tuple[str, ...] = Field(
-        default=(), description="Words by which a refusal names it, beside those of its scale."
-    )
+    refusals: tuple[str, ...] = Field((), description="Words by which a refusal names it, beside those of its scale.")
 
 
 class Rough(Section):
     """How far the robot files of sound records are off: each value by its own log-uniform factor, up to these."""
 
-    rotor_inertia: float = Field(default=2.5, description="Rotor inertias.", ge=1)
-    mass: float = Field(default=2.0, description="Mass and inertia of each link.", ge=1)
-    inertia: float = Field(default=1.5, description="Inertia of each link beside that.", ge=1)
-    spring: float = Field(default=3.0, description="Springs.", ge=1)
-    damper: float = Field(default=3.0, description="Dampers.", ge=1)
-    friction: float = Field(default=3.0, description="Viscous coefficient and dry levels of each motor.", ge=1)
-    torque_constant: float = Field(default=2.0, description="Torque constant of each motor.", ge=1)
+    rotor_inertia: float = Field(2.5, description="Rotor inertias.", ge=1)
+    mass: float = Field(2.0, description="Mass and inertia of each link.", ge=1)
+    inertia: float = Field(1.5, description="Inertia of each link beside that.", ge=1)
+    spring: float = Field(3.0, description="Springs.", ge=1)
+    damper: float = Field(3.0, description="Dampers.", ge=1)
+    friction: float = Field(3.0, description="Viscous coefficient and dry levels of each motor.", ge=1)
+    torque_constant: float = Field(2.0, description="Torque constant of each motor.", ge=1)
 
 
 class UnitMistakes(Section):
@@ -91,7 +88,7 @@ class UnitMistakes(Section):
 
     robots: dict[Name, UnitRobot] = Field(description="The robots, by name.", min_length=1)
     only: tuple[Name, ...] | None = Field(
-        default=None, description="The robots that are read; all when not given.", min_length=1
+        None, description="The robots that are read; all when not given.", min_length=1
     )
     mistakes: dict[Name, UnitMistake] = Field(description="The mistakes, by name; each with every robot.", min_length=1)
     rough: Rough = Field(default_factory=Rough, description="How rough the robot files of the sound records are.")
@@ -102,14 +99,14 @@ class UnitMistakes(Section):
         return {name: robot for name, robot in self.robots.items() if self.only is None or name in self.only}
 
 
-class Mistake(Section):
+class Mistake(Physics):
     """One mistake with its size, in the logs, in the robot file that the fit reads, or in what is simulated."""
 
     cause: str | None = Field(
-        default=None, description="The cause that it should be blamed on; none where there is no single one."
+        None, description="The cause that it should be blamed on; none where there is no single one."
     )
     robot: Literal["heavy", "light"] = Field(
-        default="heavy", description="Whose robot it is made with: this file's or that of `light`."
+        "heavy", description="Whose robot it is made with: this file's or that of `light`."
     )
     torque_factor: dict[Name, float] = Field(
         default_factory=dict, description="Logs: factors of the torques, by joint; -1 is a wrong sign."
@@ -118,24 +115,18 @@ class Mistake(Section):
         default_factory=dict, description="Logs: factors of the motor angles, by joint; -1 is a wrong sign."
     )
     swapped: tuple[int, int] | None = Field(
-        default=None,
+        None,
         description="Logs: indices, from 0, of two configurations of the estimation that are taken for each other.",
     )
-    delay_samples: int = Field(default=0, description="Logs: samples by which the angles come late.", ge=0)
+    delay_samples: Whole = Field(0, description="Logs: samples by which the angles come late.")
     gear_ratio_factor: dict[Name, float] = Field(
         default_factory=dict, description="Robot file: factors of the gear ratios, by joint."
     )
-    without_springs: tuple[str, ...] = Field(default=(), description="Robot file: names of the springs that it lacks.")
-    friction_factor: float = Field(
-        default=1.0, description="Robot file: factor of the Coulomb and breakaway levels of all motors.", gt=0
+    without_springs: tuple[str, ...] = Field((), description="Robot file: names of the springs that it lacks.")
+    friction_factor: Positive = Field(
+        1.0, description="Robot file: factor of the Coulomb and breakaway levels of all motors."
     )
-    excitation_factor: float = Field(default=1.0, description="Simulation: factor of the excitation.", gt=0)
-    imperfections: dict[str, Any] = Field(
-        default_factory=dict, description="Simulation: `imperfections` that take the place of the campaigns'."
-    )
-    truth: dict[str, Any] = Field(
-        default_factory=dict, description="Simulation: `truth` that takes the place of the campaigns'."
-    )
+    excitation_factor: Positive = Field(1.0, description="Simulation: factor of the excitation.")
 
     @property
     def physics(self) -> dict[str, Any]:
@@ -149,12 +140,12 @@ class Mistake(Section):
 class SeedChoice(Section):
     """Seeds of true robots and noise."""
 
-    first: int = Field(description="The first seed; further ones follow it.", ge=0)
-    mistakes: int = Field(default=5, description="Seeds with which each mistake is made, from the first.", ge=1)
-    heavy: int = Field(default=40, description="Sound robots of this file.", ge=1)
-    light: int = Field(default=10, description="Sound robots of `light`.", ge=0)
-    units: int = Field(default=5, description="Seeds with which each log is read in wrong units.", ge=1)
-    rough: int = Field(default=20, description="Sound logs of each robot of `units`, their robot files rough.", ge=0)
+    first: Whole = Field(description="The first seed; further ones follow it.")
+    mistakes: Count = Field(5, description="Seeds with which each mistake is made, from the first.")
+    heavy: Count = Field(40, description="Sound robots of this file.")
+    light: Whole = Field(10, description="Sound robots of `light`.")
+    units: Count = Field(5, description="Seeds with which each log is read in wrong units.")
+    rough: Whole = Field(20, description="Sound logs of each robot of `units`, their robot files rough.")
 
     def end(self, *, units: bool) -> int:
         """Returns the first seed that is none of them, where a study reads `units`, or not."""
@@ -175,16 +166,16 @@ class MistakesStudy(Section):
     kind: Literal["mistakes"] = Field(description="What is studied.")
     fit: Name = Field(description="Name of the fit, with a campaign to validate on, both simulated.")
     light: str | None = Field(
-        default=None,
+        None,
         description="Experiment file, relative to this one, of a light robot, with a fit of the same name.",
         min_length=1,
     )
     seeds: Seeds = Field(description="Seeds of the robots.")
-    use: Literal["judge", "choose"] = Field(default="judge", description="Which of the seeds are used.")
+    use: Literal["judge", "choose"] = Field("judge", description="Which of the seeds are used.")
     mistakes: dict[Name, Mistake] = Field(description="The mistakes, by name.", min_length=1)
-    units: UnitMistakes | None = Field(default=None, description="Logs that are read in wrong units.")
+    units: UnitMistakes | None = Field(None, description="Logs that are read in wrong units.")
     only: Literal["mistakes", "units"] | None = Field(
-        default=None, description="What is done alone: `mistakes`, or `units`; both when not given."
+        None, description="What is done alone: `mistakes`, or `units`; both when not given."
     )
 
     @property
@@ -208,8 +199,8 @@ def check_mistakes(study: MistakesStudy, experiment: Experiment, robot: RobotFil
     yield from robot_problems(study, "heavy", experiment, robot)
     for name, mistake in study.mistakes.items():
         field = ("study", "mistakes", name)
-        if mistake.cause is not None and mistake.cause not in CAUSES:
-            yield (*field, "cause"), f"there is no cause `{mistake.cause}`; {suggest(mistake.cause, CAUSES)}"
+        if mistake.cause is not None and (message := unknown("cause", mistake.cause, CAUSES)):
+            yield (*field, "cause"), message
         if mistake.robot == "light" and study.light is None:
             yield (*field, "robot"), "the study has no `light` robot"
     yield from _check_units(study)
@@ -257,4 +248,4 @@ def _name_problems(field: FieldPath, mistake: Mistake, robot: RobotFile) -> Prob
 
 
 def _unknown(field: FieldPath, names: Sequence[str], kind: str, known: Sequence[str]) -> Problems:
-    yield from ((field, f"there is no {kind} `{name}`; {suggest(name, known)}") for name in names if name not in known)
+    yield from ((field, message) for name in names if (message := unknown(kind, name, known)))

@@ -9,42 +9,48 @@ from pydantic import Field
 from robid.models.lpv.settings import LpvFit
 from robid.settings.base import Name, Section
 from robid.settings.experiment import Campaign, Experiment
-from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
-from robid.studies.experiments import Problems, campaign_problem, family_problem
+from robid.studies.experiments import (
+    Count,
+    NotNegative,
+    Positive,
+    Problems,
+    Whole,
+    campaign_problem,
+    family_problem,
+    unknown,
+)
 
 
 class PlantsCase(Section):
     """The paper's transfer functions as plants, excited and measured as its robot was."""
 
-    first_seed: int = Field(
-        default=101, description="The seed of the tables' noise; further ones, of the coverage, follow it.", ge=0
+    first_seed: Whole = Field(
+        101, description="The seed of the tables' noise; further ones, of the coverage, follow it."
     )
-    seeds: int = Field(default=100, description="Number of seeds of the coverage; 0 leaves it out.", ge=0)
-    seeds_per_task: int = Field(default=25, description="Seeds that are fitted in one go.", ge=1)
-    delay_samples: int = Field(default=4, description="True transport delay, which is estimated.", ge=0)
-    moving_average: int = Field(default=4, description="Samples of the commands' moving average, known.", ge=1)
-    noise_resolutions: float = Field(
-        default=1.0, description="Deviation of the noise before quantising, over the resolution.", ge=0
+    seeds: Whole = Field(100, description="Number of seeds of the coverage; 0 leaves it out.")
+    seeds_per_task: Count = Field(25, description="Seeds that are fitted in one go.")
+    delay_samples: Whole = Field(4, description="True transport delay, which is estimated.")
+    moving_average: Count = Field(4, description="Samples of the commands' moving average, known.")
+    noise_resolutions: NotNegative = Field(
+        1.0, description="Deviation of the noise before quantising, over the resolution."
     )
     fit_hz: tuple[float, ...] = Field(
-        default=(0.10, 1.04, 5.20), description="Highest frequencies of the chirps that are fitted [Hz].", min_length=1
+        (0.10, 1.04, 5.20), description="Highest frequencies of the chirps that are fitted [Hz].", min_length=1
     )
-    validation_hz: float = Field(default=2.08, description="Highest frequency of the chirp that validates [Hz].", gt=0)
-    band_hz: tuple[float, float] = Field(
-        default=(0.01, 5.2), description="Band in which responses and poles are judged [Hz]."
-    )
-    max_poles: int = Field(default=5, description="Poles that are tried at most.", ge=1)
-    max_delay_samples: int = Field(default=10, description="Longest delay that is searched.", ge=0)
+    validation_hz: Positive = Field(2.08, description="Highest frequency of the chirp that validates [Hz].")
+    band_hz: tuple[float, float] = Field((0.01, 5.2), description="Band in which responses and poles are judged [Hz].")
+    max_poles: Count = Field(5, description="Poles that are tried at most.")
+    max_delay_samples: Whole = Field(10, description="Longest delay that is searched.")
 
 
 class SyntheticCase(Section):
     """Random plants whose order is to be found."""
 
-    first_seed: int = Field(default=101, description="The first seed; further ones follow it.", ge=0)
-    plants: int = Field(default=100, description="Number of plants, one a seed.", ge=1)
-    plants_per_task: int = Field(default=10, description="Plants that are identified in one go.", ge=1)
+    first_seed: Whole = Field(101, description="The first seed; further ones follow it.")
+    plants: Count = Field(100, description="Number of plants, one a seed.")
+    plants_per_task: Count = Field(10, description="Plants that are identified in one go.")
 
 
 class CartesianCase(Section):
@@ -65,12 +71,10 @@ class OliveiraStudy(Section):
     """Transfer functions from commanded to actual position, against known plants, a simulated arm and real data."""
 
     kind: Literal["oliveira2019"] = Field(description="What is studied.")
-    plants: PlantsCase | None = Field(default=None, description="The paper's transfer functions as plants.")
-    synthetic: SyntheticCase | None = Field(default=None, description="Random plants.")
-    arm: CartesianCase | None = Field(default=None, description="A simulated arm on a rail.")
-    emps: LoopCase | None = Field(
-        default=None, description="A real axis in closed loop; skipped where its log is not there."
-    )
+    plants: PlantsCase | None = Field(None, description="The paper's transfer functions as plants.")
+    synthetic: SyntheticCase | None = Field(None, description="Random plants.")
+    arm: CartesianCase | None = Field(None, description="A simulated arm on a rail.")
+    emps: LoopCase | None = Field(None, description="A real axis in closed loop; skipped where its log is not there.")
     paper: str = Field(description="File with the paper's figures, relative to this one.", min_length=1)
 
 
@@ -105,7 +109,7 @@ def _check_arm(experiment: Experiment, case: CartesianCase) -> Problems:
     if problem := family_problem(experiment, case.fit, "external", validated=True):
         yield (*field, "fit"), problem
     if homes is None:
-        yield (*field, "homes"), f"there is no campaign `{case.homes}`; {suggest(case.homes, experiment.campaigns)}"
+        yield (*field, "homes"), unknown("campaign", case.homes, experiment.campaigns)
     elif not homes.moves_poses or homes.source is None or homes.source.simulate is None:
         yield (*field, "homes"), f"campaign `{case.homes}` does not simulate pose commands"
 
@@ -113,9 +117,9 @@ def _check_arm(experiment: Experiment, case: CartesianCase) -> Problems:
 class KnownStructureCase(Section):
     """Systems of known structure, measured with noise, each in a basis of states of its own."""
 
-    first_seed: int = Field(default=101, description="The first seed; further ones follow it.", ge=0)
-    runs: int = Field(default=100, description="Number of systems, one a seed.", ge=1)
-    runs_per_task: int = Field(default=10, description="Systems that are identified in one go.", ge=1)
+    first_seed: Whole = Field(101, description="The first seed; further ones follow it.")
+    runs: Count = Field(100, description="Number of systems, one a seed.")
+    runs_per_task: Count = Field(10, description="Systems that are identified in one go.")
 
 
 class RestCase(Section):
@@ -129,7 +133,7 @@ class TravelCase(Section):
 
     fit: Name = Field(description="Name of the position-dependent fit.")
     uncompensated: Name | None = Field(
-        default=None, description="Name of a fit to responses with friction in them, whose error is printed beside."
+        None, description="Name of a fit to responses with friction in them, whose error is printed beside."
     )
     campaign: Name = Field(description="Name of the simulated campaign in which the slide travels.")
     fixed: Name = Field(description="Name of the simulated campaign with the same lines at one position (eq. 20).")
@@ -139,9 +143,9 @@ class TurkStudy(Section):
     """Sparse position-dependent models: of known systems, of a simulated ball screw at rest, and while it moves."""
 
     kind: Literal["turk2018"] = Field(description="What is studied.")
-    synthetic: KnownStructureCase | None = Field(default=None, description="Systems of known structure.")
-    local: RestCase | None = Field(default=None, description="The model of this file at rest.")
-    travel: TravelCase | None = Field(default=None, alias="global", description="A model while the slide moves.")
+    synthetic: KnownStructureCase | None = Field(None, description="Systems of known structure.")
+    local: RestCase | None = Field(None, description="The model of this file at rest.")
+    travel: TravelCase | None = Field(None, alias="global", description="A model while the slide moves.")
     paper: str = Field(description="File with the paper's figures, relative to this one.", min_length=1)
 
 
@@ -206,16 +210,16 @@ def _standing(campaign: Campaign, case: TravelCase) -> Problems:
 class SeededCase(Section):
     """A machine that is simulated and identified over many seeds, with filters that suit and filters that do not."""
 
-    first_seed: int = Field(default=101, description="The first seed; further ones follow it.", ge=0)
-    seeds: int = Field(default=100, description="Number of seeds.", ge=2)
-    seeds_per_task: int = Field(default=25, description="Seeds that are simulated at once.", ge=1)
-    duration_s: float = Field(default=10.0, description="Length of a record [s].", gt=0)
-    resolution_rad: float = Field(default=7.67e-4, description="Quantum of the motor encoders [rad].", ge=0)
-    torque_noise_nm: float = Field(default=0.09, description="Deviation of the measured torque's noise [N m].", ge=0)
-    good_cut_hz: float = Field(default=20.0, description="Cut-off of the filters that suit [Hz].", gt=0)
-    bad_cut_hz: float = Field(default=200.0, description="Cut-off of the filters that do not [Hz].", gt=0)
-    drop_deviations: float = Field(
-        default=15.0, description="Deviations of the speed's noise below which rows are dropped.", ge=0
+    first_seed: Whole = Field(101, description="The first seed; further ones follow it.")
+    seeds: int = Field(100, description="Number of seeds.", ge=2)
+    seeds_per_task: Count = Field(25, description="Seeds that are simulated at once.")
+    duration_s: Positive = Field(10.0, description="Length of a record [s].")
+    resolution_rad: NotNegative = Field(7.67e-4, description="Quantum of the motor encoders [rad].")
+    torque_noise_nm: NotNegative = Field(0.09, description="Deviation of the measured torque's noise [N m].")
+    good_cut_hz: Positive = Field(20.0, description="Cut-off of the filters that suit [Hz].")
+    bad_cut_hz: Positive = Field(200.0, description="Cut-off of the filters that do not [Hz].")
+    drop_deviations: NotNegative = Field(
+        15.0, description="Deviations of the speed's noise below which rows are dropped."
     )
 
 
@@ -223,13 +227,13 @@ class BranchCase(SeededCase):
     """The robot of this file along an exciting Fourier series, with what all seeded cases have."""
 
     campaign: Name = Field(description="Name of the campaign whose first configuration is the middle of the motion.")
-    harmonics: int = Field(default=6, description="Harmonics of the record's length that move each joint.", ge=1)
-    range_share: float = Field(
-        default=0.8, description="Share of the way from the middle to the joints' limits that is used.", gt=0, le=1
+    harmonics: Count = Field(6, description="Harmonics of the record's length that move each joint.")
+    range_share: Positive = Field(
+        0.8, description="Share of the way from the middle to the joints' limits that is used.", le=1
     )
-    torque_share: float = Field(default=0.8, description="Share of the torque limits that is used.", gt=0, le=1)
-    draws: int = Field(default=40, description="Random series, of which the best conditioned is taken.", ge=1)
-    draw_seed: int = Field(default=1, description="Seed of these.", ge=0)
+    torque_share: Positive = Field(0.8, description="Share of the torque limits that is used.", le=1)
+    draws: Count = Field(40, description="Random series, of which the best conditioned is taken.")
+    draw_seed: Whole = Field(1, description="Whole of these.")
 
 
 class RealCase(Section):
@@ -252,31 +256,25 @@ class CoverageCase(Section):
     experiment: str = Field(description="Experiment file, relative to this one.", min_length=1)
     campaign: Name = Field(description="Name of its campaign whose trajectories are played.")
     fit: Name = Field(description="Name of its rigid fit, whose options are taken.")
-    first_seed: int = Field(
-        default=101, description="The first seed of robots and noise; further ones follow it.", ge=0
-    )
-    seeds: int = Field(default=100, description="Number of rigid robots.", ge=1)
-    elastic_seeds: int = Field(default=10, description="Number of robots whose joints are elastic.", ge=0)
-    seeds_per_task: int = Field(default=5, description="Robots of one task.", ge=1)
+    first_seed: Whole = Field(101, description="The first seed of robots and noise; further ones follow it.")
+    seeds: Count = Field(100, description="Number of rigid robots.")
+    elastic_seeds: Whole = Field(10, description="Number of robots whose joints are elastic.")
+    seeds_per_task: Count = Field(5, description="Robots of one task.")
 
 
 class JanotStudy(Section):
     """Least squares on the inverse dynamics, and whether its verdict on itself is right."""
 
     kind: Literal["janot2009"] = Field(description="What is studied.")
-    haptic: SeededCase | None = Field(default=None, description="The paper's one-axis haptic device.")
-    branch: BranchCase | None = Field(default=None, description="The robot of this file, a branch of three motors.")
+    haptic: SeededCase | None = Field(None, description="The paper's one-axis haptic device.")
+    branch: BranchCase | None = Field(None, description="The robot of this file, a branch of three motors.")
     emps: RealCase | None = Field(
-        default=None,
+        None,
         description="A real axis, with the fits `axis` and `asymmetric`; skipped where its log is not there.",
     )
-    tx40: RecordedCase | None = Field(
-        default=None, description="A real arm of six axes; skipped where its logs are not there."
-    )
-    kr300: CoverageCase | None = Field(default=None, description="A simulated arm of six axes.")
-    paper: str | None = Field(
-        default=None, description="File with the paper's figures, relative to this one.", min_length=1
-    )
+    tx40: RecordedCase | None = Field(None, description="A real arm of six axes; skipped where its logs are not there.")
+    kr300: CoverageCase | None = Field(None, description="A simulated arm of six axes.")
+    paper: str | None = Field(None, description="File with the paper's figures, relative to this one.", min_length=1)
 
 
 HAPTIC_PERIOD_S = 240e-6
@@ -313,7 +311,6 @@ def _check_case(field: FieldPath, case: SeededCase, sampling_period_s: float) ->
 def _check_middle(experiment: Experiment, case: BranchCase) -> Problems:
     campaign = experiment.campaigns.get(case.campaign)
     if campaign is None:
-        message = f"there is no campaign `{case.campaign}`; {suggest(case.campaign, experiment.campaigns)}"
-        yield ("study", "branch", "campaign"), message
+        yield ("study", "branch", "campaign"), unknown("campaign", case.campaign, experiment.campaigns)
     elif campaign.configurations is None or campaign.configurations.list_rows is None:
         yield ("study", "branch", "campaign"), f"campaign `{case.campaign}` does not list its configurations"

@@ -1,21 +1,32 @@
-"""What the study section of an experiment file may be; those of responses and of fleets in full."""
+"""What the study section of an experiment file may be, and its checks; those of responses and of fleets in full."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias, get_args, get_type_hints
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias, get_args, get_type_hints
 
 from pydantic import Field
 
 from robid.frf.options import EstimateOptions
+from robid.models.known import load_experiment
 from robid.settings.base import Name, Section
+from robid.settings.checks.experiment import Studies
 from robid.settings.experiment import Campaign, Experiment
-from robid.settings.problems import suggest
+from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
-from robid.studies.experiments import Problems, campaign_problem, name_problems
-from robid.studies.settings.elastic import WernholtStudy, ZimmermannStudy
-from robid.studies.settings.mistakes import MistakesStudy
-from robid.studies.settings.parts import JanotStudy, OliveiraStudy, TurkStudy
-from robid.studies.settings.trust import TrustStudy
+from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, name_problems, unknown
+from robid.studies.settings.elastic import WernholtStudy, ZimmermannStudy, check_wernholt2008, check_zimmermann2023
+from robid.studies.settings.mistakes import MistakesStudy, check_mistakes
+from robid.studies.settings.parts import (
+    JanotStudy,
+    OliveiraStudy,
+    TurkStudy,
+    check_janot2009,
+    check_oliveira2019,
+    check_turk2018,
+)
+from robid.studies.settings.trust import TrustStudy, check_trust
 
 
 class FrfStudy(Section):
@@ -23,16 +34,16 @@ class FrfStudy(Section):
 
     kind: Literal["frf"] = Field(description="What is studied.")
     campaign: Name = Field(description="Name of the simulated campaign whose realizations it divides into groups.")
-    group: int = Field(default=4, description="Realizations of one estimate.", ge=2)
-    groups_per_task: int = Field(default=5, description="Groups that are simulated at once.", ge=1)
+    group: int = Field(4, description="Realizations of one estimate.", ge=2)
+    groups_per_task: Count = Field(5, description="Groups that are simulated at once.")
     estimators: tuple[str, ...] | None = Field(
-        default=None, description="Values of `estimate.estimator` to compare; all when not given.", min_length=1
+        None, description="Values of `estimate.estimator` to compare; all when not given.", min_length=1
     )
     compensations: tuple[str, ...] | None = Field(
-        default=None, description="Values of `estimate.compensation` to compare; all when not given.", min_length=1
+        None, description="Values of `estimate.compensation` to compare; all when not given.", min_length=1
     )
     reference_estimator: str = Field(
-        default="joint", description="Estimator of the best linear approximation, from all realizations of a task."
+        "joint", description="Estimator of the best linear approximation, from all realizations of a task."
     )
     references: dict[str, float] = Field(
         default_factory=dict, description="Figures to hold ours against, by their name in summary.json."
@@ -73,34 +84,29 @@ def _check_names(study: FrfStudy) -> Problems:
         ("compensations", choices("compensation"), study.compensations or ()),
     ):
         yield from ((("study", key, index), message) for index, message in name_problems(named, known))
-    if study.reference_estimator not in choices("estimator"):
-        message = (
-            f"there is no `{study.reference_estimator}`; {suggest(study.reference_estimator, choices('estimator'))}"
-        )
+    if message := unknown("", study.reference_estimator, choices("estimator")):
         yield ("study", "reference_estimator"), message
 
 
 class FleetFaults(Section):
     """What is wrong with some of the robots: six kinds, as many robots of each."""
 
-    each: int = Field(default=5, description="Robots of each kind.", ge=0)
-    seed: int = Field(default=1, description="Seed of which robots these are, and of what is wrong where.", ge=0)
-    stiffness_factor: float = Field(
-        default=0.7, description="`spring`: true stiffness of a joint's transmission over that of a sound one.", gt=0
+    each: Whole = Field(5, description="Robots of each kind.")
+    seed: Whole = Field(1, description="Whole of which robots these are, and of what is wrong where.")
+    stiffness_factor: Positive = Field(
+        0.7, description="`spring`: true stiffness of a joint's transmission over that of a sound one."
     )
-    payload_kg: float = Field(
-        default=5.0, description="`payload`: what is mounted beyond what the manifest says [kg].", gt=0
-    )
+    payload_kg: Positive = Field(5.0, description="`payload`: what is mounted beyond what the manifest says [kg].")
     lost_samples: tuple[int, int] = Field(
-        default=(3, 200), description="`gap`: fewest and most samples that are lost inside an experiment."
+        (3, 200), description="`gap`: fewest and most samples that are lost inside an experiment."
     )
 
 
 class FleetSpeed(Section):
     """How the speed of `robid reprocess` is measured: backends in turn, again and again."""
 
-    rows: int = Field(default=100, description="Rows of each run, all of sound robots.", ge=3)
-    repeats: int = Field(default=5, description="Runs of each backend.", ge=1)
+    rows: int = Field(100, description="Rows of each run, all of sound robots.", ge=3)
+    repeats: Count = Field(5, description="Runs of each backend.")
 
 
 class FleetStudy(Section):
@@ -113,17 +119,16 @@ class FleetStudy(Section):
         " `payload_kg`.",
         min_length=1,
     )
-    robots: int = Field(default=1000, description="Number of robots.", ge=1)
-    robots_per_task: int = Field(default=10, description="Robots that are simulated in one go.", ge=1)
-    first_seed: int = Field(default=1, description="Seed of the first robot and its noise; the others follow.", ge=0)
+    robots: Count = Field(1000, description="Number of robots.")
+    robots_per_task: Count = Field(10, description="Robots that are simulated in one go.")
+    first_seed: Whole = Field(1, description="Whole of the first robot and its noise; the others follow.")
     faults: FleetFaults = Field(default_factory=FleetFaults, description="What is wrong with some of them.")
     speed: FleetSpeed | None = Field(
         default_factory=FleetSpeed, description="How speed is measured; not at all when null."
     )
-    scheduled: int = Field(
-        default=0,
+    scheduled: Whole = Field(
+        0,
         description="Rows without work that a local Dask cluster is fed with, to see what it bears; 0 leaves it out.",
-        ge=0,
     )
 
 
@@ -158,3 +163,32 @@ Study: TypeAlias = Annotated[
     | FleetStudy,
     Field(discriminator="kind"),
 ]
+
+
+_CHECKS: Mapping[str, Callable[[Any, Experiment, RobotFile | None], Problems]] = {
+    "frf": check_frf_study,
+    "wernholt2008": check_wernholt2008,
+    "zimmermann2023": check_zimmermann2023,
+    "mistakes": check_mistakes,
+    "janot2009": check_janot2009,
+    "oliveira2019": check_oliveira2019,
+    "turk2018": check_turk2018,
+    "trust": check_trust,
+    "fleet": check_fleet,
+}
+
+
+def load_with_study(path: Path) -> LoadedExperiment:
+    """Loads an experiment file and the robot file it names, and checks both, with the study where there is one.
+
+    Raises:
+        SettingsError: With every problem of both files, each with its line and field.
+    """
+    return load_experiment(path, studies=Studies(Study, _check_study))
+
+
+def _check_study(experiment: Experiment, robot: RobotFile | None) -> Problems:
+    """Yields what is wrong with the study, if there is one; the robot file is None where it could not be read."""
+    study = experiment.study
+    if study is not None:
+        yield from _CHECKS[study.kind](study, experiment, robot)

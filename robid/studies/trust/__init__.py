@@ -1,1 +1,1 @@
-"""Whether intervals hold. Read `individuals`, `responses`, `models`, `linear`, `figures`, `report`."""
+"""Whether intervals hold. Read `responses`, `linear`, `figures`, `report`; the settings say which robots there are."""

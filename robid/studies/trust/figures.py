@@ -14,7 +14,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.models.elastic.fit.solution import ElasticSolution
-from robid.results.estimate import Estimate
+from robid.studies.page import Asked
 
 _QUANTILE = 0.95
 _LEAST = 1e-300
@@ -83,25 +83,16 @@ class Held:
 
 
 def physical(found: Intervals, truth: FloatArray, counted: BoolArray) -> Held:
-    """Holds intervals against the springs themselves.
-
-    Args:
-        found: The intervals.
-        truth (n_robot, n_spring): True springs.
-        counted (n_robot, n_spring): Which of them count.
-    """
+    """Holds intervals against true springs, of which some count, both (n_robot, n_spring)."""
     known = counted & np.isfinite(truth) & np.isfinite(found.lower)
     inside = (found.lower <= truth) & (truth <= found.upper)
     return Held(inside & known, known, _log_ratio(found.value, truth, known), found.half_width)
 
 
 def effective(found: Intervals, reference: Intervals, counted: BoolArray) -> Held:
-    """Holds intervals against those of the same robots in other places, the root of both squared.
+    """Holds intervals against those of the same robots in other places, the root of both half widths squared.
 
-    Args:
-        found: The intervals.
-        reference: Those in the places of the reference.
-        counted (n_robot, n_spring): Which of them count.
+    Counted are some springs of each robot (n_robot, n_spring).
     """
     known = counted & np.isfinite(found.lower) & np.isfinite(reference.lower)
     error = _log_ratio(found.value, reference.value, known)
@@ -126,19 +117,19 @@ _HALF_WIDTHS = 3.0
 _TRUST = 2
 _Row = TypeVar("_Row")
 
-ASKED: Mapping[str, tuple[float, float]] = {
-    "effective.coverage_95": (0.92, 1.0),
-    "light.effective.coverage_95": (0.90, 1.0),
-    "listed.physical.coverage_95": (0.90, 1.0),
-    "listed.physical.worst": (0.75, 1.0),
-    "unlisted.trusted_wrong": (0.0, 0.05),
-    "width_ratio": (0.0, 2.0),
-    "linear.coverage_95": (0.92, 0.98),
-    "linear.file.coverage_95": (0.92, 1.0),
-    "causes.first": (0.8, 1.0),
-    "causes.first_three": (0.9, 1.0),
+ASKED: Mapping[str, Asked] = {
+    "effective.coverage_95": Asked(lower=0.92),
+    "light.effective.coverage_95": Asked(lower=0.90),
+    "listed.physical.coverage_95": Asked(lower=0.90),
+    "listed.physical.worst": Asked(lower=0.75),
+    "unlisted.trusted_wrong": Asked(upper=0.05),
+    "width_ratio": Asked(upper=2.0),
+    "linear.coverage_95": Asked(0.92, 0.98),
+    "linear.file.coverage_95": Asked(lower=0.92),
+    "causes.first": Asked(lower=0.8),
+    "causes.first_three": Asked(lower=0.9),
 }
-"""What is asked: least and most."""
+"""What is asked."""
 
 
 @dataclass(frozen=True)
@@ -163,53 +154,37 @@ class RobotRow:
 
 
 def springs_of(solution: ElasticSolution, truth: Mapping[str, float]) -> Springs:
-    """Returns the springs of a fit with the true values by name."""
+    """Returns the springs of a fit with the true values by name; what predicts is NaN where a fit has none."""
     estimate = solution.estimate
     rows = [row for row, kind in enumerate(estimate.kinds) if kind == "stiffness"]
     names = tuple(estimate.names[row] for row in rows)
+
+    def around_middles(*ends: FloatArray | None) -> Intervals:
+        lower, upper = (np.full((1, len(rows)), np.nan) if each is None else each[rows][None] for each in ends)
+        return Intervals(np.sqrt(np.maximum(lower, 0.0)) * np.sqrt(np.maximum(upper, 0.0)), lower, upper)
+
     return Springs(
         names=names,
         counted=estimate.identifiable[rows],
         truth=np.array([truth.get(name, np.nan) for name in names]),
-        physical=_around_middles(estimate.lower[rows][None], estimate.upper[rows][None]),
-        effective=_effective(estimate, rows),
+        physical=around_middles(estimate.lower, estimate.upper),
+        effective=around_middles(estimate.effective_lower, estimate.effective_upper),
     )
 
 
-def _effective(estimate: Estimate, rows: Sequence[int]) -> Intervals:
-    """Intervals (1, n_row) of what predicts; NaN where a fit has none."""
-    ends = estimate.effective_lower, estimate.effective_upper
-    return _around_middles(*(np.full((1, len(rows)), np.nan) if each is None else each[rows][None] for each in ends))
-
-
-def _around_middles(lower: FloatArray, upper: FloatArray) -> Intervals:
-    """Intervals around the middles of their logarithms."""
-    return Intervals(np.sqrt(np.maximum(lower, 0.0)) * np.sqrt(np.maximum(upper, 0.0)), lower, upper)
-
-
 def set_figures(name: str, rows: Sequence[RobotRow], *, listed: bool) -> dict[str, float]:
-    """Returns the figures of a set of robots; NaN where something is not known.
-
-    Args:
-        name: Name of the set.
-        rows: Its robots.
-        listed: Whether its defects are on the list of doubts.
-    """
+    """Returns the figures of a set of robots, whose defects are listed or not; NaN where something is not known."""
     fitted = [row.random for row in rows if row.random is not None]
     own = physical_held(fitted)
     places = {use: effective_held([(getattr(row, use), row.fresh) for row in rows]) for use in ("random", "designed")}
-    found = {
-        "effective.coverage_95": places["random"].coverage,
-        "effective.coverage_std": places["random"].coverage_std,
-        "effective.worst": places["random"].worst,
-        "effective.width_ratio": places["random"].width_ratio,
-        "effective.half_width": _median(places["random"]),
-        "effective.designed": places["designed"].coverage,
-        "physical.coverage_95": own.coverage,
-        "physical.coverage_std": own.coverage_std,
-        "physical.worst": own.worst,
-        "physical.width_ratio": own.width_ratio,
-        "physical.half_width": _median(own),
+    found = {"effective.designed": places["designed"].coverage}
+    for values, held in (("effective", places["random"]), ("physical", own)):
+        found |= {f"{values}.{key}": getattr(held, key) for key in ("coverage_std", "worst", "width_ratio")}
+        found |= {
+            f"{values}.coverage_95": held.coverage,
+            f"{values}.half_width": _middle(held.half_width[held.counted]),
+        }
+    found |= {
         "trusted": _share([row.grade == _TRUST for row in rows if row.grade is not None and row.random is not None]),
         "trusted_wrong": trusted_wrong(rows),
         "robots": float(len(rows)),
@@ -265,11 +240,7 @@ def trusted_wrong(rows: Sequence[RobotRow]) -> float:
 
 
 def cause_figures(kinds: Mapping[str, tuple[tuple[str, ...], Sequence[tuple[str, ...]]]]) -> dict[str, float]:
-    """Returns how often what is wrong is named.
-
-    Args:
-        kinds: By name, what counts as right, and the causes that each robot's fit was told, the first to blame first.
-    """
+    """Returns how often what is wrong is named."""
     found, first, three = {}, [], []
     for name, (right, told) in kinds.items():
         ranks = [tuple(dict.fromkeys(each)) for each in told]
@@ -278,11 +249,6 @@ def cause_figures(kinds: Mapping[str, tuple[tuple[str, ...], Sequence[tuple[str,
         three += [bool(set(rank[:3]) & set(right)) for rank in ranks]
         found[f"causes.{name}.first"] = _share(hits)
     return {"causes.first": _share(first), "causes.first_three": _share(three), **found}
-
-
-def is_reached(value: float, limits: tuple[float, float]) -> bool:
-    """Whether a figure is within what is asked."""
-    return limits[0] <= value <= limits[1]
 
 
 def largest(values: Sequence[float]) -> float:
@@ -300,10 +266,6 @@ def _joined(parts: Sequence[Intervals]) -> Intervals:
     if not parts:
         return Intervals(*(np.zeros((0, 0)) for _ in range(3)))
     return Intervals(*(np.concatenate([getattr(part, key) for part in parts]) for key in ("value", "lower", "upper")))
-
-
-def _median(held: Held) -> float:
-    return _middle(held.half_width[held.counted])
 
 
 def _middle(values: FloatArray) -> float:

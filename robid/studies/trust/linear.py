@@ -1,11 +1,11 @@
 """Linear robots of the study of trust: exact responses plus noise.
 
-They are off by what their file is doubted for: by amounts drawn from the priors of these doubts, or by nothing.
+They are off by what their file may have wrong: by amounts drawn from the priors of nuisance parameters, or by nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -42,12 +42,10 @@ from robid.signals.quantities import motor_channels
 from robid.simulate.options import Imperfections, Truth
 from robid.simulate.truth import TrueRobot
 from robid.studies.experiments import changed_simulation
-from robid.studies.settings.trust import TrustStudy
+from robid.studies.settings.trust import LINEAR, TrustStudy, individuals
 from robid.studies.simulated import solution_or_refusal, with_truth
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Content, Task
-from robid.studies.trust.individuals import LINEAR, Individual, individuals
-from robid.studies.trust.responses import RANDOM, Machine, machines
+from robid.studies.study import Content, Earlier, Task, study_of
+from robid.studies.trust.responses import RANDOM, machines
 
 _PERCENT = 100.0
 _Value = TypeVar("_Value")
@@ -67,12 +65,6 @@ def draw_doubted(robot: Robot, options: ElasticOptions, n_place: int, seed: int)
     """Draws how far a robot is off in each place: what all places share, and what each adds.
 
     Amounts that have a sign keep it.
-
-    Args:
-        robot: The robot as its file describes it.
-        options: Options of the fit, which estimates some of what may be off.
-        n_place: Number of places.
-        seed: Seed of the draw.
     """
     generator = np.random.default_rng([seed, _DRAWS])
     doubts = list_nuisances(robot, options)
@@ -91,11 +83,7 @@ def as_file(robot: Robot, options: ElasticOptions, n_place: int) -> Doubted:
 
 
 def doubted_responses(
-    robot: Robot,
-    off: Doubted,
-    configurations: FloatArray,
-    frequency_hz: FloatArray,
-    sampling: tuple[float, float],
+    robot: Robot, off: Doubted, configurations: FloatArray, frequency_hz: FloatArray, sampling: tuple[float, float]
 ) -> ComplexArray:
     """Computes the exact responses of a robot that is off, as they are recorded; bristles are those of all places.
 
@@ -159,19 +147,10 @@ def _with_bristles(
     return np.array(found)
 
 
-def off_robot(
-    robot: Robot,
-    doubts: Sequence[Nuisance],
-    amounts: Mapping[str, float],
-    shares: FloatArray,
-) -> Robot:
-    """Returns the robot with everything that is off and belongs to its mechanics.
+def off_robot(robot: Robot, doubts: Sequence[Nuisance], amounts: Mapping[str, float], shares: FloatArray) -> Robot:
+    """Returns the robot with everything that is off, by its name, and belongs to its mechanics.
 
-    Args:
-        robot: The robot.
-        doubts: What it is doubted for.
-        amounts: How far it is off, by the doubts' names.
-        shares (n_spring,): Load of each gear here, from -1 to 1 over the places.
+    The load of each gear here (n_spring,) is from -1 to 1 over the places.
     """
     inertia = axial_inertia(build_model(robot))
     further = []
@@ -273,41 +252,41 @@ def linear_tasks(run: Run, _earlier: Earlier) -> list[Task]:
     study = study_of(run.loaded, TrustStudy)
     if study.linear is None:
         return []
-    machine = machines(run)["heavy"]
-    own = [one for one in individuals(study) if one.kind == "linear"]
-    return list(
-        _tasks(machine, own, elastic_fit(run.loaded.experiment, study.fit).options(), study.linear.relative_noise)
-    )
-
-
-def _tasks(machine: Machine, robots: list[Individual], options: ElasticOptions, noise: float) -> Iterator[Task]:
-    loaded, campaign = machine.loaded, machine.places[RANDOM].campaign
+    machine, found = machines(run)["heavy"], []
+    options = elastic_fit(run.loaded.experiment, study.fit).options()
+    loaded, campaign = machine.run.loaded, machine.places[RANDOM].campaign
     nominal = loaded.robot.to_robot(campaign.payload_kg)
     period = require_controller(loaded).sampling_period_s
-    for one in robots:
-        places = machine.places_of(one, RANDOM)
-        truth = changed_simulation(campaign, {}, one.seed)
+    for one in (one for one in individuals(study) if one.kind == "linear"):
+        places, truth = machine.places_of(one, RANDOM), changed_simulation(campaign, {}, one.seed)
         experiment = simulated_experiment(loaded, campaign, truth, places.content)
-        length = experiment.reference.shape[2] * period
-        sampling = period, delay_s(loaded, campaign)
         fit = LinearFit(
-            nominal, experiment.robot, one.group == LINEAR, one.seed, places.content.configurations,
-            experiment.excited_lines, length, sampling, noise, options,
-        )  # fmt: skip
+            nominal=nominal,
+            robot=experiment.robot,
+            drawn=one.group == LINEAR,
+            seed=one.seed,
+            configurations=places.content.configurations,
+            lines=experiment.excited_lines,
+            period_s=experiment.reference.shape[2] * period,
+            sampling=(period, delay_s(loaded, campaign)),
+            relative_noise=study.linear.relative_noise,
+            options=options,
+        )
         decides = {
             "drawn": fit.drawn,
             "seed": one.seed,
             "truth": plain_settings(truth.truth),
             "configurations": fit.configurations.tolist(),
             "lines": fit.lines.tolist(),
-            "period_s": length,
-            "sampling": list(sampling),
-            "noise": noise,
+            "period_s": fit.period_s,
+            "sampling": list(fit.sampling),
+            "noise": fit.relative_noise,
             "options": plain_settings(options),
             "settings": model_settings(loaded, places.owner),
             **robot_settings(loaded, "friction", "controller"),
         }
-        yield Task(one.key, decides, fit)
+        found.append(Task(one.key, decides, (fit,)))
+    return found
 
 
 def fit_linear(one: LinearFit) -> Content:

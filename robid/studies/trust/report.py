@@ -3,33 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from robid.artifacts.kinds import TASK
 from robid.artifacts.store import read_artifact
 from robid.pipeline.graph import Run
-from robid.report.numbers import MISSING, percent, significant
-from robid.report.page import Verdict
-from robid.report.section import Section, Table
-from robid.studies.settings.trust import TrustStudy
+from robid.report.numbers import percent, significant
+from robid.report.section import Section
+from robid.studies.page import Asked, Conclusion, PartFound, concluded, table
+from robid.studies.settings.trust import FILE, LINEAR, Individual, TrustStudy, individuals
 from robid.studies.simulated import REFUSAL, kept_solution, kept_truth
-from robid.studies.study import Conclusion, Earlier, study_of
-from robid.studies.tasks import seconds_of
+from robid.studies.study import Earlier, seconds_of, study_of
 from robid.studies.trust.figures import (
     ASKED,
     RobotRow,
     Springs,
     cause_figures,
     effective_held,
-    is_reached,
     largest,
     physical_held,
     set_figures,
     spring_rows,
     springs_of,
 )
-from robid.studies.trust.individuals import FILE, LINEAR, Individual, individuals
 from robid.studies.trust.responses import DESIGNED, FRESH, RANDOM
 
 _TITLES = {
@@ -52,46 +51,54 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
     study = study_of(run.loaded, TrustStudy)
     rows = {one.key: row for one, row in _rows(individuals(study), results)}
     summary = summarise(study, rows, results)
-    asked = bars(study)
-    reached = [is_reached(summary.get(name, math.nan), limits) for name, limits in asked.items()]
     judged = study.use == "judge" and study.chosen.robots is None
-    text = f"{sum(reached)} of {len(reached)} figures are within what is asked."
-    missed = [name for name, good in zip(asked, reached, strict=True) if not good]
-    if missed:
-        text = f"{text} Missed: {', '.join(missed)}."
     warnings = () if judged else ("These robots are for choosing: their figures say nothing.",)
     springs = [_spring_section(name, [rows[one.key] for one in _of(study, name)]) for name in study.sets]
-    tables = _asked_section(summary, asked), _set_section(study, summary), *_cause_section(study, summary)
-    return Conclusion(
-        Verdict(text, "ok" if all(reached) and judged else "warn"), summary, (*tables, *springs), warnings
+    sections = (_set_section(study, summary), *_cause_section(study, summary), *springs)
+    found = concluded(
+        [PartFound(summary, bars(study), sections, warnings)], "intervals hold, and what is wrong is named"
     )
+    return found if judged else replace(found, verdict=replace(found.verdict, level="warn"))
 
 
 def summarise(study: TrustStudy, rows: Mapping[str, RobotRow], results: Earlier) -> dict[str, float]:
     """Returns the figures of summary.json; what is not known is left out."""
-    robots = individuals(study)
     found: dict[str, float] = {}
-    heavy = []
+    heavy, ratios = [], []
     for name, defects in study.sets.items():
         own = [rows[one.key] for one in _of(study, name)]
         found |= set_figures(name, own, listed=defects.listed)
-        heavy += own if defects.robot == "heavy" else []
+        if defects.robot == "heavy":
+            heavy += own
+            ratios.append(found[f"{name}.width_ratio"])
         referenced = [rows[one.key].fresh for one in _of(study, name) if one.referenced]
         found[f"{name}.references_refused"] = float(sum(fit is None for fit in referenced))
     pooled = effective_held([(row.random, row.fresh) for row in heavy])
     found |= {"effective.coverage_95": pooled.coverage, "effective.coverage_std": pooled.coverage_std}
-    found |= _linear_figures(robots, rows)
-    ratios = [found[f"{name}.width_ratio"] for name, defects in study.sets.items() if defects.robot == "heavy"]
-    drawn = study.linear is not None and study.linear.drawn > 0
-    found["width_ratio"] = largest([*ratios, *([found["linear.width_ratio"]] if drawn else [])])
-    found |= _named(study, robots, results)
+    for group, name in ((LINEAR, "linear"), (FILE, "linear.file")):
+        fits = [rows[one.key].random for one in _of(study, group)]
+        held = physical_held([fit for fit in fits if fit is not None])
+        found |= {f"{name}.{key}": getattr(held, key) for key in ("coverage_std", "width_ratio", "worst")}
+        found[f"{name}.coverage_95"] = held.coverage
+        found[f"{name}.refused"] = sum(fit is None for fit in fits) / len(fits) if fits else math.nan
+    if study.linear is not None and study.linear.drawn > 0:
+        ratios.append(found["linear.width_ratio"])
+    found["width_ratio"] = largest(ratios)
+    grades = results[3].by_name
+    told = {name: [read_artifact(grades[one.key], TASK) for one in _of(study, name)] for name in study.causes}
+    found |= cause_figures(
+        {
+            name: (study.causes[name].named, [tuple(held.datasets["causes"].values.tolist()) for held in own])
+            for name, own in told.items()
+        }
+    )
     for name, done in zip(("place", "fit", "linear_fit", "grade"), results, strict=True):
         spans = [seconds_of(held.provenance) for held in done]
         found[f"cost.{name}_seconds"] = sum(spans) / len(spans) if spans else math.nan
     return {name: value for name, value in found.items() if math.isfinite(value)}
 
 
-def bars(study: TrustStudy) -> dict[str, tuple[float, float]]:
+def bars(study: TrustStudy) -> dict[str, Asked]:
     """Returns what is asked of a study's figures, by their names; a figure that could not be computed is missed."""
     found = {}
     for name, defects in study.sets.items():
@@ -105,9 +112,8 @@ def bars(study: TrustStudy) -> dict[str, tuple[float, float]]:
             found[f"{name}.trusted_wrong"] = ASKED["unlisted.trusted_wrong"]
     named = ["effective.coverage_95", "width_ratio"]
     if study.linear is not None:
-        named += ["linear.coverage_95"] * (study.linear.drawn > 0) + ["linear.file.coverage_95"] * (
-            study.linear.file > 0
-        )
+        named += ["linear.coverage_95"] * (study.linear.drawn > 0)
+        named += ["linear.file.coverage_95"] * (study.linear.file > 0)
     named += ["causes.first", "causes.first_three"] * bool(study.causes)
     return found | {name: ASKED[name] for name in named}
 
@@ -136,76 +142,34 @@ def _springs(path: Path | None) -> Springs | None:
     return springs_of(kept_solution(held), kept_truth(held))
 
 
-def _linear_figures(robots: Sequence[Individual], rows: Mapping[str, RobotRow]) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for group, name in ((LINEAR, "linear"), (FILE, "linear.file")):
-        fits = [rows[one.key].random for one in robots if one.group == group]
-        held = physical_held([fit for fit in fits if fit is not None])
-        found |= {
-            f"{name}.coverage_95": held.coverage,
-            f"{name}.coverage_std": held.coverage_std,
-            f"{name}.width_ratio": held.width_ratio,
-            f"{name}.worst": held.worst,
-            f"{name}.refused": sum(fit is None for fit in fits) / len(fits) if fits else math.nan,
-        }
-    return found
-
-
-def _named(study: TrustStudy, robots: Sequence[Individual], results: Earlier) -> dict[str, float]:
-    grades, kinds = results[3].by_name, {}
-    for name, kind in study.causes.items():
-        own = [read_artifact(grades[one.key], TASK) for one in robots if one.group == name]
-        kinds[name] = kind.named, [tuple(held.datasets["causes"].values.tolist()) for held in own]
-    return cause_figures(kinds)
-
-
-def _asked_section(summary: Mapping[str, float], asked: Mapping[str, tuple[float, float]]) -> Section:
-    rows = []
-    for name, (least, most) in asked.items():
-        said = f"at most {significant(most)}" if least == 0 else f"at least {significant(least)}"
-        if least > 0 and most < 1:
-            said = f"{significant(least)} to {significant(most)}"
-        deviation = summary.get(name.replace("coverage_95", "coverage_std")) if "coverage_95" in name else None
-        value = summary.get(name)
-        good = "reached" if value is not None and is_reached(value, (least, most)) else "missed"
-        rows.append((name, significant(value), significant(deviation), said, good))
-    table = Table(("Figure", "Found", "Monte Carlo deviation", "Asked", ""), tuple(rows))
-    return Section("What is asked", "Fixed before any of these robots was looked at.", (table,))
-
-
 def _set_section(study: TrustStudy, summary: Mapping[str, float]) -> Section:
-    rows = tuple(
-        (name, *(_cell(key, summary.get(f"{name}.{key}")) for key in _TITLES), f"{summary[f'{name}.robots']:.0f}")
-        for name in study.sets
-    )
     caption = (
         "Springs that the data were to determine, decided before the fit. Effective: held against the same fit in fresh"
         " places, within the root of both half widths squared. Width ratio: median half width over the 95 % quantile of"
         " the absolute error, median over the springs."
     )
-    return Section("Sets of robots", "", (Table(("Set", *_TITLES.values(), "Robots"), rows, caption=caption),))
+
+    def write(key: str, name: str) -> str:
+        value = summary.get(f"{name}.{key}")
+        return significant(value) if key.endswith("ratio") else percent(value)
+
+    columns: list[tuple[str, Callable[[str], str]]] = [("Set", lambda name: name)]
+    columns += [(title, partial(write, key)) for key, title in _TITLES.items()]
+    columns += [("Robots", lambda name: f"{summary[f'{name}.robots']:.0f}")]
+    return Section("Sets of robots", "", (table(columns, study.sets, caption=caption),))
 
 
 def _spring_section(name: str, rows: Sequence[RobotRow]) -> Section:
-    cells = tuple(
-        (spring.removesuffix(".stiffness"), *(_cell("", value if math.isfinite(value) else None) for value in values))
-        for spring, *values in spring_rows(rows)
-    )
-    heads = ("Spring", "Counted", "Effective covered", "Physical covered", "Half width", "Error")
-    return Section(f"Springs of set {name}", "Half width and error: physical, medians.", (Table(heads, cells),))
+    heads = ("Counted", "Effective covered", "Physical covered", "Half width", "Error")
+    columns = [(head, lambda row, at=at: percent(row[at])) for at, head in enumerate(heads, 1)]
+    cells = table([("Spring", lambda row: row[0].removesuffix(".stiffness")), *columns], spring_rows(rows))
+    return Section(f"Springs of set {name}", "Half width and error: physical, medians.", (cells,))
 
 
 def _cause_section(study: TrustStudy, summary: Mapping[str, float]) -> tuple[Section, ...]:
-    if not study.causes:
-        return ()
-    rows = tuple(
-        (name.replace("_", " "), ", ".join(kind.named), _cell("", summary.get(f"causes.{name}.first")))
-        for name, kind in study.causes.items()
+    columns = (
+        ("Defect", lambda name: name.replace("_", " ")),
+        ("Right", lambda name: ", ".join(study.causes[name].named)),
+        ("Named first", lambda name: percent(summary.get(f"causes.{name}.first"))),
     )
-    return (Section("Causes", "", (Table(("Defect", "Right", "Named first"), rows),)),)
-
-
-def _cell(key: str, value: float | None) -> str:
-    if value is None:
-        return MISSING
-    return significant(value) if key.endswith("ratio") else percent(value)
+    return (Section("Causes", "", (table(columns, study.causes),)),) if study.causes else ()

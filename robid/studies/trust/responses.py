@@ -1,23 +1,58 @@
-"""The two machines of the study of trust, and the places in which each robot is measured, one task each."""
+"""The machines of the study of trust, the places in which each robot is measured, its fits, and their grades."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from robid.arrays import FloatArray
+from robid.artifacts.artifact import Attribute, Dataset
+from robid.artifacts.kinds import TASK
+from robid.artifacts.store import read_artifact
 from robid.design.excitation.excitation import CampaignExcitation
+from robid.errors import DataError
+from robid.frf.frf import Frf
+from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fitting import true_values
+from robid.models.elastic.judge.assessment import assess_fit
+from robid.models.elastic.judge.validating import validate_elastic
+from robid.models.elastic.settings import elastic_fit, model_settings
 from robid.pipeline.configurations import draw_in_reach
 from robid.pipeline.graph import Run
+from robid.pipeline.simulate_or_acquire import simulated_experiment, simulated_truth
+from robid.results.doubt import Doubt
+from robid.robot.description import Robot
+from robid.robot.doubts import Doubts
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.studies.experiments import Further, Problems, changed_simulation, run_of
-from robid.studies.settings.trust import TrustStudy
-from robid.studies.simulated import measurements, played, threads_of
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Results, Task
-from robid.studies.trust.individuals import Individual, individuals, robot_problems
+from robid.settings.robot_parts import delay_s, plain_settings
+from robid.settings.robot_sections import given
+from robid.simulate.truth import TrueRobot
+from robid.studies.experiments import (
+    Further,
+    both_runs,
+    changed_simulation,
+    excitations,
+)
+from robid.studies.mistakes.cases import GRADING, refused_causes
+from robid.studies.settings.trust import Individual, TrustStudy, individuals, robot_problems
+from robid.studies.simulated import (
+    REFUSAL,
+    kept_solution,
+    kept_truth,
+    measurements,
+    played,
+    read_responses,
+    solution_or_refusal,
+    threads_of,
+    with_truth,
+)
+from robid.studies.study import Content, Earlier, Results, Task, study_of
 
 RANDOM, FRESH, DESIGNED = "random", "fresh", "designed"
 """What places are for: the fit, the reference, the fit in places that a design chose."""
@@ -27,7 +62,6 @@ RANDOM, FRESH, DESIGNED = "random", "fresh", "designed"
 class Places:
     """A campaign that a robot is measured with, in places of its own."""
 
-    use: str
     owner: str
     campaign: Campaign
     content: CampaignExcitation
@@ -40,11 +74,6 @@ class Machine:
     run: Run
     places: dict[str, Places]
 
-    @property
-    def loaded(self) -> LoadedExperiment:
-        """Its experiment and robot file."""
-        return self.run.loaded
-
     def places_of(self, one: Individual, use: str) -> Places:
         """Returns a campaign in the places of a robot: drawn for it, but for those that a design chose."""
         places = self.places[use]
@@ -54,12 +83,9 @@ class Machine:
         return replace(places, content=replace(places.content, configurations=configurations))
 
     def _drawn(self, campaign: Campaign, count: int, seed: int, use: str) -> FloatArray:
-        stated = None if campaign.configurations is None else campaign.configurations.random
-        if stated is None:
-            message = "the settings' checks let a campaign without random configurations pass"
-            raise RuntimeError(message)
+        stated = given(given(campaign.configurations).random)
         wanted = stated.model_copy(update={"count": count, "seed": 2 * seed + (use == FRESH)})
-        return draw_in_reach(self.loaded, self.loaded.robot.to_robot(campaign.payload_kg), wanted)
+        return draw_in_reach(self.run.loaded, self.run.loaded.robot.to_robot(campaign.payload_kg), wanted)
 
 
 def campaigns_of(loaded: LoadedExperiment, study: TrustStudy) -> dict[str, str]:
@@ -71,8 +97,7 @@ def campaigns_of(loaded: LoadedExperiment, study: TrustStudy) -> dict[str, str]:
 
 def needs(loaded: LoadedExperiment, study: TrustStudy | None = None) -> tuple[str, ...]:
     """Returns the outputs of the chain that the tasks read."""
-    names = campaigns_of(loaded, study or study_of(loaded, TrustStudy))
-    return tuple(f"{name}/excitation.h5" for name in names.values())
+    return excitations(campaigns_of(loaded, study or study_of(loaded, TrustStudy)).values())
 
 
 def further(run: Run) -> Further:
@@ -88,7 +113,7 @@ def machines(run: Run) -> dict[str, Machine]:
         name: Machine(
             one,
             {
-                use: Places(use, owner, one.loaded.experiment.campaigns[owner], played(one, owner))
+                use: Places(owner, one.loaded.experiment.campaigns[owner], played(one, owner))
                 for use, owner in campaigns_of(one.loaded, study).items()
             },
         )
@@ -97,13 +122,7 @@ def machines(run: Run) -> dict[str, Machine]:
 
 
 def _runs(run: Run, study: TrustStudy) -> dict[str, Run]:
-    if study.light is None:
-        return {"heavy": run}
-
-    def problems(loaded: LoadedExperiment) -> Problems:
-        return robot_problems(study, "light", loaded.experiment, loaded.robot)
-
-    return {"heavy": run, "light": run_of(run, study.light, "light", problems)}
+    return both_runs(run, study.light, lambda own: robot_problems(study, "light", own.experiment, own.robot))
 
 
 _NOISE = (RANDOM, FRESH, DESIGNED)  # each has noise of its own
@@ -125,7 +144,7 @@ def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
             options = changed_simulation(places.campaign, one.physics, one.seed, noise)
             content = replace(places.content, configurations=places.content.configurations[:count])
             name = f"{one.key}_{use}"
-            found += measurements(machine.loaded, places.campaign, options, content, name, threads_of(run))
+            found += measurements(machine.run.loaded, places.campaign, options, content, name, threads_of(run))
     return found
 
 
@@ -145,3 +164,111 @@ def files_of(results: Results, one: Individual, use: str) -> tuple[Path, ...]:
     prefix = f"{one.key}_{use}_"
     found = {path.name.split(".")[0]: path for path in results.paths if path.name.startswith(prefix)}
     return tuple(found[f"{prefix}{number}"] for number in range(1, len(found) + 1))
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """A fit."""
+
+    responses: tuple[Path, ...]
+    robot: Robot
+    options: ElasticOptions
+    delay_s: float
+    truth: TrueRobot
+
+
+def model_tasks(run: Run, earlier: Earlier) -> list[Task]:
+    """Returns the fits."""
+    study, known, found = study_of(run.loaded, TrustStudy), machines(run), list[Task]()
+    for one in simulated(run):
+        # Those of the reference are fitted in all of their places, each on their own.
+        placed = (use for use, _ in uses(one, study, known[one.robot]))
+        for use in (use for use in placed if use == RANDOM or one.referenced):
+            decides, fitting = make_fitting(run, known[one.robot], one, use, earlier[0])
+            found.append(Task(f"{one.key}_{use}", decides, (fitting,)))
+    return found
+
+
+def make_fitting(
+    run: Run, machine: Machine, one: Individual, use: str, responses: Results
+) -> tuple[dict[str, Any], Fitting]:
+    """Returns a fit with what decides its result."""
+    loaded, places = machine.run.loaded, machine.places[use]
+    options = elastic_fit(loaded.experiment, study_of(run.loaded, TrustStudy).fit).options()
+    simulate = changed_simulation(places.campaign, one.physics, one.seed)
+    experiment = simulated_experiment(loaded, places.campaign, simulate, places.content)
+    delay = delay_s(loaded, places.campaign)
+    files = files_of(responses, one, use)
+    decides = {
+        "responses": [path.name for path in files],
+        "options": plain_settings(options),
+        "settings": model_settings(loaded, places.owner),
+        "doubts": use == RANDOM,
+    }
+    nominal = loaded.robot.to_robot(places.campaign.payload_kg)
+    if use != RANDOM:  # its springs are held against nothing: what predicts does not look at doubts
+        nominal = certain(nominal)
+    return decides, Fitting(files, nominal, options, delay, simulated_truth(experiment, delay))
+
+
+def certain(robot: Robot) -> Robot:
+    """Returns a robot whose file is taken for granted."""
+    nothing = Doubts(**{each.name: 0.0 for each in fields(Doubts)})
+    joints = tuple(replace(joint, doubts=nothing) for joint in robot.joints)
+    return replace(robot, joints=joints, doubts=nothing)
+
+
+def fit_individual(one: Fitting) -> Content:
+    """Fits a robot, or says why it was refused; its true values lie beside."""
+    content = solution_or_refusal(
+        lambda: fit_elastic(one.robot, read_responses(one.responses), one.options, one.delay_s)
+    )
+    return with_truth(content, true_values(one.robot, one.truth))
+
+
+def grade_tasks(run: Run, earlier: Earlier) -> list[Task]:
+    """Returns one task for each robot that is simulated."""
+    known, study = machines(run), study_of(run.loaded, TrustStudy)
+    models = earlier[1].by_name
+    found = []
+    for one in simulated(run):
+        fitting = make_fitting(run, known[one.robot], one, RANDOM, earlier[0])[1]
+        model = models[f"{one.key}_{RANDOM}"]
+        fresh = files_of(earlier[0], one, FRESH)[: study.validated_in]
+        decides = {"model": model.name, "fresh": [path.name for path in fresh], "grading": GRADING}
+        found.append(Task(one.key, decides, (fitting, model, fresh)))
+    return found
+
+
+def grade_individual(fitting: Fitting, model: Path, fresh: tuple[Path, ...]) -> Content:
+    """Says what speaks against a fit and, with fresh places to validate in, which grade it gets."""
+    held, frf = read_artifact(model, TASK), None
+    try:
+        solution = kept_solution(held)
+        frf = read_responses(fitting.responses)
+        doubts = assess_fit(fitting.robot, solution, frf, fitting.options, fitting.delay_s).doubts
+        if not fresh:
+            return _content(doubts, {})
+        new, truth = read_responses(fresh), kept_truth(held)
+        validation = validate_elastic(fitting.robot, solution, new, fitting.options, fitting.delay_s, truth, doubts)
+    except DataError as error:
+        return _refused(fitting, frf, str(error))
+    return _content(validation.outcome.grade.doubts, {"grade": validation.outcome.grade.value})
+
+
+def _refused(fitting: Fitting, frf: Frf | None, text: str) -> Content:
+    """What a refusal amounts to: nothing may be used."""
+    causes = refused_causes(fitting.robot, frf, text, fitting.delay_s)
+    return Content({"causes": _texts(causes)}, {REFUSAL: text, "grade": 0})
+
+
+def _content(doubts: tuple[Doubt, ...], attributes: dict[str, Attribute]) -> Content:
+    datasets = {
+        "causes": _texts(tuple(doubt.cause for doubt in doubts)),
+        "messages": _texts(tuple(doubt.message for doubt in doubts)),
+    }
+    return Content(datasets, attributes)
+
+
+def _texts(texts: tuple[str, ...]) -> Dataset:
+    return Dataset(np.array(texts, dtype=str), "1", ("doubt",))

@@ -1,4 +1,1 @@
-"""Position-dependent dynamics, as of Turk et al. (2018).
-
-Read the parts `synthetic`, `rest` with its `pictures`, and `moving` with its `prediction`.
-"""
+"""Position-dependent dynamics, as of Turk et al. (2018). Read the parts `synthetic`, `rest`, `moving`."""

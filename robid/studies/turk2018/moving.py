@@ -1,4 +1,7 @@
-"""The model while the slide moves, beside the true drive and the paper's: what both miss of a record."""
+"""The model while the slide moves, and the true drive, linearised wherever it is: a linear model can reach no more.
+
+Both run along a record; what they miss of it stands beside the paper's figures.
+"""
 
 from __future__ import annotations
 
@@ -8,35 +11,224 @@ from typing import Any
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray, IntArray, check_shape
 from robid.artifacts.kinds import FRF, RECORD, frf_from_artifact, record_from_artifact
 from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact
 from robid.artifacts.truth import read_truth
 from robid.errors import DataError
 from robid.frf.frf import Frf
-from robid.frf.spectra import output_factor
+from robid.frf.spectra import line_amplitudes, output_factor
 from robid.models.lpv.files import solution_from_artifact
+from robid.models.lpv.fit.model import LpvModel, simulate_lpv, unit_circle
 from robid.models.lpv.fit.solution import LpvSolution
 from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, significant
-from robid.report.section import Beside, Curve, Figure, Notes, Section, Table
+from robid.report.section import Beside, Figure, Notes, Section, Table
+from robid.robot.linearize import linearize, solve_statics
+from robid.robot.model import build_model
+from robid.robot.response import nominal_parameters
+from robid.robot.statespace import discretise, state_space
 from robid.signals.record import Record
-from robid.simulate.truth import TrueRobot
+from robid.simulate.truth import TrueRobot, recorded_torque_factor, with_imperfections
 from robid.studies.experiments import Further, paper_figures
+from robid.studies.page import Asked, PartFound, figure
 from robid.studies.settings.parts import TravelCase, position_output
-from robid.studies.study import Asked, Part, PartFound
-from robid.studies.tasks import Results
-from robid.studies.turk2018.prediction import (
-    ErrorParts,
-    deviation,
-    drive_amplitudes,
-    error_excess,
-    freeze_drive,
-    measured_amplitudes,
-    simulated_amplitudes,
-    split_errors,
-)
+from robid.studies.study import Part, Results
+
+_POINTS = 401
+_RESTING = 1e-9  # rad, or m
+
+
+@dataclass(frozen=True)
+class FrozenDrive:
+    """Sampled models on a grid of positions, in the same states: angle, deflections, their rates, torques waiting."""
+
+    position: FloatArray  # (n_point,) the grid, evenly spaced [rad, or m]
+    A: FloatArray  # (n_point, n_state, n_state) system matrices
+    B: FloatArray  # (n_point, n_state) input vectors, of the torque as it was recorded
+    C: FloatArray  # (n_point, n_out, n_state) output matrices, of angles and positions
+    sampling_period_s: float
+
+
+def freeze_drive(
+    truth: TrueRobot, outputs: tuple[str, ...], lower: float, upper: float, sampling_period_s: float
+) -> FrozenDrive:
+    """Linearises a simulated drive of one joint at positions all over a range.
+
+    Args:
+        truth: The robot that was simulated; of its friction only the viscous part counts.
+        outputs: Names of the outputs, as of `robid.robot.linearize.linearize`.
+        lower: Lower end of the range [rad, or m].
+        upper: Upper end.
+        sampling_period_s: Period of the held torque and of the outputs.
+
+    Raises:
+        DataError: If the drive has several joints, or rests under load: what it rests at would move with it.
+    """
+    robot = with_imperfections(truth.robot, truth.imperfections)
+    motors = tuple(joint.name for joint in robot.joints)
+    model, grid = build_model(robot), np.linspace(lower, upper, _POINTS)
+    rest = solve_statics(model, grid[:, None]) if len(motors) == 1 else None
+    if rest is None or np.abs(rest.deflection).max(initial=0.0) > _RESTING:
+        message = "a moving drive is frozen only with a single joint that rests without load"
+        raise DataError(message, where="campaign of the travelling slide", remedy="leave `global` out of the study")
+    linear = linearize(model, rest, outputs)
+    parameters, springs = nominal_parameters(robot, linear, truth.delay_s), tuple(s.name for s in robot.springs)
+    sampled = [
+        discretise(
+            state_space(linear, parameters, index, motors, springs, outputs), sampling_period_s, truth.delay_s
+        )
+        for index in range(_POINTS)
+    ]  # fmt: skip
+    factor = float(recorded_torque_factor(robot, truth.truth)[0])
+    return FrozenDrive(
+        position=grid,
+        A=np.array([one.A for one in sampled]),
+        B=np.array([one.B[:, 0] for one in sampled]) / factor,
+        C=np.array([one.C[: len(outputs)] for one in sampled]),
+        sampling_period_s=sampling_period_s,
+    )
+
+
+def run_drive(drive: FrozenDrive, torque: FloatArray, position: FloatArray) -> FloatArray:
+    """Runs a drive from rest, its matrices interpolated between the two nearest points of the grid.
+
+    Recorded torque [N m] and where it is within the grid [rad, or m] are (n_sample,).
+
+    Returns:
+        Angles and positions (n_sample, n_out), from where they were at first.
+    """
+    place = np.clip((position - drive.position[0]) / (drive.position[1] - drive.position[0]), 0, _POINTS - 1)
+    below = np.minimum(place.astype(int), _POINTS - 2)
+    state = np.zeros(drive.A.shape[-1])
+    outputs = np.empty((len(torque), drive.C.shape[1]))
+    for sample, (row, share, pushed) in enumerate(
+        zip(below.tolist(), (place - below).tolist(), torque.tolist(), strict=True)
+    ):
+        A, B, C = (one[row] + share * (one[row + 1] - one[row]) for one in (drive.A, drive.B, drive.C))
+        outputs[sample] = C @ state
+        state = A @ state + pushed * B
+    return outputs
+
+
+def drive_amplitudes(drive: FrozenDrive, torque: FloatArray, position: FloatArray, lines: IntArray) -> ComplexArray:
+    """Runs a drive along measured torques and positions.
+
+    What drives it off, as friction that is none of it, is differenced away: two differences of the outputs are
+    stationary, and are undone at the lines.
+
+    Args:
+        drive: The drive.
+        torque (n_period, n_sample): Recorded torque of successive periods of the steady state [N m].
+        position (n_period, n_sample): Where it is [rad, or m].
+        lines (n_freq,): DFT lines of one period, above zero.
+
+    Returns:
+        Amplitudes of the outputs (n_period, n_freq, n_out), DFT sums over the number of samples.
+    """
+    n_period, n_sample = torque.shape
+    outputs = run_drive(drive, led_in(torque[..., None])[:, 0], led_in(position[..., None])[:, 0])
+    twice = np.diff(outputs, n=2, axis=0)[LEAD * n_sample - 2 :].reshape(n_period, n_sample, -1)
+    back = 1 - np.exp(-2j * np.pi * lines / n_sample)
+    return np.asarray(line_amplitudes(twice, lines) / back[:, None] ** 2)
+
+
+LEAD = 2
+"""Periods in which transients pass before the first one that counts."""
+
+
+@dataclass(frozen=True)
+class ErrorParts:
+    """Amplitudes of a model's error at the lines of successive periods."""
+
+    total: FloatArray  # (n_freq, n_out) root mean square over the periods
+    systematic: FloatArray  # (n_freq, n_out) of the mean over the periods: what repeats
+    stochastic: FloatArray  # (n_freq, n_out) root mean square over the periods of what is left
+
+    @property
+    def over_stochastic(self) -> FloatArray:
+        """Deviation of the error over that of its stochastic part (n_out,).
+
+        Of P periods and an error that is all noise this is `sqrt(P / (P - 1))`.
+
+        Source:
+            Turk et al. (2018), sec. III-C3.
+        """
+        return np.asarray(deviation(self.total) / deviation(self.stochastic))
+
+
+def split_errors(error: ComplexArray) -> ErrorParts:
+    """Splits errors (n_period, n_freq, n_out) into what repeats and the rest.
+
+    Source:
+        Turk et al. (2018), sec. III-C3.
+    """
+    mean = error.mean(axis=0)
+    return ErrorParts(_over_periods(error), np.abs(mean), _over_periods(error - mean))
+
+
+def error_excess(parts: ErrorParts, reference: ErrorParts) -> FloatArray:
+    """Returns by how much errors exceed those of a reference model (n_out,), as a share of these."""
+    return np.asarray(deviation(parts.total) / deviation(reference.total) - 1)
+
+
+def measured_amplitudes(samples: FloatArray, lines: IntArray) -> ComplexArray:
+    """Returns amplitudes at DFT lines (n_freq,) of successive periods (n_period, n_sample, n_channel) without drift.
+
+    Returns:
+        DFT sums over the number of samples (n_period, n_freq, n_channel).
+    """
+    n_period, n_sample = samples.shape[:2]
+    if n_period > 1:
+        rise = np.gradient(samples.mean(axis=1), axis=0)
+        samples = samples - rise[:, None] * ((np.arange(n_sample) + 0.5) / n_sample - 0.5)[:, None]
+    return line_amplitudes(samples, lines)
+
+
+def simulated_amplitudes(
+    model: LpvModel, integrators: tuple[int, ...], inputs: FloatArray, scheduling: FloatArray, lines: IntArray
+) -> ComplexArray:
+    """Runs a model along measured inputs and scheduling parameters.
+
+    Its transient passes in `LEAD` periods before the others, the same as the first of them. Integrators, behind
+    which any offset of the inputs drifts away, are put back at the lines.
+
+    Args:
+        model: A stable model without its integrators.
+        integrators: How often each output integrates.
+        inputs (n_period, n_sample, n_in): Successive periods of the steady state.
+        scheduling (n_period, n_sample, n_scheduling): Scheduling parameters of the same samples.
+        lines (n_freq,): DFT lines of one period, above zero.
+
+    Returns:
+        Amplitudes of the outputs, as of `measured_amplitudes` (n_period, n_freq, n_out).
+
+    Raises:
+        DataError: If the parameters leave the model's range.
+        ValueError: If the shapes do not agree.
+    """
+    n_period, n_sample = inputs.shape[:2]
+    check_shape("scheduling", scheduling, "n_period n_sample n_scheduling", n_period=n_period, n_sample=n_sample)
+    outputs, _ = simulate_lpv(model, led_in(inputs), led_in(scheduling))
+    own = line_amplitudes(outputs[LEAD * n_sample :].reshape(n_period, n_sample, -1), lines)
+    z = unit_circle(lines / (n_sample * model.sampling_period_s), model.sampling_period_s)
+    return np.asarray(own / ((z[:, None] - 1) / model.sampling_period_s) ** np.array(integrators))
+
+
+def deviation(amplitudes: FloatArray) -> FloatArray:
+    """Returns the root mean square (n_out,) over the lines of amplitudes (n_freq, n_out)."""
+    return np.asarray(np.sqrt(np.mean(amplitudes**2, axis=0)))
+
+
+def led_in(samples: FloatArray) -> FloatArray:
+    """Returns periods (n_period, n_sample, n_channel) in a row, the first of them `LEAD` times more."""
+    return np.concatenate([*[samples[0]] * LEAD, samples.reshape(-1, samples.shape[-1])])
+
+
+def _over_periods(values: ComplexArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.mean(np.abs(values) ** 2, axis=0)))
+
 
 _MOST_PERCENT = 15.0
 _DIGITS = 3
@@ -72,8 +264,7 @@ def further_travel(run: Run, case: TravelCase) -> Further:
     return ((run, (*models, f"{case.campaign}/record.h5", f"{case.fixed}/frf.h5")),)
 
 
-def conclude_travel(run: Run, case: TravelCase, _results: Results) -> PartFound:
-    """Turns the travel into figures and what is asked of them."""
+def _conclude_travel(run: Run, case: TravelCase, _results: Results) -> PartFound:
     path = run.path(f"{case.campaign}/record.h5")
     record = record_from_artifact(read_artifact(path, RECORD))
     frf = frf_from_artifact(read_artifact(run.path(f"{case.fixed}/frf.h5"), FRF))
@@ -82,7 +273,8 @@ def conclude_travel(run: Run, case: TravelCase, _results: Results) -> PartFound:
     travelled = travel(_solution(run, case.fit), record, truth)
     figures = travel_figures(travelled, total_over_noise(frf, travelled.outputs, periods))
     if case.uncompensated is not None:
-        figures |= uncompensated_figures(travel(_solution(run, case.uncompensated), record, truth))
+        other = travel(_solution(run, case.uncompensated), record, truth)
+        figures |= _by_output("uncompensated_mismatch_percent", other, 100 * other.excess(other.fitted))
     paper = paper_figures(run.loaded).get("global", {})
     unstable = "The fitted model is unstable: its error while the slide moves is not a number."
     return PartFound(
@@ -115,30 +307,28 @@ def travel_section(travelled: Travelled, figures: Mapping[str, float], paper: Ma
         f"{len(travelled.measured)} periods of a slide that travels while it is excited, compared at the excited lines"
         " once drift is removed. What repeats of an error is its systematic part, the rest its stochastic one."
     )
-    figure = Beside(tuple(_spectrum(travelled, column) for column in range(len(outputs))), columns=2)
-    return Section("While the slide travels", lead, (Table(("Figure", *heads), tuple(rows)), Notes(_NOTES), figure))
+    shown = Beside(tuple(_spectrum(travelled, column) for column in range(len(outputs))), columns=2)
+    return Section("While the slide travels", lead, (Table(("Figure", *heads), tuple(rows)), Notes(_NOTES), shown))
 
 
 def _spectrum(travelled: Travelled, column: int) -> Figure:
     fitted, true = travelled.error(travelled.fitted), travelled.error(travelled.true)
-    curves = tuple(
-        Curve(name, _pooled(travelled.frequency_hz), tuple(2 * value for value in _pooled(amplitude[:, column])))
-        for name, amplitude in (
-            ("measured", split_errors(travelled.measured).total),
-            ("error of the fitted model", fitted.total),
-            ("error of the true drive", true.total),
-            ("stochastic part", fitted.stochastic),
-        )
-    )
+    amplitudes = {
+        "measured": split_errors(travelled.measured).total,
+        "error of the fitted model": fitted.total,
+        "error of the true drive": true.total,
+        "stochastic part": fitted.stochastic,
+    }
+    series = {name: 2 * _pooled(values[:, column]) for name, values in amplitudes.items()}
     name, unit = travelled.outputs[column], travelled.units[column]
-    caption = f"Root mean square of {_POOLED} neighbouring lines."
-    return Figure(f"Output {name}", "Frequency [Hz]", f"Amplitude [{unit}]", curves, caption=caption)
+    axes, caption = ("Frequency [Hz]", f"Amplitude [{unit}]"), f"Root mean square of {_POOLED} neighbouring lines."
+    return figure(f"Output {name}", axes, _pooled(travelled.frequency_hz), series, caption=caption)
 
 
-def _pooled(values: FloatArray) -> tuple[float, ...]:
+def _pooled(values: FloatArray) -> FloatArray:
     """Root mean squares of neighbouring lines, which calms what alternates from line to line."""
     groups = np.array_split(values, max(1, len(values) // _POOLED))
-    return tuple(float(np.sqrt(np.mean(group**2))) for group in groups)
+    return np.array([np.sqrt(np.mean(group**2)) for group in groups])
 
 
 @dataclass(frozen=True)
@@ -202,12 +392,7 @@ def travel(solution: LpvSolution, record: Record, truth: TrueRobot) -> Travelled
 
 
 def travel_figures(travelled: Travelled, fixed: FloatArray) -> dict[str, float]:
-    """Returns what the study says of the travelling slide.
-
-    Args:
-        travelled: Its amplitudes.
-        fixed (n_out,): What `total_over_noise` says of the slide at one position.
-    """
+    """Returns what the study says of the travelling slide, and (n_out,) of the one at one position."""
     fitted, true = travelled.error(travelled.fitted), travelled.error(travelled.true)
     excess, signal = travelled.excess(travelled.fitted), deviation(split_errors(travelled.measured).total)
     columns = {
@@ -220,29 +405,21 @@ def travel_figures(travelled: Travelled, fixed: FloatArray) -> dict[str, float]:
         "true_error_over_stochastic": true.over_stochastic,
         "total_over_noise": fixed,
     }
-    return {"global.ratio_mismatch_percent": 100 * float(excess.max())} | {
-        f"global.{key}.{name}": float(value)
-        for key, values in columns.items()
-        for name, value in zip(travelled.outputs, values, strict=True)
-    }
+    figures = {"global.ratio_mismatch_percent": 100 * float(excess.max())}
+    for key, values in columns.items():
+        figures |= _by_output(key, travelled, values)
+    return figures
 
 
-def uncompensated_figures(travelled: Travelled) -> dict[str, float]:
-    """Returns by how much a model with friction in it misses more than the true drive, per output."""
-    excess = 100 * travelled.excess(travelled.fitted)
-    named = zip(travelled.outputs, excess, strict=True)
-    return {f"global.uncompensated_mismatch_percent.{name}": float(value) for name, value in named}
+def _by_output(key: str, travelled: Travelled, values: FloatArray) -> dict[str, float]:
+    named = zip(travelled.outputs, values.tolist(), strict=True)
+    return {f"global.{key}.{name}": value for name, value in named}
 
 
 def total_over_noise(frf: Frf, outputs: tuple[str, ...], periods: int) -> FloatArray:
     """Root of the mean over the lines of a response's total variance over that of one period's noise (n_out,).
 
     Without distortion it is `1 / sqrt(periods)`.
-
-    Args:
-        frf: Responses at one position to one input, from several realizations.
-        outputs: Names of the outputs.
-        periods: Periods of each realization.
 
     Raises:
         DataError: If the response lacks an output, or a variance is unknown.
@@ -272,4 +449,4 @@ def _modelled(solution: LpvSolution, record: Record, scheduling: FloatArray) -> 
     return np.asarray(own / np.where(as_measured, 1.0, output_factor(record, lines)[:, chosen]))
 
 
-TRAVEL = Part("global", conclude_travel, further=further_travel, field="travel")
+TRAVEL = Part("global", _conclude_travel, further=further_travel, field="travel")

@@ -1,9 +1,9 @@
-"""The model at rest beside the paper's: errors against the deviations of the responses, Tables I to IV."""
+"""The model at rest beside the paper's: errors against the deviations of the responses, tables and Bode plots."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -11,32 +11,145 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import read_artifact
+from robid.frf.frf import Frf
 from robid.models.lpv.files import solution_from_artifact, validation_from_artifact
-from robid.models.lpv.fit.model import LpvModel
 from robid.models.lpv.fit.responses import expected_share, smooth_variance
 from robid.models.lpv.fit.solution import Held, LpvSolution
 from robid.models.lpv.fit.state_space import MATRICES, block_names, measure
 from robid.models.lpv.settings import lpv_fit
 from robid.pipeline.graph import Run
-from robid.report.numbers import MISSING, percent, pretty_unit, significant
-from robid.report.section import Row, Section, Table
+from robid.report.charts import Layer, Waterfall
+from robid.report.numbers import MINUS, MISSING, percent, pretty_unit, significant
+from robid.report.section import Beside, Curve, Figure, Row, Section, Table
 from robid.studies.experiments import Further, paper_figures
+from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import RestCase
-from robid.studies.study import Asked, Part, PartFound
-from robid.studies.tasks import Results
-from robid.studies.turk2018.pictures import bode_section, left_out_section, places
+from robid.studies.study import Part, Results
+
+_FREQUENCY = "Frequency [Hz]"
+_SHOWN = 120
+"""Measured lines of one curve in space: all of them would hide the models."""
+_LAYERS: tuple[tuple[str, Literal["points", "line", "dashed"]], ...] = (
+    ("measured", "points"),
+    ("sparse", "line"),
+    ("SMILE", "dashed"),
+)
+_MEASURED, _SPARSE, _SMILE, _DEVIATION, _NOISE, _ERROR = range(6)
+
+
+def places(held: Held) -> list[str]:
+    """Writes the positions' first scheduling parameter."""
+    return [f"{value:g}".replace("-", MINUS) for value in held.points[:, 0].tolist()]
+
+
+def bode_section(solution: LpvSolution) -> Section:
+    """Returns magnitude and phase of every element over the fitted positions, measured and of both models."""
+    held = solution.own
+    smile = solution.smile_model.frozen_response(held.points, held.frequency_hz)
+    responses = (held.response, held.modelled, smile)
+    parts: list[Beside] = []
+    for output, port in np.ndindex(held.response.shape[2:]):
+        element = [one[:, :, output, port] for one in responses]
+        name = _element(solution, output, port)
+        phases = [_phase(one, element[1]) for one in element]
+        figures = (
+            _waterfall(f"{name}: magnitude", "Magnitude [dB]", solution, [_db(one) for one in element]),
+            _waterfall(f"{name}: phase", "Phase [°]", solution, phases),
+        )
+        parts.append(Beside(figures, 2))
+    lead = (
+        f"Responses at rest over the fitted positions, in dB of {', '.join(_units(solution))}; drag to turn. At high"
+        " frequencies not every measured line is drawn. In the paper, too, interpolated and regularised models can"
+        " hardly be told apart."
+    )
+    return Section("Bode plots over the positions: Figs 3 to 6", lead, tuple(parts))
+
+
+def _waterfall(title: str, y_title: str, solution: LpvSolution, heights: list[FloatArray]) -> Waterfall:
+    """Measured, sparse and interpolated heights (n_pos, n_freq) over frequency and the first scheduling parameter."""
+    held, ports = solution.own, solution.ports
+    order, lines = np.argsort(held.points[:, 0]), np.arange(len(held.frequency_hz))
+    # Lines at even distances on a logarithmic axis, as far as there are some.
+    wanted = np.geomspace(held.frequency_hz[0], held.frequency_hz[-1], _SHOWN)
+    spaced = np.unique(np.abs(np.log(held.frequency_hz[:, None] / wanted)).argmin(axis=0))
+    layers = []
+    for (name, drawn), rows in zip(_LAYERS, heights, strict=True):
+        shown = spaced if drawn == "points" else lines
+        curves = tuple(tuple(row) for row in rows[order][:, shown].tolist())
+        layers.append(Layer(name, tuple(held.frequency_hz[shown].tolist()), curves, drawn))
+    along = tuple(held.points[order, 0].tolist())
+    place_title = f"{ports.scheduling[0]} [{ports.scheduling_units[0]}]"
+    return Waterfall(title, _FREQUENCY, place_title, y_title, along, tuple(layers))
+
+
+def left_out_section(solution: LpvSolution, held: Held, measured: Frf) -> Section:
+    """Returns every element at the positions left out: response, deviations, model and error."""
+    noise = noise_deviation(solution, measured)
+    figures = []
+    for position, output, port in np.ndindex((len(held.points), *held.response.shape[2:])):
+        at = (position, slice(None), output, port)
+        curves = (
+            _curve("|G|", held, held.response[at], _MEASURED),
+            _curve("deviation of G", held, held.std[at], _DEVIATION),
+            _curve("by noise alone", held, noise[at], _NOISE),
+            _curve("model", held, held.modelled[at], _SPARSE, dashed=True),
+            _curve(f"|G {MINUS} model|", held, (held.response - held.modelled)[at], _ERROR, points=True),
+        )
+        place = f"{places(held)[position]} {solution.ports.scheduling_units[0]}"
+        title = f"{_element(solution, output, port)} at {place}"
+        figures.append(
+            Figure(title, _FREQUENCY, f"Magnitude [dB of {_units(solution)[output]}]", curves, log_y=False, height=420)
+        )
+    lead = (
+        "The position that no fit has read. The deviation of G is the root of the total variance of the measured mean"
+        " over realizations, which holds distortion by friction and ripple; that by noise alone comes from the periods."
+        " A model is as good as these data can tell where its error is at the level of the deviation."
+    )
+    return Section("The position left out: Figs 7 and 8", lead, (Beside(tuple(figures), 2),))
+
+
+def noise_deviation(solution: LpvSolution, measured: Frf) -> FloatArray:
+    """Returns the deviation (n_pos, n_freq, n_out, n_in) of a response's mean by noise alone, of a fit's channels."""
+    outputs = [measured.output_names.index(name) for name in solution.ports.outputs]
+    inputs = [measured.input_names.index(name) for name in solution.ports.inputs]
+    return np.sqrt(measured.element_variance(noise_only=True))[:, :, outputs][..., inputs]
+
+
+def _curve(
+    name: str, held: Held, values: ComplexArray | FloatArray, shade: int, *, dashed: bool = False, points: bool = False
+) -> Curve:
+    y = tuple(_db(values).tolist())
+    return Curve(name, tuple(held.frequency_hz.tolist()), y, points=points, symbol="small", shade=shade, dashed=dashed)
+
+
+def _db(values: ComplexArray | FloatArray) -> FloatArray:
+    size = np.abs(values)
+    return np.asarray(20 * np.log10(np.where(size > 0, size, np.nan)))
+
+
+def _phase(response: ComplexArray, near: ComplexArray) -> FloatArray:
+    """Phase (n_pos, n_freq) within half a turn of another response's, which goes on from line to line [degrees]."""
+    angle = np.degrees(np.unwrap(np.angle(near), axis=1))
+    angle -= 360 * np.round((angle - angle[:1]).mean(axis=1, keepdims=True) / 360)
+    return np.asarray(angle + (np.degrees(np.angle(response)) - angle + 180) % 360 - 180)
+
+
+def _element(solution: LpvSolution, output: int, port: int) -> str:
+    ports = solution.ports
+    return f"{ports.outputs[output]} by {ports.inputs[port]}"
+
+
+def _units(solution: LpvSolution) -> list[str]:
+    """Unit of every output over the first input's."""
+    ports = solution.ports
+    return [pretty_unit(f"{unit}/({ports.input_units[0]})") for unit in ports.output_units]
+
 
 _LIMITS = (2.0, 1.0)
 
 
 def nearness_section(solution: LpvSolution, left_out: Held, window: int) -> Section:
-    """Returns how near the interpolated, the full and the sparse model are to fitted and to left-out responses.
-
-    Args:
-        solution: The fit.
-        left_out: Responses that no fit read.
-        window: Lines over which the fit's weights average the variance.
-    """
+    """Returns how near the interpolated, the full and the sparse model are to fitted and to left-out responses."""
     blocks = solution.blocks.kept
     models = (
         ("interpolated (SMILE)", solution.smile_model, blocks.size),
@@ -45,7 +158,10 @@ def nearness_section(solution: LpvSolution, left_out: Held, window: int) -> Sect
     )
     rows = []
     for word, held in (("Fitted positions", solution.own), ("Left out", left_out)):
-        rows += [Row((name, str(count), *_nearness(held, model, window)), group=word) for name, model, count in models]
+        for name, model, count in models:
+            answer = model.frozen_response(held.points, held.frequency_hz)
+            shares = (percent(share_within(deviations(held, answer), limit)) for limit in _LIMITS)
+            rows.append(Row((name, str(count), *shares, significant(error_ratio(held, answer, window))), group=word))
         perfect = (percent(expected_share(held.degrees_of_freedom, limit)) for limit in _LIMITS)
         rows.append(Row(("a perfect one", MISSING, *perfect, "1"), faint=True, group=word))
     heads = ("Model", "Blocks", "Within 2 deviations", "Within 1 deviation", "Error / deviation")
@@ -59,30 +175,23 @@ def nearness_section(solution: LpvSolution, left_out: Held, window: int) -> Sect
     unit = solution.ports.scheduling_units[0]
     own, other = (", ".join(places(held)) for held in (solution.own, left_out))
     lead = f"Models against measured responses, fitted at {own} {unit}, and at {other} {unit}, which no fit has read."
-    return Section(
-        "At rest: how near the models are", lead, (Table(heads, tuple(rows), caption=caption, fit="compact"),)
-    )
-
-
-def _nearness(held: Held, model: LpvModel, window: int) -> tuple[str, ...]:
-    response = model.frozen_response(held.points, held.frequency_hz)
-    ratio = deviations(held, response)
-    shares = (percent(share_within(ratio, limit)) for limit in _LIMITS)
-    return (*shares, significant(error_ratio(held, response, window)))
+    shown = Table(heads, tuple(rows), caption=caption, fit="compact")
+    return Section("At rest: how near the models are", lead, (shown,))
 
 
 def block_section(solution: LpvSolution, paper: Mapping[str, Any]) -> Section:
     """Returns the sizes of the blocks of the interpolated and of the sparse model, the paper's beside ours."""
     sizes, sparse = solution.core_model.sizes, solution.blocks
     smile = measure(solution.dense.smile, solution.basis.basis().largest, sizes)
-    names = tuple(pretty_unit(name) for name in solution.basis.names)
-    whole, varying = ("1", *names), names
-    printed = paper["smile"], paper["regularized"]
-    tables = (
-        _blocks("Table I: SMILE model, norms", whole, printed[0]["absolute"], smile.absolute.tolist()),
-        _blocks("Table II: SMILE model, relative", varying, printed[0]["relative"], smile.relative.tolist()),
-        _blocks("Table III: sparse model, norms", whole, printed[1]["absolute"], sparse.absolute.tolist()),
-        _blocks("Table IV: sparse model, relative", varying, printed[1]["relative"], sparse.relative.tolist()),
+    varying = tuple(pretty_unit(name) for name in solution.basis.names)
+    tables = tuple(
+        _blocks(f"Table {number}: {model} model, {what}", names, printed[key], getattr(ours, key).tolist())
+        for number, model, what, names, printed, key, ours in (
+            ("I", "SMILE", "norms", ("1", *varying), paper["smile"], "absolute", smile),
+            ("II", "SMILE", "relative", varying, paper["smile"], "relative", smile),
+            ("III", "sparse", "norms", ("1", *varying), paper["regularized"], "absolute", sparse),
+            ("IV", "sparse", "relative", varying, paper["regularized"], "relative", sparse),
+        )
     )
     gone = ", ".join(block_names(~sparse.kept)) or "none"
     lead = (
@@ -98,14 +207,10 @@ def _blocks(
     """Norms of the blocks (matrix, function), a row a function."""
     rows = []
     for place, name in enumerate(names):
-        cells = (_text(row, place) for pair in zip(paper, ours, strict=True) for row in pair)
-        rows.append((name, *cells))
+        norms = (row[place : place + 1] for pair in zip(paper, ours, strict=True) for row in pair)
+        rows.append((name, *(significant(norm[0]) if norm else MISSING for norm in norms)))
     heads = ("Function", *(head for matrix in MATRICES for head in (f"{matrix}, paper", "Ours")))
     return Table(heads, tuple(rows), title=title)
-
-
-def _text(row: Sequence[float], place: int) -> str:
-    return significant(row[place]) if place < len(row) else MISSING
 
 
 def _differences(solution: LpvSolution, paper: Mapping[str, Any]) -> str:
@@ -138,8 +243,7 @@ def further_local(run: Run, case: RestCase) -> Further:
     return ((run, (model, validation, f"{lpv_fit(run.loaded.experiment, case.fit).validate_on}/frf.h5")),)
 
 
-def conclude_local(run: Run, case: RestCase, _results: Results) -> PartFound:
-    """Turns the fit and its validation into figures, tables and pictures, and what is asked of them."""
+def _conclude_local(run: Run, case: RestCase, _results: Results) -> PartFound:
     settings, paper = lpv_fit(run.loaded.experiment, case.fit), paper_figures(run.loaded)
     solution = solution_from_artifact(read_artifact(run.path(f"fits/{case.fit}/model.h5"), MODEL))
     validation = validation_from_artifact(read_artifact(run.path(f"fits/{case.fit}/validation.h5"), VALIDATION))
@@ -183,12 +287,10 @@ def below_response_db(held: Held) -> FloatArray:
 
 
 def error_ratio(held: Held, response: ComplexArray, window: int) -> float:
-    """Returns the root mean square over all lines of the error over its deviation, as a fit weighs it.
+    """Returns the root mean square over all lines of a model's error over its deviation, as a fit weighs it.
 
-    Args:
-        held: What was measured.
-        response (n_pos, n_freq, n_out, n_in): What a model says there.
-        window: Lines over which the variance is averaged, so that few lines with small estimates do not decide.
+    The model's response is (n_pos, n_freq, n_out, n_in); the variance is averaged over a window of lines, so that few
+    lines with small estimates do not decide.
     """
     known = _is_known(held)
     variance = smooth_variance(np.where(known, held.std, np.inf) ** 2, window)
@@ -196,13 +298,7 @@ def error_ratio(held: Held, response: ComplexArray, window: int) -> float:
 
 
 def rest_figures(solution: LpvSolution, left_out: Held, window: int) -> dict[str, float]:
-    """Returns what the study says of the model at rest.
-
-    Args:
-        solution: The fit.
-        left_out: Responses that no fit read, and what the model says of them.
-        window: Lines over which the fit's weights average the variance.
-    """
+    """Returns what the study says of the model at rest."""
     kept, outputs = solution.blocks.kept, solution.ports.outputs
     full = solution.full_model.frozen_response(left_out.points, left_out.frequency_hz)
     sparse, dense = (error_ratio(left_out, response, window) for response in (left_out.modelled, full))
@@ -234,4 +330,4 @@ def _is_known(held: Held) -> BoolArray:
     return np.isfinite(held.std) & (held.std > 0)
 
 
-REST = Part("local", conclude_local, further=further_local)
+REST = Part("local", _conclude_local, further=further_local)

@@ -10,16 +10,16 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray
 from robid.artifacts.artifact import Dataset
 from robid.models.lpv.fit.fitting import LpvResult, estimate_lpv
-from robid.models.lpv.fit.model import Basis, polynomial_basis
+from robid.models.lpv.fit.model import polynomial_basis
 from robid.models.lpv.fit.options import LpvOptions
 from robid.models.lpv.fit.responses import LocalResponses
 from robid.models.lpv.fit.state_space import StateSpace, block_names, response, transform
 from robid.pipeline.graph import Run
 from robid.report.section import Section, Table
 from robid.settings.robot_parts import plain_settings
+from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import KnownStructureCase
-from robid.studies.study import Asked, Part, PartFound
-from robid.studies.tasks import Content, Results, Task, in_chunks
+from robid.studies.study import Content, Part, Results, Task, in_chunks
 
 POSITIONS: FloatArray = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None]
 LEFT_OUT: FloatArray = np.array([[-0.25]])
@@ -56,32 +56,21 @@ def synthetic_responses(points: FloatArray, T: FloatArray, generator: np.random.
     return LocalResponses(points, FREQUENCY, exact + error, variance, 1.0)
 
 
-def synthetic_basis() -> Basis:
-    """Returns powers up to the fourth: as many functions as positions, as in the paper."""
-    return polynomial_basis(POSITIONS, 4)
-
-
 def fit_synthetic(seed: int, options: LpvOptions) -> LpvResult:
-    """Fits one noisy draw, the system in a random basis."""
+    """Fits one noisy draw, the system in a random basis; as many functions as positions, as in the paper."""
     generator = np.random.default_rng(seed)
     T = generator.standard_normal((3, 3))
     fitted, held_out = (synthetic_responses(points, T, generator) for points in (POSITIONS, LEFT_OUT))
-    return estimate_lpv(fitted, held_out, synthetic_basis(), options)
-
-
-def finds_structure(seed: int) -> bool:
-    """Tells whether one noisy draw gives exactly the true blocks, with the default options."""
-    return block_names(fit_synthetic(seed, LpvOptions(order=ORDER)).kept) == STRUCTURE
+    return estimate_lpv(fitted, held_out, polynomial_basis(POSITIONS, 4), options)
 
 
 _ASKED = Asked(lower=0.95)
 
 
-def synthetic_tasks(_run: Run, case: KnownStructureCase, _earlier: Mapping[str, Results]) -> list[Task]:
-    """Returns the tasks: some systems each."""
+def _synthetic_tasks(_run: Run, case: KnownStructureCase, _earlier: Mapping[str, Results]) -> list[Task]:
     chunks = in_chunks(case.first_seed, case.runs, case.runs_per_task)
     options = plain_settings(LpvOptions(order=ORDER))
-    return [Task(f"runs_{seeds.start}", {"seeds": [*seeds], "options": options}, seeds) for seeds in chunks]
+    return [Task(f"runs_{seeds.start}", {"seeds": [*seeds], "options": options}, (seeds,)) for seeds in chunks]
 
 
 def find(seeds: range) -> Content:
@@ -90,8 +79,7 @@ def find(seeds: range) -> Content:
     return Content({"kept": Dataset(kept, "1", ("run", "matrix", "function"), "Blocks of A, B, C, D that were found")})
 
 
-def conclude_synthetic(_run: Run, _case: KnownStructureCase, results: Results) -> PartFound:
-    """Counts how often exactly the true blocks were found."""
+def _conclude_synthetic(_run: Run, _case: KnownStructureCase, results: Results) -> PartFound:
     kept = np.concatenate([one.datasets["kept"].values for one in results])
     found = count_structures(kept)
     share = found.get(", ".join(STRUCTURE), 0) / len(kept)
@@ -111,4 +99,4 @@ def count_structures(kept: BoolArray) -> dict[str, int]:
     return dict(Counter(", ".join(block_names(one)) or "none" for one in kept).most_common())
 
 
-KNOWN_STRUCTURE = Part("synthetic", conclude_synthetic, synthetic_tasks, find)
+KNOWN_STRUCTURE = Part("synthetic", _conclude_synthetic, _synthetic_tasks, find)

@@ -1,4 +1,1 @@
-"""Parameter estimators, as of Wernholt and Moberg (2008).
-
-Read `study`, `individuals`, `figures`, `conclusions`, `report`.
-"""
+"""Parameter estimators, as of Wernholt and Moberg (2008). Read `study`, `figures`, `report`."""

@@ -1,4 +1,4 @@
-"""The figures of the study of parameter estimators: the models of all starts, judged, and what they have in common."""
+"""The models of all starts, judged, and the seven conclusions of Wernholt and Moberg (2008), sec. 7, against them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import spearmanr
 
 from robid.arrays import BoolArray, FloatArray
 from robid.artifacts.artifact import Artifact
@@ -15,46 +16,35 @@ from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.uncertainty import sandwich
 from robid.models.elastic.judge.extrema import own_resonance_errors
 from robid.pipeline.graph import Run
+from robid.report.numbers import MISSING, percent, significant
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.simulate.truth import true_robot
-from robid.studies.settings.elastic import WernholtStudy
-from robid.studies.study import study_of
-from robid.studies.tasks import values_of
-from robid.studies.wernholt2008.study import ALL, measured, robot_and_delay, score_options, sets
+from robid.studies.settings.elastic import EstimatorChoice, WernholtStudy
+from robid.studies.simulated import ratio_interval, simulate_options
+from robid.studies.study import study_of, values_of
+from robid.studies.wernholt2008.study import (
+    ALL,
+    Individuals,
+    measured,
+    robot_and_delay,
+    score_options,
+    sets,
+    sizes_of,
+    true_springs,
+)
 
 
-@dataclass(frozen=True)
-class StartSpread:
-    """Statistics of parameters over models, each parameter divided by the best model's."""
-
-    minimum: FloatArray  # (n_param,) smallest value
-    median: FloatArray  # (n_param,) median
-    maximum: FloatArray  # (n_param,) largest value
-    mean: FloatArray  # (n_param,) mean
-    std: FloatArray  # (n_param,) standard deviation; 0 for a single model
-    count: int  # Number of models
-
-
-def spread(values: FloatArray, best: FloatArray) -> StartSpread:
-    """Returns the statistics of models near the best one.
-
-    Args:
-        values (n_model, n_param): Their parameters.
-        best (n_param,): The best model's, none of them zero.
+def spread(values: FloatArray, best: FloatArray) -> dict[str, FloatArray]:
+    """Returns statistics of models (n_model, n_param) near the best one, each parameter divided by the best model's.
 
     Source:
         Wernholt and Moberg (2008), Table 1.
     """
     relative = values / best
-    return StartSpread(
-        minimum=relative.min(axis=0),
-        median=np.asarray(np.median(relative, axis=0)),
-        maximum=relative.max(axis=0),
-        mean=relative.mean(axis=0),
-        std=relative.std(axis=0, ddof=1) if len(values) > 1 else np.zeros(values.shape[1]),
-        count=len(values),
-    )
+    std = relative.std(axis=0, ddof=1) if len(values) > 1 else np.zeros(values.shape[1])
+    found = {"min": relative.min(axis=0), "max": relative.max(axis=0), "mean": relative.mean(axis=0), "std": std}
+    return {**found, "median": np.asarray(np.median(relative, axis=0))}
 
 
 def within_factor(values: FloatArray, best: FloatArray, factor: float) -> BoolArray:
@@ -64,13 +54,7 @@ def within_factor(values: FloatArray, best: FloatArray, factor: float) -> BoolAr
 
 
 def shares_differ(first: float, second: float, count: int) -> bool:
-    """Tells whether one share of starts is larger than another by more than two standard errors.
-
-    Args:
-        first: The share that should be larger.
-        second: The other.
-        count: Number of starts behind each.
-    """
+    """Tells whether one share of starts is larger than another by more than two standard errors."""
     variance = (first * (1 - first) + second * (1 - second)) / count
     return first - second > 2 * float(np.sqrt(variance))
 
@@ -161,11 +145,9 @@ def gather(run: Run, results: Sequence[Artifact]) -> Found:
     frf = measured(run)
     user, optimal = (set_up(robot, frf, options, delay)[0] for options in score_options(study))
     truth = true_internal(user, robot, run.loaded.experiment.campaigns[study.campaign])
-    parts: dict[int, list[dict[str, Any]]] = {}
     per_set = -(-study.fit.starts // study.starts_per_task)
-    for index, result in enumerate(results):
-        values = values_of(result)
-        parts.setdefault(index // per_set, []).append(values)
+    values = [values_of(result) for result in results]
+    parts = [values[at : at + per_set] for at in range(0, len(values), per_set)]
     kinds = sets(study)
     near = [part for index, kind in enumerate(kinds) if not kind.group for part in parts[index]]
     best = min(float(part["user_cost"].min()) for part in near)
@@ -193,13 +175,7 @@ def gather(run: Run, results: Sequence[Artifact]) -> Found:
 
 def true_internal(problem: Problem, robot: Robot, campaign: Campaign) -> FloatArray:
     """Internal parameters (n_param,) of a simulated campaign's true robot."""
-    source = campaign.source
-    if source is None or source.simulate is None:
-        message = "the settings' checks let a study without a simulated campaign pass"
-        raise RuntimeError(message)
-    true = true_robot(robot, source.simulate.truth)
-    values = {f"{spring.name}.stiffness": spring.stiffness for spring in true.springs}
-    values |= {f"{spring.name}.damping": spring.damping for spring in true.springs}
+    values = true_springs(true_robot(robot, simulate_options(campaign).truth))
     parameters = problem.parameters
     return np.asarray(np.log([values[name] for name in parameters.names] / parameters.nominal_values()))
 
@@ -252,6 +228,7 @@ def model_figures(models: Models, found: Found) -> dict[str, float]:
     others = spring.copy()
     others[found.least_determined] = False
     own = models.own_cost <= _SAME_MINIMUM * models.own_cost.min()
+    best = models.internal[np.argmin(models.own_cost)]
     return {
         "reasonable": float(models.reasonable.mean()),
         "cost_within_1_5": float((models.user_cost <= COST_LIMIT).mean()),
@@ -263,17 +240,12 @@ def model_figures(models: Models, found: Found) -> dict[str, float]:
         "median_cost": float(np.median(models.user_cost)),
         "best_optimal_cost": float(models.optimal_cost.min()),
         "median_optimal_cost": float(np.median(models.optimal_cost)),
-        "spring_error": float(np.median(np.abs(best_of(models) - found.truth)[spring])),
+        "spring_error": float(np.median(np.abs(best - found.truth)[spring])),
         "evaluations.median": float(np.median(models.evaluations)),
         "evaluations.max": float(models.evaluations.max()),
         "cap_share": float(models.capped.mean()),
         "seconds": models.seconds / len(models.own_cost),
     }
-
-
-def best_of(models: Models) -> FloatArray:
-    """Internal parameters (n_param,) of an estimator's own best model."""
-    return np.asarray(models.internal[np.argmin(models.own_cost)])
 
 
 def summarise(found: Found) -> dict[str, float]:
@@ -302,3 +274,171 @@ def summarise(found: Found) -> dict[str, float]:
     }
     alone = [one.configuration for one in near if one.configuration != ALL]
     return summary | {"best_configuration": float(alone[0] + 1)} if alone else summary
+
+
+_HONEST_FACTOR = 3.0
+_LEAST_CORRELATION = 0.5
+_ALIKE = 0.8
+_WORTH_HAVING = 0.9
+"""Ratio of errors above which one is no gain over the other."""
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One conclusion of the paper."""
+
+    text: str  # What the paper says
+    figures: str  # What we found
+    reproduced: bool | None  # Whether that bears it out; None where the study lacks an estimator that it needs
+    # Whether it is sure over the individuals that it makes no gain worth having; None where none are asked
+    refuted: bool | None = None
+
+    @property
+    def word(self) -> str:
+        """The verdict in a word."""
+        if self.reproduced is None:
+            return MISSING
+        if self.reproduced:
+            return "yes"
+        return {None: "no", False: "undecided", True: "refuted"}[self.refuted]
+
+
+def claims(
+    found: Found,
+    choices: Mapping[str, EstimatorChoice],
+    transmission: BoolArray,
+    individuals: Individuals | None = None,
+) -> tuple[Claim, ...]:
+    """Returns the seven conclusions; `transmission` (n_param,) tells which parameters are those of gearboxes.
+
+    Those about success compare shares of reasonable models, of plain descents where the study has them, as the
+    paper's: larger by more than two standard errors bears them out. Those about kinds of parameters compare the
+    medians of the predicted standard deviation and of the true error of the best model: both must be larger.
+    Where there are individuals, the third to the fifth conclusion are about what estimates are worth: the size of their
+    errors, see `_by_errors`.
+    """
+    names = ("user", "optimal")
+    user, optimal = (_chosen(found, choices, "lls", name) for name in names)
+    plain = tuple(_chosen(found, choices, "nls", name) for name in names)
+    phased, alone = _chosen(found, choices, "llsm", "user"), _chosen(found, choices, "lls", "user", "best")
+    spring, damper = found.of_kind("stiffness"), found.of_kind("damping")
+    gears, structure = spring & transmission, spring & ~transmission
+    phase = _shares("Using phase information improves the estimate.", (user,), (phased,))
+    rough = _shares("Rough user-defined weights work better than the theoretically optimal ones.", (user,), (optimal,))
+    easier = _kinds("Gearbox springs are easier to estimate than arm structure springs.", found, gears, structure)
+    if individuals is not None and user is not None:
+        phase = _smaller(phase, individuals, user, phased)
+        rough = _smaller(rough, individuals, user, optimal)
+        easier = _easier(easier, individuals, user.name, found, (gears, structure))
+    return (
+        _shares("The LLS estimator is superior to the NLS estimator.", (user, optimal), plain),
+        _shares("More than one configuration is needed.", (user,), (alone,)),
+        phase,
+        rough,
+        easier,
+        _kinds("Springs are easier to identify than dampers.", found, spring, damper),
+        _honest("The theoretical uncertainties are a good indication of the parameters' quality.", found),
+    )
+
+
+def _chosen(
+    found: Found, choices: Mapping[str, EstimatorChoice], estimator: str, weights: str, configurations: str = "all"
+) -> Models | None:
+    """Models of the first estimator that is made so; None where the study has none."""
+    wanted = estimator, weights, configurations
+    names = (name for name, one in choices.items() if (one.estimator, one.weights, one.configurations) == wanted)
+    return found.as_in_paper.get(next(names, ""))
+
+
+def _shares(text: str, better: tuple[Models | None, ...], worse: tuple[Models | None, ...]) -> Claim:
+    first, second = ([one for one in group if one is not None] for group in (better, worse))
+    if len(first) < len(better) or len(second) < len(worse):
+        return Claim(text, "not studied", None)
+    shares = [float(np.mean(np.concatenate([one.reasonable for one in group]))) for group in (first, second)]
+    count = sum(len(one.own_cost) for one in first)
+    names = [" and ".join(one.name for one in group) for group in (first, second)]
+    figures = f"reasonable: {percent(shares[0])} of {names[0]}, {percent(shares[1])} of {names[1]}"
+    costs = [min(float(one.user_cost.min()) for one in group) for group in (first, second)]
+    figures += f"; best cost {significant(costs[0])} and {significant(costs[1])}"
+    return Claim(text, figures, shares_differ(shares[0], shares[1], count))
+
+
+def _kinds(text: str, found: Found, easier: BoolArray, harder: BoolArray) -> Claim:
+    if not easier.any() or not harder.any():
+        return Claim(text, "not studied", None)
+    error = true_error(found)
+    std, off = ([float(np.median(values[mask])) for mask in (easier, harder)] for values in (found.std, error))
+    figures = (
+        f"predicted deviation {percent(std[0])} and {percent(std[1])},"
+        f" true error {percent(off[0])} and {percent(off[1])} (medians)"
+    )
+    return Claim(text, figures, std[0] < std[1] and off[0] < off[1])
+
+
+def _smaller(claim: Claim, individuals: Individuals, better: Models, worse: Models | None) -> Claim:
+    """The same by the size of the errors over the individuals, with how much the two estimators err alike."""
+    if worse is None:
+        return claim
+    names = better.name, worse.name
+    errors, physical = ([values[name] for name in names] for values in (individuals.error, individuals.physical))
+    alike = float(np.median([spearmanr(*rows).statistic for rows in zip(*errors, strict=True)]))
+    made = ", as what the model lacks makes most of them" if alike >= _ALIKE else ""
+    beside = f"rank correlation of both errors {significant(alike, 2)}{made}"
+    return _by_errors(claim, errors, physical, names, beside)
+
+
+def _easier(
+    claim: Claim, individuals: Individuals, name: str, found: Found, kinds: tuple[BoolArray, BoolArray]
+) -> Claim:
+    """The same by the size of the errors of each kind's springs."""
+    if not all(kind.any() for kind in kinds):
+        return claim
+    every = np.array(found.problem.parameters.names)
+    own = [np.isin(individuals.names, every[kind]) for kind in kinds]
+    stated = [np.nanmedian(individuals.std[name][:, mask], axis=1) for mask in own]
+    errors, physical = ([values[name][:, mask] for mask in own] for values in (individuals.error, individuals.physical))
+    beside = f"{name} states deviations of {_percents(stated[0])} and {_percents(stated[1])}"
+    return _by_errors(claim, errors, physical, ("gears", "structure"), beside)
+
+
+def _by_errors(
+    claim: Claim, errors: list[FloatArray], physical: list[FloatArray], names: tuple[str, str], beside: str
+) -> Claim:
+    """Judges a conclusion by the errors that it says to be smaller, over those that it says to be larger.
+
+    It is borne out when the 95 % interval of their ratio over the individuals lies below 1, refuted when it lies above
+    what would be worth having; neither when it holds both. Estimates count, as in the paper; those of the springs
+    themselves, with what the robot file may have wrong, stand beside.
+    """
+    low, high = ratio_interval(*map(sizes_of, errors))
+    figures = (
+        f"{claim.figures}; over {len(errors[0])} individuals an error of {_compared(errors, names)}; {beside};"
+        f" with what the robot file may have wrong estimated along {_compared(physical, names)}"
+    )
+    return Claim(claim.text, figures, high < 1, low > _WORTH_HAVING and not high < 1)
+
+
+def _compared(errors: list[FloatArray], names: tuple[str, str]) -> str:
+    sizes = [sizes_of(each) for each in errors]
+    low, high = (significant(end, 2) for end in ratio_interval(*sizes))
+    return f"{_percents(sizes[0])} ({names[0]}) and {_percents(sizes[1])} ({names[1]}), {low} to {high} times as large"
+
+
+def _percents(values: FloatArray) -> str:
+    return percent(float(np.exp(np.log(values).mean())))
+
+
+def _honest(text: str, found: Found) -> Claim:
+    error = true_error(found)
+    ratio = float(np.median(error / found.std))
+    rank = float(spearmanr(error, found.std).statistic)
+    figures = (
+        f"true error over predicted deviation {significant(ratio)} (median; 0.67 if only noise made it),"
+        f" rank correlation {significant(rank)}"
+    )
+    return Claim(text, figures, 1 / _HONEST_FACTOR <= ratio <= _HONEST_FACTOR and rank >= _LEAST_CORRELATION)
+
+
+def true_error(found: Found) -> FloatArray:
+    """Distance (n_param,) of the best reference model from the truth, as a logarithm."""
+    return np.abs(found.best - found.truth)

@@ -2,51 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, IntArray
 from robid.pipeline.graph import Run
 from robid.report.numbers import duration, percent, significant
 from robid.report.page import Verdict
-from robid.report.section import Beside, Curve, Figure, Section, Table
+from robid.report.section import Beside, Figure, Section, Table
 from robid.studies.experiments import paper_figures
+from robid.studies.page import Conclusion, figure, table
 from robid.studies.settings.elastic import WernholtStudy
-from robid.studies.study import Conclusion, Earlier, study_of
-from robid.studies.wernholt2008.conclusions import Claim, claims
-from robid.studies.wernholt2008.figures import COST_LIMIT, NEAR_BEST, Found, Models, gather, spread, summarise
-from robid.studies.wernholt2008.individuals import Individuals, gather_individuals, sizes_of
-from robid.studies.wernholt2008.study import ALL, robot_and_delay
+from robid.studies.study import Earlier, study_of
+from robid.studies.wernholt2008.figures import (
+    COST_LIMIT,
+    NEAR_BEST,
+    Claim,
+    Found,
+    Models,
+    claims,
+    gather,
+    spread,
+    summarise,
+)
+from robid.studies.wernholt2008.study import ALL, Individuals, gather_individuals, robot_and_delay, sizes_of
 
 _PARAMETER_RANGE = (0.01, 100.0)
 _COST_RANGE = (0.95, 20.0)
 _ABOUT = {"": "by the strategy of this study", "plain": "by plain descents"}
-_SORTED = "Start, by the cost with user weights"
 
 
 def start_cost_section(found: Found, group: str) -> Section:
     """Figs 3 and 4: sorted costs of every estimator."""
-    members = found.groups[group]
-    first = max(len(one.own_cost) for one in members.values())
-    x = tuple(float(number) for number in range(1, first + 1))
-    figures = []
+    members, figures = found.groups[group], []
     for number, title, key in ((3, "user", "user_cost"), (4, "optimal", "optimal_cost")):
-        curves = tuple(
-            Curve(name, x, tuple(np.minimum(getattr(one, key)[one.order], _COST_RANGE[1]).tolist()))
-            for name, one in members.items()
-        )
-        figures.append(
-            Figure(
-                f"Fig. {number}: cost with {title} weights",
-                _SORTED,
-                "Cost over the best",
-                curves,
-                log_x=False,
-                y_range=_COST_RANGE,
-            )
-        )
+        costs = {name: np.minimum(getattr(one, key)[one.order], _COST_RANGE[1]) for name, one in members.items()}
+        axes = "Start, by the cost with user weights", "Cost over the best"
+        name = f"Fig. {number}: cost with {title} weights"
+        figures.append(figure(name, axes, None, costs, log_x=False, y_range=_COST_RANGE))
     lead = (
         f"Models from the same starts {_ABOUT[group]}, all judged by the same two costs, each estimator's sorted by the"
         f" first. Costs above {_COST_RANGE[1]:g} are drawn there."
@@ -78,12 +73,9 @@ def parameter_sections(found: Found, transmission: BoolArray) -> tuple[Section, 
 
 def _parameter_figure(found: Found, models: Models, mask: BoolArray) -> Figure:
     relative = np.clip(np.exp(models.internal[models.order] - found.best), *_PARAMETER_RANGE)
-    x = tuple(float(number) for number in range(1, len(relative) + 1))
     names = found.problem.parameters.names
-    curves = tuple(
-        Curve(names[index].rpartition(".")[0], x, tuple(relative[:, index].tolist())) for index in np.flatnonzero(mask)
-    )
-    return Figure(models.name, "", "", curves, log_x=False, y_range=_PARAMETER_RANGE, height=240)
+    series = {names[index].rpartition(".")[0]: relative[:, index] for index in np.flatnonzero(mask)}
+    return figure(models.name, ("", ""), None, series, log_x=False, y_range=_PARAMETER_RANGE, height=240)
 
 
 def response_sections(found: Found, element: tuple[int, int]) -> tuple[Section, ...]:
@@ -98,59 +90,48 @@ def _spread_section(found: Found, configuration: int, element: tuple[int, int], 
     output, motor = (number - 1 for number in element)
     models = found.as_in_paper[found.reference]
     near = models.internal[models.user_cost <= NEAR_BEST]
-    curves = [_curve(found, "best", np.abs(best[:, output, motor]))]
+    series = {"best": np.abs(best[:, output, motor])}
     if len(near):
         kept = np.unique(np.round(near, 3), axis=0)
         size = np.array([np.abs(found.problem.model_response(one)[configuration, :, output, motor]) for one in kept])
-        curves += [_curve(found, "smallest", size.min(axis=0)), _curve(found, "largest", size.max(axis=0))]
-    figure = Figure(f"Element ({element[0]}, {element[1]})", "Frequency [Hz]", _UNIT, tuple(curves))
+        series |= {"smallest": size.min(axis=0), "largest": size.max(axis=0)}
+    axes = "Frequency [Hz]", "Magnitude [rad/(s² N m)]"
+    shown = figure(f"Element ({element[0]}, {element[1]})", axes, found.problem.frf.frequency_hz, series)
     lead = (
         f"Configuration {configuration + 1}: the best {found.reference} model and the range of its {len(near)} models"
         f" with a cost within {NEAR_BEST:g} of the best (paper: 31)."
     )
-    return Section("Fig. 8: responses of the good models", lead, (figure,))
+    return Section("Fig. 8: responses of the good models", lead, (shown,))
 
 
 def _matrix_section(found: Found, configuration: int, best: ComplexArray) -> Section:
     frf = found.problem.frf
-    measured = np.abs(frf.response[configuration])
-    std = np.sqrt(frf.element_variance()[configuration])
-    size = np.abs(best)
+    response, std = np.abs(frf.response[configuration]), np.sqrt(frf.element_variance()[configuration])
     figures = []
-    for output, motor in np.ndindex(measured.shape[1:]):
+    for output, motor in np.ndindex(response.shape[1:]):
         own = (slice(None), output, motor)
-        curves = (
-            _curve(found, "measured", measured[own]),
-            _curve(found, "best model", size[own]),
-            _curve(found, "minus one deviation", np.maximum(measured[own] - std[own], 1e-2 * measured[own])),
-            _curve(found, "plus one deviation", measured[own] + std[own]),
-        )
+        series = {
+            "measured": response[own],
+            "best model": np.abs(best)[own],
+            "minus one deviation": np.maximum(response[own] - std[own], 1e-2 * response[own]),
+            "plus one deviation": response[own] + std[own],
+        }
         title = f"{frf.output_names[output]} by {frf.input_names[motor]}"
-        figures.append(Figure(title, "", "", curves, height=150, legend=False))
+        figures.append(figure(title, ("", ""), frf.frequency_hz, series, height=150, legend=False))
     lead = (
         f"Configuration {configuration + 1}: measured response (solid), best {found.reference} model (dashed) and one"
         f" standard deviation to each side (dots); [rad/(s² N m)] over [Hz]."
     )
-    return Section("Fig. 9: measured and modelled response", lead, (Beside(tuple(figures), measured.shape[2]),))
+    return Section("Fig. 9: measured and modelled response", lead, (Beside(tuple(figures), response.shape[2]),))
 
 
-_UNIT = "Magnitude [rad/(s² N m)]"
-
-
-def _curve(found: Found, name: str, values: FloatArray) -> Curve:
-    return Curve(name, tuple(found.problem.frf.frequency_hz.tolist()), tuple(values.tolist()))
-
-
-_STATISTICS = ("min", "median", "max", "mean", "std", "std_th")
+_STATISTICS = ("min", "median", "max", "mean", "std")
 _REPRESENTATIVE = 4
 
 
 def conclude(run: Run, results: Earlier) -> Conclusion:
     """Turns the tasks' results into figures, tables and what follows for the paper's conclusions."""
-    study, paper = (
-        study_of(run.loaded, WernholtStudy),
-        paper_figures(run.loaded),
-    )
+    study, paper = (study_of(run.loaded, WernholtStudy), paper_figures(run.loaded))
     found = gather(run, list(results[0]))
     individuals = gather_individuals(study, list(results[1]))
     summary = summarise(found) | individual_figures(individuals)
@@ -200,45 +181,37 @@ def _success_section(found: Found, summary: Mapping[str, float], paper: Mapping[
 
 
 def _success_table(found: Found, summary: Mapping[str, float], paper: Mapping[str, Any], group: str) -> Table:
-    suffix, rows = group and f"_{group}", []
-    beside_ours = paper if group in _GROUP_TITLES else {}
-    for name, one in found.groups[group].items():
+    suffix, printed = group and f"_{group}", paper if group in _GROUP_TITLES else {}
 
-        def ours(key: str, name: str = name) -> float:
-            return summary[f"{name}.{key}{suffix}"]
+    def ours(head: str, key: str, write: Callable[[float], str] = percent) -> tuple[str, Callable[[str], str]]:
+        return head, lambda name: write(summary[f"{name}.{key}{suffix}"])
 
-        beside = [
-            beside_ours.get(key, {}).get(name) for key in ("reasonable", "springs_within_2", "springs_within_2_all")
-        ]
-        rows.append(
-            (
-                name,
-                percent(ours("reasonable")),
-                percent(beside[0]),
-                percent(ours("springs_within_2")),
-                percent(beside[1]),
-                percent(ours("springs_within_2_all")),
-                percent(beside[2]),
-                percent(ours("own_best")),
-                significant(ours("best_cost")),
-                significant(ours("median_cost")),
-                f"{ours('evaluations.median'):.0f}",
-                f"{ours('evaluations.max'):.0f}",
-                duration(one.seconds / len(one.own_cost)),
-            )
-        )
-    heads = ("Estimator", "Reasonable", "Paper", "Springs but one", "Paper", "All springs", "Paper", "At its own best")
-    excluded = found.problem.parameters.names[found.least_determined]
-    return Table(
-        (*heads, "Best cost", "Median cost", "Evaluations", "Most", "Time per fit"),
-        tuple(rows),
-        title=_GROUP_TITLES.get(group, f"Starts over {group.removesuffix('dec').replace('_', '.')} decades"),
-        caption=(
-            f"Shares of starts. Springs: within [0.5, 2] of the best {found.reference} model; all but the least"
-            f" determined, {excluded}, as in the paper. At its own best: within 0.1 % of the best cost that the"
-            " estimator itself reached. Costs: with user weights, over the best."
-        ),
+    def theirs(key: str) -> tuple[str, Callable[[str], str]]:
+        return "Paper", lambda name: percent(printed.get(key, {}).get(name))
+
+    columns = (
+        ("Estimator", lambda name: name),
+        ours("Reasonable", "reasonable"),
+        theirs("reasonable"),
+        ours("Springs but one", "springs_within_2"),
+        theirs("springs_within_2"),
+        ours("All springs", "springs_within_2_all"),
+        theirs("springs_within_2_all"),
+        ours("At its own best", "own_best"),
+        ours("Best cost", "best_cost", significant),
+        ours("Median cost", "median_cost", significant),
+        ours("Evaluations", "evaluations.median", "{:.0f}".format),
+        ours("Most", "evaluations.max", "{:.0f}".format),
+        ours("Time per fit", "seconds", duration),
     )
+    excluded = found.problem.parameters.names[found.least_determined]
+    caption = (
+        f"Shares of starts. Springs: within [0.5, 2] of the best {found.reference} model; all but the least"
+        f" determined, {excluded}, as in the paper. At its own best: within 0.1 % of the best cost that the"
+        " estimator itself reached. Costs: with user weights, over the best."
+    )
+    wide = f"Starts over {group.removesuffix('dec').replace('_', '.')} decades"
+    return table(columns, found.groups[group], title=_GROUP_TITLES.get(group, wide), caption=caption)
 
 
 _GROUP_TITLES = {"": "The strategy of this study", "plain": "Plain descents from the same starts, as in the paper"}
@@ -248,21 +221,12 @@ def _optimal_table(found: Found, summary: Mapping[str, float]) -> Table:
     rows = []
     for group, members in found.groups.items():
         for name, one in members.items():
-            suffix = group and f"_{group}"
-            rows.append(
-                (
-                    f"{name} {group}".strip(),
-                    percent(float((one.optimal_cost <= COST_LIMIT).mean())),
-                    significant(summary[f"{name}.best_optimal_cost{suffix}"]),
-                    significant(summary[f"{name}.median_optimal_cost{suffix}"]),
-                )
-            )
-    return Table(
-        ("Estimator", f"Within {COST_LIMIT:g} of the best", "Best cost", "Median cost"),
-        tuple(rows),
-        title="The same models by the cost with optimal weights",
-        caption=f"The best cost is {significant(1 / found.truth_optimal_cost)} of that of the truth.",
-    )
+            costs = (summary[f"{name}.{which}_optimal_cost{group and '_' + group}"] for which in ("best", "median"))
+            within = percent(float((one.optimal_cost <= COST_LIMIT).mean()))
+            rows.append((f"{name} {group}".strip(), within, *map(significant, costs)))
+    heads = ("Estimator", f"Within {COST_LIMIT:g} of the best", "Best cost", "Median cost")
+    caption = f"The best cost is {significant(1 / found.truth_optimal_cost)} of that of the truth."
+    return Table(heads, tuple(rows), title="The same models by the cost with optimal weights", caption=caption)
 
 
 def _claims_section(held: tuple[Claim, ...]) -> Section:
@@ -274,8 +238,8 @@ def _claims_section(held: tuple[Claim, ...]) -> Section:
         " yes where the 95 % interval of the ratio of errors over the individuals lies below 1, refuted where it lies"
         " above 0.9, so that a gain of a tenth or more is excluded; else undecided."
     )
-    table = Table(("The paper concludes", "Reproduced", "Here"), rows, prose=True)
-    return Section("The paper's seven conclusions", lead, (table,))
+    said = Table(("The paper concludes", "Reproduced", "Here"), rows, prose=True)
+    return Section("The paper's seven conclusions", lead, (said,))
 
 
 def _individual_sections(individuals: Individuals | None) -> tuple[Section, ...]:
@@ -283,10 +247,16 @@ def _individual_sections(individuals: Individuals | None) -> tuple[Section, ...]
     if individuals is None:
         return ()
     figures = individual_figures(individuals)
+    shown = {
+        "Error": "error",
+        "With nuisance parameters": "physical_error",
+        "Stated deviation": "std",
+        "Held": "covered",
+    }
     rows = tuple(
         (
             name,
-            *(percent(figures[f"{name}.individual_{key}"]) for key in ("error", "physical_error", "std", "covered")),
+            *(percent(figures[f"{name}.individual_{key}"]) for key in shown.values()),
             significant(figures[f"{name}.individual_misfit"]),
         )
         for name in individuals.error
@@ -297,8 +267,7 @@ def _individual_sections(individuals: Individuals | None) -> tuple[Section, ...]
         " estimated along, and deviation that this interval states: medians over parameters and individuals; and the"
         " share of these intervals of 95 % that hold the truth. Cost: over what noise and the assumed model error give."
     )
-    table = Table(("Estimator", "Error", "With doubts", "Stated deviation", "Held", "Cost"), rows)
-    return (Section("Several individuals", lead, (table,)),)
+    return (Section("Several individuals", lead, (Table(("Estimator", *shown, "Cost"), rows),)),)
 
 
 def individual_figures(individuals: Individuals | None) -> dict[str, float]:
@@ -334,7 +303,7 @@ def _statistics_section(found: Found, paper: Mapping[str, Any]) -> Section:
     theirs = paper.get("table_1", {})
     if theirs:
         rows = tuple((name, *(significant(value) for value in values)) for name, values in theirs.items())
-        tables.append(Table(("Parameter", *_STATISTICS), rows, title="The paper's Table 1"))
+        tables.append(Table(("Parameter", *_STATISTICS, "std_th"), rows, title="The paper's Table 1"))
     lead = (
         f"Parameters of the {found.reference} models with a cost within {NEAR_BEST:g} of the best, divided by the best"
         " model's: four springs and four dampers from the best to the least determined. The last two columns are the"
@@ -346,11 +315,11 @@ def _statistics_section(found: Found, paper: Mapping[str, Any]) -> Section:
 def _statistics_table(found: Found, internal: Any, title: str) -> Table:  # noqa: ANN401
     names = found.problem.parameters.names
     if not len(internal):
-        return Table(("Parameter", *_STATISTICS, "truth"), (), title=f"{title}: no model is near the best")
+        return Table(("Parameter", *_STATISTICS, "std_th", "truth"), (), title=f"{title}: no model is near the best")
     statistics = spread(np.exp(internal), np.exp(found.best))
     rows = []
     for index in (*representative(found, "stiffness"), *representative(found, "damping")):
-        own = [getattr(statistics, key)[index] for key in ("minimum", "median", "maximum", "mean", "std")]
+        own = [statistics[key][index] for key in _STATISTICS]
         truth = np.exp(found.truth - found.best)[index]
         rows.append((names[index], *(significant(float(value)) for value in (*own, found.std[index], truth))))
-    return Table(("Parameter", *_STATISTICS, "truth"), tuple(rows), title=f"{title}: {statistics.count} models")
+    return Table(("Parameter", *_STATISTICS, "std_th", "truth"), tuple(rows), title=f"{title}: {len(internal)} models")

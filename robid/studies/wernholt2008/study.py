@@ -1,20 +1,22 @@
-"""The study of estimators of springs and dampers: models from many starts, all scored with the same cost."""
+"""Models of springs and dampers from many starts, scored with the same cost, and estimates of individuals."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from robid.artifacts.artifact import Dataset
+from robid.arrays import BoolArray, FloatArray
+from robid.artifacts.artifact import Artifact, Dataset
 from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact, read_header
 from robid.frf.frf import Frf
 from robid.frf.residual import EstimatorKind
-from robid.models.elastic.fit.fitting import draw_starts, set_up
+from robid.models.elastic.fit.fitting import draw_starts, fit_elastic, set_up
 from robid.models.elastic.fit.optimizers import make_strategy
 from robid.models.elastic.fit.options import ElasticOptions, WeightsKind
 from robid.models.elastic.fit.problem import Problem
@@ -24,28 +26,15 @@ from robid.pipeline.graph import Run
 from robid.robot.description import Robot
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, plain_settings
+from robid.settings.sources import true_robot_of
 from robid.studies.experiments import paper_figures
 from robid.studies.settings.elastic import WernholtStudy
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Content, Task
+from robid.studies.simulated import simulate_options, stated_std
+from robid.studies.study import Content, Earlier, Task, study_of
 
 _NOTHING_KNOWN = 1e9
 ALL = -1
 """Stands for all configurations where one is named by its index."""
-
-
-@dataclass(frozen=True)
-class Chunk:
-    """Some starts of one estimator."""
-
-    robot: Robot  # The robot file's
-    frf: Path  # Where the measured responses lie
-    configuration: int  # Index of the only one that is fitted, or `ALL`
-    # Options of the fit; `starts` counts all of them and the robot file's values, which is not used
-    options: ElasticOptions
-    scores: tuple[ElasticOptions, ElasticOptions]  # Options of the two costs that every model is judged by
-    starts: tuple[int, ...]  # Indices of the starts, from 1
-    delay_s: float  # Nominal delay [s]
 
 
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
@@ -135,27 +124,39 @@ def tasks(run: Run, _earlier: Earlier) -> list[Task]:
         alone = best if one.alone else ALL
         for number, first in enumerate(range(1, one.options.starts, study.starts_per_task), 1):
             starts = tuple(range(first, min(first + study.starts_per_task, one.options.starts)))
-            chunk = Chunk(robot, path, alone, one.options, score_options(study), starts, delay)
-            place = {"options": plain_settings(one.options), "scores": plain_settings(chunk.scores), "starts": starts}
+            judging = score_options(study)
+            arguments = robot, path, alone, one.options, judging, starts, delay
+            place = {"options": plain_settings(one.options), "scores": plain_settings(judging), "starts": starts}
             label = "_".join(part for part in (one.name, one.group, str(number)) if part)
-            found.append(Task(label, {**decides, **place, "configuration": alone}, chunk))
+            found.append(Task(label, {**decides, **place, "configuration": alone}, arguments))
     return found
 
 
-def fit_chunk(chunk: Chunk) -> Content:
-    """Fits from the starts of a chunk and scores the models."""
-    frf = read_frf(chunk.frf)
-    used = frf if chunk.configuration == ALL else frf.select([chunk.configuration])
+def fit_chunk(
+    robot: Robot,
+    path: Path,
+    configuration: int,
+    options: ElasticOptions,
+    judging: tuple[ElasticOptions, ElasticOptions],
+    chosen: tuple[int, ...],
+    delay_s: float,
+) -> Content:
+    """Fits from some starts of one estimator, counted from 1, and scores the models by the costs of `judging`.
+
+    Responses lie at `path`; the only configuration that is fitted is named by its index, else `ALL` are.
+    """
+    frf = read_frf(path)
+    used = frf if configuration == ALL else frf.select([configuration])
     clock, processor = time.perf_counter(), time.process_time()
-    problem = set_up(chunk.robot, used, chunk.options, chunk.delay_s)[0]
+    problem = set_up(robot, used, options, delay_s)[0]
     strategy, starts = (
-        make_strategy(problem, chunk.robot, chunk.options),
-        draw_starts(problem.parameters, chunk.options),
+        make_strategy(problem, robot, options),
+        draw_starts(problem.parameters, options),
     )
-    ends = [strategy.descend(starts[index]) for index in chunk.starts]
+    ends = [strategy.descend(starts[index]) for index in chosen]
     seconds, processor = time.perf_counter() - clock, time.process_time() - processor
     internal = np.array([end.parameters for end in ends])
-    user, optimal = (scores(set_up(chunk.robot, frf, options, chunk.delay_s)[0], internal) for options in chunk.scores)
+    user, optimal = (scores(set_up(robot, frf, each, delay_s)[0], internal) for each in judging)
     start = ("start",)
     datasets = {
         "internal": Dataset(internal, "1", ("start", "parameter"), "Logarithm of each parameter over the robot file's"),
@@ -164,13 +165,118 @@ def fit_chunk(chunk: Chunk) -> Content:
         "status": Dataset(np.array([end.status for end in ends]), "1", start),
         "user_cost": Dataset(user, "1", start, "Logarithmic cost with user weights, all configurations"),
         "optimal_cost": Dataset(optimal, "1", start, "The same with optimal weights"),
-        "configuration": Dataset(np.array(chunk.configuration), "1", (), "Index of the only one fitted, or -1"),
+        "configuration": Dataset(np.array(configuration), "1", (), "Index of the only one fitted, or -1"),
         "seconds": Dataset(np.array(seconds), "s", (), "Wall time of these fits"),
         "processor_seconds": Dataset(np.array(processor), "s", (), "Processor time of these fits"),
     }
     return Content(datasets)
 
 
+def true_springs(robot: Robot) -> dict[str, float]:
+    """Returns stiffness and damping of a robot's springs by the names of their parameters."""
+    keys = ("stiffness", "damping")
+    return {f"{spring.name}.{key}": float(getattr(spring, key)) for key in keys for spring in robot.springs}
+
+
 def scores(problem: Problem, internal: Any) -> Any:  # noqa: ANN401
     """Costs (n_model,) of models by their internal parameters (n_model, n_param)."""
     return np.array([problem.cost(one) for one in internal])
+
+
+_RESULT = 3
+"""Version of what a result holds."""
+
+
+@dataclass(frozen=True)
+class Individuals:
+    """What all estimators make of the individuals."""
+
+    names: tuple[str, ...]  # Names of the parameters
+    error: dict[str, FloatArray]  # Logarithm of estimate over truth (n_individual, n_param) by estimator
+    # The same of the middles of the intervals, where what the robot file may have wrong is estimated along
+    physical: dict[str, FloatArray]
+    # Deviation of each logarithm that the fit's interval states (n_individual, n_param) by estimator
+    std: dict[str, FloatArray]
+    inside: dict[str, BoolArray]  # Whether that interval holds the truth (n_individual, n_param) by estimator
+    # Cost over what noise and the assumed model error give (n_individual,) by estimator
+    misfit: dict[str, FloatArray]
+
+
+def sizes_of(error: FloatArray) -> FloatArray:
+    """Size of errors (n_individual, n_param) of each individual, the median: a few parameters are hardly determined."""
+    return np.asarray(np.median(np.abs(error), axis=1))
+
+
+def estimators_of(study: WernholtStudy) -> list[str]:
+    """Returns the estimators that are held against the individuals."""
+    every = [name for name, one in study.estimators.items() if one.configurations == "all"]
+    return list(study.individual_estimators) or every
+
+
+def individual_tasks(run: Run, _earlier: Earlier) -> list[Task]:
+    """Returns one task for each individual and estimator."""
+    study = study_of(run.loaded, WernholtStudy)
+    found = []
+    for campaign_name in study.individuals:
+        campaign = run.loaded.experiment.campaigns[campaign_name]
+        robot = run.loaded.robot.to_robot(campaign.payload_kg)
+        simulated = simulate_options(campaign)
+        truth = true_robot_of(run.loaded.robot, campaign.payload_kg, simulated.truth)
+        path, delay = run.path(f"{campaign_name}/frf.h5"), delay_s(run.loaded, campaign)
+        decides = {
+            "frf": read_header(path, FRF).content_sha256,
+            "source": plain_settings(campaign.source),
+            "result": _RESULT,
+            **model_settings(run.loaded, campaign_name),
+        }
+        for name in estimators_of(study):
+            choice = study.estimators[name]
+            options = replace(
+                with_estimator(study.fit, choice.estimator, choice.weights), starts=study.individual_starts
+            )
+            arguments = robot, truth, path, options, delay
+            found.append(Task(f"{name}_{campaign_name}", {**decides, "options": plain_settings(options)}, arguments))
+    return found
+
+
+def fit_individual(robot: Robot, truth: Robot, path: Path, options: ElasticOptions, delay_s: float) -> Content:
+    """Fits one individual to the responses at `path` and holds its springs and dampers against the true robot's."""
+    solution = fit_elastic(robot, read_frf(path), options, delay_s)
+    estimate = solution.estimate
+    true = true_springs(truth)
+    known = [index for index, name in enumerate(estimate.names) if name in true]
+    names = [estimate.names[index] for index in known]
+    values = np.array([true[name] for name in names])
+    lower, upper = estimate.lower[known], estimate.upper[known]
+    error, physical = (np.log(each[known] / values) for each in (estimate.value, estimate.middle))
+    std, inside = stated_std(lower, upper, estimate.confidence), (lower <= values) & (values <= upper)
+    parameter = ("parameter",)
+    datasets = {
+        "names": Dataset(np.array(names), "1", parameter),
+        "error": Dataset(error, "1", parameter, "Logarithm of the estimate over the truth"),
+        "physical": Dataset(physical, "1", parameter, "Logarithm of the interval's middle over the truth"),
+        "std": Dataset(std, "1", parameter, "Deviation that the fit's interval states"),
+        "inside": Dataset(inside, "1", parameter, "Whether that interval holds the truth"),
+        "misfit": Dataset(np.array(solution.misfit), "1", (), "Cost over what noise and the assumed model error give"),
+    }
+    return Content(datasets, {"status": estimate.status})
+
+
+def gather_individuals(study: WernholtStudy, results: Sequence[Artifact]) -> Individuals | None:
+    """Puts the individuals' results together; None where the study has none."""
+    if not results:
+        return None
+    estimators = estimators_of(study)
+
+    def every(key: str) -> dict[str, Any]:
+        values = [result.datasets[key].values for result in results]
+        return {name: np.array(values[at :: len(estimators)]) for at, name in enumerate(estimators)}
+
+    return Individuals(
+        names=tuple(results[0].datasets["names"].values.tolist()),
+        error=every("error"),
+        physical=every("physical"),
+        std=every("std"),
+        inside=every("inside"),
+        misfit=every("misfit"),
+    )

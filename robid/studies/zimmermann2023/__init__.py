@@ -1,4 +1,1 @@
-"""Which configurations to measure, as of Zimmermann et al. (2023).
-
-Read `models`, `steps` and `step_bench`, `effort`, `figures`, `curves`, `report`.
-"""
+"""Which configurations to measure, as of Zimmermann et al. (2023). Read `models`, `steps`, `figures`, `report`."""

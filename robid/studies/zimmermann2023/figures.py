@@ -1,4 +1,4 @@
-"""The figures of the study of configurations, and which models are surely better than the optimal one."""
+"""The figures of the study of configurations: models against each other, and how long one must measure."""
 
 from __future__ import annotations
 
@@ -8,19 +8,129 @@ from typing import Any, get_args
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray
-from robid.artifacts.artifact import Artifact
+from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.artifacts.kinds import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.information import ConfigurationDesign
+from robid.design.configurations.plan import Exchange
+from robid.design.configurations.visits import Visits, make_visits
 from robid.pipeline.graph import Run
-from robid.studies.over_individuals import Mean, differs, over_springs, scatter, scatter_error, scatters_differ
 from robid.studies.settings.elastic import ZimmermannStudy
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import values_of
-from robid.studies.zimmermann2023.effort import EffortCurves, effort_curves
+from robid.studies.simulated import Mean, differs, over_springs, scatter, scatter_error, scatters_differ
+from robid.studies.study import Earlier, study_of, values_of
 from robid.studies.zimmermann2023.models import owners_of_sets, pairs
 from robid.studies.zimmermann2023.steps import StepResponses, read_steps, step_figures
+
+_VISITS = np.array([1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 21, 28, 35, 42, 49])
+_DRAWS = 200
+_SEED = 1
+_SINGULAR = 1e12
+_FLOOR = 1e-9
+
+
+@dataclass(frozen=True)
+class EffortCurves:
+    """Deviations of the springs over the number of experiments."""
+
+    experiments: FloatArray  # (n_count,) numbers of experiments
+    # Mean relative deviation (n_count,) by choice; infinite where the experiments do not suffice
+    average: dict[str, FloatArray]
+    worst: dict[str, FloatArray]  # Largest one
+    sentence: str  # What follows for who measures
+    # Numbers of experiments by choice that reach what the guess reaches with a visit of each
+    figures: dict[str, float]
+
+
+def effort_curves(
+    design: ConfigurationDesign, guess: FloatArray, names: tuple[str, ...], per_visit: int
+) -> EffortCurves:
+    """Predicts deviations over the number of experiments.
+
+    Args:
+        design: The design with its candidates' information per visit.
+        guess (n_guess, n_param, n_param): Information of the configurations that an engineer chose, per visit.
+        names: Names of the guess' parameters; what the design allows them to differ by holds here too.
+        per_visit: Experiments of a visit.
+    """
+    found: dict[str, list[FloatArray]] = {"optimal": [], "guess": [], "random": [], "worst of random": []}
+    generator = np.random.default_rng(_SEED)
+    candidates = design.visits
+    between = dict(zip(design.parameter_names, candidates.between.tolist(), strict=True))
+    guessed = make_visits(guess[None, :, None], np.array([between.get(name, 0.0) for name in names]))
+    for visits in _VISITS.tolist():
+        found["optimal"].append(deviations(_optimal(candidates, visits)))
+        found["guess"].append(deviations(_in_turn(guessed, visits)))
+        drawn = deviations(np.array([_random(candidates, visits, generator) for _ in range(_DRAWS)]))
+        found["random"].append(np.median(drawn, axis=0))
+        found["worst of random"].append(np.quantile(drawn, 0.9, axis=0))
+    experiments = _VISITS * float(per_visit)
+    average = {name: np.array(rows)[:, 0] for name, rows in found.items()}
+    worst = {name: np.array(rows)[:, 1] for name, rows in found.items()}
+    goal = float(deviations(_in_turn(guessed, len(guess)))[0])
+    needed = {name: crossing(experiments, average[name], goal) for name in ("optimal", "random")}
+    own = float(len(guess) * per_visit)
+    sentence = (
+        f"An average deviation of {100 * goal:.2g} %, which the guess reaches with {own:.0f} experiments,"
+        f" takes {_count(needed['optimal'])} in optimal configurations and {_count(needed['random'])} in random ones"
+        " (median)."
+    )
+    figures = {f"{name}_experiments": count for name, count in needed.items() if np.isfinite(count)}
+    return EffortCurves(experiments, average, worst, sentence, {**figures, "guess_experiments": own})
+
+
+def deviations(information: FloatArray) -> FloatArray:
+    """Mean and largest deviation of log-parameters with some information (..., n_param, n_param).
+
+    Returns:
+        Both (..., 2); infinite where the information is singular.
+    """
+    scale = np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), np.finfo(float).tiny))
+    scaled = information / (scale[..., :, None] * scale[..., None, :])
+    singular = np.linalg.cond(scaled) > _SINGULAR
+    inverse = np.linalg.inv(np.where(singular[..., None, None], np.eye(scale.shape[-1]), scaled))
+    std = np.sqrt(np.diagonal(inverse, axis1=-2, axis2=-1)) / scale
+    both = np.stack([std.mean(axis=-1), std.max(axis=-1)], axis=-1)
+    return np.asarray(np.where(singular[..., None], np.inf, both))
+
+
+def crossing(experiments: FloatArray, values: FloatArray, goal: float) -> float:
+    """Number of experiments at which a curve first falls to a goal, logarithms interpolated; infinite if never."""
+    below = np.flatnonzero(values <= goal)
+    if below.size == 0:
+        return float(np.inf)
+    at = int(below[0])
+    if at == 0 or not np.isfinite(values[at - 1]):
+        return float(experiments[at])
+    x, y = np.log(experiments[at - 1 : at + 1]), np.log(values[at - 1 : at + 1])
+    return float(np.exp(x[0] + (np.log(goal) - y[0]) * (x[1] - x[0]) / (y[1] - y[0])))
+
+
+def _count(needed: float) -> str:
+    return f"{needed:.0f}" if np.isfinite(needed) else "more than were looked at"
+
+
+def _optimal(candidates: Visits, visits: int) -> FloatArray:
+    """As many visits as tell most, shared out by exchange; few do not determine everything."""
+    count, size = candidates.alone.shape[1], candidates.alone.shape[-1]
+    base = _FLOOR * candidates.once.sum(axis=1)
+    problem = Exchange("d", candidates, base, visits, visits, True, np.ones(count), float(visits), size)
+    return _told(candidates, problem.improved(problem.greedy(np.zeros(count, int))))
+
+
+def _in_turn(guess: Visits, visits: int) -> FloatArray:
+    count = guess.alone.shape[1]
+    return _told(guess, np.full(count, visits // count) + (np.arange(count) < visits % count))
+
+
+def _random(candidates: Visits, visits: int, generator: np.random.Generator) -> FloatArray:
+    count = candidates.alone.shape[1]
+    drawn = generator.choice(count, visits, replace=visits > count)
+    return _told(candidates, np.bincount(drawn, minlength=count))
+
+
+def _told(candidates: Visits, counts: IntArray) -> FloatArray:
+    return np.asarray(candidates.total(counts)[0, 0])
+
 
 MISSED = 0.03
 """Relative error from which a first resonance counts as missed."""
@@ -99,7 +209,7 @@ class Found:
 def gather(run: Run, earlier: Earlier) -> Found:
     """Puts the tasks' results together."""
     study, names = study_of(run.loaded, ZimmermannStudy), list(study_of(run.loaded, ZimmermannStudy).models)
-    results = [_values(result) for result in earlier[1]]
+    results = [values_of(result) for result in earlier[1]]
     by_model = {name: results[index :: len(names)] for index, name in enumerate(names)}
     further = _further_sets(run, study, earlier)
     models = {name: _model(name, rows, further.get(name, [])) for name, rows in by_model.items()}
@@ -121,13 +231,9 @@ def gather(run: Run, earlier: Earlier) -> Found:
     )
 
 
-def _values(result: Artifact) -> dict[str, Any]:
-    return values_of(result)
-
-
 def _further_sets(run: Run, study: ZimmermannStudy, earlier: Earlier) -> dict[str, list[list[dict[str, Any]]]]:
     """Results of each further set of drawn models, by model and individual."""
-    results = [_values(result) for result in earlier[3]]
+    results = [values_of(result) for result in earlier[3]]
     found: dict[str, list[list[dict[str, Any]]]] = {}
     for pair in pairs(run, earlier):
         owners = owners_of_sets(study, len(pair.configurations))
@@ -175,25 +281,7 @@ def summarise(found: Found) -> dict[str, float]:
     study, models = found.study, found.models
     summary: dict[str, float] = {}
     for name, one in models.items():
-        for key, values in (
-            ("average_std", one.average_std),
-            ("worst_std", one.std.max(axis=1)),
-            *((f"{mean}_fit_std", one.stated(mean)) for mean in get_args(Mean)),
-            *((f"{mean}_effective_std", over_springs(one.effective_std, mean)) for mean in get_args(Mean)),
-            ("average_cost", one.average_cost),
-            ("worst_cost", one.cost.max(axis=1)),
-            ("average_excess", one.average_excess),
-        ):
-            summary[f"{name}.{key}"] = float(np.median(values))
-            summary[f"{name}.{key}_low"], summary[f"{name}.{key}_high"] = float(values.min()), float(values.max())
-        if len(one.error) > 1:
-            summary[f"{name}.scatter"] = scatter(one.error, "average")
-            summary[f"{name}.fit_scatter"] = scatter(one.fit_error, "average")
-            summary[f"{name}.typical_scatter"] = scatter(one.error, "typical")
-            summary[f"{name}.typical_fit_scatter"] = scatter(one.fit_error, "typical")
-            summary[f"{name}.offset"] = float(np.abs(one.error.mean(axis=(0, 1))).mean())
-        if len(one.error) > 2:
-            summary[f"{name}.scatter_error"] = scatter_error(one.error, "average")
+        summary |= {f"{name}.{key}": value for key, value in _model_figures(one).items()}
         summary[f"{name}.missed"] = float(np.median((one.missed & found.there).sum(axis=(1, 2))))
     optimal, reference = models[study.optimal], models[study.reference]
     summary[f"{study.optimal}.gap"] = found.design.gap
@@ -207,7 +295,36 @@ def summarise(found: Found) -> dict[str, float]:
         if explained:
             off = [abs(np.median(local / slope) - 1) for local, slope in explained.values()]
             summary[f"{study.nonlinear}.explains_error"] = float(np.median(off))
-    return summary | _step_summary(found.steps)
+    steps = [step_figures(one) for one in found.steps]
+    for name in steps[0] if steps else ():
+        for key in ("tool_rms_m", "torque_rms_nm", "path_rms_m", "vibration_m", "tool_relative"):
+            values = [getattr(one[name], key) for one in steps]
+            summary[f"{name.replace(' ', '_')}.step_{key}"] = float(np.median(values))
+    return summary
+
+
+def _model_figures(one: Model) -> dict[str, float]:
+    """Medians over the individuals with the ends of their range, and the scatter where there are several."""
+    summary: dict[str, float] = {}
+    for key, values in (
+        ("average_std", one.average_std),
+        ("worst_std", one.std.max(axis=1)),
+        *((f"{mean}_fit_std", one.stated(mean)) for mean in get_args(Mean)),
+        *((f"{mean}_effective_std", over_springs(one.effective_std, mean)) for mean in get_args(Mean)),
+        ("average_cost", one.average_cost),
+        ("worst_cost", one.cost.max(axis=1)),
+        ("average_excess", one.average_excess),
+    ):
+        summary[key] = float(np.median(values))
+        summary[f"{key}_low"], summary[f"{key}_high"] = float(values.min()), float(values.max())
+    if len(one.error) > 1:
+        summary["scatter"], summary["fit_scatter"] = (scatter(each, "average") for each in (one.error, one.fit_error))
+        summary["typical_scatter"] = scatter(one.error, "typical")
+        summary["typical_fit_scatter"] = scatter(one.fit_error, "typical")
+        summary["offset"] = float(np.abs(one.error.mean(axis=(0, 1))).mean())
+    if len(one.error) > 2:
+        summary["scatter_error"] = scatter_error(one.error, "average")
+    return summary
 
 
 def explained_springs(found: Found) -> dict[tuple[str, str], tuple[FloatArray, FloatArray]]:
@@ -234,16 +351,6 @@ def _ratio(one: FloatArray, other: FloatArray) -> float:
     return float(np.median(one / other))
 
 
-def _step_summary(steps: tuple[StepResponses, ...]) -> dict[str, float]:
-    every = [step_figures(one) for one in steps]
-    found: Mapping[str, float] = {}
-    for name in every[0] if every else ():
-        for key in ("tool_rms_m", "torque_rms_nm", "path_rms_m", "vibration_m", "tool_relative"):
-            values = [getattr(one[name], key) for one in every]
-            found = {**found, f"{name.replace(' ', '_')}.step_{key}": float(np.median(values))}
-    return dict(found)
-
-
 @dataclass(frozen=True)
 class Rivals:
     """Models with as few configurations as the optimal one."""
@@ -253,12 +360,7 @@ class Rivals:
 
 
 def rivals(found: Found, mean: Mean) -> dict[str, Rivals]:
-    """Returns the optimal model's rivals by `deviation`, as fits state it, and by `scatter` about the truth.
-
-    Args:
-        found: What the study found.
-        mean: Mean over the springs.
-    """
+    """Returns the optimal model's rivals by `deviation`, as fits state it, and by `scatter` about the truth."""
     own = found.models[found.study.optimal]
     others = [found.models[name] for name in found.small if name != found.study.optimal]
     stated, scattered = {}, {}

@@ -22,7 +22,7 @@ from robid.models.elastic.fit.problem import make_problem
 from robid.models.elastic.fit.solution import ElasticSolution, fitted_robot
 from robid.models.elastic.fit.uncertainty import sandwich
 from robid.models.elastic.judge.extrema import first_resonances
-from robid.models.elastic.judge.fitted import FittedModel, fitted_model
+from robid.models.elastic.judge.fitted import fitted_model
 from robid.models.elastic.judge.validating import weighted_costs
 from robid.models.elastic.settings import model_settings
 from robid.pipeline.graph import Run
@@ -35,11 +35,9 @@ from robid.settings.robot_parts import delay_s, plain_settings
 from robid.settings.sources import true_robot_of
 from robid.simulate.truth import with_imperfections
 from robid.studies.experiments import paper_figures
-from robid.studies.over_individuals import stated_std
 from robid.studies.settings.elastic import ModelChoice, ZimmermannStudy
-from robid.studies.simulated import measurements, played, read_responses, simulate_options, threads_of
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Content, Task
+from robid.studies.simulated import measurements, played, read_responses, simulate_options, stated_std, threads_of
+from robid.studies.study import Content, Earlier, Task, study_of
 
 
 def chosen_designs(run: Run) -> dict[str, ConfigurationDesign]:
@@ -114,13 +112,7 @@ class Fitting:
 
 
 def model_sets(study: ZimmermannStudy, torque: dict[str, FloatArray], n_conf: int) -> dict[str, tuple[int, ...]]:
-    """Returns the configurations of every model, in rising order.
-
-    Args:
-        study: The study.
-        torque (n_conf,): Gravity torque on the transmission of each joint that a model asks for, by name [N m].
-        n_conf: Number of configurations.
-    """
+    """Returns the configurations of every model, in rising order; gravity torques (n_conf,) [N m] are by joint."""
     return {name: model_set(choice, torque, n_conf) for name, choice in study.models.items()}
 
 
@@ -165,14 +157,7 @@ def _torques(run: Run, study: ZimmermannStudy, pair: Pair) -> dict[str, FloatArr
 
 
 def model_task(
-    run: Run,
-    study: ZimmermannStudy,
-    pair: Pair,
-    name: str,
-    used: tuple[int, ...],
-    key: str,
-    *,
-    judged: bool = True,
+    run: Run, study: ZimmermannStudy, pair: Pair, name: str, used: tuple[int, ...], key: str, *, judged: bool = True
 ) -> Task:
     """One model of one individual; what is not judged has no validation."""
     own, other = (run.loaded.experiment.campaigns[each] for each in (pair.estimation, pair.validation))
@@ -197,17 +182,23 @@ def model_task(
         decides["slopes"] = [path.name for path in pair.estimation_paths]
     paths = pair.estimation_paths, validation
     delay = delay_s(run.loaded, own)
-    return Task(key, decides, Fitting(robots, truth, *paths, used, options, delay, study.axes))
+    return Task(key, decides, (Fitting(robots, truth, *paths, used, options, delay, study.axes),))
 
 
 def fit_model(one: Fitting) -> Content:
-    """Fits a model and holds it against the validation's responses."""
+    """Fits a model and, where it is judged, holds it against the validation's responses."""
     frf = read_responses([one.estimation[index] for index in one.used])
     solution = fit_elastic(one.robots[0], frf, one.options, one.delay_s)
-    datasets = {**fitted_parameters(one, solution), **_deviations(one, frf, solution), **_judgement(one, solution)}
-    datasets["used"] = Dataset(np.array(one.used), "1", ("used",), "Configurations of the fit")
-    if "cubic" in one.options.free:
-        datasets["slope"] = _slopes(one, solution)
+    datasets = fitted_parameters(one, solution)
+    if one.validation:
+        datasets |= {**_deviations(one, frf, solution), **_judgement(one, solution)}
+        datasets["used"] = Dataset(np.array(one.used), "1", ("used",), "Configurations of the fit")
+        if "cubic" in one.options.free:
+            every = read_responses(one.estimation)
+            model, parameters = fitted_model(one.robots[0], solution, every, one.options, one.delay_s).linear
+            slopes = settle_springs(model.rest, parameters.springs).stiffness
+            axes = ("configuration", "spring")
+            datasets["slope"] = Dataset(slopes, "N m/rad", axes, "Slope under gravity and excitation")
     return Content(datasets, {"status": solution.estimate.status, "misfit": solution.misfit})
 
 
@@ -219,7 +210,8 @@ def fitted_parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Data
         fitted_robot(one.robots[0], each).springs for each in (found, replace(found, value=found.middle))
     )
     by_name = {each.name: each for each in one.truth.springs}
-    true = [by_name[each.name] for each in springs]
+    true, cubic = zip(*((by_name[each.name].stiffness, by_name[each.name].cubic) for each in springs), strict=True)
+    own, middle = (np.array([each.stiffness for each in some]) for some in (springs, middles))
     deviation = stated_std(found.lower, found.upper, found.confidence)
     predicting = stated_std(*found.effective_interval, found.confidence)
     return {
@@ -229,12 +221,10 @@ def fitted_parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Data
         "fit_std": Dataset(deviation, "1", parameter, "Deviation of the logarithm that the fit's interval states"),
         "effective_std": Dataset(predicting, "1", parameter, "The same of what infinitely many configurations give"),
         "springs": Dataset(np.array([each.name for each in springs]), "1", spring),
-        "stiffness": Dataset(np.array([each.stiffness for each in springs]), "N m/rad", spring),
-        "physical_stiffness": Dataset(
-            np.array([each.stiffness for each in middles]), "N m/rad", spring, "Middle of the interval of each itself"
-        ),
-        "true_stiffness": Dataset(np.array([each.stiffness for each in true]), "N m/rad", spring),
-        "true_cubic": Dataset(np.array([each.cubic for each in true]), "N m/rad^3", spring),
+        "stiffness": Dataset(own, "N m/rad", spring),
+        "physical_stiffness": Dataset(middle, "N m/rad", spring, "Middle of the interval of each itself"),
+        "true_stiffness": Dataset(np.array(true), "N m/rad", spring),
+        "true_cubic": Dataset(np.array(cubic), "N m/rad^3", spring),
     }
 
 
@@ -298,25 +288,11 @@ def _judgement(one: Fitting, solution: ElasticSolution) -> dict[str, Dataset]:
     }
 
 
-def _slopes(one: Fitting, solution: ElasticSolution) -> Dataset:
-    fitted: FittedModel = fitted_model(
-        one.robots[0], solution, read_responses(one.estimation), one.options, one.delay_s
-    )
-    model, parameters = fitted.linear
-    slopes = settle_springs(model.rest, parameters.springs).stiffness
-    return Dataset(slopes, "N m/rad", ("configuration", "spring"), "Slope under gravity and excitation")
-
-
 _FURTHER = 1  # keeps the draw of further sets apart from that of the first
 
 
 def further_sets(choice: ModelChoice, n_conf: int) -> tuple[tuple[int, ...], ...]:
-    """Returns as many further sets of configurations as a drawn model's pool has that share none.
-
-    Args:
-        choice: The model's data.
-        n_conf: Number of configurations.
-    """
+    """Returns as many further sets of configurations as a drawn model's pool has that share none."""
     if choice.count is None or choice.low_torque is not None:
         return ()
     pool = np.arange(n_conf) if choice.configurations is None else np.array(choice.configurations)
@@ -340,10 +316,3 @@ def set_tasks(run: Run, earlier: Earlier) -> list[Task]:
 def owners_of_sets(study: ZimmermannStudy, n_conf: int) -> list[str]:
     """Returns the model of each further set of one individual, in the order of its tasks."""
     return [name for name, choice in study.models.items() for _ in further_sets(choice, n_conf)]
-
-
-def fit_set(one: Fitting) -> Content:
-    """Fits a model that is not judged."""
-    frf = read_responses([one.estimation[index] for index in one.used])
-    solution = fit_elastic(one.robots[0], frf, one.options, one.delay_s)
-    return Content(fitted_parameters(one, solution), {"status": solution.estimate.status, "misfit": solution.misfit})

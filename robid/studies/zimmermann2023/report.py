@@ -1,28 +1,34 @@
-"""What the study of configurations found: tables beside the paper's, and the verdict."""
+"""What the study of configurations found: tables and figures beside the paper's, and the verdict."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from robid.arrays import FloatArray
 from robid.pipeline.graph import Run
+from robid.report.design import design_section
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import Verdict
-from robid.report.section import Section, Table
+from robid.report.section import Beside, Figure, Section, Table
+from robid.robot.kinematics import skeleton
 from robid.studies.experiments import paper_figures
-from robid.studies.study import Conclusion
-from robid.studies.tasks import Results
-from robid.studies.zimmermann2023.curves import (
-    design_sections,
-    effort_section,
-    model_cost_section,
-    response_section,
-    spring_section,
-    step_section,
+from robid.studies.page import Conclusion, figure, table
+from robid.studies.study import Results
+from robid.studies.zimmermann2023.figures import (
+    MISSED,
+    Found,
+    Rivals,
+    explained_springs,
+    gather,
+    rivals,
+    summarise,
 )
-from robid.studies.zimmermann2023.figures import MISSED, Found, Rivals, explained_springs, gather, rivals, summarise
+from robid.studies.zimmermann2023.models import chosen_designs
+from robid.studies.zimmermann2023.steps import StepResponses
 
 _ENOUGH_COST = 1.06
 _ENOUGH_EXCESS = 0.5
@@ -33,17 +39,18 @@ _FURTHER = 2.0
 def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
     """Turns the tasks' results into figures, tables and what follows for the choice of configurations."""
     found, paper = gather(run, results), paper_figures(run.loaded)
-    summary = summarise(found)
+    summary, told = summarise(found), found.effort
+    effort = deviation_figures(told.experiments, told.average, told.worst)
     sections = (
         _data_section(found, paper),
         _model_section(found, summary, paper),
-        model_cost_section(found),
-        response_section(found),
-        spring_section(found),
-        *_explanation_sections(found, summary),
-        effort_section(found.effort),
-        *step_section(found, summary),
-        *design_sections(run),
+        _cost_section(found),
+        _response_section(found),
+        _spring_section(found),
+        *_explanation_sections(found),
+        Section("How long must I measure?", f"{found.effort.sentence} {_EFFORT}", (Beside(effort, 2),)),
+        *_step_section(found, summary),
+        *_design_sections(run),
     )
     text, reached = _verdict(found, summary)
     return Conclusion(Verdict(text, "ok" if reached else "warn"), summary, sections)
@@ -104,45 +111,41 @@ def _below(value: float, limit: float) -> str:
 
 
 def _data_section(found: Found, paper: Mapping[str, Any]) -> Section:
-    comments = paper.get("comment", {})
-    rows = tuple(
-        (name, str(len(one.used)), ", ".join(str(index + 1) for index in one.used), comments.get(name, ""))
-        for name, one in found.models.items()
+    used = {name: one.used for name, one in found.models.items()}
+    columns = (
+        ("Model", lambda name: name),
+        ("Configurations", lambda name: str(len(used[name]))),
+        ("Their numbers", lambda name: ", ".join(str(index + 1) for index in used[name])),
+        ("In the paper", lambda name: paper.get("comment", {}).get(name, "")),
     )
-    heads = ("Model", "Configurations", "Their numbers", "In the paper")
     count = found.truth.shape[0]
     lead = f"Each model is fitted once for each of {count} individuals of the type; figures are medians over them."
-    return Section("Table I: the data of the models", lead, (Table(heads, rows, prose=True),))
+    return Section("Table I: the data of the models", lead, (table(columns, used, prose=True),))
 
 
 def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[str, Any]) -> Section:
-    rows = []
-    for name in found.models:
+    def ours(key: str, name: str) -> str:
+        return significant(summary[f"{name}.{key}"])
 
-        def ours(key: str, name: str = name) -> float:
-            return summary[f"{name}.{key}"]
+    def theirs(key: str, name: str) -> str:
+        return significant(paper.get(key, {}).get(name))
 
-        rows.append(
-            (
-                name,
-                significant(ours("worst_cost")),
-                significant(paper.get("worst_cost", {}).get(name)),
-                significant(ours("average_cost")),
-                significant(paper.get("average_cost", {}).get(name)),
-                significant(ours("average_excess")),
-                _deviation(ours("average_std")),
-                _deviation(ours("average_effective_std")),
-                _deviation(ours("average_fit_std")),
-                _scatter(summary, name),
-                _deviation(summary.get(f"{name}.offset")),
-                _deviation(summary.get(f"{name}.fit_scatter")),
-                _their_std(paper, name),
-                f"{ours('missed'):.0f} of {summary['resonances']:.0f}",
-            )
-        )
-    heads = (
-        *("Model", "Worst cost", "Paper", "Average", "Paper", "Excess"),
-        *("Noise floor", "Effective", "Deviation", "Scatter", "Offset", "Of fits", "Paper", "Missed"),
+    share = partial(_share, summary)
+    columns = (
+        ("Model", lambda name: name),
+        ("Worst cost", partial(ours, "worst_cost")),
+        ("Paper", partial(theirs, "worst_cost")),
+        ("Average", partial(ours, "average_cost")),
+        ("Paper", partial(theirs, "average_cost")),
+        ("Excess", partial(ours, "average_excess")),
+        ("Noise floor", partial(share, "average_std")),
+        ("Effective", partial(share, "average_effective_std")),
+        ("Deviation", partial(share, "average_fit_std")),
+        ("Scatter", partial(_scatter, summary)),
+        ("Offset", partial(share, "offset")),
+        ("Of fits", partial(share, "fit_scatter")),
+        ("Paper", partial(_their_std, paper)),
+        ("Missed", lambda name: f"{summary[f'{name}.missed']:.0f} of {summary['resonances']:.0f}"),
     )
     axes = " and ".join(found.study.axes)
     caption = (
@@ -158,10 +161,28 @@ def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[st
         f" first resonances of the own responses of {axes} that are off by more than {percent(MISSED)}."
     )
     optimal = list(found.models).index(found.study.optimal)
-    table = Table(heads, tuple(rows), caption=caption, strong=optimal)
     judged = "Models are judged by their scatter: the truth is known here."
     lead = " ".join((judged, *_contradictions(found, paper), *_too_sure(found, summary)))
-    return Section("Table II: costs and deviations", lead, (table, _typical_table(found, summary)))
+    tables = (
+        table(columns, found.models, caption=caption, strong=optimal),
+        _typical_table(found, share, optimal),
+    )
+    return Section("Table II: costs and deviations", lead, tables)
+
+
+def _typical_table(found: Found, share: Callable[[str, str], str], optimal: int) -> Table:
+    typical = (
+        ("Model", lambda name: name),
+        ("Effective", partial(share, "typical_effective_std")),
+        ("Deviation", partial(share, "typical_fit_std")),
+        ("Scatter", partial(share, "typical_scatter")),
+        ("Of fits", partial(share, "typical_fit_scatter")),
+    )
+    caption = (
+        "The same by geometric means over the springs: one that no data can tell, such as a gear with a bearing in"
+        " series that the robot file lacks, outweighs all others in a plain mean."
+    )
+    return table(typical, found.models, caption=caption, strong=optimal)
 
 
 def _too_sure(found: Found, summary: Mapping[str, float]) -> tuple[str, ...]:
@@ -169,29 +190,20 @@ def _too_sure(found: Found, summary: Mapping[str, float]) -> tuple[str, ...]:
     pairs = {name: (summary.get(f"{name}.scatter", 0.0), summary[f"{name}.average_fit_std"]) for name in found.models}
     return tuple(
         f"{name} states too little: it scatters by {_deviation(scattered)}, {significant(scattered / stated, 2)} times"
-        f" its {_deviation(stated)}. What no doubt names takes others along."
+        f" its {_deviation(stated)}. What no nuisance parameter names takes others along."
         for name, (scattered, stated) in pairs.items()
         if scattered > _FURTHER * stated
     )
 
 
-def _typical_table(found: Found, summary: Mapping[str, float]) -> Table:
-    """The same deviations and scatter by geometric means."""
-    keys = ("typical_effective_std", "typical_fit_std", "typical_scatter", "typical_fit_scatter")
-    rows = tuple((name, *(_deviation(summary.get(f"{name}.{key}")) for key in keys)) for name in found.models)
-    caption = (
-        "The same by geometric means over the springs: one that no data can tell, such as a gear with a bearing in"
-        " series that the robot file lacks, outweighs all others in a plain mean."
-    )
-    heads = ("Model", "Effective", "Deviation", "Scatter", "Of fits")
-    return Table(heads, rows, caption=caption, strong=list(found.models).index(found.study.optimal))
+def _share(summary: Mapping[str, float], key: str, name: str) -> str:
+    return _deviation(summary.get(f"{name}.{key}"))
 
 
 def _scatter(summary: Mapping[str, float], name: str) -> str:
     value, error = summary.get(f"{name}.scatter"), summary.get(f"{name}.scatter_error")
-    if value is None:
-        return MISSING
-    return _deviation(value) if error is None else f"{_deviation(value)} ± {_deviation(value * error)}"
+    beside = "" if value is None or error is None else f" ± {_deviation(value * error)}"
+    return _deviation(value) + beside
 
 
 def _contradictions(found: Found, paper: Mapping[str, Any]) -> tuple[str, ...]:
@@ -223,20 +235,162 @@ def _their_std(paper: Mapping[str, Any], name: str) -> str:
     return percent(paper.get("average_std", {}).get(name)) if above is None else f"> {percent(above)}"
 
 
-def _explanation_sections(found: Found, summary: Mapping[str, float]) -> tuple[Section, ...]:
+def _explanation_sections(found: Found) -> tuple[Section, ...]:
     """Springs of the linear models against the slopes that the nonlinear model has where they were measured."""
     explained = explained_springs(found)
     if not explained:
         return ()
-    gears = tuple(dict.fromkeys(spring for _, spring in explained))
-    rows = []
-    for name in dict.fromkeys(name for name, _ in explained):
-        pairs = [explained[name, gear] for gear in gears]
-        rows.append((name, *(percent(float(np.median(own / slope)) - 1, signed=True) for own, slope in pairs)))
-    off = percent(summary.get(f"{found.study.nonlinear}.explains_error"))
+
+    def over_slope(gear: str, name: str) -> str:
+        own, slope = explained[name, gear]
+        return percent(float(np.median(own / slope)) - 1, signed=True)
+
+    gears = [(gear, partial(over_slope, gear)) for gear in dict.fromkeys(spring for _, spring in explained)]
+    shown = table([("Model", partial(str)), *gears], dict.fromkeys(name for name, _ in explained))
     lead = (
         "A linear model finds the slope that a gear has where it was measured. Its springs against the mean slopes of"
         f" the model with stiffening gears, {found.study.nonlinear}, in the same configurations, though that was fitted"
-        f" to those of {found.study.optimal} alone. Median distance: {off}."
+        f" to those of {found.study.optimal} alone. Median distance:"
+        f" {percent(summarise(found).get(f'{found.study.nonlinear}.explains_error'))}."
     )
-    return (Section("Local models are slopes of the nonlinear one", lead, (Table(("Model", *gears), tuple(rows)),)),)
+    return (Section("Local models are slopes of the nonlinear one", lead, (shown,)),)
+
+
+_EFFORT = (
+    "Optimal: as many visits as tell most. Guess: its configurations in turn, by their own measurements. Random:"
+    " candidates, median of 200 draws, and the worst tenth of them."
+)
+_MOST = 7
+_MM = 1e3
+_MAGNITUDE = ("Frequency [Hz]", "Magnitude [rad/(s² N m)]")
+
+
+def _cost_section(found: Found) -> Section:
+    """Fig. 3: sorted costs of every model, averaged over the individuals."""
+    names, reference = list(found.models), found.study.reference
+    figures = []
+    for part in (names[:_MOST], names[_MOST:]):
+        shown = part if reference in part else [reference, *part]
+        costs = {name: np.sort(found.models[name].cost, axis=1).mean(axis=0) for name in shown}
+        if part:
+            figures.append(figure("", ("Configuration, by its cost", "Cost"), None, costs, log_x=False))
+    lead = "Costs in all configurations, each model's sorted; means over the individuals."
+    return Section("Fig. 3: costs of the validation", lead, (Beside(tuple(figures), 2),))
+
+
+def _response_section(found: Found) -> Section:
+    """Fig. 4: own responses of the axes in two configurations: where the linear model does best, and worst."""
+    study = found.study
+    error = np.abs(found.models[study.reference].resonance_error[0])
+    error = np.where(found.there[0], np.where(np.isfinite(error), error, 1.0), 0.0).max(axis=1)
+    names = dict.fromkeys([study.reference, study.optimal, study.guess, study.nonlinear])
+    figures, data = [], found.first[study.reference]
+    for configuration in (int(np.argmin(error)), int(np.argmax(error))):
+        for axis, joint in enumerate(study.axes):
+            at = (configuration, slice(None), axis)
+            measured, band = data["measured"][at], 2 * data["deviation"][at]
+            series = {
+                "data": measured,
+                "minus two deviations": np.maximum(measured - band, 1e-2 * measured),
+                "plus two deviations": measured + band,
+                **{name: found.first[name]["modelled"][at] for name in names if name is not None},
+            }
+            title = f"{joint}, configuration {configuration + 1}"
+            figures.append(figure(title, _MAGNITUDE, data["frequency_hz"], series))
+    lead = (
+        f"The first individual. The two configurations in which {study.reference} meets the first resonances best and"
+        " worst; magnitude of the motor's own response, torque to acceleration."
+    )
+    return Section("Fig. 4: responses and models", lead, (Beside(tuple(figures), 2),))
+
+
+def _spring_section(found: Found) -> Section:
+    """Fig. 5: springs over the truth, with two predicted deviations, of the first individual."""
+    figures = []
+    for name, one in found.models.items():
+        places = [found.springs.index(wanted.rpartition(".")[0]) for wanted in one.wanted]
+        ratio = one.stiffness[0, places] / found.truth[0, places]
+        ends = {"spring": ratio, "minus": ratio * np.exp(-2 * one.std[0]), "plus": ratio * np.exp(2 * one.std[0])}
+        figures.append(figure(name, ("", ""), None, ends, log_x=False, log_y=False, height=220, legend=False))
+    order = ", ".join(f"{number} {wanted.rpartition('.')[0]}" for number, wanted in enumerate(one.wanted, 1))
+    lead = (
+        "Springs of the first individual over their true linear stiffness (without what stiffening adds), two"
+        f" deviations to each side. Along x: {order}."
+    )
+    return Section("Fig. 5: parameters and deviations", lead, (Beside(tuple(figures), 3),))
+
+
+def _design_sections(run: Run) -> tuple[Section, ...]:
+    """The designs that the configurations come from: arms in space, weights, information, gap."""
+    sections = []
+    for name, design in chosen_designs(run).items():
+        campaign = run.loaded.experiment.campaigns[run.loaded.experiment.designs[name].campaign]
+        robot = run.loaded.robot.to_robot(campaign.payload_kg)
+        sections.append(design_section(name, design, skeleton(robot, design.configurations)))
+    return tuple(sections)
+
+
+def _step_section(found: Found, summary: Mapping[str, float]) -> tuple[Section, ...]:
+    """Fig. 6: tool displacement after a step of the first axis, and errors of all models."""
+    if not found.steps:
+        return ()
+    steps, shown = found.steps[0], found.study.optimal
+
+    def rms(factor: float, key: str, name: str) -> str:
+        return significant(factor * summary[f"{name.replace(' ', '_')}.step_{key}"])
+
+    columns = (
+        ("Model", lambda name: name),
+        ("Predicted displacement [mm]", partial(rms, _MM, "tool_rms_m")),
+        ("Path [mm]", partial(rms, _MM, "path_rms_m")),
+        ("Vibration [mm]", partial(rms, _MM, "vibration_m")),
+        ("Predicted torque [N m]", partial(rms, 1.0, "torque_rms_nm")),
+    )
+    caption = (
+        "Root mean squares over all axes and configurations, medians over the individuals: error of the displacement"
+        " that the model predicts, distance of the true tool from the commanded path, vibration after the move, error"
+        " of the predicted torque of the stepped axis."
+    )
+    lead = (
+        f"Steps of {found.study.steps.step_deg:g} degree of each axis in {len(steps.configurations)} random"
+        " configurations, motor motion and feed-forward from each model's flexible-joint inverse, the same feedback."
+        " The paper's text breaks off before its figures."
+    )
+    figures = step_response_figures(steps, 0, 0, shown if shown in steps.models else steps.models[0])
+    return (Section("Fig. 6: steps", lead, (table(columns, steps.models, caption=caption), Beside(figures, 2))),)
+
+
+def deviation_figures(
+    experiments: FloatArray, average: Mapping[str, FloatArray], worst: Mapping[str, FloatArray]
+) -> tuple[Figure, ...]:
+    """Shows how average and worst relative deviations (n_count,) of each set fall with the experiments (n_count,)."""
+    titles = "Experiments", "Relative standard deviation [%]"
+    return tuple(
+        figure(f"{what} standard deviation", titles, experiments, {name: 100 * each for name, each in sets.items()})
+        for what, sets in (("Average", average), ("Worst", worst))
+    )
+
+
+def step_response_figures(responses: StepResponses, configuration: int, axis: int, shown: str) -> tuple[Figure, ...]:
+    """Shows one step: displacement and torque of the model `shown`, of all the errors of prediction and path."""
+    at, stepped = (responses.models.index(shown), configuration, axis), (slice(None), configuration, axis)
+    reached = {
+        "rigid robot": responses.path[configuration, axis],
+        "true robot": responses.tool_true[at],
+        f"predicted by {shown}": responses.tool_model[at],
+    }
+    torques = {"true robot": responses.torque_true[at], f"predicted by {shown}": responses.torque_model[at]}
+    errors, paths = (
+        dict(zip(responses.models, _MM * each[stepped], strict=True))
+        for each in (responses.tool_error_m, responses.path_error_m)
+    )
+    lengths = {name: _MM * np.linalg.norm(values, axis=-1) for name, values in reached.items()}
+    return tuple(
+        figure(title, ("Time [s]", unit), responses.time_s, series, log_x=False, log_y=False)
+        for title, unit, series in (
+            ("Tool displacement", "Displacement [mm]", lengths),
+            (f"Motor torque of {responses.axes[axis]}", "Torque [N m]", torques),
+            ("Error of the predicted displacement", "Distance [mm]", errors),
+            ("Deviation from the path", "Distance [mm]", paths),
+        )
+    )

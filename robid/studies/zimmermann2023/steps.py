@@ -1,34 +1,235 @@
-"""Steps of one axis at a time: the true robot under control that each model designs, against its own prediction."""
+"""Fastest steps of one axis at a time: the true robot under control that each model designs, and its prediction."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
+import mujoco
 import numpy as np
+from scipy.optimize import brentq
 
 from robid.arrays import FloatArray, Quantity, check_shape
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.kinds import TASK
 from robid.artifacts.mapping import from_datasets, to_datasets
 from robid.artifacts.store import read_artifact
+from robid.errors import SettingsError
 from robid.models.elastic.fit.solution import with_estimates
 from robid.pipeline.configurations import draw_in_reach
 from robid.pipeline.graph import Run
 from robid.robot.description import Robot
+from robid.robot.inverse import inverse_motion
+from robid.robot.linearize import Equilibrium, solve_statics
+from robid.robot.model import ElasticModel, build_model
 from robid.settings.experiment import RandomConfigurations
 from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
 from robid.settings.sources import true_robot_of
-from robid.simulate.options import Controller, SimulateOptions
-from robid.simulate.playback import with_tool_point
+from robid.signals.waveforms import PEAK_ACCELERATION, PEAK_SNAP, smooth_step, step_duration_s
+from robid.simulate.engine import true_model
+from robid.simulate.options import Controller, Imperfections, SimulateOptions
+from robid.simulate.playback import Playback, play, turned_tool, with_tool_point
 from robid.studies.settings.elastic import StepOptions, ZimmermannStudy
 from robid.studies.simulated import simulate_options
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Content, Task
-from robid.studies.zimmermann2023.step_bench import StepBench, StepRun, StepTask, run_steps, step_profiles
+from robid.studies.study import Content, Earlier, Task, study_of
+
+_AFTER_S = 0.1
+_LONGEST_RAMP_S = 10.0
+
+
+@dataclass(frozen=True)
+class StepProfile:
+    """The commanded step of one axis."""
+
+    size_rad: float  # Size with its sign, arm side [rad]
+    speed_rad_s: float  # Largest speed, arm side [rad/s]
+    ramp_s: float  # Duration of each ramp [s]
+
+    @property
+    def duration_s(self) -> float:
+        """How long the move lasts [s]."""
+        return step_duration_s(self.size_rad, self.speed_rad_s, self.ramp_s)
+
+
+def step_profiles(
+    robot: Robot,
+    controller: Controller,
+    simulation: SimulateOptions,
+    configurations: FloatArray,
+    options: StepOptions,
+) -> list[list[StepProfile]]:
+    """Finds the fastest step of every axis in every configuration (n_conf, n_joint) [rad] of a robot that must follow.
+
+    Returns:
+        Profiles by configuration and axis; downwards where the upper joint limit is too near.
+
+    Raises:
+        SettingsError: If a motor cannot hold the robot at rest, or a step outlasts the time that is compared.
+    """
+    at_rest = replace(simulation, steps_per_sample=1)
+    model = true_model(robot, controller, at_rest, sensors=False)
+    rest = solve_statics(model, configurations)
+    limit = options.torque_share * np.array([joint.motor.max_torque_nm for joint in robot.joints])
+    problems, profiles = [], []
+    for index, configuration in enumerate(configurations):
+        spare = limit - np.abs(rest.motor_torque[index])
+        if not (spare > 0).all():
+            motor = robot.joints[int(spare.argmin())].name
+            problems.append(f"configuration {index + 1}: gravity takes more than `torque_share` of motor {motor}")
+            continue
+        row = [
+            _profile(robot, demand, spare, float(configuration[axis]), axis, options)
+            for axis, demand in enumerate(_demands(model, rest, index))
+        ]
+        problems += [
+            f"configuration {index + 1}: the step of {joint.name} lasts {profile.duration_s:.2f} s"
+            for joint, profile in zip(robot.joints, row, strict=True)
+            if profile.duration_s + _AFTER_S > options.duration_s
+        ]
+        profiles.append(row)
+    if problems:
+        remedy = "choose smaller steps, a higher speed, a longer duration_s or other configurations"
+        raise SettingsError("; ".join(problems), where="steps", remedy=remedy)
+    return profiles
+
+
+def _demands(model: ElasticModel, rest: Equilibrium, index: int) -> list[tuple[FloatArray, FloatArray]]:
+    """Motor torques of each axis' acceleration [N m s^2/rad] and of its second derivative [N m s^4/rad]."""
+    data = mujoco.MjData(model.mujoco)
+    data.qpos[:] = rest.position[index]
+    mujoco.mj_forward(model.mujoco, data)
+    mass = np.zeros((model.mujoco.nv, model.mujoco.nv))
+    mujoco.mj_fullM(model.mujoco, data, mass)
+    arm = mass[np.ix_(model.arm, model.arm)]
+    robot = model.robot
+    inertia = robot.motor_inertia_kgm2[:, None] * robot.motor_per_arm
+    slope = np.full(len(model.arm), np.inf)
+    factors = model.varying.factors(rest.position[index]).tolist()
+    for spring, deflection, factor in zip(robot.springs, rest.deflection[index].tolist(), factors, strict=True):
+        if spring.place == "transmission":
+            slope[spring.joint] = factor * (spring.stiffness + 3 * spring.cubic * deflection**2)
+    rigid, elastic = inertia + robot.arm_per_motor.T @ arm, inertia @ (arm / slope[:, None])
+    return list(zip(np.abs(rigid.T), np.abs(elastic.T), strict=True))
+
+
+def _profile(
+    robot: Robot,
+    demand: tuple[FloatArray, FloatArray],
+    spare: FloatArray,
+    angle: float,
+    axis: int,
+    options: StepOptions,
+) -> StepProfile:
+    turns = robot.motor_per_arm[:, axis]
+    allowed = np.minimum(options.peak_motor_speed_rad_s, [joint.motor.max_speed_rad_s for joint in robot.joints])
+    speed = float((allowed / np.maximum(np.abs(turns), 1e-12)).min())
+    size = options.step_m if robot.joints[axis].type == "prismatic" else float(np.deg2rad(options.step_deg))
+    sign = -1.0 if angle + size > robot.upper[axis] else 1.0
+
+    def excess(ramp_s: float) -> float:
+        needed = demand[0] * (PEAK_ACCELERATION * speed / ramp_s) + demand[1] * (PEAK_SNAP * speed / ramp_s**3)
+        return float((needed / spare).max()) - 1
+
+    ramp = options.shortest_ramp_s
+    if excess(ramp) > 0:
+        ramp = float(brentq(excess, ramp, _LONGEST_RAMP_S)) if excess(_LONGEST_RAMP_S) < 0 else _LONGEST_RAMP_S
+    return StepProfile(sign * size, speed, ramp)
+
+
+_OVERSAMPLING = 4
+_LEAD_SAMPLES = 20
+
+
+@dataclass(frozen=True)
+class StepBench:
+    """What all configurations share."""
+
+    true: Robot  # The true robot with its tool point, without the imperfections
+    models: Mapping[str, Robot]  # The models by name, with the same tool point
+    controller: Controller  # The controller of all of them
+    simulation: SimulateOptions  # Imperfections of the true robot
+    duration_s: float  # Time from the beginning of the steps [s]
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Times of the controller's samples (n_time,), 0 where the steps begin [s]."""
+        period = self.controller.sampling_period_s
+        return period * np.arange(-_LEAD_SAMPLES, round(self.duration_s / period) + 1)
+
+
+@dataclass(frozen=True)
+class StepTask:
+    """One configuration."""
+
+    index: int
+    configuration: FloatArray  # (n_joint,) arm-side angles that the encoders show at rest [rad]
+    profiles: Sequence[StepProfile]  # Step of each axis
+
+
+def run_steps(bench: StepBench, task: StepTask) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Steps every axis of one configuration with every model.
+
+    Returns:
+        Commanded displacement of the tool point (n_axis, n_time, 3) [m]; displacement of that of the true robot and of
+        the model (2, n_model, n_axis, n_time, 3) [m]; torque of the stepped axis of both (2, n_model, n_axis, n_time)
+        [N m].
+    """
+    tools, torques = [], []
+    friction = bench.simulation.imperfections.friction
+    # A model knows its own springs and friction; noise, ripple and the rest are the true robot's alone.
+    ideal = SimulateOptions(Imperfections(friction=friction), steps_per_sample=bench.simulation.steps_per_sample)
+    for robot in bench.models.values():
+        motion = step_control(robot, bench, task)
+        sides = [
+            play(each, bench.controller, options, task.configuration, task.index, motion)
+            for each, options in ((bench.true, bench.simulation), (robot, ideal))
+        ]
+        tools.append([(side.tool - side.tool[0]).swapaxes(0, 1) for side in sides])
+        axes = np.arange(len(task.profiles))
+        torques.append([side.torque[:, axes, axes].T for side in sides])  # of each simulation's own axis
+    return _paths(bench, task), np.array(tools).swapaxes(0, 1), np.array(torques).swapaxes(0, 1)
+
+
+def step_control(robot: Robot, bench: StepBench, task: StepTask) -> Playback:
+    """Designs motor motions and feed-forward torques with a model, one simulation per axis.
+
+    Torque commands aim at the middle of the time for which they are held, after the controller's delay; the
+    reference is known that far ahead.
+    """
+    model = build_model(robot, balanced=True)
+    rest = solve_statics(model, task.configuration[None])
+    period, delay, n_time = bench.controller.sampling_period_s, bench.controller.delay_samples, bench.time_s.size
+    fine = bench.time_s[0] + period / _OVERSAMPLING * np.arange(_OVERSAMPLING * (n_time + delay) + 1)
+    now = _OVERSAMPLING * np.arange(n_time)
+    held = now + _OVERSAMPLING * delay + _OVERSAMPLING // 2
+    law = [joint.motor.friction for joint in robot.joints]
+    coulomb = np.array([each.coulomb_nm for each in law]) * (bench.simulation.imperfections.friction != "none")
+    smooth = np.array([each.stribeck_rad_s for each in law])
+    angles, torques = [], []
+    for axis, profile in enumerate(task.profiles):
+        arm = np.zeros((3, fine.size, len(robot.joints)))
+        arm[..., axis] = smooth_step(fine, profile.size_rad, profile.speed_rad_s, profile.ramp_s)
+        found = inverse_motion(model, rest, arm, period / _OVERSAMPLING, _OVERSAMPLING)
+        rate = np.gradient(found.angle, period / _OVERSAMPLING, axis=0)
+        angles.append(found.angle[now])
+        torques.append((found.torque + coulomb * np.tanh(rate / smooth))[held])
+    return Playback(np.stack(angles, axis=1), np.stack(torques, axis=1))
+
+
+def _paths(bench: StepBench, task: StepTask) -> FloatArray:
+    at_rest = replace(bench.simulation, steps_per_sample=1)
+    model = true_model(bench.true, bench.controller, at_rest, sensors=False)
+    rest = solve_statics(model, task.configuration[None])
+    return np.array(
+        [
+            turned_tool(model, rest, axis, smooth_step(bench.time_s, p.size_rad, p.speed_rad_s, p.ramp_s)[0])
+            for axis, p in enumerate(task.profiles)
+        ]
+    )
+
 
 _MOVED, _STEPPED = "model configuration axis time xyz", "model configuration axis time"
 _TREND = 3  # degree; the feedback's slow settling is no vibration
@@ -67,11 +268,6 @@ class StepResponses:
     def path_error_m(self) -> FloatArray:
         """Distance (n_model, n_conf, n_axis, n_time) of the true tool point from the commanded path in time [m]."""
         return np.asarray(np.linalg.norm(self.tool_true - self.path, axis=-1))
-
-    @property
-    def torque_error_nm(self) -> FloatArray:
-        """Predicted less true torque (n_model, n_conf, n_axis, n_time) [N m]."""
-        return np.asarray(self.torque_model - self.torque_true)
 
     @property
     def vibration_m(self) -> FloatArray:
@@ -128,9 +324,6 @@ def step_responses(
         tool_m (3,): Tool point in the last joint's frame; the payload's centre of mass by default [m].
         parallel_map: Ordered map that runs the configurations.
 
-    Returns:
-        Responses of all models.
-
     Raises:
         SettingsError: If a step outlasts the time that is compared, or a motor cannot hold the robot at rest.
         DataError: If a robot finds no equilibrium or a simulation blows up.
@@ -146,42 +339,47 @@ def step_responses(
     bench = StepBench(robot, robots, controller, simulation, options.duration_s)
     tasks = [StepTask(index, *pair) for index, pair in enumerate(zip(configurations, profiles, strict=True))]
     run = partial(run_steps, bench)
-    parts: list[StepRun] = parallel_map(run, tasks) if parallel_map else [run(task) for task in tasks]
+    parts = parallel_map(run, tasks) if parallel_map else [run(task) for task in tasks]
+    path, tool, torque = zip(*parts, strict=True)
+    tool_true, tool_model = np.stack(tool, axis=2)
+    torque_true, torque_model = np.stack(torque, axis=2)
     return StepResponses(
         time_s=bench.time_s,
         models=tuple(models),
         axes=tuple(joint.name for joint in true.joints),
         configurations=configurations,
         move_s=np.array([[profile.duration_s for profile in row] for row in profiles]),
-        path=np.array([part.path for part in parts]),
-        tool_true=np.stack([part.tool[0] for part in parts], axis=1),
-        tool_model=np.stack([part.tool[1] for part in parts], axis=1),
-        torque_true=np.stack([part.torque[0] for part in parts], axis=1),
-        torque_model=np.stack([part.torque[1] for part in parts], axis=1),
+        path=np.array(path),
+        tool_true=tool_true,
+        tool_model=tool_model,
+        torque_true=torque_true,
+        torque_model=torque_model,
     )
 
 
 def step_figures(responses: StepResponses) -> dict[str, StepFigures]:
     """Sums up the errors of every model over configurations and axes."""
     size = responses.size_m
-    tool, path, torque = responses.tool_error_m, responses.path_error_m, responses.torque_error_nm
     moved = responses.torque_true - responses.torque_true[..., :1]
-    vibration = responses.vibration_m
-    return {
-        name: StepFigures(
-            tool_rms_m=_rms(tool[index]),
-            tool_max_m=float(tool[index].max()),
-            tool_relative=_rms(tool[index] / size[..., None]),
-            torque_rms_nm=_rms(torque[index]),
-            torque_max_nm=float(np.abs(torque[index]).max()),
-            torque_relative=_rms(torque[index]) / _rms(moved[index]),
-            path_rms_m=_rms(path[index]),
-            path_max_m=float(path[index].max()),
-            vibration_m=_rms(vibration[index]),
-            vibration_relative=_rms(vibration[index] / size),
+    found = {}
+    for index, name in enumerate(responses.models):
+        tool, path, vibration = (
+            each[index] for each in (responses.tool_error_m, responses.path_error_m, responses.vibration_m)
         )
-        for index, name in enumerate(responses.models)
-    }
+        torque = responses.torque_model[index] - responses.torque_true[index]
+        found[name] = StepFigures(
+            tool_rms_m=_rms(tool),
+            tool_max_m=float(tool.max()),
+            tool_relative=_rms(tool / size[..., None]),
+            torque_rms_nm=_rms(torque),
+            torque_max_nm=float(np.abs(torque).max()),
+            torque_relative=_rms(torque) / _rms(moved[index]),
+            path_rms_m=_rms(path),
+            path_max_m=float(path.max()),
+            vibration_m=_rms(vibration),
+            vibration_relative=_rms(vibration / size),
+        )
+    return found
 
 
 def _rms(values: FloatArray) -> float:
@@ -189,19 +387,6 @@ def _rms(values: FloatArray) -> float:
 
 
 NOMINAL = "robot file"
-
-
-@dataclass(frozen=True)
-class Stepping:
-    """Steps of one individual under control that several models design."""
-
-    robot: Robot  # The robot file's, with the payload of the estimation
-    truth: Robot  # The true robot, without its imperfections
-    models: dict[str, Path]  # Where the results of the models lie, by name
-    controller: Controller  # The robot's controller
-    simulation: SimulateOptions  # Imperfections of the true robot
-    configurations: FloatArray  # Where it is stepped [rad]
-    options: StepOptions
 
 
 def step_tasks(run: Run, earlier: Earlier) -> list[Task]:
@@ -224,7 +409,7 @@ def step_tasks(run: Run, earlier: Earlier) -> list[Task]:
             "payload_kg": campaign.payload_kg,
             **robot_settings(run.loaded, "mechanics", "range", "motor_limits", "friction", "controller"),
         }
-        stepping = Stepping(
+        arguments = (
             robot,
             true_robot_of(run.loaded.robot, campaign.payload_kg, simulation.truth),
             used,
@@ -233,22 +418,22 @@ def step_tasks(run: Run, earlier: Earlier) -> list[Task]:
             draw_in_reach(run.loaded, robot, wanted),
             study.steps,
         )
-        found.append(Task(f"steps_{number + 1}", decides, stepping))
+        found.append(Task(f"steps_{number + 1}", decides, arguments))
     return found
 
 
-def step(one: Stepping) -> Content:
+def step(
+    robot: Robot,
+    truth: Robot,
+    models: Mapping[str, Path],
+    controller: Controller,
+    simulation: SimulateOptions,
+    configurations: FloatArray,
+    options: StepOptions,
+) -> Content:
     """Steps every axis in every configuration under control that each model designs, the robot file's beside."""
-    models = {name: _model(one.robot, path) for name, path in one.models.items()}
-    responses = step_responses(
-        one.truth,
-        {**models, NOMINAL: one.robot},
-        one.controller,
-        one.simulation,
-        one.configurations,
-        one.options,
-    )
-    return Content(*to_datasets(responses))
+    robots = {**{name: _model(robot, path) for name, path in models.items()}, NOMINAL: robot}
+    return Content(*to_datasets(step_responses(truth, robots, controller, simulation, configurations, options)))
 
 
 def read_steps(artifact: Artifact) -> StepResponses:

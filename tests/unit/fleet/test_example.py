@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from robid.fleet.rows import load_fleet
-from robid.studies.known import load_with_study
+from robid.studies.settings.study import load_with_study
 
 _FOLDER = Path(__file__).parents[3] / "configs/fleet"
 

@@ -13,7 +13,7 @@ import pytest
 from robid.report.design import information_figure, skeleton_figure, weight_figure
 from robid.report.page import ReportContent, Verdict, render
 from robid.report.section import Beside, Section
-from robid.studies.zimmermann2023.curves import deviation_figures, step_response_figures
+from robid.studies.zimmermann2023.report import deviation_figures, step_response_figures
 from robid.studies.zimmermann2023.steps import StepResponses
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)

@@ -13,7 +13,7 @@ from ruamel.yaml import YAML
 from robid.errors import SettingsError
 from robid.settings.checks.configurations import other_units
 from robid.settings.load import load_robot
-from robid.studies.known import load_with_study
+from robid.studies.settings.study import load_with_study
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 LOADED = load_with_study(CONFIGS / "kr300_motion.yaml")

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from robid.errors import SettingsError
-from robid.studies.known import load_with_study
+from robid.studies.settings.study import load_with_study
 
 ROOT = Path(__file__).parents[3]
 STAGES = ROOT / "tests/stages"

@@ -1,8 +1,13 @@
 import numpy as np
 import pytest
 
-from robid.studies.frf.figures import EstimatorFigures, bias_figures, estimator_figures
-from robid.studies.frf.report import default_sentence, following_default
+from robid.studies.frf.report import (
+    Compared,
+    bias_figures,
+    default_sentence,
+    estimator_figures,
+    following_default,
+)
 
 GROUPS = (1, 50, 4, 2, 2)
 
@@ -19,7 +24,7 @@ def figures(ratio, half_width):
 
 
 def estimator(name, ratio, half_width=0.01):
-    return EstimatorFigures(name, np.ones(1), np.ones(1), figures(ratio, half_width))
+    return Compared(name, np.ones(1), figures(ratio, half_width))
 
 
 def test_figures_of_a_known_spread():
@@ -49,7 +54,7 @@ def test_bias_is_the_distance_to_the_truth():
     found = bias_figures("none", whole, np.stack([whole, whole], axis=1), truth)
     assert found.figures["median_diagonal"] == pytest.approx(0.02)
     assert found.figures["median_off_diagonal"] == pytest.approx(0.1)
-    np.testing.assert_allclose(found.bias_hz, 0.02)
+    np.testing.assert_allclose(found.error_hz, 0.02)
 
 
 def test_a_default_changes_only_where_another_is_surely_and_markedly_closer():

@@ -14,8 +14,16 @@ from robid.settings.load import load_robot
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.playback import with_tool_point
 from robid.studies.settings.elastic import StepOptions
-from robid.studies.zimmermann2023.step_bench import StepBench, StepProfile, StepTask, step_control, step_profiles
-from robid.studies.zimmermann2023.steps import StepResponses, step_figures, step_responses
+from robid.studies.zimmermann2023.steps import (
+    StepBench,
+    StepProfile,
+    StepResponses,
+    StepTask,
+    step_control,
+    step_figures,
+    step_profiles,
+    step_responses,
+)
 
 KR300 = Path(__file__).parents[3] / "configs" / "robots" / "kr300.yaml"
 CONFIGURATIONS = np.array([[0.3, -0.8]])

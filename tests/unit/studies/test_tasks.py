@@ -2,12 +2,12 @@ import pytest
 
 from robid.artifacts.artifact import Dataset
 from robid.errors import DataError
-from robid.studies.tasks import Task, run_tasks
+from robid.studies.study import Task, run_tasks
 from task_functions import CALLS, Told, map_in_order, square
 
 
 def squares(*numbers, version=1):
-    return [Task(f"square_{number}", {"number": number, "version": version}, number) for number in numbers]
+    return [Task(f"square_{number}", {"number": number, "version": version}, (number,)) for number in numbers]
 
 
 def values(results):

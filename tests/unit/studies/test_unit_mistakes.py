@@ -14,21 +14,24 @@ from robid.results.scale import Scale, read_scale
 from robid.settings.load import load_robot
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
-from robid.studies.known import load_with_study
-from robid.studies.mistakes.units.cases import reading_campaign
-from robid.studies.mistakes.units.figures import UnitRow, summarise_units, unit_verdicts
-from robid.studies.mistakes.units.logs import (
+from robid.studies.mistakes.report import ASKED, UnitRow, summarise_units, unit_bars
+from robid.studies.mistakes.unit_logs import (
+    Said,
     Sizes,
+    group_of,
+    is_named,
     log_of,
     mapping_of,
     mistaken_log,
     rough_robot,
     rough_torque_constants,
+    said_of,
     stamps,
     write_log,
 )
-from robid.studies.mistakes.units.scales import Said, group_of, is_named, said_of
+from robid.studies.mistakes.wrong_units import reading_campaign
 from robid.studies.settings.mistakes import Rough, UnitMistake
+from robid.studies.settings.study import load_with_study
 from tolerances import IDENTITY
 
 ROOT = Path(__file__).parents[3]
@@ -159,14 +162,20 @@ def test_any_word_on_units_accuses_a_sound_record():
     assert not Said((), (), "a united front of noise").accuses_units
 
 
+def reached(rows):
+    found, asked = summarise_units(rows), unit_bars(rows)
+    asked |= {name: limits for name, limits in ASKED.items() if name in found}
+    return [limits.is_reached(found[name]) for name, limits in asked.items()]
+
+
 def test_figures_are_shares_of_the_cases_and_a_number_of_sound_records():
     rows = [UnitRow("a", "drive", 1, False, True, True, ""), UnitRow("a", "arm", 1, False, False, True, "")]
     rows += [UnitRow("rough", "drive", seed, True, False, seed < 3, "") for seed in range(10)]
     found = summarise_units(rows)
     assert (found["units.named"], found["units.drive.named"], found["units.arm.named"]) == (0.5, 1, 0)
     assert (found["units.false"], found["units.sound"], found["units.a.named"]) == (3, 10, 0.5)
-    assert [reached for _, reached in unit_verdicts(rows)] == [False, False, False]
-    assert all(reached for _, reached in unit_verdicts([rows[0], *rows[3:]]))
+    assert reached(rows) == [False, False, False]
+    assert reached([rows[0], *rows[3:]]) == [True, True, True]
     assert summarise_units([]) == {}
 
 

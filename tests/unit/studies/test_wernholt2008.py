@@ -9,12 +9,10 @@ from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.models.elastic.fit.fitting import set_up
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.judge.extrema import own_resonance_errors
-from robid.studies.over_individuals import stated_std
 from robid.studies.settings.elastic import EstimatorChoice, WernholtStudy
-from robid.studies.wernholt2008.conclusions import claims
-from robid.studies.wernholt2008.figures import Found, Judge, Models, model_figures, summarise
-from robid.studies.wernholt2008.individuals import Individuals, estimators_of
-from robid.studies.wernholt2008.study import ALL, best_configuration, score_options, sets
+from robid.studies.simulated import stated_std
+from robid.studies.wernholt2008.figures import Found, Judge, Models, claims, model_figures, summarise
+from robid.studies.wernholt2008.study import ALL, Individuals, best_configuration, estimators_of, score_options, sets
 
 FREQUENCY_HZ = np.unique(np.round(np.geomspace(4, 80, 60), 1))
 CONFIGURATIONS = np.array([[0.3, 0.5], [-0.4, 1.2]])

@@ -7,10 +7,19 @@ import pytest
 
 from exact_systems import two_joint_robot
 from robid.design.configurations.information import ConfigurationDesign
-from robid.studies.over_individuals import differs, scatter, scatter_error, scatters_differ
 from robid.studies.settings.elastic import ModelChoice, ZimmermannStudy
-from robid.studies.zimmermann2023.effort import crossing, deviations, effort_curves
-from robid.studies.zimmermann2023.figures import Found, Model, Rivals, explained_springs, rivals, summarise
+from robid.studies.simulated import differs, scatter, scatter_error, scatters_differ
+from robid.studies.zimmermann2023.figures import (
+    Found,
+    Model,
+    Rivals,
+    crossing,
+    deviations,
+    effort_curves,
+    explained_springs,
+    rivals,
+    summarise,
+)
 from robid.studies.zimmermann2023.models import further_sets, model_sets, options_of, transmission_torque
 from robid.studies.zimmermann2023.report import _contradictions, _otherwise, _standing, _too_sure
 

@@ -10,8 +10,7 @@ import pytest
 from scipy.io import loadmat
 
 from robid.models.known import load_experiment
-from robid.studies.fleet.logs import log_bytes, softened
-from robid.studies.fleet.robots import Fault, faulty_bytes, faulty_log, plan_robots
+from robid.studies.fleet.logs import Fault, faulty_bytes, faulty_log, log_bytes, plan_robots, softened
 from robid.studies.settings.study import KINDS, FleetFaults, FleetStudy
 
 JOINTS = ("turn", "lift")

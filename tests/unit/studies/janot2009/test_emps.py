@@ -7,7 +7,7 @@ import pytest
 from robid.pipeline.graph import Run
 from robid.settings.yaml import load_yaml
 from robid.studies.janot2009.recorded import EMPS, asked_of
-from robid.studies.known import load_with_study
+from robid.studies.settings.study import load_with_study
 
 ROOT = Path(__file__).parents[4]
 

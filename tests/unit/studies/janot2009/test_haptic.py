@@ -20,8 +20,7 @@ from robid.studies.janot2009.haptic import (
     simulate,
     variations,
 )
-from robid.studies.janot2009.seeded import BENDS, FILTERS, gather, judge_chunk
-from robid.studies.janot2009.verdicts import errors_of, verdict_figures
+from robid.studies.janot2009.seeded import BENDS, FILTERS, errors_of, gather, judge_chunk, verdict_figures
 from robid.studies.settings.parts import SeededCase
 
 BENCH = Bench()

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from robid.studies.janot2009.haptic import variations
-from robid.studies.janot2009.seeded import Judged
-from robid.studies.janot2009.verdicts import errors_of, verdict_figures
-from robid.studies.study import Asked
+from robid.studies.janot2009.seeded import Judged, errors_of, verdict_figures
+from robid.studies.page import Asked
 
 TRUTH = np.array([2.0, 3.0, 4.0])
 

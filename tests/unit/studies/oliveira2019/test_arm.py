@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from robid.models.external.fit.coupling import CouplingMap
-from robid.studies.oliveira2019.arm import home_figures, resonance, resonant_channel
-from robid.studies.oliveira2019.homes import Mapped
+from robid.studies.oliveira2019.arm import Mapped, home_figures, resonance, resonant_channel
 
 FREQUENCY_HZ = np.array([1.0, 2, 4, 8])
 OWN = np.eye(2, dtype=bool)

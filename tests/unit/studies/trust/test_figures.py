@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from robid.studies.page import Asked
 from robid.studies.trust.figures import (
     Intervals,
     RobotRow,
     Springs,
     cause_figures,
-    is_reached,
     largest,
     set_figures,
     spring_rows,
@@ -93,6 +93,7 @@ def test_causes_are_counted_by_their_ranks():
 
 
 def test_limits_are_within():
-    assert is_reached(0.98, (0.92, 0.98))
-    assert not is_reached(0.981, (0.92, 0.98))
-    assert not is_reached(float("nan"), (0.0, 1.0))
+    assert Asked(0.92, 0.98).is_reached(0.98)
+    assert not Asked(0.92, 0.98).is_reached(0.981)
+    assert not Asked(0.0, 1.0).is_reached(float("nan"))
+    assert not Asked().is_reached(float("nan"))

@@ -12,13 +12,14 @@ from robid.models.lpv.fit.options import BasisOptions, LpvOptions, PathOptions
 from robid.models.lpv.fit.solution import Ports
 from robid.report.charts import Waterfall
 from robid.report.numbers import MINUS, MISSING
-from robid.studies.turk2018.pictures import bode_section, left_out_section
 from robid.studies.turk2018.rest import (
     asked_of,
     below_response_db,
     block_section,
+    bode_section,
     deviations,
     error_ratio,
+    left_out_section,
     nearness_section,
     rest_figures,
     share_within,

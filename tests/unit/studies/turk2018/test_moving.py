@@ -18,13 +18,15 @@ from robid.signals.waveforms import multisine, time_signal
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import Controller, Imperfections, SimulateOptions, Truth
 from robid.simulate.truth import TrueRobot
-from robid.studies.turk2018.moving import Travelled, total_over_noise, travel_figures
-from robid.studies.turk2018.prediction import (
+from robid.studies.turk2018.moving import (
+    Travelled,
     deviation,
     drive_amplitudes,
     freeze_drive,
     measured_amplitudes,
     split_errors,
+    total_over_noise,
+    travel_figures,
 )
 
 STEP, COUNT = 2.5e-4, 4096

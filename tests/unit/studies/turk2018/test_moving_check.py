@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from robid.errors import SettingsError
-from robid.studies.known import load_with_study
+from robid.studies.settings.study import load_with_study
 
 CONFIGS = Path(__file__).parents[4] / "configs"
 GLOBAL = "\n    source: {simulate: {<<: *simulate, seed: 3}}"

@@ -6,7 +6,7 @@ import pytest
 from lpv_systems import SIZES, basis, true_parameters, true_systems
 from robid.errors import DataError
 from robid.models.lpv.fit.model import LpvModel
-from robid.studies.turk2018.prediction import (
+from robid.studies.turk2018.moving import (
     LEAD,
     deviation,
     error_excess,

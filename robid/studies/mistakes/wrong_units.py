@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +31,9 @@ from robid.settings.yaml import FieldPath
 from robid.simulate.experiment import simulate
 from robid.studies.experiments import Further, Problems, changed_simulation, fit_problem, physics_problems, run_of
 from robid.studies.mistakes.responses import campaigns_of
-from robid.studies.mistakes.units.logs import (
+from robid.studies.mistakes.unit_logs import (
     Log,
+    Said,
     Sizes,
     log_of,
     mapping_of,
@@ -41,10 +43,8 @@ from robid.studies.mistakes.units.logs import (
     stamps,
     write_log,
 )
-from robid.studies.mistakes.units.scales import Said
 from robid.studies.settings.mistakes import MistakesStudy, Rough, UnitMistake, UnitRobot
-from robid.studies.study import Earlier, study_of
-from robid.studies.tasks import Content, Task
+from robid.studies.study import Content, Earlier, Task, study_of
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,11 @@ def unit_subjects(run: Run) -> dict[str, UnitSubject]:
     study = study_of(run.loaded, MistakesStudy)
     if study.units is None or not study.reads_units:
         return {}
-    return {name: _subject(run, study, name, settings) for name, settings in study.units.chosen.items()}
+    found = {}
+    for name, settings in study.units.chosen.items():
+        problems = partial(_problems, study, name, settings)
+        found[name] = UnitSubject(name, run_of(run, settings.experiment, f"units/{name}", problems), settings)
+    return found
 
 
 def individuals(study: MistakesStudy) -> list[Individual]:
@@ -114,14 +118,7 @@ def needed_by_units(run: Run) -> Further:
     )
 
 
-def _subject(run: Run, study: MistakesStudy, name: str, settings: UnitRobot) -> UnitSubject:
-    def problems(loaded: LoadedExperiment) -> Problems:
-        return _problems(loaded, study, name, settings)
-
-    return UnitSubject(name, run_of(run, settings.experiment, f"units/{name}", problems), settings)
-
-
-def _problems(loaded: LoadedExperiment, study: MistakesStudy, name: str, settings: UnitRobot) -> Problems:
+def _problems(study: MistakesStudy, name: str, settings: UnitRobot, loaded: LoadedExperiment) -> Problems:
     """Yields what a robot's experiment lacks."""
     place: FieldPath = ("study", "units", "robots", name)
     problem = fit_problem(loaded.experiment, settings.fit)
@@ -175,7 +172,7 @@ def unit_tasks(run: Run, _earlier: Earlier) -> list[Task]:
             "played": {name: read_header(path, EXCITATION).content_sha256 for name, path in played.items()},
         }
         reading = Reading(one, loaded.path, subject.settings, played, mistakes, study.units.rough)
-        found.append(Task(one.key, decides, reading))
+        found.append(Task(one.key, decides, (reading,)))
     return found
 
 
@@ -273,7 +270,10 @@ def _as_read(
         options = {"time": stamps() if stamped else None, "one_shot": campaign.is_trajectory}
         acquire = mapping_of(path, joints, signals, period_s, options)
         read = reading_campaign(campaign, acquire, stretch)
-        campaigns[name] = read if "angle" in signals else _without_angles(read)
+        if "angle" not in signals:
+            # Friction follows the motors' angles: without these it cannot be subtracted.
+            read = read.model_copy(update={"estimate": replace(read.estimate, compensation="none")})
+        campaigns[name] = read
     experiment = loaded.experiment.model_copy(update={"campaigns": campaigns, "designs": {}, "study": None})
     return replace(loaded, experiment=experiment)
 
@@ -295,11 +295,6 @@ def reading_campaign(campaign: Campaign, acquire: Acquire, stretch: float) -> Ca
         return Campaign(source=source, realizations=campaign.realizations, payload_kg=campaign.payload_kg)
     changed = {"source": source, "excitation": _stretched(campaign.excitation, stretch), "outputs": ("motors",)}
     return campaign.model_copy(update=changed)
-
-
-def _without_angles(campaign: Campaign) -> Campaign:
-    """A campaign whose friction cannot be subtracted, as that follows the motors' angles."""
-    return campaign.model_copy(update={"estimate": replace(campaign.estimate, compensation="none")})
 
 
 def _stretched(excitation: Any, stretch: float) -> Any:  # noqa: ANN401

@@ -1,7 +1,8 @@
-"""Logs of simulated records in a unit of a controller's own, their mapping, and rough robot files."""
+"""Logs in a unit of a controller's own, their mapping, rough robot files, and whether what is said names the scale."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,8 @@ import numpy as np
 from scipy.io import savemat
 
 from robid.arrays import FloatArray
-from robid.results.scale import OWN_SCALES, SCALES, Scale
+from robid.results.doubt import CAUSES
+from robid.results.scale import OWN_SCALES, SCALES, Scale, read_scale
 from robid.settings.base import Section
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import Body, JointSection
@@ -19,7 +21,7 @@ from robid.settings.sources import Acquire
 from robid.signals.log_channels import InputChannel, OutputChannel, UnitName
 from robid.signals.log_options import TimeChannel
 from robid.signals.record import Record
-from robid.studies.settings.mistakes import LogSignal, Rough
+from robid.studies.settings.mistakes import LogSignal, Rough, UnitMistake
 
 Log: TypeAlias = dict[str, dict[str, FloatArray]]
 """Variables of each experiment, by its name."""
@@ -47,13 +49,7 @@ class Sizes:
 
 
 def log_of(record: Record, joints: Sequence[str], configuration: int) -> Log:
-    """Returns what a controller logs of one configuration: whole periods, every signal in SI units.
-
-    Args:
-        record: The record of that configuration.
-        joints: Names of the joints.
-        configuration: Its index.
-    """
+    """Returns what a controller logs of one configuration: whole periods, every signal in SI units."""
     outputs = record.outputs[0] + record.output_offset[0]
     inputs, names = record.inputs[0], record.output_names
     found: Log = {}
@@ -79,13 +75,7 @@ def _speed(angle: FloatArray, period_s: float) -> FloatArray:
 
 
 def mistaken_log(log: Log, scale: Scale, factors: FloatArray) -> Log:
-    """Returns a log whose values are those of another unit than the one that is stated.
-
-    Args:
-        log: The log in SI units.
-        scale: What is wrong; the time stamps, where it is the time.
-        factors (n_joint,): What the channel of each joint is multiplied by; 1 where nothing is wrong.
-    """
+    """Returns a log in SI units with a channel, or the time stamps, times each joint's factor (n_joint,)."""
     if scale.channel == "time":
         return {name: {**one, "time": one["time"] * factors[0]} for name, one in log.items()}
     changed = {f"{_SIGNALS[scale.channel]}_{number}": factor for number, factor in enumerate(factors.tolist(), start=1)}
@@ -107,14 +97,9 @@ def write_log(path: Path, log: Log) -> None:
 def mapping_of(
     path: Path, joints: Sequence[str], signals: Sequence[LogSignal], period_s: float, options: Mapping[str, Any]
 ) -> Acquire:
-    """Returns the mapping that reads such a log, every channel in SI units.
+    """Returns the mapping that reads such a log, every channel in SI units, at a stated sampling period [s].
 
-    Args:
-        path: The log.
-        joints: Names of the joints.
-        signals: What it holds beside the torques; where it has no angles, speeds take their place.
-        period_s: Stated sampling period [s].
-        options: Further options of the mapping.
+    Where it holds no angles beside the torques, speeds take their place.
     """
     place = "c{configuration}_r{realization}_e{experiment}"
 
@@ -211,3 +196,66 @@ def _scaled(section: _Part, factors: Mapping[str, float]) -> _Part:
     """The section with these of its values, where it states them, times factors."""
     stated = {key: getattr(section, key) for key in factors}
     return section.model_copy(update={key: value * factors[key] for key, value in stated.items() if value is not None})
+
+
+UNITS = "units"
+"""The cause that must be blamed."""
+
+
+@dataclass(frozen=True)
+class Said:
+    """What the tool said of a case."""
+
+    causes: tuple[str, ...]  # The causes that its grade names, the first to blame first; none where it was refused
+    scales: tuple[Scale, ...]  # What the first of them says is wrongly scaled
+    refusal: str  # Why it was refused; empty where it was not
+
+    @property
+    def accuses_units(self) -> bool:
+        """Whether units are accused, as the first cause or by any word of a refusal."""
+        return self.causes[:1] == (UNITS,) or bool(re.search(r"\bunits?\b", self.refusal, re.IGNORECASE))
+
+    @property
+    def first(self) -> str:
+        """What is said first, in words."""
+        if self.refusal:
+            return "refused"
+        named = ": ".join([*self.causes[:1], *map(str, self.scales[:1])])
+        return named.replace("_", " ") or "nothing"
+
+    def texts(self) -> dict[str, str]:
+        """Returns it as texts, which `said_of` reads."""
+        scales = _BETWEEN.join(map(str, self.scales))
+        return {"causes": _BETWEEN.join(self.causes), "scales": scales, "refusal": self.refusal}
+
+
+_BETWEEN = "; "
+
+
+def said_of(causes: str, scales: str, refusal: str) -> Said:
+    """Reads what `Said.texts` returns."""
+    named, scaled = ([one for one in text.split(_BETWEEN) if one] for text in (causes, scales))
+    return Said(tuple(named), tuple(map(read_scale, scaled)), refusal)
+
+
+def group_of(mistake: UnitMistake, robot: str) -> tuple[Scale, ...]:
+    """Returns the scales that give the same data as a mistake on a robot, itself first."""
+    return tuple(read_scale(text) for text in (mistake.scale, *mistake.same.get(robot, ())))
+
+
+def is_named(said: Said, mistake: UnitMistake, robot: str, joints: Sequence[str], wrong: Sequence[str]) -> bool:
+    """Whether a mistake's group is named first, `wrong` being the joints whose channel has it.
+
+    A refusal names it by its words; a grade by the likeliest scale of its first cause, on no joint that is right.
+    """
+    if said.refusal:
+        group_told = group_of(mistake, robot) if CAUSES[UNITS] in said.refusal else ()
+        # What a message says was read as what, without its remedy.
+        told = (scale.mistake(SCALES.get(scale.factor, 1.0)).partition(":")[0] for scale in group_told)
+        return any(words.lower() in said.refusal.lower() for words in (*told, *mistake.refusals))
+    if said.causes[:1] != (UNITS,) or not said.scales:
+        return False
+    first = said.scales[0]
+    concerned = first.joints or tuple(joints)
+    group = {(scale.channel, scale.factor, scale.inverse) for scale in group_of(mistake, robot)}
+    return (first.channel, first.factor, first.inverse) in group and set(concerned) <= set(wrong)
