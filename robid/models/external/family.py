@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from robid.later import later
-from robid.models.external.settings import ExternalFit, model_settings, problems
 from robid.models.family import Export, Family
 
 with later(__name__):
     from robid.models.external.fitting import compare, fit, misfits, phrase_of_model, validate
     from robid.models.external.page.report import report
+    from robid.models.external.settings import ExternalFit, model_settings, problems
     from robid.models.external.writing import write_control, write_csv, write_json, write_mat
 
 EXTERNAL = Family(

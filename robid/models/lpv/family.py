@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from robid.later import later
 from robid.models.family import Export, Family
-from robid.models.lpv.settings import LpvFit, model_settings, problems
 
 if TYPE_CHECKING:
     from robid.models.lpv.fit.model import LpvModel
@@ -15,6 +14,7 @@ if TYPE_CHECKING:
 with later(__name__):
     from robid.models.lpv.fitting import fit, misfits, phrase_of_model, validate
     from robid.models.lpv.page.report import report
+    from robid.models.lpv.settings import LpvFit, model_settings, problems
     from robid.models.lpv.writing import read_model, write_hdf5, write_json, write_mat
 
 
