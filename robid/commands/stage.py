@@ -11,9 +11,10 @@ from robid.commands.inputs import choose_node, fresh_at, require_inputs
 from robid.commands.output import print_json
 from robid.commands.shared import PROBLEM, doubts, graded, lock_of, make_shell
 from robid.errors import ArtifactError, SettingsError
-from robid.pipeline.graph import Run, execute, grade_of
+from robid.pipeline.graph import Node, Run, execute, grade_of
 from robid.pipeline.replacing import check_outputs
 from robid.pipeline.stage import Stage
+from robid.pipeline.terminal import Shell
 from robid.report.numbers import duration
 
 
@@ -61,19 +62,7 @@ def run_stage(
     check_outputs(run.loaded, node.stage, node.plan, inputs, target)
     outcome, text = "fresh", "nothing to do"
     if force or fresh_at(node, inputs, target).status != "fresh":
-        with locked(lock_of(run, target), run.command(node)):
-            # Another process may have made it meanwhile.
-            state = fresh_at(node, inputs, target)
-            if state.status == "stale" and not force:
-                raise state.unreadable or ArtifactError(
-                    f"The output is there, but differs ({state.why}).",
-                    where=str(target),
-                    remedy="`--force` replaces it; what was made from it is stale then",
-                )
-            begun = time.monotonic()
-            with run.make_map() as parallel_map, shell.progress(node.output) as progress:
-                figures = execute(run, node, inputs, target, parallel_map, progress)
-        outcome, text = "made", f"{figures} ({duration(time.monotonic() - begun)})"
+        outcome, text = "made", _make(run, node, inputs, target, shell, force=force)
     problem, grade = node.stage.problem(target), grade_of(run, node, target)
     if as_json:
         told = {"outcome": outcome, "text": text, "problem": problem, **graded(grade), **node.stage.told(target)}
@@ -86,3 +75,20 @@ def run_stage(
     for warning in filter(None, (problem, doubts(grade))):
         shell.warn(warning)
     return PROBLEM if problem or (grade is not None and grade.fails(strict=strict)) else 0
+
+
+def _make(run: Run, node: Node, inputs: Mapping[str, Path], target: Path, shell: Shell, *, force: bool) -> str:
+    """Makes an output and says what it holds and how long it took."""
+    with locked(lock_of(run, target), run.command(node)):
+        # Another process may have made it meanwhile.
+        state = fresh_at(node, inputs, target)
+        if state.status == "stale" and not force:
+            raise state.unreadable or ArtifactError(
+                f"The output is there, but differs ({state.why}).",
+                where=str(target),
+                remedy="`--force` replaces it; what was made from it is stale then",
+            )
+        begun = time.monotonic()
+        with run.make_map() as parallel_map, shell.progress(node.output) as progress:
+            figures = execute(run, node, inputs, target, parallel_map, progress)
+    return f"{figures} ({duration(time.monotonic() - begun)})"

@@ -116,12 +116,9 @@ def gather(chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, prese
             *run_section(_stage_rows(chain, loaded, folder, present)),
         ),
     )
-    responses = {
-        f"campaigns.{name}.{key}": value
-        for name, frf in run.frfs.items()
-        for key, value in response_summary(frf).items()
-    }
-    measured = () if loaded.experiment.fits else tuple(measured_sentence(*each) for each in alone)
+    each = ((name, response_summary(frf)) for name, frf in run.frfs.items())
+    responses = {f"campaigns.{name}.{key}": value for name, summary in each for key, value in summary.items()}
+    measured = () if loaded.experiment.fits else tuple(measured_sentence(*one) for one in alone)
     return RunContent(content, fits, run.designs, excitations, _comparison(loaded, shown), responses, measured)
 
 
