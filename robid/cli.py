@@ -146,7 +146,7 @@ def _add_stage(stage: Stage) -> None:
         debug: Debug = False,
     ) -> int:
         del debug
-        from robid.commands.stage import check_strict, check_try, run_stage
+        from robid.commands.run import check_strict, check_try, run_stage
 
         if tried:
             from robid.commands.fit_try import try_freeing
@@ -297,8 +297,7 @@ def export_model(
     del debug
     from robid.commands.export import export_campaign, export_fit, export_response
     from robid.pipeline.export import ExportOptions
-    from robid.pipeline.export_excitation import ExcitationExport
-    from robid.pipeline.export_frf import FrfExport
+    from robid.pipeline.export_campaign import ExcitationExport, FrfExport
 
     run = _open(experiment, run_dir)
     if what == "frf":

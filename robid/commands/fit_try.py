@@ -12,17 +12,15 @@ from rich.text import Text
 
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.results import estimate_from_artifact, grade_from_artifact
-from robid.commands.inputs import choose_node, require_inputs
 from robid.commands.output import print_json
-from robid.commands.shared import make_shell
+from robid.commands.shared import choose_node, make_shell, require_inputs
 from robid.errors import SettingsError
 from robid.models.family import Work
 from robid.models.parameters import parameter_rows
 from robid.pipeline.export import export_plan
 from robid.pipeline.fit import Trial, tried_experiment, try_fit, write_tried
-from robid.pipeline.freshness import input_hashes
+from robid.pipeline.freshness import check_outputs, input_hashes
 from robid.pipeline.graph import Run
-from robid.pipeline.replacing import check_outputs
 from robid.pipeline.stage import Job
 from robid.report.numbers import duration, percent, scale_for, significant
 from robid.report.parameter_section import open_table

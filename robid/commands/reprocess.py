@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from robid.artifacts.lock import FOLDER_LOCK, locked
+from robid.artifacts.atomic import FOLDER_LOCK, locked
 from robid.backends.map import make_map
 from robid.commands.output import print_json
 from robid.commands.shared import PROBLEM, choose_backend

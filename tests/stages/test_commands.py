@@ -24,7 +24,7 @@ from robid.models.elastic.files import (
     validation_of,
 )
 from robid.models.known import load_experiment
-from robid.pipeline.graph import graph as pipeline
+from robid.pipeline import graph as pipeline
 
 CHAIN = (
     ("design-configs",),

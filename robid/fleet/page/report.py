@@ -12,8 +12,7 @@ from robid.fleet.page.failures import failure_sections, grade_sections
 from robid.fleet.page.found import Found
 from robid.fleet.page.outliers import drift_sections, outlier_sections, population_sections
 from robid.fleet.page.parameters import parameter_sections
-from robid.pipeline.freshness import read_stamp
-from robid.pipeline.replacing import check_replaceable
+from robid.pipeline.freshness import check_replaceable, read_stamp
 from robid.pipeline.report import write_page
 from robid.pipeline.stage import counted
 from robid.report.page import ReportContent, Verdict

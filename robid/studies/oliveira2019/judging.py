@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, Quantity
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.mapping import from_datasets, to_datasets
+from robid.artifacts.kinds import from_datasets, to_datasets
 from robid.studies.tasks import Content
 
 CONFIDENCE = 0.97

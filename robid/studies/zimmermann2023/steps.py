@@ -12,8 +12,7 @@ import numpy as np
 
 from robid.arrays import FloatArray, Quantity, check_shape
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.kinds import TASK
-from robid.artifacts.mapping import from_datasets, to_datasets
+from robid.artifacts.kinds import TASK, from_datasets, to_datasets
 from robid.artifacts.store import read_artifact
 from robid.models.elastic.fit.fitted_robot import with_estimates
 from robid.pipeline.configurations import draw_in_reach
