@@ -3,6 +3,7 @@
 import gc
 import sys
 import traceback
+from copy import copy
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -65,7 +66,7 @@ def run_command(arguments: list[str]) -> int:
 
 def _run(arguments: list[str]) -> int:
     try:
-        code = app(arguments or ["--help"], prog_name="robid", standalone_mode=False)
+        code = _app_for(arguments)(arguments or ["--help"], prog_name="robid", standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):
         code = _INTERRUPTED
     except Exception as error:  # noqa: BLE001  the one place that turns a defect into a message
@@ -75,6 +76,14 @@ def _run(arguments: list[str]) -> int:
     if code == _INTERRUPTED:
         return _fail(arguments, "interrupted; what is finished is kept, and the same command goes on from there", code)
     return int(code or 0)
+
+
+def _app_for(arguments: list[str]) -> typer.Typer:
+    """The commands, or only the one that is called: to lay out the options of all takes a while."""
+    called = [one for one in app.registered_commands if one.name in arguments[:1]]
+    alone = copy(app)
+    alone.registered_commands = called or app.registered_commands
+    return alone
 
 
 def _told(error: Exception) -> tuple[str, int]:
@@ -137,7 +146,7 @@ def _add_stage(stage: Stage) -> None:
         debug: Debug = False,
     ) -> int:
         del debug
-        from robid.commands.stage import check_strict, check_try, run_stage
+        from robid.commands.run import check_strict, check_try, run_stage
 
         if tried:
             from robid.commands.fit_try import try_freeing
@@ -288,8 +297,7 @@ def export_model(
     del debug
     from robid.commands.export import export_campaign, export_fit, export_response
     from robid.pipeline.export import ExportOptions
-    from robid.pipeline.export_excitation import ExcitationExport
-    from robid.pipeline.export_frf import FrfExport
+    from robid.pipeline.export_campaign import ExcitationExport, FrfExport
 
     run = _open(experiment, run_dir)
     if what == "frf":

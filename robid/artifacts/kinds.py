@@ -1,6 +1,9 @@
 """The kinds of artifacts before a fit: excitation, record, frequency response, design; and the task of a study.
 
-What lies in them their dataclasses declare, see `robid.arrays.Quantity`.
+What lies in them their dataclasses declare, see `robid.arrays.Quantity`: arrays and tuples become datasets, whose
+units and axes their annotations declare; scalars become attributes, whose unit is part of their name; a tuple of
+dataclasses becomes one dataset for each of their fields; None is left out. A field that a file of an older minor
+version lacks gets its default.
 
 Schema history:
     excitation:
@@ -44,16 +47,163 @@ Schema history:
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import dataclasses
+import types
+from collections.abc import Collection, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from robid.artifacts.artifact import Artifact, Kind, Provenance
-from robid.artifacts.mapping import from_datasets, to_datasets
+import numpy as np
 
+from robid.arrays import Quantity, quantities
+from robid.artifacts.artifact import Artifact, Attribute, Dataset, Kind, Provenance
+from robid.errors import ArtifactError
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 if TYPE_CHECKING:
     from robid.design.configurations.information import ConfigurationDesign
     from robid.design.excitation.excitation import CampaignExcitation
     from robid.frf.frf import Frf
     from robid.signals.record import Record
+
+
+Instance = TypeVar("Instance", bound="DataclassInstance")
+
+
+def to_datasets(
+    value: DataclassInstance, prefix: str = "", without: Collection[str] = ()
+) -> tuple[dict[str, Dataset], dict[str, Attribute]]:
+    """Takes a dataclass apart.
+
+    Args:
+        value: The dataclass; its fields are arrays and flat tuples, which declare a `Quantity`, scalars, None,
+            dataclasses of these, or tuples of dataclasses of scalars, of which one declaration serves all fields.
+        prefix: What it lies below, such as `grade/`.
+        without: Fields that lie elsewhere.
+
+    Raises:
+        ValueError: If an array or a tuple declares nothing.
+        TypeError: If a field is of another type.
+    """
+    datasets: dict[str, Dataset] = {}
+    attributes: dict[str, Attribute] = {}
+    kind = type(value)
+    hints, declared = get_type_hints(kind), quantities(kind)
+    for field in dataclasses.fields(value):
+        name, content = prefix + field.name, getattr(value, field.name)
+        if field.name in without or content is None:
+            continue
+        row, said = _row_type(hints[field.name]), declared.get(field.name)
+        if dataclasses.is_dataclass(content) and not isinstance(content, type):
+            inner = to_datasets(content, f"{name}/")
+            datasets, attributes = datasets | inner[0], attributes | inner[1]
+        elif isinstance(content, np.ndarray | tuple):
+            if said is None:
+                raise ValueError(f"`{kind.__name__}.{field.name}` declares no unit and axes.")
+            unit = said.unit.format_map(value.own_units) if "{" in said.unit else said.unit  # type: ignore[attr-defined]
+            columns = {name: content} if row is None else _columns(row, name, content)
+            datasets |= {key: _dataset(key, values, said, unit) for key, values in columns.items()}
+        elif isinstance(content, bool | int | float | str | np.generic):
+            attributes[name] = content.item() if isinstance(content, np.generic) else content
+        else:
+            raise TypeError(f"`{kind.__name__}.{field.name}` is a {type(content).__name__}, which has no place here.")
+    return datasets, attributes
+
+
+def from_datasets(
+    cls: type[Instance], artifact: Artifact, prefix: str = "", given: Mapping[str, object] | None = None
+) -> Instance:
+    """Puts a dataclass together again, from what lies below a prefix such as `grade/`.
+
+    Args:
+        cls: The dataclass.
+        artifact: Where it lies.
+        prefix: What it lies below.
+        given: Values of the fields that lie elsewhere.
+
+    Raises:
+        ArtifactError: If the artifact lacks a field that has no default and may not be None.
+    """
+    missing: list[str] = []
+    instance = _build(cls, artifact, prefix, missing, given)
+    if instance is None or missing:
+        raise ArtifactError(
+            f"A006 The {artifact.kind.name} lacks {', '.join(missing)}.",
+            remedy=f"make it again with `{artifact.kind.made_by} EXPERIMENT.yaml --force`",
+        )
+    return instance
+
+
+def _row_type(hint: object) -> type[DataclassInstance] | None:
+    """The dataclass of which a field holds a tuple, if it does."""
+    inner = get_args(hint)[0] if get_origin(hint) is tuple and get_args(hint) else None
+    return inner if isinstance(inner, type) and dataclasses.is_dataclass(inner) else None
+
+
+def _columns(row: type[DataclassInstance], name: str, rows: Iterable[object]) -> dict[str, tuple[Any, ...]]:
+    """A tuple of dataclasses as one column for each of their fields."""
+    names = [field.name for field in dataclasses.fields(row)]
+    return {f"{name}/{key}": tuple(getattr(one, key) for one in rows) for key in names}
+
+
+def _build(
+    cls: type[Instance],
+    artifact: Artifact,
+    prefix: str,
+    missing: list[str],
+    given: Mapping[str, object] | None = None,
+) -> Instance | None:
+    hints = get_type_hints(cls)
+    content: dict[str, Any] = dict(given or {})
+    lacking = []
+    for field in dataclasses.fields(cls):
+        if field.name in content:
+            continue
+        path = prefix + field.name
+        hint, optional = _without_none(hints[field.name])
+        found = _find(hint, artifact, path, missing)
+        if found is not None or optional:
+            content[field.name] = found
+        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            lacking.append(path)
+    missing += lacking
+    return None if lacking else cls(**content)
+
+
+def _find(hint: Any, artifact: Artifact, path: str, missing: list[str]) -> object:  # noqa: ANN401
+    if path in artifact.datasets:
+        values = artifact.datasets[path].values
+        return tuple(values.tolist()) if get_origin(hint) is tuple else values
+    if path in artifact.attributes:
+        attribute = artifact.attributes[path]
+        return float(attribute) if hint is float and isinstance(attribute, int) else attribute
+    row = _row_type(hint)
+    if row is not None:
+        fields = dataclasses.fields(row)
+        names = [field.name for field in fields if f"{path}/{field.name}" in artifact.datasets]
+        if not names or any(field.name not in names and field.default is dataclasses.MISSING for field in fields):
+            return None
+        columns = (artifact.datasets[f"{path}/{name}"].values.tolist() for name in names)
+        return tuple(row(**dict(zip(names, values, strict=True))) for values in zip(*columns, strict=True))
+    if not (isinstance(hint, type) and dataclasses.is_dataclass(hint)):
+        return None
+    inside = any(name.startswith(f"{path}/") for name in (*artifact.datasets, *artifact.attributes))
+    return _build(hint, artifact, f"{path}/", missing) if inside else None
+
+
+def _dataset(name: str, content: np.ndarray[Any, Any] | tuple[Any, ...], said: Quantity, unit: str) -> Dataset:
+    values = np.asarray(content, dtype=str if isinstance(content, tuple) and not content else None)
+    if isinstance(content, tuple) and (values.ndim != 1 or values.dtype.kind not in "biufU"):
+        raise TypeError(f"`{name}` must be a flat tuple of strings or numbers.")
+    return Dataset(values, unit, tuple(said.axes.split()), said.meaning, said.compact)
+
+
+def _without_none(hint: object) -> tuple[object, bool]:
+    if get_origin(hint) not in (Union, types.UnionType):
+        return hint, False
+    members = [member for member in get_args(hint) if member is not types.NoneType]
+    return (members[0] if len(members) == 1 else hint), len(members) < len(get_args(hint))
+
 
 EXCITATION = Kind("excitation", "1.3", "robid design-excitation")
 RECORD = Kind("record", "2.2", "robid simulate-or-acquire")

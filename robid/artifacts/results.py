@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from robid.artifacts.artifact import Artifact, Attribute, Dataset, Kind, Provenance
-from robid.artifacts.mapping import from_datasets, to_datasets
+from robid.artifacts.kinds import from_datasets, to_datasets
 from robid.artifacts.store import read_group
 
 if TYPE_CHECKING:

@@ -90,13 +90,18 @@ def make_map(
     """
     if backend == "serial":
         yield _map_serially
-        return
-    if backend == "dask":
+    elif backend == "dask":
         from robid.backends.dask.cluster import dask_map
 
         with dask_map(workers, scheduler, folder, inputs) as mapped:
             yield mapped
-        return
+    else:
+        with _processes(workers) as mapped:
+            yield mapped
+
+
+@contextmanager
+def _processes(workers: int) -> Iterator[Map]:
     executor = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _start_worker)
     try:
         yield partial(_map_in_processes, executor)

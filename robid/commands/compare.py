@@ -13,14 +13,13 @@ from rich.table import Table
 from robid.artifacts.artifact import Provenance
 from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
-from robid.commands.inputs import choose_node, require_inputs
 from robid.commands.output import print_json
-from robid.commands.shared import open_run
+from robid.commands.shared import choose_node, open_run, require_inputs
 from robid.errors import DataError, SettingsError
 from robid.frf.comparison import ElementDifference, compare
 from robid.frf.frf import Frf
 from robid.pipeline.export import write_export
-from robid.pipeline.export_frf import frf_export_plan
+from robid.pipeline.export_campaign import frf_export_plan
 from robid.pipeline.freshness import stamped
 from robid.pipeline.terminal import make_console, section_table
 from robid.report.comparison import (

@@ -6,20 +6,22 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from robid.artifacts.lock import locked
-from robid.commands.inputs import choose_node, require_inputs
+from robid.artifacts.atomic import locked
 from robid.commands.output import print_json
-from robid.commands.shared import lock_of, make_shell
+from robid.commands.shared import choose_node, lock_of, make_shell, require_inputs
 from robid.pipeline.export import ExportOptions, check_options, export, export_plan, export_target, write_export
-from robid.pipeline.export_excitation import (
+from robid.pipeline.export_campaign import (
     ExcitationExport,
+    FrfExport,
     check_excitation_export,
+    check_frf_export,
     excitation_export_plan,
     export_excitation,
+    export_frf,
+    frf_export_plan,
 )
-from robid.pipeline.export_frf import FrfExport, check_frf_export, export_frf, frf_export_plan
+from robid.pipeline.freshness import settings_files
 from robid.pipeline.graph import Run
-from robid.pipeline.replacing import settings_files
 
 
 def export_fit(run: Run, fit: str | None, options: ExportOptions, *, force: bool, as_json: bool) -> int:

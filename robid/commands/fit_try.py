@@ -12,17 +12,15 @@ from rich.text import Text
 
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.results import estimate_from_artifact, grade_from_artifact
-from robid.commands.inputs import choose_node, require_inputs
 from robid.commands.output import print_json
-from robid.commands.shared import make_shell
+from robid.commands.shared import choose_node, make_shell, require_inputs
 from robid.errors import SettingsError
 from robid.models.family import Work
 from robid.models.parameters import parameter_rows
 from robid.pipeline.export import export_plan
 from robid.pipeline.fit import Trial, tried_experiment, try_fit, write_tried
-from robid.pipeline.freshness import input_hashes
+from robid.pipeline.freshness import check_outputs, input_hashes
 from robid.pipeline.graph import Run
-from robid.pipeline.replacing import check_outputs
 from robid.pipeline.stage import Job
 from robid.report.numbers import duration, percent, scale_for, significant
 from robid.report.parameter_section import open_table
@@ -52,29 +50,16 @@ def try_freeing(run: Run, fit: str | None, names: list[str], output: Path | None
         if output is not None:
             read = {name: path for name, path in inputs.items() if name != "model"}
             hashes = input_hashes(plan, read)
-            job = Job(
-                tried,
-                node.stage.name,
-                node.owner,
-                plan.settings,
-                output,
-                read,
-                hashes,
-                run.folder,
-                parallel_map,
-                1,
-                progress,
-            )
-            write_tried(trial, job)
+            of = (tried, node.stage.name, node.owner, plan.settings, output, read, hashes)
+            write_tried(trial, Job(*of, run.folder, parallel_map, 1, progress))
     if as_json:
-        print_json(
-            {"fit": node.owner, "tried": names, "output": None if output is None else str(output), **told(trial)}
-        )
+        written = None if output is None else str(output)
+        print_json({"fit": node.owner, "tried": names, "output": written, **told(trial)})
         return 0
     shell.out.print(side_by_side(trial, node.owner, names))
-    written = "nothing is written" if output is None else f"written to {output}"
+    ended = "nothing is written" if output is None else f"written to {output}"
     free = ", ".join(tried.plain["fits"][node.owner]["free"])
-    shell.say(f"{written}; `free: [{free}]` in fits.{node.owner} makes it so ({duration(time.monotonic() - begun)})")
+    shell.say(f"{ended}; `free: [{free}]` in fits.{node.owner} makes it so ({duration(time.monotonic() - begun)})")
     return 0
 
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from robid.artifacts.lock import FOLDER_LOCK, locked
-from robid.backends.map import Map, make_map
+from robid.artifacts.atomic import FOLDER_LOCK, locked
+from robid.backends.map import make_map
 from robid.commands.output import print_json
 from robid.commands.shared import PROBLEM, choose_backend
 from robid.errors import SettingsError
@@ -58,35 +57,32 @@ def reprocess(
     for warning in fleet.warnings:
         shell.warn(warning)
 
-    places = {planned.row.id: planned.row.place for planned in fleet.rows}
-
-    def tell(ledger: Ledger, outcome: str) -> None:
-        if stream:
-            print_json({**row_summary(ledger), "outcome": outcome}, one_line=True)
-        if ledger.error is not None and outcome == "made":
-            shell.warn(f"{places[ledger.id]}: row {ledger.id} failed: {ledger.error}")
-
     run_dir = folder or Path("runs") / fleet.experiment.name
     if dry_run:
         found = look(fleet, run_dir / ROWS, keep=options.keep, force=options.force)
         _show_look(shell, found, as_json=as_json, one_line=stream)
         return 0
     count, inputs = workers or execution.workers or os.cpu_count() or 1, tuple(_folders(fleet))
-
-    def open_map(*, one: bool) -> AbstractContextManager[Map]:
-        address = scheduler or execution.scheduler
-        return make_map(chosen, 1 if one else count, scheduler=address, folder=run_dir, inputs=inputs)
-
+    mapped = partial(make_map, chosen, scheduler=scheduler or execution.scheduler, folder=run_dir, inputs=inputs)
     does = f"robid reprocess {manifest} {experiment}"
     with locked(run_dir / FOLDER_LOCK, does), shell.progress(fleet.experiment.name) as progress:
         announce = partial(_announce, shell, fleet.experiment.name)
-        batch = run_fleet(fleet, run_dir, options, open_map, progress, tell, announce)
+        tell = partial(_tell_row, shell, {planned.row.id: planned.row.place for planned in fleet.rows}, stream)
+        batch = run_fleet(fleet, run_dir, options, lambda *, one: mapped(1 if one else count), progress, tell, announce)
     if as_json:
         print_json(summary(batch), one_line=stream)
     else:
         _show(shell, batch)
     strictly = batch.not_to_be_used or batch.comparison.off or batch.comparison.changing
     return PROBLEM if batch.failed or (strict and strictly) else 0
+
+
+def _tell_row(shell: Shell, places: Mapping[str, str], stream: bool, ledger: Ledger, outcome: str) -> None:
+    """Says what became of a row."""
+    if stream:
+        print_json({**row_summary(ledger), "outcome": outcome}, one_line=True)
+    if ledger.error is not None and outcome == "made":
+        shell.warn(f"{places[ledger.id]}: row {ledger.id} failed: {ledger.error}")
 
 
 def row_summary(ledger: Ledger) -> dict[str, Any]:

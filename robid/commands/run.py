@@ -1,15 +1,111 @@
-"""Running everything that is not fresh."""
+"""Running a single stage, and everything that is not fresh."""
 
 from __future__ import annotations
 
 import dataclasses
+import time
+from collections.abc import Mapping
+from pathlib import Path
 
-from robid.artifacts.lock import FOLDER_LOCK, locked
+from robid.artifacts.atomic import FOLDER_LOCK, locked
 from robid.commands.output import print_json
-from robid.commands.shared import PROBLEM, graded, make_shell, tell
+from robid.commands.shared import (
+    PROBLEM,
+    choose_node,
+    doubts,
+    fresh_at,
+    graded,
+    lock_of,
+    make_shell,
+    require_inputs,
+    tell,
+)
+from robid.errors import ArtifactError, SettingsError
 from robid.pipeline.chain import CHAIN
-from robid.pipeline.graph import Run, run_all
-from robid.pipeline.report_content import gather
+from robid.pipeline.freshness import check_outputs
+from robid.pipeline.graph import Node, Run, execute, grade_of, run_all
+from robid.pipeline.report import gather
+from robid.pipeline.stage import Stage
+from robid.pipeline.terminal import Shell
+from robid.report.numbers import duration
+
+
+def check_strict(stage: Stage) -> None:
+    """Refuses `--strict` where nothing is graded.
+
+    Raises:
+        SettingsError: If the stage gives no grade.
+    """
+    if stage.owned_by != "fit":
+        remedy = "leave it out; it belongs to `fit`, `validate` and `run`"
+        raise SettingsError(f"S016 `{stage.name}` gives no grade", where="--strict", remedy=remedy)
+
+
+def check_try(stage: Stage, others: Mapping[str, object]) -> None:
+    """Refuses `--try` where nothing is fitted, and beside options that it does not know.
+
+    Raises:
+        SettingsError: If it is so.
+    """
+    if stage.name != "fit":
+        raise SettingsError(
+            f"S017 `{stage.name}` fits nothing", where="--try", remedy="leave it out; it belongs to `fit`"
+        )
+    given = [name for name, value in others.items() if value]
+    if given:
+        message = f"S018 `{given[0]}` says nothing of a fit that is only tried"
+        raise SettingsError(message, where="--try", remedy=f"leave out {given[0]}")
+
+
+def run_stage(
+    run: Run,
+    stage: Stage,
+    owner: str | None,
+    named: list[Path],
+    output: Path | None,
+    *,
+    force: bool,
+    strict: bool,
+    as_json: bool,
+) -> int:
+    """Runs a stage unless its output is fresh; returns the exit code."""
+    node = choose_node(run, stage.name, owner)
+    shell = make_shell(run, as_json=as_json)
+    inputs = require_inputs(run, node, named)
+    target = output or run.path(node.output)
+    check_outputs(run.loaded, node.stage, node.plan, inputs, target)
+    outcome, text = "fresh", "nothing to do"
+    if force or fresh_at(node, inputs, target).status != "fresh":
+        outcome, text = "made", _make(run, node, inputs, target, shell, force=force)
+    problem, grade = node.stage.problem(target), grade_of(run, node, target)
+    if as_json:
+        told = {"outcome": outcome, "text": text, "problem": problem, **graded(grade), **node.stage.told(target)}
+        print_json({"stage": node.stage.name, "for": node.owner, "output": str(target), **told})
+    else:
+        shell.say(f"{target}  {outcome}: {text}")
+        shown = node.stage.show(target, run.loaded) if outcome == "made" else None
+        if shown is not None:
+            shell.out.print(shown)
+    for warning in filter(None, (problem, doubts(grade))):
+        shell.warn(warning)
+    return PROBLEM if problem or (grade is not None and grade.fails(strict=strict)) else 0
+
+
+def _make(run: Run, node: Node, inputs: Mapping[str, Path], target: Path, shell: Shell, *, force: bool) -> str:
+    """Makes an output and says what it holds and how long it took."""
+    with locked(lock_of(run, target), run.command(node)):
+        # Another process may have made it meanwhile.
+        state = fresh_at(node, inputs, target)
+        if state.status == "stale" and not force:
+            raise state.unreadable or ArtifactError(
+                f"A023 The output is there, but differs ({state.why}).",
+                where=str(target),
+                remedy="`--force` replaces it; what was made from it is stale then",
+            )
+        begun = time.monotonic()
+        with run.make_map() as parallel_map, shell.progress(node.output) as progress:
+            figures = execute(run, node, inputs, target, parallel_map, progress)
+    return f"{figures} ({duration(time.monotonic() - begun)})"
 
 
 def run_experiment(run: Run, *, strict: bool, as_json: bool) -> int:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
+import sys
 from pathlib import Path
 
 from robid.commands.output import print_json
 from robid.commands.shared import doubts, graded
 from robid.errors import SettingsError
 from robid.pipeline.graph import Run, asked_for, examine, grade_of
-from robid.pipeline.terminal import Shell, make_console, status_table
+from robid.pipeline.terminal import Shell, make_console, status_lines
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.checks.configurations import other_units
 from robid.settings.robot import MODEL_NOT_THERE, SET_DATA_FOLDER
@@ -41,8 +43,10 @@ def show_status(run: Run, *, as_json: bool) -> int:
         else (node.output, state.status, state.why or state.problem)
         for node, state in states.items()
     ]
-    shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet=False)
-    for text in looks:
-        shell.warn(text)
-    shell.out.print(status_table(rows))
+    if looks:
+        shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet=False)
+        for text in looks:
+            shell.warn(text)
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    print("\n".join(status_lines(rows, width)))  # noqa: T201
     return 0

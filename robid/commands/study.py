@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from robid.artifacts.atomic import read_json
-from robid.artifacts.lock import FOLDER_LOCK, locked
+from robid.artifacts.atomic import FOLDER_LOCK, locked, read_json
 from robid.commands.output import print_json
 from robid.commands.shared import make_shell, tell
 from robid.pipeline.graph import Run

@@ -17,9 +17,8 @@ from robid.fleet.folders import PAGE, remove, writing
 from robid.fleet.ledger import LEDGER, Ledger, causes, read_ledger
 from robid.fleet.row import RowTask, Told, load_task
 from robid.fleet.sections import drift_sections, outlier_sections, parameter_sections, population_sections
-from robid.pipeline.freshness import read_stamp
+from robid.pipeline.freshness import check_replaceable, read_stamp
 from robid.pipeline.graph import Run, asked_for, run_all
-from robid.pipeline.replacing import check_replaceable
 from robid.pipeline.report import write_page
 from robid.pipeline.stage import counted
 from robid.report.page import ReportContent, Verdict

@@ -143,7 +143,7 @@ def solvable_lines(record: Record, blocks: Blocks, estimator: str) -> BoolArray:
     n_real, _, n_in, n_exp = blocks.inputs.shape
     square = estimator in NEEDS_SQUARE_BLOCKS
     if n_exp != n_in if square else n_real * n_exp < n_in:
-        message = f"{n_exp} experiments per block cannot separate {n_in} inputs"
+        message = f"D011 {n_exp} experiments per block cannot separate {n_in} inputs"
         remedy = "record as many experiments per realization as there are motors, or use the estimator `local_periodic`"
         raise DataError(message, where=place_of(record), remedy=remedy)
     told = carrying_lines(blocks.inputs) & (_condition(blocks.inputs, square=square) < _CONDITION_LIMIT)
@@ -171,7 +171,8 @@ def _require(record: Record, told: BoolArray, who: str, remedy: str) -> None:
         return
     frequency = record.frequency_hz[int(np.argmin(told))]
     message = (
-        f"{who} excite every motor at {frequency:.3g} Hz: {left} of {len(told)} lines tell all of them apart, {needed}"
+        f"D012 {who} excite every motor at {frequency:.3g} Hz: {left} of {len(told)} lines tell all of them apart, "
+        f"{needed}"
         " are needed"
     )
     raise DataError(message, where=place_of(record), remedy=remedy)
@@ -181,7 +182,7 @@ def _recorded_reference(record: Record, blocks: Blocks, estimator: str) -> Compl
     if blocks.reference is None:
         remedy = "choose `logarithmic`, or import what was injected with the log"
         raise DataError(
-            f"estimator `{estimator}` needs the reference, which the record lacks",
+            f"D013 estimator `{estimator}` needs the reference, which the record lacks",
             where=place_of(record),
             remedy=remedy,
         )

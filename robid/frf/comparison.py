@@ -84,7 +84,7 @@ def pair_configurations(first: Frf, second: Frf) -> Pairs:
     if len(mine) == len(theirs) == 1:
         return ((0, 0),)
     if mine.shape[1] != theirs.shape[1]:
-        what = f"one has {mine.shape[1]} joints in its configurations, the other {theirs.shape[1]}"
+        what = f"D006 one has {mine.shape[1]} joints in its configurations, the other {theirs.shape[1]}"
         raise DataError(what, remedy="compare campaigns of one robot")
     left, pairs = list(range(len(theirs))), []
     for index, position in enumerate(mine):
@@ -93,7 +93,7 @@ def pair_configurations(first: Frf, second: Frf) -> Pairs:
             left.remove(same[0])
             pairs.append((index, same[0]))
     if not pairs:
-        what = f"none of the {len(mine)} and {len(theirs)} configurations is at the same joint positions"
+        what = f"D007 none of the {len(mine)} and {len(theirs)} configurations is at the same joint positions"
         raise DataError(what, remedy="compare campaigns that were measured in the same configurations")
     return tuple(pairs)
 
@@ -109,13 +109,13 @@ def _elements(first: Frf, second: Frf) -> tuple[Pairs, Pairs]:
         names = channel_names(theirs)
         pairs = tuple((index, names.index(one.name)) for index, one in enumerate(mine) if one.name in names)
         problems += [
-            f"{side} `{mine[a].name}` is {_told(mine[a])} in the first, but {_told(theirs[b])} in the second"
+            f"D008 {side} `{mine[a].name}` is {_told(mine[a])} in the first, but {_told(theirs[b])} in the second"
             for a, b in pairs
             if mine[a] != theirs[b]
         ]
         if not pairs:
             listed = " and ".join(", ".join(channel_names(channels)) for channels in (mine, theirs))
-            problems.append(f"they have no {side} in common ({listed})")
+            problems.append(f"D009 they have no {side} in common ({listed})")
         found.append(pairs)
     if problems:
         raise DataError("; ".join(problems), remedy=_REMEDY)
@@ -133,7 +133,7 @@ def _lines(first: FloatArray, second: FloatArray) -> tuple[FloatArray, How]:
     mine, theirs = (each[(each >= low) & (each <= high)] for each in (first, second))
     if not (mine.size and theirs.size):
         bands = " and ".join(f"{each[0]:.4g} to {each[-1]:.4g} Hz" for each in (first, second))
-        raise DataError(f"their bands do not overlap: {bands}", remedy="compare campaigns whose bands overlap")
+        raise DataError(f"D010 their bands do not overlap: {bands}", remedy="compare campaigns whose bands overlap")
     common = mine[np.abs(theirs[_nearest(theirs, mine)] - mine) <= _SAME_FREQUENCY * mine]
     if len(common) >= _ENOUGH * min(len(mine), len(theirs)):
         return common, "common"

@@ -328,7 +328,7 @@ def by_realizations(frf: Frf, chosen: Sequence[int], pooled: int) -> Frf:
         DataError: If the response does not know what its realizations add, or fewer than two are chosen.
     """
     if frf.realization_error is None or len(chosen) < 2:
-        message = f"a covariance from realizations needs two of them, not {len(chosen)}"
+        message = f"D023 a covariance from realizations needs two of them, not {len(chosen)}"
         raise DataError(message, remedy="record more realizations, with an estimator that keeps them apart")
     errors = frf.realization_error[:, list(chosen)]
     count, whole = errors.shape[1], frf.realization_error.shape[1]

@@ -177,7 +177,8 @@ def require_lines(told: BoolArray, frequency_hz: FloatArray, limit: float, where
         return
     low, high = frequency_hz[[0, -1]]
     what = (
-        f"{left} of {len(told)} lines from {low:.3g} to {high:.3g} Hz tell enough of an input (a standard deviation"
+        f"D016 {left} of {len(told)} lines from {low:.3g} to {high:.3g} Hz tell enough of an input (a standard "
+        "deviation"
         f" below {100 * limit:.0f} % of its response); {needed} are needed"
     )
     remedy = "excite more, record longer or more periods, or correct the lines or the band"

@@ -61,7 +61,7 @@ def _check_alike(frfs: Sequence[Frf], names: Sequence[str]) -> None:
     for other, name in zip(frfs[1:], names[1:], strict=True):
         differing = [key for key in _SAME if getattr(other, key) != getattr(frfs[0], key)]
         if differing:
-            message = f"`{name}` cannot be joined to `{names[0]}`: {', '.join(differing).replace('_', ' ')} differ"
+            message = f"D017 `{name}` cannot be joined to `{names[0]}`: {', '.join(differing).replace('_', ' ')} differ"
             raise DataError(
                 message, where=name, remedy="give both campaigns the same channels, or fit them on their own"
             )

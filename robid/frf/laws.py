@@ -78,7 +78,7 @@ def _refuse_poor(explained: FloatArray, significant: BoolArray, names: Sequence[
         shares = zip(names, explained, poor, strict=True)
         worst = ", ".join(f"{name} ({100 * share:.0f} %)" for name, share, is_poor in shares if is_poor)
         raise DataError(
-            f"friction and ripple explain too little of the torque at the silent lines: {worst}",
+            f"D019 friction and ripple explain too little of the torque at the silent lines: {worst}",
             where="compensation: silent_lines",
             remedy="use `compensation: nominal` or `none`; look for saturation, backlash or a wrong delay",
         )

@@ -87,7 +87,7 @@ def half_width(options: EstimateOptions, n_exp: int, n_in: int, n_out: int, segm
         return max(fewest, segments // 2)
     width = 2 * options.local_half_width_lines + 1
     if width < options.local_order + 1 or n_exp * (width - own) <= common:
-        message = f"{width} bins of {n_exp} experiments leave no freedom beside the local model's coefficients"
+        message = f"D029 {width} bins of {n_exp} experiments leave no freedom beside the local model's coefficients"
         raise DataError(message, remedy=f"set `local_half_width_lines` to {fewest} or more, or lower `local_order`")
     return options.local_half_width_lines
 
@@ -119,7 +119,7 @@ def _windows(bins: IntArray, index: IntArray, lines: IntArray) -> Windows:
 
 def _check_fit(available: int, half: int, kind: str) -> None:
     if available < 2 * half + 1:
-        message = f"a local model needs {2 * half + 1} neighbouring {kind}, but there are {available}"
+        message = f"D030 a local model needs {2 * half + 1} neighbouring {kind}, but there are {available}"
         raise DataError(message, remedy="excite more lines, record longer or more experiments, or lower `local_order`")
 
 

@@ -253,11 +253,11 @@ def _silent_bins(bins: IntArray, periods: int, half_width: int, highest: int) ->
 
 def _check(periods: int, n_sample: int, half_width: int, order: int) -> None:
     if periods < 2:
-        message = "`robust_local` finds the transient between the lines of several periods, but there is only one"
+        message = "D026 `robust_local` finds the transient between the lines of several periods, but there is only one"
         raise DataError(message, remedy="record two periods or more, or use the estimator `local`")
     if 2 * half_width <= order + 1:
-        message = f"{2 * half_width} bins around a line leave no freedom beside a polynomial of order {order}"
+        message = f"D027 {2 * half_width} bins around a line leave no freedom beside a polynomial of order {order}"
         raise DataError(message, remedy=f"set `local_half_width_lines` to {order // 2 + 1} or more")
     if periods * (n_sample // 2) < 4 * half_width:
-        message = f"the record's {periods} periods of {n_sample} samples are too short for the window"
+        message = f"D028 the record's {periods} periods of {n_sample} samples are too short for the window"
         raise DataError(message, remedy="record longer, or lower `local_half_width_lines`")

@@ -292,7 +292,7 @@ def _raise(file: Path, problems: list[DataError]) -> None:
     if len(problems) == 1:
         raise problems[0]
     if problems:
-        raise DataError("\n".join([f"{len(problems)} problems", *map(str, problems)]), where=str(file))
+        raise DataError("\n".join([f"D090 {len(problems)} problems", *map(str, problems)]), where=str(file))
 
 
 def join_shots(records: list[Record], n_experiment: int = 1) -> Record:

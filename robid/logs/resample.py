@@ -277,18 +277,25 @@ def whole_piece(
     if end - begin < _FEWEST or (begin <= first and end >= stop - 1):
         return ""
     low, high = limits_of(time, begin, end)
-    settings = {"from_s": f"{low:.12g}", "to_s": f"{high:.12g}"}
+    ends = {"from_s": f"{low:.12g}", "to_s": f"{high:.12g}"}
     # Where references say where periods begin, these say how many there are.
+    settings: dict[str, str] | None = ends
     if stated is not None and not mapping.references:
-        held = (end + 1 - begin) // stated.samples
-        dropped = stated.dropped if begin <= first and held > stated.dropped else 0
-        if held - dropped < 1:
-            return "Record again: no whole period lies where nothing is missing."
-        if dropped != stated.dropped:
-            settings["drop_periods"] = f"{dropped}"
-        if held - dropped < stated.periods:
-            settings["periods"] = f"{held - dropped}"
+        settings = _with_periods(ends, end + 1 - begin, stated, from_start=begin <= first)
+    if settings is None:
+        return "Record again: no whole period lies where nothing is missing."
     return f"{set_all(settings)[:-1]}: the longest part in which nothing is missing."
+
+
+def _with_periods(ends: dict[str, str], n_sample: int, stated: Stated, *, from_start: bool) -> dict[str, str] | None:
+    """Adds how many periods a part of a log holds, where that differs from what was said; None if it holds none."""
+    held = n_sample // stated.samples
+    dropped = stated.dropped if from_start and held > stated.dropped else 0
+    if held - dropped < 1:
+        return None
+    other = {"drop_periods": f"{dropped}"} if dropped != stated.dropped else {}
+    fewer = {"periods": f"{held - dropped}"} if held - dropped < stated.periods else {}
+    return ends | other | fewer
 
 
 def limits_of(time: FloatArray, first: int, last: int) -> tuple[float, float]:

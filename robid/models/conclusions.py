@@ -148,5 +148,5 @@ def refuse_other_rate(own_s: float, new_s: Sequence[float]) -> None:
     """
     other = [period_s for period_s in new_s if abs(period_s / own_s - 1) > _SAME_RATE]
     if other:
-        message = f"the validation is sampled every {other[0]:g} s, the fit's record every {own_s:g} s"
+        message = f"D259 the validation is sampled every {other[0]:g} s, the fit's record every {own_s:g} s"
         raise DataError(message, where="validation", remedy="validate on a record of the same sampling period")

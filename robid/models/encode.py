@@ -15,7 +15,7 @@ import robid
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.atomic import plain
-from robid.artifacts.mapping import from_datasets, to_datasets
+from robid.artifacts.kinds import from_datasets, to_datasets
 from robid.artifacts.results import (
     estimate_from_artifact,
     model_to_artifact,

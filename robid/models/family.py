@@ -142,7 +142,8 @@ class Family:
 
     Attributes:
         name: What `family` says in an experiment file.
-        settings: Type of its fits; its `family` is a literal of the name.
+        settings: Type of its fits, its `family` a literal of the name; or a name of a `with later` block that stands
+            for it, so that only experiments with such fits import it.
         reads: What of a campaign a fit reads.
         problems: Finds what is wrong with one of its fits for a robot, by the fit's name: fields below the fit and
             messages.

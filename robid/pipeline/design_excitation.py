@@ -28,8 +28,13 @@ from robid.robot.regressor.drives import FrictionForm, RigidOptions
 from robid.robot.regressor.model import build_rigid_model
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
-from robid.settings.robot_derived import commanded_channels, input_count, require_pose_interface, tool_arm
-from robid.settings.robot_parts import require_controller
+from robid.settings.robot_parts import (
+    commanded_channels,
+    input_count,
+    require_controller,
+    require_pose_interface,
+    tool_arm,
+)
 
 _LEFT_OUT = {"none": ("viscous", "coulomb"), "viscous": ("coulomb",)}
 """Kinds of parameters that the criterion leaves out, by the friction that is asked for."""

@@ -13,8 +13,8 @@ from robid.artifacts.store import read_artifact
 from robid.errors import ArtifactError, SettingsError
 from robid.models.family import Export, ExportTask, family_of
 from robid.pipeline.fit import read_data
+from robid.pipeline.freshness import check_replaceable
 from robid.pipeline.plans import data_inputs, taken_inputs
-from robid.pipeline.replacing import check_replaceable
 from robid.pipeline.stage import Plan
 from robid.settings.load import LoadedExperiment
 

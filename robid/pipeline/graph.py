@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Literal
 from robid.artifacts.atomic import remove_leftovers
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.pipeline.chain import STAGES
-from robid.pipeline.freshness import State, input_hashes, state_of_output
-from robid.pipeline.replacing import check_outputs
+from robid.pipeline.freshness import State, check_outputs, input_hashes, state_of_output
 from robid.pipeline.stage import Job, Plan, Stage, check_room
 
 if TYPE_CHECKING:

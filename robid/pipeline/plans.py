@@ -29,10 +29,10 @@ from robid.settings.experiment import Campaign, Design, Experiment, heaviest
 from robid.settings.fits import FitSettings, Read
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot import assumed_names
-from robid.settings.robot_derived import input_count
 from robid.settings.robot_parts import (
     Part,
     delay_s,
+    input_count,
     line_settings,
     log_sampling_settings,
     plain_settings,

@@ -1,16 +1,342 @@
-"""report: one page from all artifacts of a run, and its numbers as JSON."""
+"""report: one page from all artifacts of a run, put together here, and its numbers as JSON."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
+from typing import Literal
 
-from robid.artifacts.artifact import Provenance
+import numpy as np
+
+from robid.artifacts.artifact import Artifact, Provenance
 from robid.artifacts.atomic import replacing, write_json
+from robid.artifacts.kinds import (
+    DESIGN,
+    EXCITATION,
+    FRF,
+    design_from_artifact,
+    excitation_from_artifact,
+    frf_from_artifact,
+)
+from robid.artifacts.results import MODEL, VALIDATION
+from robid.artifacts.store import inspect_artifact, read_artifact, read_header
+from robid.artifacts.truth import read_truth
+from robid.design.configurations.information import ConfigurationDesign
+from robid.design.excitation.excitation import UNITS, CampaignExcitation, ExcitationPlan
+from robid.frf.frf import Frf
+from robid.frf.quality import saturation_text
+from robid.models.family import Data, Shown, family_of
+from robid.pipeline.estimate_frf import contradictions
+from robid.pipeline.fit import data_of
 from robid.pipeline.freshness import stamped
-from robid.pipeline.report_content import RunContent, gather
+from robid.pipeline.plans import truth_input
 from robid.pipeline.stage import Job, Stage, counted
-from robid.report.page import ReportContent, render
+from robid.report.design import design_section
+from robid.report.experiment import (
+    ConfigurationRow,
+    ExcitationRow,
+    PeakRow,
+    StageRow,
+    TorqueRow,
+    experiment_section,
+    run_section,
+)
+from robid.report.page import FitReport, ReportContent, Verdict, fit_sections, render
+from robid.report.responses import (
+    measured_sentence,
+    response_headlines,
+    response_sections,
+    response_summary,
+    responses_verdict,
+)
+from robid.report.section import Section
+from robid.results.grade import DO_NOT_USE, PREDICTS, TRUST
+from robid.results.plausible.evidence import gather_evidence
+from robid.robot.kinematics import skeleton
+from robid.settings.load import LoadedExperiment
+
+_LEVELS: dict[int, Literal["ok", "warn", "bad"]] = {TRUST: "ok", PREDICTS: "warn", DO_NOT_USE: "bad"}
+
+
+@dataclass(frozen=True)
+class RunContent:
+    """What a run holds.
+
+    Attributes:
+        content: The page.
+        fits: What each fit adds to page, terminal and summary.
+        designs: Each design.
+        excitations: The excitation of each campaign.
+        comparison: Numbers that compare fits, by dotted name.
+        responses: Numbers on each campaign's response, by dotted name.
+        measured: What each campaign's response is, in a phrase, where no fit was asked for.
+    """
+
+    content: ReportContent
+    fits: tuple[FitReport, ...]
+    designs: dict[str, ConfigurationDesign]
+    excitations: tuple[ExcitationRow, ...]
+    comparison: dict[str, float]
+    responses: dict[str, float]
+    measured: tuple[str, ...] = ()
+
+
+def gather(chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> RunContent:
+    """Reads the artifacts of a run and lays them out.
+
+    Args:
+        chain: The stages that make them.
+        loaded: The experiment.
+        folder: The run folder.
+        present: Paths in the run folder of the artifacts that are there.
+
+    Raises:
+        ArtifactError: If one cannot be read.
+    """
+    run = _read(loaded, folder, present)
+    warnings = _warnings(loaded, run.frfs)
+    shown = {name: _shown(loaded, folder, name, run, warnings) for name in run.models}
+    fits = tuple(
+        family_of(loaded, name).report(replace(each, beside=_beside(loaded, name, shown)))
+        for name, each in shown.items()
+    )
+    excitations = tuple(_excitation(loaded, run, name) for name in run.excitations)
+    alone = [(name, frf) for name, frf in run.frfs.items() if name not in _fitted(loaded, run)]
+    content = ReportContent(
+        title=loaded.experiment.name,
+        verdict=_verdict(loaded, run, fits, warnings),
+        robot=loaded.robot.name if loaded.experiment.robot is not None else "known by its logs alone",
+        headlines=tuple(fit.headline for fit in fits) or response_headlines(alone),
+        warnings=warnings,
+        sections=(
+            *fit_sections(fits),
+            *response_sections(alone),
+            *(_design(loaded, name, design) for name, design in run.designs.items()),
+            *_experiment(loaded, run, excitations),
+            *run_section(_stage_rows(chain, loaded, folder, present)),
+        ),
+    )
+    each = ((name, response_summary(frf)) for name, frf in run.frfs.items())
+    responses = {f"campaigns.{name}.{key}": value for name, summary in each for key, value in summary.items()}
+    measured = () if loaded.experiment.fits else tuple(measured_sentence(*one) for one in alone)
+    return RunContent(content, fits, run.designs, excitations, _comparison(loaded, shown), responses, measured)
+
+
+def _fitted(loaded: LoadedExperiment, run: _Run) -> set[str]:
+    """Campaigns whose response stands on the page with a fit that read it."""
+    return {
+        campaign
+        for name in run.models
+        if "frf" in family_of(loaded, name).reads
+        for campaign in (
+            *loaded.experiment.fits[name].campaigns,
+            *((loaded.experiment.fits[name].validate_on,) if name in run.validations else ()),
+        )
+        if campaign is not None
+    }
+
+
+def _shown(loaded: LoadedExperiment, folder: Path, name: str, run: _Run, warnings: tuple[str, ...]) -> Shown:
+    fit, validation = loaded.experiment.fits[name], run.validations.get(name)
+    own = [run.frfs[campaign] for campaign in fit.campaigns if "frf" in family_of(loaded, name).reads]
+    new = None if fit.validate_on is None else run.frfs.get(fit.validate_on)
+    return Shown(
+        data=data_of(loaded, name, own),
+        model=run.models[name],
+        validation=validation,
+        new=None if validation is None else Data(loaded, name, new),
+        true=_truth(loaded, folder, name),
+        told=warnings,
+    )
+
+
+def _beside(loaded: LoadedExperiment, name: str, shown: Mapping[str, Shown]) -> tuple[Shown, ...]:
+    """The other fits of the same family."""
+    family = family_of(loaded, name)
+    return tuple(each for other, each in shown.items() if other != name and family_of(loaded, other) is family)
+
+
+def _comparison(loaded: LoadedExperiment, shown: Mapping[str, Shown]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for family in {loaded.experiment.fits[name].family: family_of(loaded, name) for name in shown}.values():
+        alike = [each for name, each in shown.items() if family_of(loaded, name) is family]
+        found |= family.compare(alike)
+    return found
+
+
+def _experiment(loaded: LoadedExperiment, run: _Run, excitations: tuple[ExcitationRow, ...]) -> tuple[Section, ...]:
+    return experiment_section(
+        loaded.robot.notes,
+        excitations,
+        tuple(row for name, frf in run.frfs.items() for row in _removed(name, frf)),
+        tuple(joint.name for joint in loaded.robot.joints),
+        tuple(
+            ConfigurationRow(name, index, tuple(row), loaded.robot.joint_units)
+            for name, excitation in run.excitations.items()
+            for index, row in enumerate(excitation.configurations.tolist())
+        ),
+    )
+
+
+def _warnings(loaded: LoadedExperiment, frfs: dict[str, Frf]) -> tuple[str, ...]:
+    """What the estimates note, and what of the campaigns' data contradicts the robot file."""
+    notes = dict.fromkeys(note for frf in frfs.values() for note in frf.notes)
+    for name, frf in frfs.items():
+        notes |= dict.fromkeys(contradictions(loaded, name, gather_evidence(frf)))
+    return tuple(notes)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """The artifacts by the name of their campaign, design or fit; of a record its shape alone."""
+
+    designs: dict[str, ConfigurationDesign]
+    excitations: dict[str, CampaignExcitation]
+    shapes: dict[str, list[int]]
+    frfs: dict[str, Frf]
+    models: dict[str, Artifact]
+    validations: dict[str, Artifact]
+
+
+def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _Run:
+    def there(names: Collection[str], pattern: str) -> dict[str, Path]:
+        return {name: folder / pattern.format(name) for name in names if pattern.format(name) in present}
+
+    experiment = loaded.experiment
+    frfs, records = there(experiment.campaigns, "{}/frf.h5"), there(experiment.campaigns, "{}/record.h5")
+    designs = there(experiment.designs, "designs/{}.h5")
+    models = there(experiment.fits, "fits/{}/model.h5")
+    validations = there(experiment.fits, "fits/{}/validation.h5")
+    return _Run(
+        designs={name: design_from_artifact(read_artifact(path, DESIGN)) for name, path in designs.items()},
+        excitations={
+            name: excitation_from_artifact(read_artifact(path, EXCITATION))
+            for name, path in there(records, "{}/excitation.h5").items()
+        },
+        shapes={name: inspect_artifact(path)["datasets"]["inputs"]["shape"] for name, path in records.items()},
+        frfs={name: frf_from_artifact(read_artifact(path, FRF)) for name, path in frfs.items()},
+        models={name: read_artifact(path, MODEL) for name, path in models.items()},
+        validations={name: read_artifact(path, VALIDATION) for name, path in validations.items()},
+    )
+
+
+def _truth(loaded: LoadedExperiment, folder: Path, name: str) -> dict[str, float]:
+    fit = loaded.experiment.fits[name]
+    paths = {key: folder / path for key, path in truth_input(loaded, fit).items()}
+    if not paths:
+        return {}
+    return dict(family_of(loaded, name).true_values(loaded, name, read_truth(paths["truth"], paths["true_record"])))
+
+
+def _design(loaded: LoadedExperiment, name: str, design: ConfigurationDesign) -> Section:
+    campaign = loaded.experiment.campaigns[loaded.experiment.designs[name].campaign]
+    return design_section(name, design, skeleton(loaded.robot.to_robot(campaign.payload_kg), design.configurations))
+
+
+def _verdict(loaded: LoadedExperiment, run: _Run, fits: tuple[FitReport, ...], warnings: tuple[str, ...]) -> Verdict:
+    if not fits and run.frfs and not loaded.experiment.fits:
+        clipped = any(saturation_text(frf) for frf in run.frfs.values())
+        return Verdict(responses_verdict(list(run.frfs.items())), "bad" if clipped else "warn" if warnings else "ok")
+    if not fits:
+        return Verdict("No model was fitted.", "warn")
+    texts = [f"{fit.headline.name}: {fit.verdict}" if len(fits) > 1 else fit.verdict for fit in fits]
+    return Verdict(" ".join(texts), _LEVELS[min(DO_NOT_USE if fit.grade is None else fit.grade for fit in fits)])
+
+
+def _excitation(loaded: LoadedExperiment, run: _Run, campaign: str) -> ExcitationRow:
+    excitation = run.excitations[campaign].excitation
+    low, high = excitation.frequency_hz[[0, -1]].tolist()
+    return ExcitationRow(
+        campaign=campaign,
+        lines=len(excitation.excited_lines),
+        low_hz=low,
+        high_hz=high,
+        duration_s=float(np.prod(run.shapes[campaign][:4])) * excitation.period_s,
+        rms=tuple(excitation.rms.tolist()) if len(excitation.reference) else (),
+        rms_unit=UNITS[excitation.kind],
+        peaks=_peaks(run.excitations[campaign], _motors(loaded, run, campaign), loaded.robot.slides),
+        detection_lines=len(excitation.detection_lines),
+        period_s=excitation.period_s,
+        crest_factor=float(excitation.crest_factor.max()) if excitation.crest_factor.size else None,
+        worst_snr_db=_worst_snr_db(excitation.plan),
+    )
+
+
+def _motors(loaded: LoadedExperiment, run: _Run, campaign: str) -> tuple[str, ...]:
+    if campaign in run.frfs and not loaded.experiment.campaigns[campaign].moves_poses:
+        return run.frfs[campaign].input_names
+    return tuple(joint.name for joint in loaded.robot.joints)
+
+
+def _worst_snr_db(plan: ExcitationPlan | None) -> float | None:
+    """Lowest predicted ratio of the motors' own responses; those across motors have zeros."""
+    if plan is None or plan.snr_db is None:
+        return None
+    return float(np.diagonal(plan.snr_db, axis1=-2, axis2=-1).min())
+
+
+def _peaks(content: CampaignExcitation, names: tuple[str, ...], slides: list[bool]) -> tuple[PeakRow, ...]:
+    plan = content.excitation.plan
+    if plan is None:
+        return ()
+    quantities = (
+        ("speed", "rad/s", plan.speed_rms, plan.speed_peak, plan.speed_limit),
+        ("torque", "N m", plan.torque_rms, plan.torque_peak, plan.torque_limit),
+        ("arm excursion", "rad", plan.excursion_rms, plan.excursion_peak, plan.excursion_limit),
+    )
+    return tuple(
+        PeakRow(
+            name,
+            quantity,
+            "m" if unit == "rad" and own else unit,
+            float(peak[:, motor].max()),
+            float(limit[motor]),
+            float(rms[:, motor].max()),
+        )
+        for motor, (name, own) in enumerate(zip(names, slides, strict=True))
+        for quantity, unit, rms, peak, limit in quantities
+    )
+
+
+def _removed(campaign: str, frf: Frf) -> list[TorqueRow]:
+    rms = np.sqrt(np.mean(frf.removed_torque_rms**2, axis=0))
+    if not rms.any():
+        return []
+    named = zip(frf.input_names, rms.tolist(), strict=True)
+    return [TorqueRow(campaign, name, value, frf.input_unit) for name, value in named]
+
+
+_SHORT = 8
+
+
+def _stage_rows(
+    chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, present: Collection[str]
+) -> tuple[StageRow, ...]:
+    """How each artifact that is there came about."""
+    makers = {
+        stage.plan(loaded, name).outputs[0]: (stage, name)
+        for stage in chain
+        for name in stage.owners(loaded.experiment)
+    }
+    rows = []
+    for path in present:
+        if path.endswith(".h5"):
+            stage, name = makers[path]
+            rows.append(_stage(path, folder / path, stage.phrase(loaded, name, folder / path)))
+    return tuple(rows)
+
+
+def _stage(path: str, file: Path, phrase: str) -> StageRow:
+    header = read_header(file)
+    made = header.provenance
+    seconds = None
+    if made.started_utc and made.finished_utc:
+        begun, ended = datetime.fromisoformat(made.started_utc), datetime.fromisoformat(made.finished_utc)
+        seconds = (ended - begun).total_seconds()
+    hashes = made.settings_hash[:_SHORT], header.content_sha256[:_SHORT]
+    return StageRow(made.stage, path, *hashes, seconds, phrase)
 
 
 def run(chain: Sequence[Stage], job: Job) -> str:

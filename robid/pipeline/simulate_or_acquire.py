@@ -23,8 +23,7 @@ from robid.settings.experiment import Campaign
 from robid.settings.fits import part
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
-from robid.settings.robot_derived import require_pose_interface, tool_arm
-from robid.settings.robot_parts import delay_s, require_controller
+from robid.settings.robot_parts import delay_s, require_controller, require_pose_interface, tool_arm
 from robid.settings.sources import Acquire, true_robot_of
 from robid.signals.quantities import channel_names
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps

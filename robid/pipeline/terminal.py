@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import textwrap
 import time
 from collections.abc import Iterator, Sequence
@@ -9,25 +10,25 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
-from rich.text import Text
-
 from robid.report.numbers import duration
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.progress import Progress, TaskID
+    from rich.table import Table
 
 LINE_EVERY_S = 30.0
 """How often a line says how far something is where there is no terminal [s]."""
 
 _PLAIN_WIDTH = 200
-_COLOURS = {"fresh": "green", "stale": "yellow", "missing": "red"}
+_COLOURS = {"fresh": 32, "stale": 33, "missing": 31}
+_STATUS = ("output", "status", "why")
 
 
 def make_console(*, stderr: bool) -> Console:
     """Returns a console that does not fold lines at 80 columns where there is no terminal."""
+    from rich.console import Console
+
     console = Console(stderr=stderr)
     return console if console.is_terminal else Console(stderr=stderr, width=_PLAIN_WIDTH)
 
@@ -146,6 +147,8 @@ def _rest(seconds: float) -> str:
 
 def _print(console: Console, text: str, style: str = "", bold: int = 0) -> None:
     """Wraps between words in a terminal, never within one, so that paths stay whole; elsewhere a line is a line."""
+    from rich.text import Text
+
     if console.is_terminal:
         wrapper = textwrap.TextWrapper(
             console.width, break_long_words=False, break_on_hyphens=False, replace_whitespace=False
@@ -156,12 +159,26 @@ def _print(console: Console, text: str, style: str = "", bold: int = 0) -> None:
     console.print(shown, soft_wrap=True, highlight=False)
 
 
-def status_table(rows: Sequence[tuple[str, str, str]]) -> Table:
-    """Lays out output, status and why."""
-    table = _table("output", "status", "why")
-    for output, status, why in rows:
-        table.add_row(output, f"[{_COLOURS[status]}]{status}[/{_COLOURS[status]}]", escape(why))
-    return table
+def status_lines(rows: Sequence[tuple[str, str, str]], width: int | None) -> list[str]:
+    """Lays out output, status and why, in columns.
+
+    Args:
+        rows: A row an output.
+        width: Width of the terminal, which the last column keeps; None where there is none, and no colour then.
+    """
+    first, second = (max(len(row[column]) for row in (_STATUS, *rows)) for column in (0, 1))
+    indent = first + second + 4
+    lines = []
+    for output, status, why in (_STATUS, *rows):
+        told = textwrap.wrap(why, max(width - indent, 20)) if width else [why]
+        shown = f"{status:{second}}"
+        if width and "NO_COLOR" not in os.environ:
+            shown = f"\x1b[{_COLOURS.get(status, 2)}m{shown}\x1b[0m"
+        lines += [
+            f"{output:{first}}  {shown}  {''.join(told[:1])}".rstrip(),
+            *(" " * indent + more for more in told[1:]),
+        ]
+    return lines
 
 
 def channel_lines(datasets: dict[str, dict[str, Any]]) -> list[str]:
@@ -188,6 +205,9 @@ def dataset_table(datasets: dict[str, dict[str, Any]]) -> Table:
 
 def section_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     """Lays out a table of a study, its first column naming the row."""
+    from rich.markup import escape
+    from rich.table import Table
+
     table = Table(box=None, pad_edge=False, header_style="dim", title=title, title_justify="left")
     for index, name in enumerate(columns):
         table.add_column(escape(name), justify="right" if index else "left")
@@ -197,6 +217,8 @@ def section_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[st
 
 
 def _table(*names: str) -> Table:
+    from rich.table import Table
+
     table = Table(box=None, pad_edge=False, header_style="dim")
     for name in names:
         table.add_column(name, no_wrap=name != names[-1])

@@ -181,7 +181,7 @@ def _loaded_links(robot: Robot) -> list[Inertial]:
 
 def _refuse_loops(robot: Robot, kind: str) -> None:
     if robot.loop_links:
-        message = f"{kind} cannot hold the closed loop of `{robot.loop_links[0].name}`"
+        message = f"D210 {kind} cannot hold the closed loop of `{robot.loop_links[0].name}`"
         raise DataError(message, where=robot.name, remedy="export the robot file (`--format robot`)")
 
 
@@ -189,7 +189,7 @@ def _refuse_drives(robot: Robot) -> None:
     found = [f"the counterbalance of `{joint.name}`" for joint in robot.joints if joint.counterbalance is not None]
     found += ["rotors that ride on the links"] if robot.rotor == "on_link" else []
     if found:
-        message = f"a rigid MJCF does not hold {found[0]}"
+        message = f"D211 a rigid MJCF does not hold {found[0]}"
         raise DataError(message, where=robot.name, remedy="export the robot file (`--format robot`)")
 
 

@@ -19,6 +19,7 @@ from robid.design.excitation.options import (
     TrajectoryOptions,
 )
 from robid.frf.options import EstimateOptions
+from robid.later import imported
 from robid.settings.base import STRICT, Name, Section
 from robid.settings.fits import Families, FitSettings, part
 from robid.settings.robot import RobotFile
@@ -313,12 +314,12 @@ def experiment_type(families: Families, study: Any = Any) -> type[Experiment]:  
         families: The families by name.
         study: Type of the study; anything by default, as only `robid study` knows studies.
     """
-    return _experiment_type(tuple(family.settings for family in families.values()), study)
+    return _experiment_type(tuple(imported(family.settings) for family in families.values()), study)
 
 
 @cache
 def _experiment_type(fits: tuple[type[FitSettings], ...], study: Any) -> type[Experiment]:  # noqa: ANN401
-    union: Any = Union.__getitem__(fits)
+    union: Any = Union.__getitem__(fits or (FitSettings,))
     fit: Any = Annotated[union, Field(discriminator="family")] if len(fits) > 1 else union
     field: Any = Field(default_factory=dict, description=Experiment.model_fields["fits"].description)
     about: Any = Field(default=None, description=Experiment.model_fields["study"].description)

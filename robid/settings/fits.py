@@ -86,7 +86,7 @@ class SettingsOfFamily(Protocol):
 
     @property
     def settings(self) -> type[FitSettings]:
-        """Type of its fits; its `family` is a literal of the name."""
+        """Type of its fits, its `family` a literal of the name; or what stands for it, of a `with later` block."""
 
     @property
     def reads(self) -> tuple[Read, ...]:

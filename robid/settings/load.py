@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
+
+from pydantic import ValidationError
 
 from robid.errors import SettingsError
 from robid.settings.checks.experiment import Studies, check_experiment
@@ -197,9 +200,7 @@ def _require(model: _Model | None, problems: list[SettingsProblem]) -> _Model:
 def _load(
     families: Families, document: Document, studies: Studies | None, read: RobotReader
 ) -> tuple[LoadedExperiment | None, list[SettingsProblem]]:
-    experiment, problems = validate_document(
-        experiment_type(families, Any if studies is None else studies.settings), document
-    )
+    experiment, problems = _validated(families, document, Any if studies is None else studies.settings)
     robot, robot_problems = _named_robot(document, read)
     if experiment is not None and robot is not None:
         experiment = with_sides(experiment, robot)
@@ -209,6 +210,22 @@ def _load(
     if problems or experiment is None or robot is None:
         return None, problems
     return LoadedExperiment(document.path, experiment, robot, families), []
+
+
+def _validated(
+    families: Families,
+    document: Document,
+    study: Any,  # noqa: ANN401
+) -> tuple[Experiment | None, list[SettingsProblem]]:
+    """Builds the settings with the families that the file names: building all takes longer than reading it."""
+    fits = document.data.get("fits")
+    written = [fit.get("family") for fit in fits.values() if isinstance(fit, dict)] if isinstance(fits, dict) else []
+    is_known = all(name in list(families) for name in written)
+    named = {name: family for name, family in families.items() if name in written or not is_known}
+    with suppress(ValidationError):
+        return experiment_type(named, study).model_validate(document.data), []
+    # What is wrong is said with everything that could stand there.
+    return validate_document(experiment_type(families, study), document)
 
 
 def _named_robot(document: Document, read: RobotReader) -> tuple[RobotFile | None, list[SettingsProblem]]:

@@ -32,7 +32,7 @@ _DEG = float(np.pi / 180)
 
 
 @dataclass(frozen=True)
-class Quantity:
+class SignalKind:
     """A kind of signal.
 
     Attributes:
@@ -44,16 +44,16 @@ class Quantity:
     derivatives: int | None = None
 
 
-QUANTITIES: dict[QuantityName, Quantity] = {
-    "torque": Quantity(("N m",)),
-    "current": Quantity(("A",)),
-    "force": Quantity(("N",)),
-    "speed_reference": Quantity(("rad/s", "m/s")),
-    "position_command": Quantity(("rad", "m")),
-    "angle": Quantity(("rad",), 2),
-    "position": Quantity(("m",), 2),
-    "speed": Quantity(("rad/s", "m/s"), 1),
-    "acceleration": Quantity(("rad/s^2", "m/s^2"), 0),
+QUANTITIES: dict[QuantityName, SignalKind] = {
+    "torque": SignalKind(("N m",)),
+    "current": SignalKind(("A",)),
+    "force": SignalKind(("N",)),
+    "speed_reference": SignalKind(("rad/s", "m/s")),
+    "position_command": SignalKind(("rad", "m")),
+    "angle": SignalKind(("rad",), 2),
+    "position": SignalKind(("m",), 2),
+    "speed": SignalKind(("rad/s", "m/s"), 1),
+    "acceleration": SignalKind(("rad/s^2", "m/s^2"), 0),
 }
 
 INJECTED: dict[str, QuantityName] = {

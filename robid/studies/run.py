@@ -13,9 +13,8 @@ from robid.artifacts.kinds import TASK
 from robid.artifacts.store import Header, read_header
 from robid.backends.map import Progress
 from robid.errors import ArtifactError, SettingsError
-from robid.pipeline.freshness import read_stamp
+from robid.pipeline.freshness import check_replaceable, read_stamp, settings_files
 from robid.pipeline.graph import Result, Run, run_all
-from robid.pipeline.replacing import check_replaceable, settings_files
 from robid.pipeline.report import write_page
 from robid.pipeline.stage import counted
 from robid.report.experiment import StageRow, run_section

@@ -20,6 +20,7 @@ from robid.artifacts.results import (
 )
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.artifacts.truth import read_truth
+from robid.later import imported
 from robid.models import known as files
 from robid.models.family import Family
 from robid.models.known import FAMILIES, experiment_schema, load_experiment
@@ -120,13 +121,13 @@ def test_every_family_has_a_case():
 def test_settings_come_back_and_their_schema_knows_them(shop, case):
     loaded = load_experiment(shop.folder / "small.yaml")
     fit = loaded.experiment.fits["own"]
-    assert type(fit) is case.family.settings
+    assert type(fit) is imported(case.family.settings)
     content = YAML(typ="safe").load((shop.folder / "small.yaml").read_text())
     content["fits"]["own"] = plain_settings(fit)
     with (shop.folder / "again.yaml").open("w") as file:
         YAML(typ="safe").dump(content, file)
     assert load_experiment(shop.folder / "again.yaml").experiment.fits["own"] == fit
-    assert case.family.settings.__name__ in experiment_schema()["$defs"]
+    assert imported(case.family.settings).__name__ in experiment_schema()["$defs"]
 
 
 def test_what_is_wrong_with_a_fit_is_told_with_its_place(shop):

@@ -22,7 +22,7 @@ from robid.artifacts.truth import read_truth
 from robid.design.excitation.options import PoseChirpOptions
 from robid.models.known import load_experiment
 from robid.pipeline.graph import graph
-from robid.settings.robot_derived import tool_arm
+from robid.settings.robot_parts import tool_arm
 from robid.simulate.pose_response import pose_response
 
 HERE = Path(__file__).parent

@@ -11,7 +11,7 @@ import pytest
 from scipy.io import savemat
 
 from fleet_floor import COMMAND, FACTORS, MANIFEST, Floor
-from robid.artifacts.lock import locked
+from robid.artifacts.atomic import locked
 from robid.artifacts.store import read_header
 from robid.errors import WorkerError
 from robid.fleet import run as fleet_run

@@ -21,7 +21,7 @@ def swallowed(error=None):
 @pytest.fixture
 def command(monkeypatch):
     def run(body):
-        monkeypatch.setattr(cli, "app", lambda *_arguments, **_options: body())
+        monkeypatch.setattr(cli, "_app_for", lambda _arguments: lambda *_given, **_options: body())
         return cli.run_command(["status"])
 
     return run

@@ -68,7 +68,7 @@ def choose_parameters(
     pairs = [(kind, name) for kind in every for name in element_names(robot, kind) if name is not None]
     unknown = [name for name in fixed if name not in {known for _, known in pairs}]
     if unknown:
-        message = f"`fixed` names {', '.join(unknown)}, which nothing estimates"
+        message = f"S022 `fixed` names {', '.join(unknown)}, which nothing estimates"
         raise SettingsError(message, where="design.fixed", remedy="correct `fixed`, or the kinds of parameters")
     columns = np.array([name not in fixed for _, name in pairs])
     known = {f"{joint.name}.motor_inertia": joint.motor.inertia_relative_std for joint in robot.joints}
@@ -83,12 +83,12 @@ def _check_kinds(kinds: Sequence[str], nuisance: Sequence[str]) -> None:
     wrong = [kind for kind in kinds if kind not in LOGARITHMIC]
     wrong += [kind for kind in nuisance if kind not in (*LOGARITHMIC, *RESPONSE_NUISANCE)]
     if wrong:
-        message = f"configurations cannot be designed for {', '.join(wrong)}"
+        message = f"S020 configurations cannot be designed for {', '.join(wrong)}"
         raise SettingsError(
             message, where="design", remedy=f"choose among {', '.join((*LOGARITHMIC, *RESPONSE_NUISANCE))}"
         )
     if twice := set(kinds) & set(nuisance):
-        message = f"{', '.join(sorted(twice))} cannot be both wanted and a nuisance"
+        message = f"S021 {', '.join(sorted(twice))} cannot be both wanted and a nuisance"
         raise SettingsError(message, where="design", remedy="name each kind once")
 
 

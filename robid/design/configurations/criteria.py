@@ -164,7 +164,7 @@ def check_finite(matrices: FloatArray) -> None:
     wrong = np.flatnonzero(~np.isfinite(matrices).all(axis=(0, 2, 3)))
     if wrong.size:
         raise DataError(
-            f"The information of {wrong.size} of {matrices.shape[1]} candidates is not finite, first that of"
+            f"D003 The information of {wrong.size} of {matrices.shape[1]} candidates is not finite, first that of"
             f" candidate {wrong[0]}.",
             where="design",
             remedy="Check the campaign's responses and their covariance, or leave these candidates out.",
@@ -187,7 +187,8 @@ def check_different(matrices: FloatArray) -> None:
         factor = np.ones_like(factor)
     if np.abs(matrices - factor[:, None, None] * first).max() <= _ALIKE * np.abs(matrices).max():
         raise DataError(
-            "The candidates are all alike: each tells the same about the parameters, so there is nothing to choose.",
+            "D004 The candidates are all alike: each tells the same about the parameters, so there is nothing to "
+            "choose.",
             where="design",
             remedy="Offer configurations that differ in more than the first axis, or leave the design out.",
         )
@@ -213,7 +214,7 @@ def checked_scale(total: FloatArray, names: tuple[str, ...], by: str, remedy: st
         unseen = [_combination(vector / scale, names) for vector in vectors.T[values <= _UNSEEN * values[-1]]]
         if not unseen:
             return np.asarray(scale)
-    raise DataError(f"The responses of {by} do not depend on: {'; '.join(unseen)}.", where="design", remedy=remedy)
+    raise DataError(f"D005 The responses of {by} do not depend on: {'; '.join(unseen)}.", where="design", remedy=remedy)
 
 
 def is_regular(total: FloatArray) -> bool:

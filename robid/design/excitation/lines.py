@@ -244,7 +244,7 @@ def check_signal(options: ExcitationOptions, sampling_period_s: float) -> None:
         problems = _perturbation_problems(options, n_sample, sampling_period_s)
     if problems:
         raise SettingsError(
-            f"The {options.signal} cannot be made: {'; '.join(problems)}.",
+            f"S031 The {options.signal} cannot be made: {'; '.join(problems)}.",
             where="excitation",
             remedy="Change the fields named in parentheses.",
         )

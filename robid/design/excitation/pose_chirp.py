@@ -95,7 +95,7 @@ def _check_poses(
             )
     if found:
         raise SettingsError(
-            "The robot cannot follow the commanded poses:\n  " + "\n  ".join(found),
+            "S028 The robot cannot follow the commanded poses:\n  " + "\n  ".join(found),
             where="excitation",
             remedy="lower `amplitude_mm` and `amplitude_deg` of these channels or `high_hz`, or begin from other homes",
         )

@@ -236,7 +236,8 @@ def with_travel(excitation: Excitation, travel: Travel | None, robot: Robot, con
     if lowest < robot.lower[index] - _END_ROUNDING or highest > robot.upper[index] + _END_ROUNDING:
         unit, factor = ("m", 1.0) if robot.prismatic[index] else ("deg", 180 / np.pi)
         raise SettingsError(
-            f"Joint {travel.joint} would travel from {factor * lowest:.4g} to {factor * highest:.4g} {unit}, beyond its"
+            f"S034 Joint {travel.joint} would travel from {factor * lowest:.4g} to {factor * highest:.4g} {unit}, "
+            "beyond its"
             f" limits of {factor * robot.lower[index]:.4g} and {factor * robot.upper[index]:.4g} {unit}.",
             where="excitation.travel",
             remedy="Lower the amplitude, or move the configuration to the middle.",

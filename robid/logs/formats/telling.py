@@ -59,8 +59,8 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
     is_first = (at for at, (_, c) in enumerate(cells) if fits(c, kinds, comma=comma) and at >= bool(stated))
     first = next(is_first, max(len(cells) - _TAIL, 0))
     before = [] if stated == 0 else cells[:first]
-    if before and not stated and len(before[-1][1]) == 1 < width:
-        before = []  # a line of text above the numbers, no names
+    # A line of text above the numbers has no names.
+    before = [] if before and not stated and len(before[-1][1]) == 1 < width else before
     fewest = width - (kinds[-1] == "")
     start = cells[first][0]
     names, units, header = _names(before, (fewest, width), lines, dialect, separator, start)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -51,21 +51,42 @@ def write_experiment(
     """
     counts, numbering = _recordings(found)
     found = _renamed(found, next(iter(counts), ""))
-    made, inside = found.proposal, " " * 8
+    made = found.proposal
     lines = ["schema_version: 1", f"name: {_name(name)}"]
     lines += [f"# robot: {_ROBOT}"]
     lines += ["campaigns:", "  log:"]
     lines += _campaign(found)
-    lines += [f"    realizations: {counts['realization']}"] if "realization" in counts else []
+    lines += _source(found, counts, numbering, path, _stated(format_, dialect))
+    if "experiment" in counts:
+        lines += [f"    experiments: {counts['experiment']}"]
+    elif len(made.inputs) > 1 and not (made.one_shot or _is_arbitrary(found)):
+        lines += ["    experiments: 1 # check: to tell n inputs apart takes n logs, `{experiment}` in their names"]
+    lines += _estimate(found, counts.get("experiment", 1))
+    lines += ["execution: {backend: serial} # a single log is one task"]
+    return "\n".join(lines) + "\n"
+
+
+def _stated(format_: str | None, dialect: Mapping[str, object] | None) -> list[str]:
+    """What the file itself does not tell of its format."""
+    return [*([f"format: {format_}"] if format_ else []), *([f"dialect: {_flow(dialect)}"] if dialect else [])]
+
+
+def _source(
+    found: Findings,
+    counts: Mapping[str, int],
+    numbering: tuple[str, ...],
+    path: Callable[[Path], str],
+    stated: Sequence[str],
+) -> list[str]:
+    """Where the record comes from: the log, how it is read, which part of it, its channels."""
+    made, inside = found.proposal, " " * 8
+    lines = [f"    realizations: {counts['realization']}"] if "realization" in counts else []
     lines += [
         "    source:",
         "      acquire:",
         f"{inside}file: {_text(_braced(path(found.contents.file)))}{_comment(numbering)}",
     ]
-    lines += [f"{inside}format: {format_}"] if format_ else []
-    lines += [f"{inside}dialect: {_flow(dialect)}"] if dialect else []
-    lines += [f"{inside}{one}" for one in _sampling(found)]
-    lines += [f"{inside}{one}" for one in _part(made.part_s)]
+    lines += [f"{inside}{one}" for one in (*stated, *_sampling(found), *_part(made.part_s))]
     lines += [f"{inside}resample: {made.resample}{_comment(_resampled(found))}"] if made.resample else []
     lines += [f"{inside}one_shot: true # check: {_ONE_SHOT}"] * made.one_shot
     lines += [f"{inside}drop_periods: {made.drop_periods}{_comment(_dropped(found))}"] if made.drop_periods else []
@@ -79,13 +100,7 @@ def write_experiment(
         mark = "" if made.one_shot else "# "
         lines += _entries("references", made.references, inside + mark, "", path)
         lines += [] if made.one_shot else [f"{inside}# ({_REFERENCES})"]
-    if "experiment" in counts:
-        lines += [f"    experiments: {counts['experiment']}"]
-    elif len(made.inputs) > 1 and not (made.one_shot or _is_arbitrary(found)):
-        lines += ["    experiments: 1 # check: to tell n inputs apart takes n logs, `{experiment}` in their names"]
-    lines += _estimate(found, counts.get("experiment", 1))
-    lines += ["execution: {backend: serial} # a single log is one task"]
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def _recordings(found: Findings) -> tuple[dict[str, int], tuple[str, ...]]:

@@ -14,7 +14,7 @@ from robid.settings.checks.campaigns import TORQUE, missing_limits
 from robid.settings.experiment import Experiment
 from robid.settings.problems import suggest
 from robid.settings.robot import RobotFile
-from robid.settings.robot_derived import kinds_by_name
+from robid.settings.robot_parts import kinds_by_name
 from robid.settings.yaml import FieldPath
 
 with later(__name__):

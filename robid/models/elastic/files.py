@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.mapping import from_datasets, to_datasets
+from robid.artifacts.kinds import from_datasets, to_datasets
 from robid.artifacts.results import (
     Parts,
     estimate_content,

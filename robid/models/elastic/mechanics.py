@@ -327,7 +327,7 @@ def _rows(task: ExportTask) -> list[int]:
         return list(range(len(chosen)))
     if task.configuration not in chosen:
         listed = ", ".join(map(str, chosen))
-        message = f"fit `{task.data.name}` has no configuration {task.configuration} (it has {listed})"
+        message = f"S060 fit `{task.data.name}` has no configuration {task.configuration} (it has {listed})"
         raise SettingsError(message, where="--configuration", remedy="name one of them, or none for all")
     return [chosen.index(task.configuration)]
 

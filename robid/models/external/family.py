@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from robid.later import later
-from robid.models.external.settings import ExternalFit, problems
 from robid.models.family import Export, Family
 
 with later(__name__):
     from robid.models.external.files import write_control, write_csv, write_json, write_mat
     from robid.models.external.fitting import compare, fit, misfits, phrase_of_model, validate
     from robid.models.external.page.report import report
+    from robid.models.external.settings import ExternalFit, problems
 
 EXTERNAL = Family(
     name="external",

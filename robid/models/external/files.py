@@ -193,11 +193,11 @@ def transfer_functions(path: str | Path, *, pade_order: int = 0) -> dict[str, co
     try:
         import control
     except ImportError as error:
-        message = "python-control is not installed"
+        message = "S068 python-control is not installed"
         raise SettingsError(message, remedy="install it with `pip install robid[control]`") from error
     artifact = read_artifact(Path(path), MODEL)
     if artifact.attributes["family"] != "external":
-        message = f"the model is of family {artifact.attributes['family']}"
+        message = f"S069 the model is of family {artifact.attributes['family']}"
         raise ArtifactError(message, where=str(path), remedy="name the model of an external fit")
     solution = solution_from_artifact(artifact)
     own, found = solution.transfers, {}

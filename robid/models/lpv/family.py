@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from robid.later import later
 from robid.models.family import Export, Family
-from robid.models.lpv.settings import LpvFit, problems
 
 if TYPE_CHECKING:
     from robid.models.lpv.fit.model import LpvModel
@@ -16,6 +15,7 @@ with later(__name__):
     from robid.models.lpv.files import read_model, write_hdf5, write_json, write_mat
     from robid.models.lpv.fitting import fit, misfits, phrase_of_model, validate
     from robid.models.lpv.page import report
+    from robid.models.lpv.settings import LpvFit, problems
 
 
 def evaluate(path: Path | str) -> LpvModel:

@@ -51,7 +51,7 @@ def read_model(path: Path) -> LpvModel:
 
 def _refused(path: Path, what: str) -> ArtifactError:
     remedy = "name the model.h5 of a fit of family `lpv`, or its `robid export` as json or hdf5"
-    return ArtifactError(f"{what}.", where=str(path), remedy=remedy)
+    return ArtifactError(f"A029 {what}.", where=str(path), remedy=remedy)
 
 
 def _json(path: Path) -> dict[str, Any]:

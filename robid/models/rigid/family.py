@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from robid.later import later
 from robid.models.family import Export, Family
-from robid.models.rigid.settings import RigidFit, model_settings, problems
 
 with later(__name__):
     from robid.models.rigid.files import mjcf, robot_file, urdf, write_csv, write_json, write_mat
     from robid.models.rigid.fitting import fit, misfits, phrase_of_model, validate, values_in
     from robid.models.rigid.page import report
+    from robid.models.rigid.settings import RigidFit, model_settings, problems, seed_of
 
 RIGID = Family(
     name="rigid",
@@ -29,7 +29,7 @@ RIGID = Family(
         "csv": Export("parameters.csv", (".csv",), write_csv, takes_configuration=False),
         "mat": Export("model.mat", (".mat",), write_mat, takes_configuration=False),
     },
-    seed=lambda settings: settings.base.seed if isinstance(settings, RigidFit) else None,
+    seed=seed_of,
     true_values=values_in,
     misfits=misfits,
 )

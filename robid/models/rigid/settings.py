@@ -52,6 +52,11 @@ def rigid_fit(experiment: Experiment, name: str) -> RigidFit:
     return fit_of(experiment, name, RigidFit)
 
 
+def seed_of(settings: FitSettings) -> int | None:
+    """Returns the seed of a rigid fit."""
+    return settings.base.seed if isinstance(settings, RigidFit) else None
+
+
 def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     """Yields what is wrong with a rigid fit for a robot."""
     fit = rigid_fit(experiment, name)

@@ -6,7 +6,7 @@ from robid.design.excitation.options import PoseChirpOptions
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.problems import Found, suggest
 from robid.settings.robot import RobotFile
-from robid.settings.robot_derived import commanded_channels, robot_channels
+from robid.settings.robot_parts import commanded_channels, robot_channels
 from robid.settings.robot_sections import JointSection
 from robid.settings.yaml import FieldPath
 from robid.signals.pose import ANGLES

@@ -9,7 +9,7 @@ from robid.settings.experiment import Campaign, Design, Experiment
 from robid.settings.fits import Families, FitSettings
 from robid.settings.problems import Found, suggest
 from robid.settings.robot import RobotFile
-from robid.settings.robot_derived import parameter_names
+from robid.settings.robot_parts import parameter_names
 from robid.settings.sources import SimulateSettings, TruthSettings, with_truth_springs
 from robid.settings.yaml import FieldPath
 from robid.simulate.options import Imperfections

@@ -18,7 +18,7 @@ from robid.settings.experiment import Campaign, Experiment
 from robid.settings.fits import Families, FitSettings
 from robid.settings.problems import Found, SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile
-from robid.settings.robot_derived import commanded_channels
+from robid.settings.robot_parts import commanded_channels
 from robid.settings.yaml import Document, FieldPath
 
 

@@ -157,6 +157,20 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
     if acquire.resample == "period" and (acquire.one_shot or campaign.is_arbitrary):
         kind = "one shot" if acquire.one_shot else "an arbitrary signal"
         yield (*inside, "resample"), f"S216 {kind} has no period to resample to: leave it out, or resample to `time`"
+    yield from _channels(inside, acquire, counts)
+    known = units_of(INJECTED[campaign.excitation.inject], rotation=True)
+    for index, reference in enumerate(acquire.references):
+        if reference.unit not in known and not (acquire.one_shot or campaign.is_arbitrary):
+            message = f"S219 {reference.unit} is no unit of a {campaign.excitation.inject}: use {' or '.join(known)}"
+            yield (*inside, "references", index, "unit"), message
+    for problem in input_problems(acquire.inputs):
+        yield (*inside, "inputs"), problem
+    for key, problem in acquire.pose_problems():
+        yield (*inside, key), problem
+    yield from _compensation(field, campaign, acquire)
+
+
+def _channels(inside: FieldPath, acquire: Acquire, counts: dict[str, int]) -> Found:
     every: tuple[tuple[str, tuple[LogChannel, ...]], ...] = (
         ("inputs", acquire.inputs),
         ("outputs", acquire.outputs),
@@ -174,15 +188,10 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
                 yield from _file((*inside, key, index, "file"), channel.file, counts, [channel.variable])
             for problem in channel.problems():
                 yield (*inside, key, index), problem
-    known = units_of(INJECTED[campaign.excitation.inject], rotation=True)
-    for index, reference in enumerate(acquire.references):
-        if reference.unit not in known and not (acquire.one_shot or campaign.is_arbitrary):
-            message = f"S219 {reference.unit} is no unit of a {campaign.excitation.inject}: use {' or '.join(known)}"
-            yield (*inside, "references", index, "unit"), message
-    for problem in input_problems(acquire.inputs):
-        yield (*inside, "inputs"), problem
-    for key, problem in acquire.pose_problems():
-        yield (*inside, key), problem
+
+
+def _compensation(field: FieldPath, campaign: Campaign, acquire: Acquire) -> Found:
+    """Finds friction that is subtracted from what is no torque."""
     if campaign.estimate.compensation == "nominal" and any(channel.normalised for channel in acquire.inputs):
         message = "S220 friction in N m cannot be subtracted from a normalised current: use `compensation: none`"
         yield (*field, "estimate", "compensation"), message

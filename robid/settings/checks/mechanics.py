@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.later import later
 from robid.robot.regressor.links import pin_gaps
 from robid.settings.joint_sections import HARMONIC_KEYS, SPRING_KEYS, StiffnessOver
 from robid.settings.problems import Found, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import JointSection, SpringSection
 from robid.settings.yaml import FieldPath
+
+with later(__name__):
+    from robid.robot.regressor.links import pin_gaps
 
 _POINTS = 2001
 _ROUNDING = 1e-9

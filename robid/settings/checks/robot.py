@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydantic import BaseModel
@@ -215,24 +215,7 @@ def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Found:
             yield (*field, "joint"), message
         elif spring.joint not in joints:
             yield (*field, "joint"), f"S272 there is no joint `{spring.joint}`; {suggest(spring.joint, joints)}"
-        if spring.place in ("transmission", "shaft"):
-            if spring.axis is not None:
-                told = (
-                    "S273 a transmission turns about its joint's axis"
-                    if spring.place == "transmission"
-                    else "S274 a shaft turns as its motor does"
-                )
-                yield (*field, "axis"), f"S275 {told}: leave `axis` out"
-        elif spring.axis is None:
-            yield (*field, "axis"), f"S276 is missing: a {spring.place} spring needs one"
-        elif np.linalg.norm(spring.axis) == 0:
-            yield (*field, "axis"), "S277 has no direction"
-        elif (
-            spring.place == "bearing"
-            and spring.joint in turning
-            and np.hypot(*spring.axis[:2]) < _PARALLEL * np.linalg.norm(spring.axis)
-        ):
-            yield (*field, "axis"), "S278 lies along the joint axis z: that is what the transmission is for"
+        yield from _axis(field, spring, turning)
         for key in ("point_m", "outboard"):
             if ends and key == "point_m":
                 continue
@@ -246,6 +229,27 @@ def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Found:
         yield from check_shaft(field, spring, robot)
         if spring.place == "payload" and (robot.payload is None or robot.payload.mass_kg == 0):
             yield (*field, "place"), "S281 a payload spring needs a `payload` with mass"
+
+
+def _axis(field: FieldPath, spring: SpringSection, turning: Sequence[str]) -> Found:
+    if spring.place in ("transmission", "shaft"):
+        if spring.axis is not None:
+            told = (
+                "a transmission turns about its joint's axis"
+                if spring.place == "transmission"
+                else "a shaft turns as its motor does"
+            )
+            yield (*field, "axis"), f"S275 {told}: leave `axis` out"
+    elif spring.axis is None:
+        yield (*field, "axis"), f"S276 is missing: a {spring.place} spring needs one"
+    elif np.linalg.norm(spring.axis) == 0:
+        yield (*field, "axis"), "S277 has no direction"
+    elif (
+        spring.place == "bearing"
+        and spring.joint in turning
+        and np.hypot(*spring.axis[:2]) < _PARALLEL * np.linalg.norm(spring.axis)
+    ):
+        yield (*field, "axis"), "S278 lies along the joint axis z: that is what the transmission is for"
 
 
 def _laws(robot: RobotFile) -> Found:

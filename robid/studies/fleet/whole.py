@@ -13,7 +13,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.artifacts.artifact import Dataset
-from robid.artifacts.lock import FOLDER_LOCK, locked
+from robid.artifacts.atomic import FOLDER_LOCK, locked
 from robid.backends.map import Map, make_map
 from robid.fleet.ledger import FORMATS
 from robid.fleet.row import Told

@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray, Quantity
 from robid.artifacts.artifact import Artifact, Attribute, Dataset
-from robid.artifacts.mapping import from_datasets, to_datasets
+from robid.artifacts.kinds import from_datasets, to_datasets
 from robid.models.rigid.fit.conclusion import Conclusion, Verdict, conclude, solve_instruments
 from robid.models.rigid.fit.options import ConclusionOptions, HuberOptions, PreprocessingOptions
 from robid.models.rigid.fit.regression import (

@@ -11,8 +11,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, Quantity
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.kinds import RECORD, record_from_artifact
-from robid.artifacts.mapping import from_datasets, to_datasets
+from robid.artifacts.kinds import RECORD, from_datasets, record_from_artifact, to_datasets
 from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import read_artifact, read_header
 from robid.models.external.files import solution_from_artifact, validation_from_artifact
@@ -31,8 +30,13 @@ from robid.report.numbers import MISSING, significant
 from robid.report.section import Beside, Figure, Section, Table
 from robid.robot.description import Robot
 from robid.robot.kinematics import ToolArm
-from robid.settings.robot_derived import require_pose_interface, tool_arm
-from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
+from robid.settings.robot_parts import (
+    plain_settings,
+    require_controller,
+    require_pose_interface,
+    robot_settings,
+    tool_arm,
+)
 from robid.settings.robot_sections import given
 from robid.signals.record import Record
 from robid.simulate.options import Controller, PoseInterface

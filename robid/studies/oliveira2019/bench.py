@@ -14,7 +14,7 @@ from scipy.signal import StateSpace, cont2discrete, dlsim, tf2ss
 from scipy.stats import norm
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.artifacts.mapping import to_datasets
+from robid.artifacts.kinds import to_datasets
 from robid.models.external.fit.data import Shot
 from robid.models.external.fit.fitting import fit_external
 from robid.models.external.fit.graphs import Fitted

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.artifacts.mapping import from_datasets
+from robid.artifacts.kinds import from_datasets
 from robid.pipeline.graph import Run
 from robid.report.numbers import MINUS, MISSING, percent, significant
 from robid.report.section import Beside, Curve, Figure, Notes, Row, Section, Table

@@ -10,7 +10,7 @@ from scipy.signal import cont2discrete, dlsim, zpk2ss
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.artifacts.artifact import Artifact, Dataset
-from robid.artifacts.mapping import from_datasets
+from robid.artifacts.kinds import from_datasets
 from robid.models.external.fit.choice import choose_structure
 from robid.models.external.fit.data import Shot
 from robid.models.external.fit.graphs import Fitted

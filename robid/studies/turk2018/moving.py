@@ -71,7 +71,7 @@ def freeze_drive(
     model, grid = build_model(robot), np.linspace(lower, upper, _POINTS)
     rest = solve_statics(model, grid[:, None]) if len(motors) == 1 else None
     if rest is None or np.abs(rest.deflection).max(initial=0.0) > _RESTING:
-        message = "a moving drive is frozen only with a single joint that rests without load"
+        message = "D223 a moving drive is frozen only with a single joint that rests without load"
         raise DataError(message, where="campaign of the travelling slide", remedy="leave `global` out of the study")
     linear = linearize(model, rest, outputs)
     parameters, springs = nominal_parameters(robot, linear, truth.delay_s), tuple(s.name for s in robot.springs)

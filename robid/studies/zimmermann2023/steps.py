@@ -14,8 +14,7 @@ from scipy.optimize import brentq
 
 from robid.arrays import FloatArray, Quantity, check_shape
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.kinds import TASK
-from robid.artifacts.mapping import from_datasets, to_datasets
+from robid.artifacts.kinds import TASK, from_datasets, to_datasets
 from robid.artifacts.store import read_artifact
 from robid.errors import SettingsError
 from robid.models.elastic.fit.solution import with_estimates
@@ -78,14 +77,14 @@ def step_profiles(
         spare = limit - np.abs(rest.motor_torque[index])
         if not (spare > 0).all():
             motor = robot.joints[int(spare.argmin())].name
-            problems.append(f"configuration {index + 1}: gravity takes more than `torque_share` of motor {motor}")
+            problems.append(f"S344 configuration {index + 1}: gravity takes more than `torque_share` of motor {motor}")
             continue
         row = [
             _profile(robot, demand, spare, float(configuration[axis]), axis, options)
             for axis, demand in enumerate(_demands(model, rest, index))
         ]
         problems += [
-            f"configuration {index + 1}: the step of {joint.name} lasts {profile.duration_s:.2f} s"
+            f"S345 configuration {index + 1}: the step of {joint.name} lasts {profile.duration_s:.2f} s"
             for joint, profile in zip(robot.joints, row, strict=True)
             if profile.duration_s + _AFTER_S > options.duration_s
         ]

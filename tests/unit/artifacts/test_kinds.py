@@ -17,10 +17,11 @@ from robid.artifacts.kinds import (
     RECORD,
     frf_from_artifact,
     frf_to_artifact,
+    from_datasets,
     record_from_artifact,
     record_to_artifact,
+    to_datasets,
 )
-from robid.artifacts.mapping import from_datasets, to_datasets
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.errors import ArtifactError
 from robid.frf.frf import Frf

@@ -9,14 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from robid.artifacts.atomic import remove_leftovers
-from robid.artifacts.lock import locked
+from robid.artifacts.atomic import locked, remove_leftovers
 from robid.errors import ArtifactError
 
 HOLD = """
 import sys
 from pathlib import Path
-from robid.artifacts.lock import locked
+from robid.artifacts.atomic import locked
 with locked(Path(sys.argv[1]), "robid run other.yaml"):
     print("held", flush=True)
     sys.stdin.read()

@@ -8,7 +8,7 @@ import pytest
 
 from robid.robot.kinematics import ToolArm, reach_poses, skeleton
 from robid.settings.load import load_robot
-from robid.settings.robot_derived import tool_arm
+from robid.settings.robot_parts import tool_arm
 from robid.signals.pose import displacement, rotation_from_zyx
 from tolerances import FINITE_DIFFERENCE, IDENTITY
 

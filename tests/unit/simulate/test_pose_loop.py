@@ -9,7 +9,7 @@ import pytest
 from robid.errors import DataError
 from robid.robot.description import StiffnessLaw
 from robid.settings.load import load_robot
-from robid.settings.robot_derived import tool_arm
+from robid.settings.robot_parts import tool_arm
 from robid.signals.waveforms import chirp
 from robid.simulate.options import Imperfections, PoseInterface, SimulateOptions
 from robid.simulate.pose_loop import PoseExperiment, simulate_poses

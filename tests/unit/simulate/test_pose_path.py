@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from robid.settings.load import load_robot
-from robid.settings.robot_derived import tool_arm
+from robid.settings.robot_parts import tool_arm
 from robid.simulate.options import PoseInterface
 from robid.simulate.pose_path import channel_matrix, channel_motion, command_matrix, followed, joint_path
 from tolerances import FINITE_DIFFERENCE, IDENTITY

@@ -42,7 +42,7 @@ def check_inputs(robot: Robot, frf: Frf) -> None:
     require(frf, MOTOR_TORQUE, ACCELERATION, "An elastic model")
     motors = tuple(joint.name for joint in robot.joints)
     if frf.input_names != motors:
-        message = f"the response's inputs are {', '.join(frf.input_names)}, the robot's motors {', '.join(motors)}"
+        message = f"D129 the response's inputs are {', '.join(frf.input_names)}, the robot's motors {', '.join(motors)}"
         raise DataError(message, where=robot.name, remedy="name the inputs after the robot's joints, in order")
 
 
@@ -69,7 +69,7 @@ def check_influence(problem: Problem) -> None:
     if not problem.weight.any():
         remedy = "lower `weights.low_cut_hz`, excite more, or average over more realizations"
         raise DataError(
-            "no line of the response has a weight: all are cut off or below 10 dB", where="fit", remedy=remedy
+            "D130 no line of the response has a weight: all are cut off or below 10 dB", where="fit", remedy=remedy
         )
     parameters = problem.parameters
     prior = 0.5 / parameters.prior_std**2
@@ -80,7 +80,7 @@ def check_influence(problem: Problem) -> None:
     none = (influence <= _NO_INFLUENCE * influence.max()) & ~known
     silent = [name for name, without in zip(parameters.names, none, strict=True) if without]
     if silent:
-        message = f"free parameters change nothing: {', '.join(silent)}"
+        message = f"D131 free parameters change nothing: {', '.join(silent)}"
         raise DataError(message, where="fit", remedy="list them under `fixed`, or measure other configurations")
 
 
@@ -103,21 +103,21 @@ def _covariance(frf: Frf, options: ElasticOptions) -> list[tuple[str, str]]:
         return []
     if not variance.any():
         remedy = "record two or more realizations of two or more periods, or use the weights `user` or `inflated`"
-        return [("the response has no covariance, which optimal weights invert", remedy)]
+        return [("D242 the response has no covariance, which optimal weights invert", remedy)]
     nothing = np.asarray(~(variance > 0).all(axis=(0, 2, 3)))
     if not nothing.any():
         return []
-    message = f"the covariance is singular at {_shown(frf, nothing)} Hz, and optimal weights invert it"
+    message = f"D243 the covariance is singular at {_shown(frf, nothing)} Hz, and optimal weights invert it"
     return [(message, "use the weights `inflated` or `user`, or look for a channel without noise")]
 
 
 def _realizations(frf: Frf, options: ElasticOptions) -> list[tuple[str, str]]:
     found = []
     if options.weights.kind.startswith("optimal") and frf.total_covariance is None and frf.noise_covariance is not None:
-        message = "optimal weights need the total covariance, but one realization shows noise only"
+        message = "D244 optimal weights need the total covariance, but one realization shows noise only"
         found.append((message, "record two or more realizations, or use the weights `inflated` or `user`"))
     if options.bootstrap and frf.realization_error is None:
-        message = "`bootstrap` weights realizations anew, but the response holds none"
+        message = "D245 `bootstrap` weights realizations anew, but the response holds none"
         remedy = "record two or more realizations and estimate the response by blocks, or set `bootstrap` to 0"
         found.append((message, remedy))
     return found

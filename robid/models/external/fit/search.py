@@ -215,7 +215,7 @@ def _cheapest(problem: Problem, denominators: Sequence[FloatArray], noise: Float
     points = [problem.evaluate(each, noise, slopes=False) for each in denominators]
     usable = sorted((each for each in points if each is not None), key=lambda point: point.cost)
     if not usable:
-        message = f"no model with {problem.structure.poles} poles can be simulated over the shots"
+        message = f"D155 no model with {problem.structure.poles} poles can be simulated over the shots"
         raise DataError(message, where="fit", remedy="ask for stable poles, or cut the shots")
     return usable
 

@@ -107,7 +107,8 @@ class Basis:
         outside = is_outside(points, self.lower, self.upper)
         if outside.any():
             raise DataError(
-                f"The model holds from {_told(self.lower)} to {_told(self.upper)}, not at {_told(points[outside][0])}.",
+                f"D166 The model holds from {_told(self.lower)} to {_told(self.upper)}, not at "
+                f"{_told(points[outside][0])}.",
                 remedy="Ask for positions within the range, or measure further out and fit again.",
             )
         return np.column_stack([np.ones(len(points)), self.functions.values(points)])

@@ -13,7 +13,7 @@ from robid.errors import SettingsError
 from robid.robot.reach import Reach
 from robid.robot.regressor.model import build_rigid_model
 from robid.settings.load import load_robot
-from robid.settings.robot_derived import tool_arm
+from robid.settings.robot_parts import tool_arm
 from robid.simulate.options import PoseInterface
 from tolerances import IDENTITY
 
