@@ -51,7 +51,7 @@ class ModelChoice(Section):
         None, description="Indices, from 0, of the campaigns' configurations; all when not given.", min_length=1
     )
     count: Count | None = Field(None, description="How many of these are taken; all when not given.")
-    seed: Whole = Field(1, description="Whole of the draw that takes them.")
+    seed: Whole = Field(1, description="Seed of the draw that takes them.")
     low_torque: Name | None = Field(
         None, description="Name of the joint with whose smallest gravity torques they are taken, not drawn."
     )

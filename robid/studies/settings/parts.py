@@ -233,7 +233,7 @@ class BranchCase(SeededCase):
     )
     torque_share: Positive = Field(0.8, description="Share of the torque limits that is used.", le=1)
     draws: Count = Field(40, description="Random series, of which the best conditioned is taken.")
-    draw_seed: Whole = Field(1, description="Whole of these.")
+    draw_seed: Whole = Field(1, description="Seed of these.")
 
 
 class RealCase(Section):

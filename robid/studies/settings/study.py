@@ -92,7 +92,7 @@ class FleetFaults(Section):
     """What is wrong with some of the robots: six kinds, as many robots of each."""
 
     each: Whole = Field(5, description="Robots of each kind.")
-    seed: Whole = Field(1, description="Whole of which robots these are, and of what is wrong where.")
+    seed: Whole = Field(1, description="Seed of which robots these are, and of what is wrong where.")
     stiffness_factor: Positive = Field(
         0.7, description="`spring`: true stiffness of a joint's transmission over that of a sound one."
     )
@@ -121,7 +121,7 @@ class FleetStudy(Section):
     )
     robots: Count = Field(1000, description="Number of robots.")
     robots_per_task: Count = Field(10, description="Robots that are simulated in one go.")
-    first_seed: Whole = Field(1, description="Whole of the first robot and its noise; the others follow.")
+    first_seed: Whole = Field(1, description="Seed of the first robot and its noise; the others follow.")
     faults: FleetFaults = Field(default_factory=FleetFaults, description="What is wrong with some of them.")
     speed: FleetSpeed | None = Field(
         default_factory=FleetSpeed, description="How speed is measured; not at all when null."
