@@ -26,7 +26,7 @@ _SHOWN = 3
 
 
 @dataclass(frozen=True)
-class Finding:
+class RecordFinding:
     """Something wrong with a record.
 
     Attributes:
@@ -40,7 +40,7 @@ class Finding:
     fatal: bool
 
 
-def check_record(record: Record, *, periodic: bool = True) -> list[Finding]:
+def check_record(record: Record, *, periodic: bool = True) -> list[RecordFinding]:
     """Looks for a wrong period, dropped samples, jitter, saturated channels and motors that stood still.
 
     Args:
@@ -54,7 +54,7 @@ def check_record(record: Record, *, periodic: bool = True) -> list[Finding]:
     return (_timing(record) if periodic else []) or [*_saturation(record), *_still(record)]
 
 
-def fed_back(record: Record, frf: Frf) -> list[Finding]:
+def fed_back(record: Record, frf: Frf) -> list[RecordFinding]:
     """Tells where noise that a controller feeds back may bias the response of an arbitrary signal.
 
     Drives are told by a controller what their motion asks for. Without the reference as instrument the response leans
@@ -72,10 +72,10 @@ def fed_back(record: Record, frf: Frf) -> list[Finding]:
         "logged:"
         " where a controller drives the motors, noise that it feeds back biases the response there"
     )
-    return [Finding("loop", what, "log the references and name them, or trust these lines less", fatal=False)]
+    return [RecordFinding("loop", what, "log the references and name them, or trust these lines less", fatal=False)]
 
 
-def refuse_faults(record: Record, findings: list[Finding]) -> None:
+def refuse_faults(record: Record, findings: list[RecordFinding]) -> None:
     """Raises what is fatal among findings, all at once.
 
     Raises:
@@ -87,7 +87,7 @@ def refuse_faults(record: Record, findings: list[Finding]) -> None:
         raise DataError("; ".join(one.what for one in fatal), where=_where(record), remedy="; ".join(remedies))
 
 
-def finding_notes(record: Record, findings: list[Finding]) -> tuple[str, ...]:
+def finding_notes(record: Record, findings: list[RecordFinding]) -> tuple[str, ...]:
     """Writes findings as notes, see `is_finding`."""
     return tuple(f"In the {_where(record)}: {finding.what}; {finding.remedy}." for finding in findings)
 
@@ -102,7 +102,7 @@ def _where(record: Record) -> str:
     return f"{_WHERE} {shown(configuration, record.joint_units)}"
 
 
-def _timing(record: Record) -> list[Finding]:
+def _timing(record: Record) -> list[RecordFinding]:
     found = period_differences(record)
     if found is None:
         return []
@@ -120,23 +120,25 @@ def _timing(record: Record) -> list[Finding]:
     what = (
         f"D225 the sampling instants jitter by {jitter:.2g} samples RMS ({sigmas:.0f} standard deviations above none)"
     )
-    return [Finding("jitter", what, "record with a clock shared by generator and logger, or resample by time", True)]
+    return [
+        RecordFinding("jitter", what, "record with a clock shared by generator and logger, or resample by time", True)
+    ]
 
 
-def _wrong_period(record: Record, longer: int) -> Finding:
+def _wrong_period(record: Record, longer: int) -> RecordFinding:
     stated = record.inputs.shape[4]
     real = stated + longer
     what = f"D226 the signals repeat every {real} samples, not every {stated}: the period is off by {abs(longer)}"
     period_s = real * record.sampling_period_s
-    return Finding("period", what, f"set the period to {period_s:.9g} s, or correct the sampling period", True)
+    return RecordFinding("period", what, f"set the period to {period_s:.9g} s, or correct the sampling period", True)
 
 
-def _dropped(record: Record, shifts: list[Shift]) -> Finding:
+def _dropped(record: Record, shifts: list[Shift]) -> RecordFinding:
     first = {(one.realization, one.experiment): one for one in reversed(shifts)}
     told = "; ".join(_place(record, one) for one in list(first.values())[::-1][:_SHOWN])
     more = f" and in {len(first) - _SHOWN} more experiments" if len(first) > _SHOWN else ""
     remedy = "record these experiments again, or leave their realization out"
-    return Finding("dropped", f"D227 the time base is broken: {told}{more}", remedy, True)
+    return RecordFinding("dropped", f"D227 the time base is broken: {told}{more}", remedy, True)
 
 
 def _place(record: Record, shift: Shift) -> str:
@@ -155,18 +157,18 @@ def _place(record: Record, shift: Shift) -> str:
     return f"realization {shift.realization + 1}, experiment {shift.experiment + 1}: {noun} {place} ({channels})"
 
 
-def _saturation(record: Record) -> list[Finding]:
+def _saturation(record: Record) -> list[RecordFinding]:
     findings = []
     for channel, share in saturated_channels(record):
         place = f"({_worst_place(share)})"
         what = f"D228 {channel.name}: {channel.title} saturates for {100 * share.max():.2g} % of the time {place}"
         off = f"{100 * saturation_error(float(share.max())):.2g} %"
         remedy = f"lower the excitation; where the sensor clips, the response may be off by {off} and more"
-        findings.append(Finding("saturation", what, remedy, False))
+        findings.append(RecordFinding("saturation", what, remedy, False))
     return findings
 
 
-def _still(record: Record) -> list[Finding]:
+def _still(record: Record) -> list[RecordFinding]:
     moved = [
         record.output_names.index(name)
         for name in record.input_names
@@ -193,7 +195,7 @@ def _still(record: Record) -> list[Finding]:
             what = f"D230 {name}: the motor stood still for {100 * part.max():.2g} % of the time ({_worst_place(part)})"
         if what:
             remedy = "raise the excitation of this motor, or keep it moving slowly against friction"
-            findings.append(Finding("still", what, remedy, False))
+            findings.append(RecordFinding("still", what, remedy, False))
     return findings
 
 

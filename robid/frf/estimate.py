@@ -11,7 +11,7 @@ from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS, BlockEstimate, place_of, solvable_lines
 from robid.frf.channels import channel_levels, response_channels, to_accelerations
-from robid.frf.checks import Finding, check_record, fed_back, finding_notes, refuse_faults
+from robid.frf.checks import RecordFinding, check_record, fed_back, finding_notes, refuse_faults
 from robid.frf.covariance import (
     FEW_PERIODS,
     element_scale,
@@ -102,7 +102,7 @@ def estimate_frf(
     return replace(frf, notes=(*frf.notes, *told, *finding_notes(record, [*findings, *lost, *fed_back(record, frf)])))
 
 
-def _with_steadiness(record: Record, findings: list[Finding], steady: Steadiness | None) -> list[Finding]:
+def _with_steadiness(record: Record, findings: list[RecordFinding], steady: Steadiness | None) -> list[RecordFinding]:
     """Findings with what the periods differ by; refuses what is fatal."""
     findings = [*(() if steady is None else steadiness_findings(steady, record)), *findings]
     if any(one.fatal and one.kind == "unsteady" for one in findings):
@@ -113,9 +113,9 @@ def _with_steadiness(record: Record, findings: list[Finding], steady: Steadiness
 
 def _without_lost(
     frf: Frf, record: Record, spectra: Spectra, found: _Found, solved: BoolArray, options: EstimateOptions
-) -> tuple[Frf, list[Finding]]:
+) -> tuple[Frf, list[RecordFinding]]:
     """A response at all lines, those that tell too little left out, and what is said of them."""
-    findings: list[Finding] = []
+    findings: list[RecordFinding] = []
     dropped = np.ones((len(solved), len(record.input_names)), bool)
     hidden = np.zeros_like(dropped)
     dropped[solved] = weak_inputs(frf.response[0], frf.element_variance()[0], options.weak_line_std)
@@ -134,11 +134,13 @@ def _without_lost(
         frf = completed(frf, dropped, record.excited_lines, record.frequency_hz, amplitude, reach)
     if weak.any():
         what = lost_inputs(weak, record.frequency_hz, record.input_names)
-        findings.append(Finding("weak", what, "its responses there are interpolated and left out of fits", fatal=False))
+        findings.append(
+            RecordFinding("weak", what, "its responses there are interpolated and left out of fits", fatal=False)
+        )
     return frf, findings
 
 
-def _hidden(record: Record, spectra: Spectra, hidden: BoolArray, told: BoolArray) -> Finding:
+def _hidden(record: Record, spectra: Spectra, hidden: BoolArray, told: BoolArray) -> RecordFinding:
     """What is said of lines whose response looks like a transient; refuses a record that has hardly any other."""
     needed_s = None
     if record.segments and spectra.windows is not None:
@@ -146,7 +148,7 @@ def _hidden(record: Record, spectra: Spectra, hidden: BoolArray, told: BoolArray
     what, remedy = hidden_inputs(hidden, record.frequency_hz, record.input_names, needed_s)
     if told.sum(axis=0).max() < min(FEWEST, len(told)):
         raise DataError(what, where=place_of(record), remedy=remedy)
-    return Finding("weak", what, f"the lines are left out until you {remedy}", fatal=False)
+    return RecordFinding("weak", what, f"the lines are left out until you {remedy}", fatal=False)
 
 
 def _steadiness(record: Record, spectra: Spectra, found: _Found, options: EstimateOptions) -> Steadiness | None:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.fft import rfft
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
-from robid.frf.checks import Finding
+from robid.frf.checks import RecordFinding
 from robid.frf.spectra import Blocks, output_factor
 from robid.signals.record import Record
 
@@ -113,7 +113,7 @@ def steadiness_notes(found: Steadiness, record: Record) -> tuple[str, ...]:
     return (f"Energy at the excited lines that repeats from period to period: {told}.",)
 
 
-def steadiness_findings(found: Steadiness, record: Record) -> list[Finding]:
+def steadiness_findings(found: Steadiness, record: Record) -> list[RecordFinding]:
     """What of it spoils a response: periods that differ by more than noise, noise of inputs, a transient."""
     findings = []
     n_period = record.inputs.shape[3]
@@ -128,7 +128,7 @@ def steadiness_findings(found: Steadiness, record: Record) -> list[Finding]:
             f" noise; the sizes of the channels change by: {each}"
         )
         remedy = "check that these channels were logged throughout, or leave out the periods that differ"
-        findings.append(Finding("unsteady", what, remedy, found.change > CHANGING_LIMIT))
+        findings.append(RecordFinding("unsteady", what, remedy, found.change > CHANGING_LIMIT))
     elif found.input_bias > _BIAS:
         worst_input = int(np.argmin(found.input_share))
         share = _percent(float(found.input_share[worst_input]))
@@ -137,7 +137,7 @@ def steadiness_findings(found: Steadiness, record: Record) -> list[Finding]:
             "the mean"
             f" of {n_period} periods biases the response by about {_percent(found.input_bias)}"
         )
-        findings.append(Finding("noisy_input", what, "record more periods, or log the reference too", False))
+        findings.append(RecordFinding("noisy_input", what, "record more periods, or log the reference too", False))
     if found.leading:
         noun = "first period is" if found.leading == 1 else f"first {found.leading} periods are"
         what = (
@@ -147,7 +147,7 @@ def steadiness_findings(found: Steadiness, record: Record) -> list[Finding]:
         remedy = (
             f"drop {found.leading} more at the beginning (`drop_periods` of a log, `transient_periods` of a simulation)"
         )
-        findings.append(Finding("transient", what, remedy, False))
+        findings.append(RecordFinding("transient", what, remedy, False))
     return findings
 
 

@@ -1,4 +1,4 @@
-"""What several families conclude alike: parameters from roots, grades and outcomes from doubts."""
+"""What several families conclude alike: parameters from roots, grades and outcomes from findings."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from scipy.stats import norm
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
-from robid.results.doubt import Doubt
 from robid.results.estimate import Estimate
+from robid.results.finding import Finding
 from robid.results.grade import Grade, forbidding, grade_alone, grade_held, ordered, weakening
 from robid.results.outcome import Outcome, recover
 
@@ -113,15 +113,15 @@ def estimate_of_rows(
 _SAME_RATE = 1e-6
 
 
-def graded_alone(doubts: Sequence[Doubt], status: str) -> Grade:
+def graded_alone(findings: Sequence[Finding], status: str) -> Grade:
     """Grades a fit that ended so by itself: it predicts at best."""
-    every = ordered(doubts)
+    every = ordered(findings)
     return grade_alone(forbidding(every, status), weakening(every), every)
 
 
 def outcome_of(
     estimate: Estimate,
-    doubts: Sequence[Doubt],
+    findings: Sequence[Finding],
     failures: Sequence[str],
     verdict: str,
     truth: Mapping[str, float] | None = None,
@@ -130,12 +130,12 @@ def outcome_of(
 
     Args:
         estimate: What the fit found.
-        doubts: Doubts about it, the first to blame first.
+        findings: Doubts about it, the first to blame first.
         failures: What the validation found beyond its limits, a clause each.
         verdict: The same in words, to follow "the model".
         truth: True values by parameter name, of a simulated robot.
     """
-    every = ordered(doubts)
+    every = ordered(findings)
     grade = grade_held((*forbidding(every, estimate.status), *failures), weakening(every), every)
     return Outcome(ok=not failures, verdict=verdict, grade=grade, recovery=recover(estimate, truth or {}))
 

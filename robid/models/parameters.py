@@ -61,7 +61,7 @@ def fit_report(
         headline=Headline(
             name=shown.data.name,
             numbers=(*parameter_numbers(estimates, usable=grade.value > 0), *numbers),
-            doubts=tuple(doubt.sentence for doubt in grade.doubts),
+            findings=tuple(finding.sentence for finding in grade.findings),
             status=estimate.status.replace("_", " "),
             advice=estimate.advice,
         ),

@@ -26,8 +26,8 @@ from robid.frf.reading import READS_REFERENCE
 from robid.frf.silent import identify_laws, start_laws
 from robid.models.handed_on import friction_from_artifact
 from robid.pipeline.stage import Job, counted
-from robid.results.plausible.doubts import evidence_doubts
 from robid.results.plausible.evidence import Evidence, gather_evidence, join_evidence
+from robid.results.plausible.findings import evidence_findings
 from robid.robot.friction import TorqueLaw
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
@@ -245,7 +245,7 @@ def contradictions(loaded: LoadedExperiment, campaign: str, evidence: Evidence) 
     settings = loaded.experiment.campaigns[campaign]
     try:
         robot, declared_s = loaded.robot.to_robot(settings.payload_kg), delay_s(loaded, settings)
-        doubts, notes = evidence_doubts(robot, evidence, declared_s)
+        doubts, notes = evidence_findings(robot, evidence, declared_s)
     except (DataError, SettingsError):
         return ()
     return tuple(f"Campaign {campaign}: {told}." for told in (*(doubt.sentence for doubt in doubts), *notes))

@@ -67,14 +67,14 @@ class Headline:
     Attributes:
         name: Name of the fit.
         numbers: The few numbers that decide whether it can be used.
-        doubts: Everything that speaks against it with its likely cause, a clause each.
+        findings: Everything that speaks against it with its likely cause, a clause each.
         status: How it ended.
         advice: What to do about it; empty when there is nothing to do.
     """
 
     name: str = ""
     numbers: tuple[KeyNumber, ...] = ()
-    doubts: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
     status: str = ""
     advice: str = ""
 

@@ -1,1 +1,1 @@
-"""What every result has, whatever its kind: read `estimate`, `grade`, `doubt`, `outcome`, then `plausible/`."""
+"""What every result has, whatever its kind: read `estimate`, `grade`, `finding`, `outcome`, then `plausible/`."""

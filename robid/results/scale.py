@@ -1,4 +1,4 @@
-"""Factors by which values of a log are commonly read wrong, and how a doubt says which of them it saw."""
+"""Factors by which values of a log are commonly read wrong, and how a finding says which of them it saw."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ CHANNELS = ("torque", "motor_angle", "arm_angle", "speed", "acceleration", "time
 
 @dataclass(frozen=True)
 class Scale:
-    """A wrong scale that a doubt saw.
+    """A wrong scale that a finding saw.
 
     Attributes:
         channel: What has it, of `CHANNELS`.

@@ -81,7 +81,7 @@ def test_hysteresis_returns_and_the_springs_with_it(slipping):
 def test_the_hysteresis_that_is_named_can_be_followed_and_keeps_its_promise(tmp_path, workshop, monkeypatch):
     shop = workshop(tmp_path, monkeypatch)
     _, plain = measured(shop, "hysteresis_nm: 15")
-    doubt = grade_from_artifact(read_artifact(shop.runs.joinpath(*MODEL_FILE), MODEL)).doubts[0]
+    doubt = grade_from_artifact(read_artifact(shop.runs.joinpath(*MODEL_FILE), MODEL)).findings[0]
     told = r"slips late .* would explain (\d+)% of the misfit \(try `(free: \[gear_turn.hysteresis\])`"
     share, free = re.search(told, doubt.message).groups()
     tried = shop.robid("fit", "small.yaml", "--try", "gear_turn.hysteresis", "--json")
@@ -90,7 +90,7 @@ def test_the_hysteresis_that_is_named_can_be_followed_and_keeps_its_promise(tmp_
     after, freed = fitted(shop, free)
     assert after == pytest.approx(tried.json["after"]["cost"], rel=0.01)
     assert off(freed, shop, "stiffness")[0] < 0.3 * off(plain, shop, "stiffness")[0]
-    left = grade_from_artifact(read_artifact(shop.runs.joinpath(*MODEL_FILE), MODEL)).doubts
+    left = grade_from_artifact(read_artifact(shop.runs.joinpath(*MODEL_FILE), MODEL)).findings
     assert not [each.message for each in left if "hysteresis of gear_turn" in each.message]
 
 

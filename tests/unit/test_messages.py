@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from robid.errors import ArtifactError, BackendError, DataError, SettingsError, codes_in
-from robid.results.doubt import CAUSES
+from robid.results.finding import CAUSES
 
 SOURCES = {file: ast.parse(file.read_text()) for file in sorted((Path(__file__).parents[2] / "robid").rglob("*.py"))}
 LETTERS = {"SettingsError": "S", "ArtifactError": "A", "DataError": "D", "BackendError": "B", "WorkerError": "B"}

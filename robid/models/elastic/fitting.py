@@ -22,9 +22,9 @@ from robid.models.elastic.judge.validating import validate_elastic
 from robid.models.elastic.settings import elastic_fit
 from robid.models.family import Data, Work
 from robid.models.handed_on import RigidSource, rigid_source
-from robid.results.doubt import blamed
+from robid.results.finding import blamed
 from robid.results.outcome import recovery_sentence
-from robid.results.plausible.doubts import data_doubts
+from robid.results.plausible.findings import data_findings
 from robid.robot.description import HarmonicBalance, Joint, Robot
 from robid.robot.linearize import axial_inertia
 from robid.robot.model import build_model
@@ -59,7 +59,7 @@ def _fitted(data: Data, work: Work, near: Mapping[str, float] | None) -> Artifac
     try:
         solution = fit_elastic(robot, data.response, settings.options(), delay, told, doubtful, near)
     except DataError as error:
-        raise blamed(error, data_doubts(robot, data.response, delay)) from error
+        raise blamed(error, data_findings(robot, data.response, delay)) from error
     fitted = robot, solution, data.response, settings.options(), delay
     return model_of(solution, assess_fit(*fitted), tabulate_resonances(*fitted))
 
@@ -73,7 +73,7 @@ def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
     validation = validate_elastic(
         *fitted,
         None if true is None else dict(values_in(data.loaded, data.name, true)),
-        grade_from_artifact(model).doubts,
+        grade_from_artifact(model).findings,
         str(settings.validate_on),
     )
     return validation_of(validation, tabulate_resonances(*fitted))

@@ -63,7 +63,7 @@ def validate(data: Data, model: Artifact, _true: TrueRobot | None = None) -> Art
     record = at_homes(data.records[0], solution.homes)
     refuse_other_ports(solution.ports, record, options)
     shots = shots_of(record, options, campaign)
-    return validation_of(validate_external(solution, shots, grade_from_artifact(model).doubts))
+    return validation_of(validate_external(solution, shots, grade_from_artifact(model).findings))
 
 
 def compare(every: Sequence[Shown]) -> dict[str, float]:

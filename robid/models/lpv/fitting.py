@@ -22,7 +22,7 @@ from robid.models.lpv.fit.solution import Ports
 from robid.models.lpv.fit.state_space import block_names
 from robid.models.lpv.judge import assess_lpv, validate_lpv
 from robid.models.lpv.settings import LpvFit, lpv_fit
-from robid.results.doubt import Doubt, saturation_doubts
+from robid.results.finding import Finding, saturation_findings
 from robid.settings.load import LoadedExperiment
 from robid.signals.quantities import Channel
 from robid.simulate.truth import TrueRobot
@@ -56,7 +56,7 @@ def fit(data: Data, work: Work) -> Artifact:
             identifiable_relative_std=settings.identifiable_relative_std,
         )
     work.progress.advance()
-    told = [*doubts_of_scheduling(frf, data.loaded, settings), *doubts_of_signals(frf, settings)]
+    told = [*findings_of_scheduling(frf, data.loaded, settings), *findings_of_signals(frf, settings)]
     return model_of(solution, assess_lpv(solution, told))
 
 
@@ -89,8 +89,8 @@ def validate(data: Data, model: Artifact, _true: TrueRobot | None = None) -> Art
     ports, responses = ports_of(frf, data.loaded, settings), responses_of(frf, data.loaded, settings)
     remedy = "validate at positions within the range, or fit positions further out"
     _refuse_outside(responses.points, solution.basis.lower, solution.basis.upper, ports, remedy)
-    doubts = grade_from_artifact(model).doubts
-    return validation_of(validate_lpv(solution, ports, responses, frf.degrees_of_freedom, doubts))
+    findings = grade_from_artifact(model).findings
+    return validation_of(validate_lpv(solution, ports, responses, frf.degrees_of_freedom, findings))
 
 
 def misfits(model: Artifact, validation: Artifact | None) -> dict[str, float]:
@@ -205,20 +205,20 @@ def _unit(frf: Frf, loaded: LoadedExperiment, name: str) -> str:
     return channels[frf.output_names.index(name)].unit
 
 
-def doubts_of_scheduling(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Doubt]:
-    """Yields doubts about where the responses were measured."""
+def findings_of_scheduling(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Finding]:
+    """Yields findings about where the responses were measured."""
     yield from _moving(frf, loaded, settings)
     yield from _restless(frf, loaded, settings)
 
 
-def doubts_of_signals(frf: Frf, settings: LpvFit) -> tuple[Doubt, ...]:
-    """Returns doubts about the signals of a fit's own inputs and outputs."""
+def findings_of_signals(frf: Frf, settings: LpvFit) -> tuple[Finding, ...]:
+    """Returns findings about the signals of a fit's own inputs and outputs."""
     outputs, inputs = (at.tolist() for at in _channels(frf, settings))
-    return saturation_doubts(saturated_signals(frf, inputs, outputs))
+    return saturation_findings(saturated_signals(frf, inputs, outputs))
 
 
-def _restless(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Doubt]:
-    """Yields a doubt where an output moves about its mean by much of the range that the means span."""
+def _restless(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Finding]:
+    """Yields a finding where an output moves about its mean by much of the range that the means span."""
     if frf.mean_output is None or frf.motion_rms is None:
         return
     for name in (one for one in settings.scheduling if one not in _joints(frf, loaded)):
@@ -227,11 +227,11 @@ def _restless(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[
         moved = float(np.nanmax(frf.motion_rms[:, column], initial=0.0))
         if moved > _STILL * width:
             told = f"{name} moved by {moved / width:.0%} (rms) of its range while it was measured, limit {_STILL:.0%}"
-            yield Doubt("unsteady", told, decisive=moved > width, strength=moved / (_STILL * width))
+            yield Finding("unsteady", told, decisive=moved > width, strength=moved / (_STILL * width))
 
 
-def _moving(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Doubt]:
-    """Yields a doubt where joints that schedule nothing differ between configurations."""
+def _moving(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Finding]:
+    """Yields a finding where joints that schedule nothing differ between configurations."""
     joints = _joints(frf, loaded)
     spread = np.ptp(frf.configurations, axis=0) if joints else np.zeros(0)
     moved = [
@@ -239,4 +239,4 @@ def _moving(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Do
     ]
     if moved:
         told = f"{', '.join(moved)} stood elsewhere in other configurations, of which the model knows nothing"
-        yield Doubt("model", told, decisive=False, strength=1.5)
+        yield Finding("model", told, decisive=False, strength=1.5)

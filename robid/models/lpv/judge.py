@@ -14,7 +14,7 @@ from robid.models.conclusions import graded_alone, outcome_of
 from robid.models.lpv.fit.fitting import hold
 from robid.models.lpv.fit.responses import LocalResponses, expected_share, hidden_error
 from robid.models.lpv.fit.solution import Held, LpvSolution, Ports
-from robid.results.doubt import Doubt
+from robid.results.finding import Finding
 from robid.results.grade import Grade
 from robid.results.outcome import Outcome
 
@@ -28,26 +28,26 @@ MISFIT = 2.0
 """Errors on a fit's own data over their deviation, of the median element, from which single poles are to be doubted."""
 
 
-def assess_lpv(solution: LpvSolution, told: Sequence[Doubt] = ()) -> Grade:
-    """Gathers the doubts about a fit and grades it by itself: it predicts at best.
+def assess_lpv(solution: LpvSolution, told: Sequence[Finding] = ()) -> Grade:
+    """Gathers the findings about a fit and grades it by itself: it predicts at best.
 
     Args:
         solution: What the fit found.
-        told: Further doubts about its data.
+        told: Further findings about its data.
     """
-    own = error_doubts(solution.own, solution.ports, "the fit's own data")
-    choosing = error_doubts(solution.choosing, solution.ports, "what chooses the structure")
+    own = error_findings(solution.own, solution.ports, "the fit's own data")
+    choosing = error_findings(solution.choosing, solution.ports, "what chooses the structure")
     return graded_alone(
         [*_unstable(solution), *_unexplained(solution.own), *told, *own, *choosing], solution.estimate.status
     )
 
 
-def error_doubts(held: Held, ports: Ports, where: str) -> Iterator[Doubt]:
-    """Yields a doubt where the error beyond noise is too large, decisive where the model must not be used."""
+def error_findings(held: Held, ports: Ports, where: str) -> Iterator[Finding]:
+    """Yields a finding where the error beyond noise is too large, decisive where the model must not be used."""
     worst = float(np.nanmax(held.agreement.excess, initial=0.0))
     if worst > DOUBTFUL:
         told = f"{worst_place(held, ports)} is off by {worst:.0%} beyond noise on {where}, limit {DOUBTFUL:.0%}"
-        yield Doubt("model", told, decisive=worst > UNUSABLE, strength=worst / DOUBTFUL)
+        yield Finding("model", told, decisive=worst > UNUSABLE, strength=worst / DOUBTFUL)
 
 
 def worst_place(held: Held, ports: Ports) -> str:
@@ -56,8 +56,8 @@ def worst_place(held: Held, ports: Ports) -> str:
     return f"{ports.outputs[output]} by {ports.inputs[port]} at {ports.place(held.points[position])}"
 
 
-def _unexplained(held: Held) -> Iterator[Doubt]:
-    """Yields a doubt where errors are not of the size that the covariance says, however small they are."""
+def _unexplained(held: Held) -> Iterator[Finding]:
+    """Yields a finding where errors are not of the size that the covariance says, however small they are."""
     ratio = held.agreement.error_ratio
     typical = float(np.nanmedian(ratio)) if np.isfinite(ratio).any() else 0.0
     if typical > MISFIT:
@@ -65,16 +65,16 @@ def _unexplained(held: Held) -> Iterator[Doubt]:
             f"the fit is off by {typical:.3g} deviations of its own data (limit {MISFIT:g}): it may predict as well as"
             " is said, but its poles may be off by more than their intervals"
         )
-        yield Doubt("model", told, decisive=False, strength=typical / MISFIT)
+        yield Finding("model", told, decisive=False, strength=typical / MISFIT)
 
 
-def _unstable(solution: LpvSolution) -> Iterator[Doubt]:
+def _unstable(solution: LpvSolution) -> Iterator[Finding]:
     if solution.largest_pole >= 1:
         told = (
             f"the model is unstable within its range, with a pole of absolute value {solution.largest_pole:.6g} at"
             f" {solution.ports.place(solution.largest_pole_at)}: fit a position there, or take fewer basis functions"
         )
-        yield Doubt("model", told, decisive=True, strength=3.0)
+        yield Finding("model", told, decisive=True, strength=3.0)
 
 
 _SAME_PLACE = 1e-3  # of the range
@@ -96,18 +96,18 @@ def validate_lpv(
     ports: Ports,
     responses: LocalResponses,
     degrees_of_freedom: float,
-    doubts: Sequence[Doubt] = (),
+    findings: Sequence[Finding] = (),
 ) -> LpvValidation:
     """Validates a model.
 
-    The limits are absolute: an error beyond noise of 30 % of the response is a failure, one of 10 % a doubt.
+    The limits are absolute: an error beyond noise of 30 % of the response is a failure, one of 10 % a finding.
 
     Args:
         solution: What the fit found.
         ports: Channels of the responses.
         responses: What was measured anew.
         degrees_of_freedom: Behind its variances.
-        doubts: Doubts about the fit.
+        findings: Doubts about the fit.
 
     Raises:
         DataError: If the channels or the sampling period differ, or a position lies outside the model's range.
@@ -124,24 +124,24 @@ def validate_lpv(
         if worst > UNUSABLE
         else ()
     )
-    found = [doubt for doubt in error_doubts(held, ports, "new data") if not doubt.decisive]
-    every = [*doubts, *found, *_seen(new), *_hidden(held)]
+    found = [finding for finding in error_findings(held, ports, "new data") if not finding.decisive]
+    every = [*findings, *found, *_seen(new), *_hidden(held)]
     return LpvValidation(
         outcome=outcome_of(solution.estimate, every, failures, _verdict(held, failures)), held=held, new=new
     )
 
 
-def _seen(new: BoolArray) -> Iterator[Doubt]:
+def _seen(new: BoolArray) -> Iterator[Finding]:
     if not new.any():
         told = "every position of the validation is one of the fit: nothing was tested in between"
-        yield Doubt("same_motion", told, decisive=False, strength=2.0)
+        yield Finding("same_motion", told, decisive=False, strength=2.0)
 
 
-def _hidden(held: Held) -> Iterator[Doubt]:
+def _hidden(held: Held) -> Iterator[Finding]:
     worst = float(np.nanmax(hidden_error(held.response, held.std), initial=0.0))
     if worst > UNUSABLE:
         told = f"noise of the new data could hide an error of {worst:.0%}, limit {UNUSABLE:.0%}"
-        yield Doubt("excitation", told, decisive=False, strength=worst / UNUSABLE)
+        yield Finding("excitation", told, decisive=False, strength=worst / UNUSABLE)
 
 
 def _refuse_other(own: Ports, found: Ports) -> None:

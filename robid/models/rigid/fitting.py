@@ -15,10 +15,10 @@ from robid.models.rigid.files import model_of, solution_from_artifact, validatio
 from robid.models.rigid.fit.fitting import Simulate, fit_rigid
 from robid.models.rigid.fit.shots import Shot, refuse_unusable, shots_of
 from robid.models.rigid.judge.plausible import assess_rigid
-from robid.models.rigid.judge.scales import motions_of, rigid_scale_doubts, sum_doubts
+from robid.models.rigid.judge.scales import motions_of, rigid_scale_findings, sum_findings
 from robid.models.rigid.judge.validating import validate_rigid
 from robid.models.rigid.settings import loaded_campaign, rigid_fit
-from robid.results.doubt import blamed
+from robid.results.finding import blamed
 from robid.robot.description import Robot
 from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.model import RigidModel, build_rigid_model
@@ -37,8 +37,8 @@ def fit(data: Data, work: Work) -> Artifact:
     shots = shots_in(data, settings.campaigns, robot)
     loop = None if settings.instruments == "none" else _loop(data, robot, shots)
     refuse_unusable(robot, shots)
-    scales = rigid_scale_doubts(robot, shots, motions_of(data.records[0], robot), settings.options())
-    scales = scales or sum_doubts(robot, shots, settings.options())
+    scales = rigid_scale_findings(robot, shots, motions_of(data.records[0], robot), settings.options())
+    scales = scales or sum_findings(robot, shots, settings.options())
     try:
         solution = fit_rigid(robot, shots, settings.options(), loop)
     except DataError as error:
@@ -58,7 +58,7 @@ def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
         solution_from_artifact(model),
         shots,
         settings.options(),
-        grade_from_artifact(model).doubts,
+        grade_from_artifact(model).findings,
         None if true is None else values_in(data.loaded, data.name, true),
         _loop(data, robot, shots),
     )

@@ -1,1 +1,1 @@
-"""Data held against the robot file before any fit. Read `evidence`, `angles`, `gravity`, `scales`, then `doubts`."""
+"""Data held against the robot file before any fit. Read `evidence`, `angles`, `gravity`, `scales`, then `findings`."""

@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.stats import t as student
 
 from robid.arrays import BoolArray, FloatArray
-from robid.results.doubt import Doubt
+from robid.results.finding import Finding
 from robid.results.plausible.evidence import Evidence
 from robid.robot.description import Robot
 from robid.signals.quantities import METRES, RADIANS
@@ -35,14 +35,14 @@ class Angles:
     """What mean angles say.
 
     Attributes:
-        doubts: Strongest first.
+        findings: Strongest first.
         notes: What is no fault, but worth to know.
         sign (n_motor,): 1 or -1 where the angles tell a motor's sign, 0 where they do not.
         ratio_fits (n_motor,): Which motors' gear ratios nothing contradicts.
         placed: Whether nothing says that the robot stood elsewhere than stated.
     """
 
-    doubts: tuple[Doubt, ...]
+    findings: tuple[Finding, ...]
     notes: tuple[str, ...]
     sign: FloatArray
     ratio_fits: BoolArray
@@ -94,10 +94,10 @@ def judge_angles(robot: Robot, evidence: Evidence) -> Angles:
     names = [evidence.names[index] for index in told]
     allowed = (placed_within + _SWINGS * swing)[:, told]
     means = _Means(names, [units[index] for index in told], stated[:, told], logged[:, told], allowed)
-    doubts, slopes, more, placed = _explain(means)
+    findings, slopes, more, placed = _explain(means)
     sign[told] = np.sign(slopes) * (np.abs(np.abs(slopes) - 1) < 0.5)
     fits[told] = np.abs(np.abs(slopes) - 1) < _LEAST_SLOPE
-    return Angles(doubts, notes + more, sign, fits, placed)
+    return Angles(findings, notes + more, sign, fits, placed)
 
 
 def _relative(
@@ -118,30 +118,30 @@ def _relative_notes(names: list[str]) -> tuple[str, ...]:
     return (f"{', '.join(names)}: {told} the same in every configuration, so the log cannot tell where the robot was",)
 
 
-def _explain(means: _Means) -> tuple[tuple[Doubt, ...], FloatArray, tuple[str, ...], bool]:
+def _explain(means: _Means) -> tuple[tuple[Finding, ...], FloatArray, tuple[str, ...], bool]:
     """Doubts, slope of each motor (0 where unknown), notes, and whether the robot stood where stated."""
     n_conf, ones = len(means.stated), np.ones(len(means.names))
     away = np.abs(means.logged - means.stated) > means.allowed
     if not away.any():
-        slopes, doubts = _slopes(means)
-        return doubts, slopes, (), True
+        slopes, findings = _slopes(means)
+        return findings, slopes, (), True
     order = _permutation(means, np.zeros(len(means.names)))
     if order is not None:
         return (_swapped(means, order),), ones, (), False
     for offset in (False, True) if n_conf > 2 else (False,):
-        slopes, doubts = _slopes(means, offset=offset)
-        if doubts and slopes.all():
-            return doubts, slopes, (), True
+        slopes, findings = _slopes(means, offset=offset)
+        if findings and slopes.all():
+            return findings, slopes, (), True
     middle = np.median(means.logged - means.stated, axis=0)
     level = np.abs(means.logged - means.stated - middle) <= means.allowed
     if level.all():
         return _offset(means, middle, away)
     order = _permutation(means, middle) if n_conf >= 4 else None
-    doubt = _elsewhere(means) if order is None else _swapped(means, order)
-    return (doubt,), np.zeros(len(means.names)), (), False
+    finding = _elsewhere(means) if order is None else _swapped(means, order)
+    return (finding,), np.zeros(len(means.names)), (), False
 
 
-def _slopes(means: _Means, *, offset: bool | None = None) -> tuple[FloatArray, tuple[Doubt, ...]]:
+def _slopes(means: _Means, *, offset: bool | None = None) -> tuple[FloatArray, tuple[Finding, ...]]:
     """Slope of logged over stated angles of each motor, 0 where no line explains them, and what they point to.
 
     Args:
@@ -149,7 +149,7 @@ def _slopes(means: _Means, *, offset: bool | None = None) -> tuple[FloatArray, t
         offset: Whether each motor has an offset of its own; None where the stated angles hold within what is
             allowed, so that only what stands out of the scatter counts.
     """
-    slopes, doubts = np.ones(len(means.names)), []
+    slopes, findings = np.ones(len(means.names)), []
     for index, name in enumerate(means.names):
         x, y = means.stated[:, index], means.logged[:, index]
         if offset is not None and (np.abs(y - x) <= means.allowed[:, index]).all():
@@ -163,8 +163,8 @@ def _slopes(means: _Means, *, offset: bool | None = None) -> tuple[FloatArray, t
             slopes[index] = 0.0
         elif abs(slope - 1) > limit:
             slopes[index] = slope
-            doubts.append(_slope_doubt(name, slope, abs(slope - 1) / limit, len(x)))
-    return slopes, tuple(sorted(doubts, key=lambda doubt: -doubt.strength))
+            findings.append(_slope_finding(name, slope, abs(slope - 1) / limit, len(x)))
+    return slopes, tuple(sorted(findings, key=lambda finding: -finding.strength))
 
 
 def _line(x: FloatArray, y: FloatArray, unit: str, *, offset: bool) -> tuple[float, FloatArray, float] | None:
@@ -185,12 +185,12 @@ def _line(x: FloatArray, y: FloatArray, unit: str, *, offset: bool) -> tuple[flo
     return slope, left, max(_LEAST_SLOPE, quantile * scatter / float(np.sqrt(used @ used)))
 
 
-def _slope_doubt(name: str, slope: float, strength: float, n_conf: int) -> Doubt:
+def _slope_finding(name: str, slope: float, strength: float, n_conf: int) -> Finding:
     where = "in the only configuration" if n_conf == 1 else f"over {n_conf} configurations"
     seen = f"{name}: its mean angles are {slope:.4g} times what configuration and gear ratio give {where}"
     if slope < 0:
-        return Doubt("angle_sign", seen, decisive=True, strength=strength)
-    return Doubt("gear_ratio", seen, decisive=abs(slope - 1) > _GROSS_SLOPE, strength=strength)
+        return Finding("angle_sign", seen, decisive=True, strength=strength)
+    return Finding("gear_ratio", seen, decisive=abs(slope - 1) > _GROSS_SLOPE, strength=strength)
 
 
 def _permutation(means: _Means, offset: FloatArray) -> list[int] | None:
@@ -202,14 +202,14 @@ def _permutation(means: _Means, offset: FloatArray) -> list[int] | None:
     return order.tolist() if fits.all() and (order != np.arange(len(order))).any() else None
 
 
-def _swapped(means: _Means, order: list[int]) -> Doubt:
+def _swapped(means: _Means, order: list[int]) -> Finding:
     moved = [f"{log + 1} fits {place + 1}" for log, place in enumerate(order) if log != place]
     more = f" and {len(moved) - _SHOWN} more" if len(moved) > _SHOWN else ""
     told = f"the log of configuration {', of '.join(moved[:_SHOWN])}{more}"
     return _misplaced(means, f"the mean angles contradict the stated configurations; {told}")
 
 
-def _elsewhere(means: _Means) -> Doubt:
+def _elsewhere(means: _Means) -> Finding:
     away = np.abs(means.logged - means.stated) / means.allowed
     place, motor = np.unravel_index(int(np.argmax(away)), away.shape)
     off = _off(np.abs(means.logged - means.stated)[place, motor], means.units[motor])
@@ -217,9 +217,9 @@ def _elsewhere(means: _Means) -> Doubt:
     return _misplaced(means, f"the mean angles contradict the stated configurations {told}")
 
 
-def _misplaced(means: _Means, message: str) -> Doubt:
+def _misplaced(means: _Means, message: str) -> Finding:
     strength = float((np.abs(means.logged - means.stated) / means.allowed).max())
-    return Doubt("configurations", message, decisive=True, strength=strength)
+    return Finding("configurations", message, decisive=True, strength=strength)
 
 
 def _off(distance: float, unit: str) -> str:
@@ -233,18 +233,18 @@ def _most(means: _Means, away: FloatArray) -> str:
 
 def _offset(
     means: _Means, middle: FloatArray, away: BoolArray
-) -> tuple[tuple[Doubt, ...], FloatArray, tuple[str, ...], bool]:
+) -> tuple[tuple[Finding, ...], FloatArray, tuple[str, ...], bool]:
     """Constant offsets: encoders without a reference, or, where others agree, one joint's zero or configuration."""
     ones = np.ones(len(means.names))
     shifted = np.asarray(away.any(axis=0))
     turned = ~shifted & (np.abs(means.stated).max(axis=0) > means.least_spread)
     if turned.any():
-        doubt = _elsewhere(means)
+        finding = _elsewhere(means)
         if len(means.stated) == 1:
-            return (doubt,), np.where(shifted, 0.0, 1.0), (), False
+            return (finding,), np.where(shifted, 0.0, 1.0), (), False
         names = ", ".join(name for name, moved in zip(means.names, shifted.tolist(), strict=True) if moved)
         told = f"{names}: off by the same amount in every configuration ({_most(means, middle)})"
-        return (Doubt("configurations", told, decisive=False, strength=doubt.strength),), ones, (), True
+        return (Finding("configurations", told, decisive=False, strength=finding.strength),), ones, (), True
     if len(means.stated) == 1:
         ones = np.zeros(len(means.names))
     told = f"the mean angles differ from the configurations by up to {_most(means, middle)}"

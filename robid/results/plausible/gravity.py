@@ -9,9 +9,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from robid.arrays import BoolArray, FloatArray
-from robid.results.doubt import Doubt
+from robid.results.finding import Finding
 from robid.results.plausible.evidence import Carrier, Evidence, Fitted
-from robid.results.plausible.loads import BALANCE, LoadCause, doubt_of, is_possible, load_causes
+from robid.results.plausible.loads import BALANCE, LoadCause, finding_of, is_possible, load_causes
 from robid.robot.description import Robot
 
 _SIGMAS = 5.0
@@ -98,7 +98,7 @@ def gravity_signs(weights: GravityTorques) -> FloatArray:
     return signs
 
 
-def judge_places(weights: GravityTorques) -> Doubt | None:
+def judge_places(weights: GravityTorques) -> Finding | None:
     """Finds other stated configurations that fit the mean torques far better than those of the logs do."""
     square = np.array([np.linalg.inv(root.T @ root).diagonal() for root in weights.root])[weights.usable].T
     away = (weights.measured[:, None] - weights.expected)[..., weights.usable]
@@ -109,12 +109,12 @@ def judge_places(weights: GravityTorques) -> Doubt | None:
         return None
     moved = ", of ".join(f"{log + 1} fits {place + 1}" for log, place in enumerate(order.tolist()) if log != place)
     told = f"the mean torques carry the weight of other configurations; the log of configuration {moved}"
-    return Doubt("configurations", told, decisive=True, strength=float(np.sqrt((own - best) / len(order))) / _SIGMAS)
+    return Finding("configurations", told, decisive=True, strength=float(np.sqrt((own - best) / len(order))) / _SIGMAS)
 
 
 def judge_gravity(
     robot: Robot, evidence: Evidence, weights: GravityTorques, torque_sign: FloatArray
-) -> tuple[Doubt, ...]:
+) -> tuple[Finding, ...]:
     """Finds what explains mean torques that are not gravity's: payload, torque constant, masses, counterbalance.
 
     The causes compete: the one that explains most is taken, then what is left is explained again. A counterbalance,
@@ -138,14 +138,14 @@ def judge_gravity(
     best = min(balances, key=lambda each: each.rest, default=found)
     if best.rest < _BALANCE_LEAVES * found.rest and found.rest - best.rest > _SIGMAS**2:
         found = best
-    return found.doubts or _unexplained(weights, float(left @ left) / left.size)
+    return found.findings or _unexplained(weights, float(left @ left) / left.size)
 
 
 @dataclass(frozen=True)
 class _Explained:
     """Doubts that explain mean torques together, and the squares that they leave."""
 
-    doubts: tuple[Doubt, ...]
+    findings: tuple[Finding, ...]
     rest: float
 
 
@@ -153,7 +153,7 @@ def _compete(
     robot: Robot, weights: GravityTorques, causes: Sequence[LoadCause], first: LoadCause | None = None
 ) -> _Explained:
     """Takes the cause that explains most, one after the other, all after the first where that is given."""
-    white, doubts = weights.whitened, []
+    white, findings = weights.whitened, []
     left = white(weights.measured - weights.expected)
     chosen: list[LoadCause] = []
     explained, remains = 0.0, float(left @ left)
@@ -171,18 +171,18 @@ def _compete(
             break
         explained, remains = gain, rest
         chosen.append(cause)
-        doubts.append(doubt_of(robot, cause, own, sigmas / _SIGMAS, len(weights.expected)))
-    return _Explained(tuple(doubts), remains)
+        findings.append(finding_of(robot, cause, own, sigmas / _SIGMAS, len(weights.expected)))
+    return _Explained(tuple(findings), remains)
 
 
-def _unexplained(weights: GravityTorques, square: float) -> tuple[Doubt, ...]:
+def _unexplained(weights: GravityTorques, square: float) -> tuple[Finding, ...]:
     """What to say where no single cause explains mean torques that are not gravity's."""
     if square < _SIGMAS**2:
         return ()
     away = np.where(weights.usable, np.abs(weights.measured - weights.expected), 0.0)
     place, motor = np.unravel_index(int(np.argmax(away)), away.shape)
     told = f"mean torques are not gravity's, by up to {away[place, motor]:.3g} N m ({weights.names[motor]})"
-    return (Doubt("masses", told, decisive=False, strength=float(np.sqrt(square)) / _SIGMAS),)
+    return (Finding("masses", told, decisive=False, strength=float(np.sqrt(square)) / _SIGMAS),)
 
 
 def _effect(weights: GravityTorques, cause: LoadCause, values: FloatArray) -> float:

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
-from robid.results.doubt import Doubt, two_digits
+from robid.results.finding import Finding, two_digits
 from robid.robot.description import Joint, Robot
 from robid.robot.linearize import gravity_torque, solve_statics
 from robid.robot.model import build_model
 
 BALANCE = "counterbalance"
-"""The cause, of `robid.results.doubt.CAUSES`."""
+"""The cause, of `robid.results.finding.CAUSES`."""
 _TELLING_ANGLES = 4  # of a joint: a sine and a cosine pass through the torques at any two of them
 _SAME_RAD = 1e-2
 
@@ -142,7 +142,7 @@ def _turned(gravity: FloatArray, axis: int) -> FloatArray:
     return np.asarray(gravity - np.cross(_TILT_RAD * np.eye(3)[axis], gravity))
 
 
-def doubt_of(robot: Robot, cause: LoadCause, values: FloatArray, strength: float, n_conf: int) -> Doubt:
+def finding_of(robot: Robot, cause: LoadCause, values: FloatArray, strength: float, n_conf: int) -> Finding:
     """Says what a cause is that explains mean torques by its values (n_column,)."""
     where = f"in {n_conf} configuration{'s' if n_conf > 1 else ''}"
     value = float(values[0])
@@ -160,4 +160,4 @@ def doubt_of(robot: Robot, cause: LoadCause, values: FloatArray, strength: float
     else:
         lean = np.rad2deg(np.linalg.norm(values))
         told = f"mean torques {where} are those of a base that leans by {lean:.2g} deg more than the model's"
-    return Doubt(cause.kind, told, decisive=decisive, strength=strength)
+    return Finding(cause.kind, told, decisive=decisive, strength=strength)

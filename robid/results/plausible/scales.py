@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
-from robid.results.doubt import Doubt
+from robid.results.finding import Finding
 from robid.results.plausible.evidence import Evidence
 from robid.results.plausible.hypotheses import Named, Seen, hypotheses_of, joined, name_scales
 from robid.robot.description import Robot
@@ -38,11 +38,11 @@ class Scales:
     """What a campaign says of its scales.
 
     Attributes:
-        doubts: The wrong one, if there is one.
+        findings: The wrong one, if there is one.
         evidence: What the campaign would have shown without.
     """
 
-    doubts: tuple[Doubt, ...]
+    findings: tuple[Finding, ...]
     evidence: Evidence
 
 
@@ -68,7 +68,7 @@ def judge_scales(robot: Robot, evidence: Evidence, declared_s: float) -> Scales:
     n_motor = len(evidence.names)
     motion = log[n_motor:-1][[[one.name for one in evidence.moved].index(name) for name in evidence.names]]
     undone = evidence.undone(np.exp(log[:n_motor]), np.exp(motion), float(np.exp(log[-1])))
-    return Scales((named_doubt(named, scene.sources(log)),), undone)
+    return Scales((named_finding(named, scene.sources(log)),), undone)
 
 
 class _Scene:
@@ -297,7 +297,7 @@ def _slope(stated: FloatArray, logged: FloatArray, least: float) -> tuple[float,
     return abs(slope), 3 * float(np.sqrt(left @ left / max(len(x) - 2, 1) / (x @ x))) / abs(slope)
 
 
-def named_doubt(named: Named, sources: str) -> Doubt:
+def named_finding(named: Named, sources: str) -> Finding:
     """Says what was seen, what it would mean and what to write."""
     size, low, high = named.seen
     words = [" and of the ".join(scale.what for scale in each.scales) for each in named.alike]
@@ -307,4 +307,4 @@ def named_doubt(named: Named, sources: str) -> Doubt:
         f"{''.join(f'; or {other}' for other in meant[1:])}"
     )
     scales = tuple(scale for each in named.alike for scale in each.scales)
-    return Doubt("units", told, decisive=True, strength=max(named.strength, 2.0), scales=scales)
+    return Finding("units", told, decisive=True, strength=max(named.strength, 2.0), scales=scales)

@@ -22,8 +22,8 @@ from robid.models.elastic.judge.grading import telling_shares
 from robid.models.elastic.judge.validating import Validation, validate_elastic
 from robid.models.elastic.settings import elastic_fit, model_settings
 from robid.pipeline.graph import Run
-from robid.results.doubt import CAUSES
-from robid.results.plausible.doubts import data_doubts
+from robid.results.finding import CAUSES
+from robid.results.plausible.findings import data_findings
 from robid.robot.description import Robot
 from robid.settings.robot_parts import delay_s, plain_settings
 from robid.studies.mistakes.responses import Case, campaigns_of, cases, mistaken_robot, mistaken_truth
@@ -79,7 +79,7 @@ def against_truth(solution: ElasticSolution, validation: Validation, truth: dict
 
 def refused_causes(robot: Robot, frf: Frf | None, text: str, delay_s: float = 0.0) -> tuple[str, ...]:
     """Returns the causes that the tool names where it refuses data, by its text and the response, in their order."""
-    seen = () if frf is None else tuple(doubt.cause for doubt in data_doubts(robot, frf, delay_s))
+    seen = () if frf is None else tuple(doubt.cause for doubt in data_findings(robot, frf, delay_s))
     named = sorted((text.find(words), cause) for cause, words in CAUSES.items() if words in text)
     return tuple(dict.fromkeys((*seen, *(cause for _, cause in named))))
 
@@ -153,7 +153,7 @@ def judge_case(fitting: Fitting, model: Path, mistake: Mistake, about: dict[str,
         frf = _response(responses, fitting, "estimation")
         solution = kept_solution(held)
         new = _response(responses, fitting, "validation")
-        doubts = assess_fit(fitting.robots[0], solution, frf, fitting.options, fitting.delay_s).doubts
+        doubts = assess_fit(fitting.robots[0], solution, frf, fitting.options, fitting.delay_s).findings
         validation = validate_elastic(fitting.robots[1], solution, new, fitting.options, fitting.delay_s, truth, doubts)
     except DataError as error:
         # Nothing may be used of what was refused, which no truth contradicts.
@@ -164,7 +164,7 @@ def judge_case(fitting: Fitting, model: Path, mistake: Mistake, about: dict[str,
 
 
 def _content(about: dict[str, Attribute], solution: ElasticSolution, validation: Validation, truth: Against) -> Content:
-    error, axis, doubts = solution.model_error, ("doubt",), validation.outcome.grade.doubts
+    error, axis, doubts = solution.model_error, ("doubt",), validation.outcome.grade.findings
     shares = dict.fromkeys(("share_above", "share_correlated", "telling_above", "telling_correlated"), float("nan"))
     if error is not None:
         shares = dict(zip(shares, (error.share_above, error.share_correlated, *telling_shares(error)), strict=True))

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.io import savemat
 
 from robid.arrays import FloatArray
-from robid.results.doubt import CAUSES
+from robid.results.finding import CAUSES
 from robid.results.scale import OWN_SCALES, SCALES, Scale, read_scale
 from robid.settings.base import Section
 from robid.settings.robot import RobotFile

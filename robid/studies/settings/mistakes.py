@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field, StringConstraints
 
-from robid.results.doubt import CAUSES
+from robid.results.finding import CAUSES
 from robid.results.scale import CHANNELS, OWN_SCALES, SCALES
 from robid.settings.base import Name, Section
 from robid.settings.experiment import Experiment

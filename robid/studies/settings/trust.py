@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from robid.results.doubt import CAUSES
+from robid.results.finding import CAUSES
 from robid.settings.base import Name, Section
 from robid.settings.experiment import Experiment
 from robid.settings.robot import RobotFile

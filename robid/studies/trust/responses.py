@@ -25,7 +25,7 @@ from robid.models.elastic.settings import elastic_fit, model_settings
 from robid.pipeline.configurations import draw_in_reach
 from robid.pipeline.graph import Run
 from robid.pipeline.simulate_or_acquire import simulated_experiment, simulated_truth
-from robid.results.doubt import Doubt
+from robid.results.finding import Finding
 from robid.robot.description import Robot
 from robid.robot.doubts import Doubts
 from robid.settings.experiment import Campaign
@@ -246,14 +246,14 @@ def grade_individual(fitting: Fitting, model: Path, fresh: tuple[Path, ...]) -> 
     try:
         solution = kept_solution(held)
         frf = read_responses(fitting.responses)
-        doubts = assess_fit(fitting.robot, solution, frf, fitting.options, fitting.delay_s).doubts
+        doubts = assess_fit(fitting.robot, solution, frf, fitting.options, fitting.delay_s).findings
         if not fresh:
             return _content(doubts, {})
         new, truth = read_responses(fresh), kept_truth(held)
         validation = validate_elastic(fitting.robot, solution, new, fitting.options, fitting.delay_s, truth, doubts)
     except DataError as error:
         return _refused(fitting, frf, str(error))
-    return _content(validation.outcome.grade.doubts, {"grade": validation.outcome.grade.value})
+    return _content(validation.outcome.grade.findings, {"grade": validation.outcome.grade.value})
 
 
 def _refused(fitting: Fitting, frf: Frf | None, text: str) -> Content:
@@ -262,7 +262,7 @@ def _refused(fitting: Fitting, frf: Frf | None, text: str) -> Content:
     return Content({"causes": _texts(causes)}, {REFUSAL: text, "grade": 0})
 
 
-def _content(doubts: tuple[Doubt, ...], attributes: dict[str, Attribute]) -> Content:
+def _content(doubts: tuple[Finding, ...], attributes: dict[str, Attribute]) -> Content:
     datasets = {
         "causes": _texts(tuple(doubt.cause for doubt in doubts)),
         "messages": _texts(tuple(doubt.message for doubt in doubts)),

@@ -2,7 +2,7 @@
 
 from robid.artifacts.artifact import Artifact, Provenance
 from robid.artifacts.results import MODEL, grade_content, grade_from_artifact
-from robid.results.doubt import Doubt
+from robid.results.finding import Finding
 from robid.results.grade import grade_alone
 from robid.results.scale import Scale
 
@@ -16,12 +16,12 @@ def kept(*doubts):
 
 
 def test_scales_come_back():
-    doubts = (Doubt("units", "seen", True, 3.0, SCALES), Doubt("friction", "seen too", False, 2.0))
+    doubts = (Finding("units", "seen", True, 3.0, SCALES), Finding("friction", "seen too", False, 2.0))
     assert kept(*doubts)[1] == doubts
 
 
 def test_a_grade_without_scales_is_written_as_before():
-    doubts = (Doubt("friction", "seen", False, 2.0),)
+    doubts = (Finding("friction", "seen", False, 2.0),)
     datasets, found = kept(*doubts)
     assert "grade/scales" not in datasets
     assert found == doubts

@@ -38,7 +38,7 @@ def solution():
 @pytest.fixture(scope="module")
 def validation(solution):
     new = [shot_of(PLANTS, NEW_BAND, 77, moving=index) for index in range(2)]
-    return validate_external(solution, new, assess_external(solution, OPTIONS).doubts)
+    return validate_external(solution, new, assess_external(solution, OPTIONS).findings)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from robid.results.doubt import Doubt
+from robid.results.finding import Finding
 from robid.settings.load import load_robot
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
@@ -160,7 +160,7 @@ def test_springs_are_held_against_the_truth_where_they_are_identified():
 
 
 def test_causes_of_a_refusal_are_read_in_their_order():
-    first, second = (Doubt(cause, "it is odd", decisive=True, strength=2) for cause in ("delay", "angle_sign"))
+    first, second = (Finding(cause, "it is odd", decisive=True, strength=2) for cause in ("delay", "angle_sign"))
     assert refused_causes(None, None, f"{first.sentence}; {second.sentence}") == ("delay", "angle_sign")
     assert refused_causes(None, None, "the log is empty") == ()
 

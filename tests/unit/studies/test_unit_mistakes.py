@@ -9,7 +9,7 @@ import pytest
 from robid.logs.formats.load import load_variables
 from robid.logs.formats.variables import find_variable
 from robid.models.known import load_experiment
-from robid.results.doubt import CAUSES
+from robid.results.finding import CAUSES
 from robid.results.scale import Scale, read_scale
 from robid.settings.load import load_robot
 from robid.signals.quantities import motor_channels

@@ -13,17 +13,17 @@ from robid.frf.frf import Frf
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import without_coefficients
 from robid.models.elastic.fit.solution import ElasticSolution
-from robid.models.elastic.judge.causes import misfit_doubts
+from robid.models.elastic.judge.causes import misfit_findings
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model
 from robid.models.elastic.judge.grading import grade_fit, is_unexplained, measure
-from robid.models.elastic.judge.plausible_parameters import fitted_carrier, parameter_doubts
-from robid.results.doubt import Doubt, two_digits
+from robid.models.elastic.judge.plausible_parameters import fitted_carrier, parameter_findings
 from robid.results.estimate import Estimate
+from robid.results.finding import Finding, two_digits
 from robid.results.grade import Grade, ordered
-from robid.results.plausible.doubts import data_doubts
 from robid.results.plausible.evidence import Evidence, gather_evidence
+from robid.results.plausible.findings import data_findings
 from robid.results.plausible.hypotheses import Hypothesis, Named, hypotheses_of
-from robid.results.plausible.scales import named_doubt
+from robid.results.plausible.scales import named_finding
 from robid.robot.description import Robot
 
 _CLEAR = 10.0
@@ -35,7 +35,7 @@ _LEAST_SHARE = 0.01
 _FEW = 3
 
 
-def uncoupled_doubts(fitted: FittedModel) -> tuple[Doubt, ...]:
+def uncoupled_findings(fitted: FittedModel) -> tuple[Finding, ...]:
     """Doubts a model that lets no torque of one motor move another where the data show that it does.
 
     No logarithm compares a response with zero, so no residual tells of it.
@@ -64,7 +64,7 @@ def uncoupled_doubts(fitted: FittedModel) -> tuple[Doubt, ...]:
         f"the torque of {name} moves {other} by {two_digits(100 * share)} % of what moves them themselves, and nothing "
         "in the model couples them"
     )
-    return (Doubt("missing_spring", told, decisive=False, strength=share / _LEAST_SHARE),) if found else ()
+    return (Finding("missing_spring", told, decisive=False, strength=share / _LEAST_SHARE),) if found else ()
 
 
 _KINDS = ("motor_inertia", "link_inertia", "stiffness", "damping")
@@ -75,7 +75,7 @@ _LEAST_GAIN = 6.0
 _ALIKE = 2.0
 
 
-def common_factor_doubts(robot: Robot, frf: Frf, estimate: Estimate) -> tuple[Doubt, ...]:
+def common_factor_findings(robot: Robot, frf: Frf, estimate: Estimate) -> tuple[Finding, ...]:
     """Returns the wrong scale by which all estimates are off from the robot file, if there is one.
 
     With `x` the logarithms of estimates over the file's values, their scatter about the factor's is held against that
@@ -106,7 +106,7 @@ def common_factor_doubts(robot: Robot, frf: Frf, estimate: Estimate) -> tuple[Do
     middle, std = sign * float(ratios.mean()), float(ratios.std(ddof=1)) / np.sqrt(len(ratios))
     low, size, high = (float(np.exp(middle + side * 1.96 * std)) for side in (-1, 0, 1))
     named = Named(tuple(reversed(alike.values())), (size, low, high), best / _LEAST_GAIN)
-    return (named_doubt(named, "the robot file's inertias, springs and dampers say, all by one factor"),)
+    return (named_finding(named, "the robot file's inertias, springs and dampers say, all by one factor"),)
 
 
 def _log_ratios(estimate: Estimate) -> FloatArray | None:
@@ -162,34 +162,34 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     Returns:
         The grade of the fit alone; with a validation, `grade_validation` takes its doubts.
     """
-    seen = _data_doubts(robot, solution.estimate, frf, delay_s)
+    seen = _data_findings(robot, solution.estimate, frf, delay_s)
     if not any(doubt.scales for doubt in seen):
-        seen = (*common_factor_doubts(robot, frf, solution.estimate), *seen)
+        seen = (*common_factor_findings(robot, frf, solution.estimate), *seen)
     if any(doubt.scales for doubt in seen):
         return grade_fit(solution, ordered(seen))
-    read = _parameter_doubts(robot, solution.estimate, frf, options)
+    read = _parameter_findings(robot, solution.estimate, frf, options)
     timing = [doubt for doubt in read if doubt.cause in ("delay", "samples")]
     doubts = [doubt for doubt in seen if doubt.decisive] + timing
     used = frf if options.correct_torques else without_coefficients(frf)
     fitted = fitted_model(robot, solution, used, options, delay_s)
     if is_unexplained(solution):
-        doubts += misfit_doubts(solution, fitted)
-    doubts += uncoupled_doubts(fitted)
+        doubts += misfit_findings(solution, fitted)
+    doubts += uncoupled_findings(fitted)
     own = measure(fitted, fitted.problem.model_response(fitted.internal), options.weights.model_error)
     missed = own.doubts("the fit's own data")
     return grade_fit(solution, ordered([*doubts, *seen, *read, *missed]), own.cost_failures("the fit's own data"))
 
 
-def _parameter_doubts(robot: Robot, estimate: Estimate, frf: Frf, options: ElasticOptions) -> tuple[Doubt, ...]:
+def _parameter_findings(robot: Robot, estimate: Estimate, frf: Frf, options: ElasticOptions) -> tuple[Finding, ...]:
     band_hz = float(frf.frequency_hz[0]), float(frf.frequency_hz[-1])
     differenced = any(one.quantity == "speed" and "difference" in one.sampled for one in frf.measured_channels)
     told = band_hz, frf.sampling_period_s, options.prior_decades
-    return parameter_doubts(robot, estimate, *told, differenced=differenced)
+    return parameter_findings(robot, estimate, *told, differenced=differenced)
 
 
-def validation_doubts(
-    doubts: Sequence[Doubt], robot: Robot, estimate: Estimate, frf: Frf, campaign: str, delay_s: float = 0.0
-) -> tuple[Doubt, ...]:
+def validation_findings(
+    doubts: Sequence[Finding], robot: Robot, estimate: Estimate, frf: Frf, campaign: str, delay_s: float = 0.0
+) -> tuple[Finding, ...]:
     """Adds what a validation campaign's data contradict to the doubts about a fit.
 
     What the data of either campaign decide is to blame first.
@@ -202,12 +202,12 @@ def validation_doubts(
         campaign: Its name.
         delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
     """
-    found = _data_doubts(robot, estimate, frf, delay_s)
+    found = _data_findings(robot, estimate, frf, delay_s)
     seen = [replace(doubt, message=f"in campaign {campaign}, {doubt.message}") for doubt in found]
     first = takewhile(lambda doubt: doubt.decisive, doubts)
     return ordered([*first, *(doubt for doubt in seen if doubt.decisive), *doubts, *seen])
 
 
-def _data_doubts(robot: Robot, estimate: Estimate, frf: Frf, delay_s: float) -> tuple[Doubt, ...]:
+def _data_findings(robot: Robot, estimate: Estimate, frf: Frf, delay_s: float) -> tuple[Finding, ...]:
     """What data contradict, mean torques held against the robot with what the fit freed."""
-    return data_doubts(robot, frf, delay_s, fitted_carrier(robot, estimate))
+    return data_findings(robot, frf, delay_s, fitted_carrier(robot, estimate))

@@ -31,8 +31,8 @@ from robid.models.elastic.judge.ratios import (
     try_ratios,
 )
 from robid.models.elastic.judge.reversals import try_samples, try_signs
-from robid.results.doubt import CAUSES, Doubt, two_digits
 from robid.results.estimate import Estimate
+from robid.results.finding import CAUSES, Finding, two_digits
 from robid.results.levenberg import Minimum
 from robid.robot.description import Robot, Spring
 
@@ -123,7 +123,7 @@ _MOST_OF_IT = 0.9  # of what all doubts of a cause explain
 _MEGA = 1e-6
 
 
-def of_doubts(scores: Scores, group: list[int], options: ElasticOptions, *, swings_known: bool) -> Explanation | None:
+def of_findings(scores: Scores, group: list[int], options: ElasticOptions, *, swings_known: bool) -> Explanation | None:
     """The fewest doubts of a cause that explain most of what all do; None where chance explains as much.
 
     Args:
@@ -182,7 +182,7 @@ _LEAST_RATIO_ERROR = 0.01
 _SIGNS = ("torque_sign", "angle_sign")
 
 
-def misfit_doubts(solution: ElasticSolution, fitted: FittedModel) -> tuple[Doubt, ...]:
+def misfit_findings(solution: ElasticSolution, fitted: FittedModel) -> tuple[Finding, ...]:
     """Names what would explain a fit's residual, the most telling first.
 
     Args:
@@ -223,7 +223,7 @@ def explain(fitted: FittedModel) -> list[Explanation]:
         groups[doubt.cause].append(index)
     ratios = groups.pop("gear_ratio", [])
     known = swings_known(fitted.problem.frf)
-    each_cause = (of_doubts(scores, group, options, swings_known=known) for group in groups.values())
+    each_cause = (of_findings(scores, group, options, swings_known=known) for group in groups.values())
     found = [each for each in each_cause if each is not None]
     found += try_springs(fitted)[:1]
     found += _wrong_ratio(fitted, scores, ratios)
@@ -247,7 +247,7 @@ def _wrong_ratio(fitted: FittedModel, scores: Scores, listed: Sequence[int]) -> 
     ]
 
 
-def _doubt(estimate: Estimate, found: Explanation, ranked: Sequence[Explanation], options: ElasticOptions) -> Doubt:
+def _doubt(estimate: Estimate, found: Explanation, ranked: Sequence[Explanation], options: ElasticOptions) -> Finding:
     """What an explanation speaks against; the first of those ranked tells of the next ones too."""
     leads = bool(ranked)
     half = np.maximum(0.5 * (estimate.upper - estimate.lower), 1e-300)
@@ -268,7 +268,7 @@ def _doubt(estimate: Estimate, found: Explanation, ranked: Sequence[Explanation]
     if ruined is not None:
         message += f", which leaves it {_error(found)[ruined]:.0%} off"
     reversed_ = leads and found.cause in _SIGNS and found.share > _MOSTLY
-    return Doubt(found.cause, message, decisive=reversed_ or ruined is not None, strength=float(widths[worst]))
+    return Finding(found.cause, message, decisive=reversed_ or ruined is not None, strength=float(widths[worst]))
 
 
 def _remedies(found: Explanation, options: ElasticOptions) -> list[str]:

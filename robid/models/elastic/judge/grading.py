@@ -14,7 +14,7 @@ from robid.models.elastic.fit.model_error import ModelError
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.judge.extrema import resonance_shifts
 from robid.models.elastic.judge.fitted import FittedModel
-from robid.results.doubt import Doubt, two_digits
+from robid.results.finding import Finding, two_digits
 from robid.results.grade import Grade, grade_alone, grade_held
 
 COST_RATIO_LIMIT = 1.5
@@ -49,11 +49,11 @@ class Measures:
             f"allow, limit {COST_RATIO_LIMIT:g}",
         )
 
-    def doubts(self, data: str) -> tuple[Doubt, ...]:
+    def doubts(self, data: str) -> tuple[Finding, ...]:
         """A decisive doubt where responses or resonances of these data are missed, whatever noise they have."""
         misses = self._misses()
         told = f"in {data}, {' and '.join(clause for clause, _ in misses)}"
-        return (Doubt("model", told, decisive=True, strength=max(far for _, far in misses)),) if misses else ()
+        return (Finding("model", told, decisive=True, strength=max(far for _, far in misses)),) if misses else ()
 
     def _misses(self) -> list[tuple[str, float]]:
         """What of responses and resonances is beyond its limit, a clause each, and how many times the limit it is."""
@@ -151,7 +151,7 @@ _DROPPED_LIMIT = 0.5
 _WIDE = 1.0
 
 
-def grade_fit(solution: ElasticSolution, doubts: Sequence[Doubt], failures: Sequence[str] = ()) -> Grade:
+def grade_fit(solution: ElasticSolution, doubts: Sequence[Finding], failures: Sequence[str] = ()) -> Grade:
     """Grades a fit that was held against nothing but its own data: it predicts at best.
 
     Args:
@@ -162,7 +162,7 @@ def grade_fit(solution: ElasticSolution, doubts: Sequence[Doubt], failures: Sequ
     return grade_alone((*_unusable(solution, doubts), *failures), _doubtful(solution, doubts), doubts)
 
 
-def grade_validation(solution: ElasticSolution, doubts: Sequence[Doubt], failures: Sequence[str]) -> Grade:
+def grade_validation(solution: ElasticSolution, doubts: Sequence[Finding], failures: Sequence[str]) -> Grade:
     """Grades a fit that was held against data that it never saw.
 
     Args:
@@ -173,7 +173,7 @@ def grade_validation(solution: ElasticSolution, doubts: Sequence[Doubt], failure
     return grade_held((*_unusable(solution, doubts), *failures), _doubtful(solution, doubts), doubts)
 
 
-def _unusable(solution: ElasticSolution, doubts: Sequence[Doubt]) -> tuple[str, ...]:
+def _unusable(solution: ElasticSolution, doubts: Sequence[Finding]) -> tuple[str, ...]:
     """Why a fit must not be used, whatever it was held against."""
     found = [doubt.message for doubt in doubts if doubt.decisive]
     if solution.estimate.status != "converged":
@@ -193,7 +193,7 @@ def _unusable(solution: ElasticSolution, doubts: Sequence[Doubt]) -> tuple[str, 
     return tuple(found)
 
 
-def _doubtful(solution: ElasticSolution, doubts: Sequence[Doubt]) -> tuple[str, ...]:
+def _doubtful(solution: ElasticSolution, doubts: Sequence[Finding]) -> tuple[str, ...]:
     """Why single parameters may be off by more than their intervals say."""
     found = [doubt.message for doubt in doubts if not doubt.decisive and doubt.strength > 1]
     if solution.misfit > _MISFIT_LIMIT:

@@ -10,8 +10,8 @@ from scipy.stats import norm
 
 from robid.arrays import FloatArray, IntArray
 from robid.models.elastic.fit.nuisance.kinds import freeable_nuisances, moved_robot, torque_slopes
-from robid.results.doubt import Doubt
 from robid.results.estimate import Estimate
+from robid.results.finding import Finding
 from robid.results.plausible.evidence import Carrier, Fitted
 from robid.robot.description import Robot
 from robid.robot.inertia import combine
@@ -49,7 +49,7 @@ class _Found:
         return f"{self.estimate / self.stated:.3g} times the robot file's value"
 
 
-def parameter_doubts(
+def parameter_findings(
     robot: Robot,
     estimate: Estimate,
     band_hz: tuple[float, float],
@@ -57,7 +57,7 @@ def parameter_doubts(
     prior_decades: float = 1.0,
     *,
     differenced: bool = False,
-) -> tuple[Doubt, ...]:
+) -> tuple[Finding, ...]:
     """Returns fitted parameters that cannot be, strongest first.
 
     Args:
@@ -93,7 +93,7 @@ def _by_name(estimate: Estimate) -> dict[str, _Found]:
     }
 
 
-def _friction(robot: Robot, found: dict[str, _Found], omega: float) -> Iterator[Doubt]:
+def _friction(robot: Robot, found: dict[str, _Found], omega: float) -> Iterator[Finding]:
     """Negative levels, shapes and dampings; the relative error of a coefficient is what a fit finds."""
     words = {"level": "Coulomb friction", "shape": "friction's speeds and deflections", "torque_scale": "torque"}
     for joint, rigid in zip(robot.joints, robot.rigid.tolist(), strict=True):
@@ -104,22 +104,22 @@ def _friction(robot: Robot, found: dict[str, _Found], omega: float) -> Iterator[
                     f"{joint.name}: its {word} comes out negative ({1 + one.estimate:.2g} times what was compensated)"
                 )
                 cause = "torque_sign" if kind == "torque_scale" else "friction"
-                yield Doubt(cause, told, decisive=kind != "shape", strength=-one.upper)
+                yield Finding(cause, told, decisive=kind != "shape", strength=-one.upper)
         one = found.get(f"{joint.name}.viscous")
         usual = max(_MODEL_ERROR * joint.motor.inertia_kgm2 * omega, 1e-12)
         if one is not None and one.upper < -usual:
             told = f"{joint.name}: its viscous friction comes out negative ({one.estimate:.2g} N m s/rad)"
             if not rigid and f"{joint.name}.arm_viscous" not in found:
                 told += ", as it does where its arm rubs too: try `arm_viscous` in `free`"
-            yield Doubt("friction", told, decisive=False, strength=-one.upper / usual)
+            yield Finding("friction", told, decisive=False, strength=-one.upper / usual)
     for spring in robot.springs:
         one = found.get(f"{spring.name}.damping")
         if one is not None and one.upper < 0:
             told = f"{spring.name}: its damping comes out negative ({one.estimate:.2g} N m s/rad)"
-            yield Doubt("model", told, decisive=True, strength=2.0)
+            yield Finding("model", told, decisive=True, strength=2.0)
 
 
-def _surprises(estimate: Estimate) -> Iterator[Doubt]:
+def _surprises(estimate: Estimate) -> Iterator[Finding]:
     """Compensated torques that came out far from what was known of them: the law is of another kind or size."""
     known = estimate.prior_relative_std
     for index, (name, kind) in enumerate(zip(estimate.names, estimate.kinds, strict=True)):
@@ -129,12 +129,12 @@ def _surprises(estimate: Estimate) -> Iterator[Doubt]:
         if times > _SURPRISING:
             cause = "torque_constant" if name.endswith(".torque_scale") else "friction"
             told = f"{name} comes out {times:.2g} standard deviations from what was known of it"
-            yield Doubt(cause, told, decisive=False, strength=times / _SURPRISING)
+            yield Finding(cause, told, decisive=False, strength=times / _SURPRISING)
 
 
 def _delay(
     found: dict[str, _Found], sampling_period_s: float, highest_hz: float, *, differenced: bool
-) -> Iterator[Doubt]:
+) -> Iterator[Finding]:
     """A delay that was not declared, or that lets a motor move before its torque.
 
     Beyond half a turn of phase at the highest line, measured and modelled phases are compared modulo a whole turn.
@@ -148,17 +148,17 @@ def _delay(
     if late > _FEW_SAMPLES:
         told = f"the delay comes out at {samples:.3g} samples where {one.stated / sampling_period_s:.3g} are declared"
         decisive = one.lower * highest_hz > _HALF_TURN
-        yield Doubt("delay", told, decisive=decisive, strength=late / _FEW_SAMPLES)
+        yield Finding("delay", told, decisive=decisive, strength=late / _FEW_SAMPLES)
     elif early > _TIMING_SAMPLES:
         told = f"the delay comes out negative ({samples:.2g} samples)"
         if differenced and abs(samples - _OF_DIFFERENCE) < _NEAR_IT:
             told += ", as where speeds that are said to be differences are not: try `sampled: instants` for them"
-            yield Doubt("samples", told, decisive=False, strength=early / _TIMING_SAMPLES)
+            yield Finding("samples", told, decisive=False, strength=early / _TIMING_SAMPLES)
             return
-        yield Doubt("delay", told, decisive=early > 1, strength=early / _TIMING_SAMPLES)
+        yield Finding("delay", told, decisive=early > 1, strength=early / _TIMING_SAMPLES)
 
 
-def _rotors(robot: Robot, found: dict[str, _Found], prior_decades: float) -> Iterator[Doubt]:
+def _rotors(robot: Robot, found: dict[str, _Found], prior_decades: float) -> Iterator[Finding]:
     """Rotor inertias whose whole interval contradicts what the robot file knows of them."""
     for joint in robot.joints:
         one = found.get(f"{joint.name}.motor_inertia")
@@ -169,10 +169,10 @@ def _rotors(robot: Robot, found: dict[str, _Found], prior_decades: float) -> Ite
         gone = one.decades / prior_decades
         if off > 1 or gone > 1:
             told = f"{joint.name}: its rotor inertia comes out at {one.times}"
-            yield Doubt("rotor_inertia", told, decisive=gone > 1, strength=max(off, gone))
+            yield Finding("rotor_inertia", told, decisive=gone > 1, strength=max(off, gone))
 
 
-def _links(robot: Robot, found: dict[str, _Found], prior_decades: float) -> Iterator[Doubt]:
+def _links(robot: Robot, found: dict[str, _Found], prior_decades: float) -> Iterator[Finding]:
     """Inertias about the joint axis that no body of the link's mass, size and other inertias has."""
     hangs = any(spring.place == "payload" for spring in robot.springs)
     for index, joint in enumerate(robot.joints):
@@ -195,16 +195,16 @@ def _links(robot: Robot, found: dict[str, _Found], prior_decades: float) -> Iter
             if off > 1 or upper < least:
                 told += f", which no body of {body.mass_kg:.3g} kg and its other inertias has"
             strength = max(off, gone, least / max(upper, least / 1e3) if least > 0 else 0.0)
-            yield Doubt("masses", told, decisive=gone > 1, strength=strength)
+            yield Finding("masses", told, decisive=gone > 1, strength=strength)
 
 
-def _springs(robot: Robot, found: dict[str, _Found], prior_decades: float) -> Iterator[Doubt]:
+def _springs(robot: Robot, found: dict[str, _Found], prior_decades: float) -> Iterator[Finding]:
     for spring in robot.springs:
         one = found.get(f"{spring.name}.stiffness")
         if one is None or one.decades <= prior_decades:
             continue
         told = f"{spring.name}: its stiffness comes out at {one.times}"
-        yield Doubt("model", told, decisive=one.decades > 2 * prior_decades, strength=one.decades / prior_decades)
+        yield Finding("model", told, decisive=one.decades > 2 * prior_decades, strength=one.decades / prior_decades)
 
 
 _SHARE = 0.01

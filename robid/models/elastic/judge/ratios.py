@@ -17,7 +17,7 @@ from robid.models.elastic.fit.nuisance.off_robot import problem_at
 from robid.models.elastic.fit.nuisance.response import Scene, column, nuisance_columns
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.judge.fitted import FittedModel
-from robid.results.doubt import two_digits
+from robid.results.finding import two_digits
 from robid.results.plausible.evidence import gather_evidence
 from robid.robot.description import Robot
 
@@ -109,7 +109,7 @@ class Explanation:
     """What freeing something that the robot file states would do to a fit.
 
     Attributes:
-        cause: The cause, of `robid.results.doubt.CAUSES`.
+        cause: The cause, of `robid.results.finding.CAUSES`.
         names: What would be free, the one that explains most first.
         amounts (n_name,): How much of each.
         units: Units of the amounts.

@@ -14,11 +14,11 @@ from robid.frf.frf import Frf
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.result import expected_cost
 from robid.models.elastic.fit.solution import ElasticSolution
-from robid.models.elastic.judge.assessment import validation_doubts
+from robid.models.elastic.judge.assessment import validation_findings
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model
 from robid.models.elastic.judge.grading import COST_RATIO_LIMIT, Measures, grade_validation, measure, own_errors
-from robid.results.doubt import Doubt
 from robid.results.estimate import Estimate
+from robid.results.finding import Finding
 from robid.results.outcome import Outcome, recover
 from robid.robot.description import Robot
 
@@ -93,7 +93,7 @@ def validate_elastic(
     options: ElasticOptions,
     delay_s: float,
     truth: dict[str, float] | None,
-    doubts: Sequence[Doubt] = (),
+    doubts: Sequence[Finding] = (),
     campaign: str = "validation",
 ) -> Validation:
     """Validates a fitted elastic model on responses that the fit did not see.
@@ -125,7 +125,7 @@ def validate_elastic(
     own = own_errors(fitted, costs.modelled)
     measures = measure(fitted, costs.modelled, options.weights.model_error)
     seen = _seen_already(solution, frf)
-    every = (*validation_doubts(doubts, robot, solution.estimate, frf, campaign, delay_s), *seen)
+    every = (*validation_findings(doubts, robot, solution.estimate, frf, campaign, delay_s), *seen)
     return Validation(
         outcome=_outcome(solution, measures, every, truth or {}, seen=bool(seen)),
         configurations=frf.configurations,
@@ -147,7 +147,7 @@ def validate_elastic(
 
 
 def _outcome(
-    solution: ElasticSolution, measures: Measures, doubts: Sequence[Doubt], truth: dict[str, float], *, seen: bool
+    solution: ElasticSolution, measures: Measures, doubts: Sequence[Finding], truth: dict[str, float], *, seen: bool
 ) -> Outcome:
     failures = measures.failures()
     return Outcome(
@@ -197,14 +197,14 @@ def median_spring_half_width(estimate: Estimate) -> float | None:
     return float(np.median(0.5 * (estimate.upper - estimate.lower)[springs] / estimate.value[springs]))
 
 
-def _seen_already(solution: ElasticSolution, frf: Frf) -> tuple[Doubt, ...]:
+def _seen_already(solution: ElasticSolution, frf: Frf) -> tuple[Finding, ...]:
     """A doubt where nothing was measured elsewhere than the fit's data, which tells nothing of other configurations."""
     mine, theirs = frf.configurations, solution.responses.configurations
     near = np.abs(mine[:, None] - theirs[None]).max(axis=2, initial=0.0) < _SAME_CONFIGURATION_RAD
     if not near.any(axis=1).all():
         return ()
     told = "the validation repeats configurations of the fit: nothing was tested in others"
-    return (Doubt("same_configuration", told, decisive=False, strength=2.0),)
+    return (Finding("same_configuration", told, decisive=False, strength=2.0),)
 
 
 def _refuse_empty(robot: Robot, elements: IntArray) -> None:

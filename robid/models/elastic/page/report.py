@@ -59,7 +59,7 @@ def headline(fit: FitContent) -> Headline:
             *cost_number(fit.estimation_costs, fit.validation_costs),
             *start_number(fit.starts),
         ),
-        doubts=() if fit.grade is None else tuple(doubt.sentence for doubt in fit.grade.doubts),
+        findings=() if fit.grade is None else tuple(doubt.sentence for doubt in fit.grade.findings),
         status=fit.status,
         advice=fit.advice,
     )

@@ -83,7 +83,7 @@ def _second(pairs: Sequence[tuple[str, str]]) -> list[str]:
     return [pair[1] for pair in pairs]
 
 
-FindingKind = Literal["left_out", "quantised", "stuck", "mixed", "unsteady"]
+ChannelFindingKind = Literal["left_out", "quantised", "stuck", "mixed", "unsteady"]
 
 _FEWEST_STEPS, _FEW_STEPS = 3.0, 20.0
 _STUCK_SAMPLES, _STUCK_MOTION, _DWELL = 4, 0.05, 3.0
@@ -94,10 +94,10 @@ _UNSTEADY, _TOO_UNSTEADY = 0.01, 0.05  # of an output's motion
 
 
 @dataclass(frozen=True)
-class Finding:
+class ChannelFinding:
     """Something about a channel's data that a reader must know."""
 
-    kind: FindingKind
+    kind: ChannelFindingKind
     channel: str
     message: str  # what was seen, a clause without a full stop
     decisive: bool  # whether nothing that follows may be used while it stands
@@ -106,7 +106,7 @@ class Finding:
 
 def usable_blocks(
     blocks: Sequence[Block], shots: Sequence[Shot], floor: FloatArray, names: Sequence[str], options: ExternalOptions
-) -> tuple[tuple[Block, ...], tuple[Finding, ...]]:
+) -> tuple[tuple[Block, ...], tuple[ChannelFinding, ...]]:
     """Leaves out channels whose command never moves; refuses what cannot be fitted.
 
     Args:
@@ -126,7 +126,7 @@ def usable_blocks(
         found += told
         used = shots_for(block, shots, floor)
         if not used and not options.pairs and len(blocks) > 1:
-            told = [Finding("left_out", block.name, "was never excited: left out", decisive=False, strength=0.5)]
+            told = [ChannelFinding("left_out", block.name, "was never excited: left out", decisive=False, strength=0.5)]
             found += told
             continue
         if not used:
@@ -144,21 +144,21 @@ def usable_blocks(
 
 def _moving_part(
     block: Block, shots: Sequence[Shot], floor: FloatArray, names: Sequence[str]
-) -> tuple[Block, list[Finding]]:
+) -> tuple[Block, list[ChannelFinding]]:
     """Leaves out of a matrix the commands that never move, and the outputs that never do."""
     if block.is_single:
         return block, []
     inputs = [index for index in block.inputs if any(moved_inputs(shot, floor)[index] for shot in shots)]
     outputs = [index for index in block.outputs if any(np.ptp(shot.outputs[:, index]) > 0 for shot in shots)]
     found = [
-        Finding("left_out", block.name, f"{names[index]} never moves: left out", decisive=False, strength=0.5)
+        ChannelFinding("left_out", block.name, f"{names[index]} never moves: left out", decisive=False, strength=0.5)
         for index in block.outputs
         if index not in outputs
     ]
     lost = len(block.inputs) - len(inputs)
     if lost:
         told = f"{lost} of {len(block.inputs)} commands never move: left out"
-        found.append(Finding("left_out", block.name, told, decisive=False, strength=0.5))
+        found.append(ChannelFinding("left_out", block.name, told, decisive=False, strength=0.5))
     return replace(block, inputs=tuple(inputs), outputs=tuple(outputs)), found
 
 
@@ -168,7 +168,7 @@ def shots_for(block: Block, shots: Sequence[Shot], floor: FloatArray) -> tuple[S
     return tuple(shot for shot in shots if moved_inputs(shot, floor)[places].any())
 
 
-def signal_findings(block: Block, shots: Sequence[Shot], names: Sequence[str]) -> Iterator[Finding]:
+def signal_findings(block: Block, shots: Sequence[Shot], names: Sequence[str]) -> Iterator[ChannelFinding]:
     """Yields what is doubtful about the outputs of a channel in the shots in which it moves."""
     for output in block.outputs:
         steps = max(
@@ -177,7 +177,7 @@ def signal_findings(block: Block, shots: Sequence[Shot], names: Sequence[str]) -
         )
         if steps < _FEW_STEPS:
             told = f"{names[output]} moves by {steps:.3g} steps of its resolution only"
-            yield Finding("quantised", block.name, told, decisive=False, strength=_FEW_STEPS / steps)
+            yield ChannelFinding("quantised", block.name, told, decisive=False, strength=_FEW_STEPS / steps)
         worst = max(shots, key=lambda shot: _stuck(shot, output, block.inputs))
         share = _stuck(worst, output, block.inputs)
         if share > 0:
@@ -185,10 +185,12 @@ def signal_findings(block: Block, shots: Sequence[Shot], names: Sequence[str]) -
                 f"{names[output]} stands still at its extreme for {share:.2g} of `{worst.name}` while its command moves"
                 " on, as if it were saturated"
             )
-            yield Finding("stuck", block.name, told, decisive=share > _STUCK_SHARE, strength=1 + share / _STUCK_SHARE)
+            yield ChannelFinding(
+                "stuck", block.name, told, decisive=share > _STUCK_SHARE, strength=1 + share / _STUCK_SHARE
+            )
 
 
-def unsteady_findings(block: Block, shots: Sequence[Shot], names: Sequence[str]) -> Iterator[Finding]:
+def unsteady_findings(block: Block, shots: Sequence[Shot], names: Sequence[str]) -> Iterator[ChannelFinding]:
     """Yields outputs of a channel whose periods differ by more than noise."""
     for output in block.outputs:
         share = {
@@ -203,10 +205,10 @@ def unsteady_findings(block: Block, shots: Sequence[Shot], names: Sequence[str])
                 "first ones (`drop_periods`) where the robot had not settled"
             )
             decisive, strength = share[worst] > _TOO_UNSTEADY, share[worst] / _UNSTEADY
-            yield Finding("unsteady", block.name, told, decisive=decisive, strength=strength)
+            yield ChannelFinding("unsteady", block.name, told, decisive=decisive, strength=strength)
 
 
-def mixed_findings(block: Block, shots: Sequence[Shot], floor: FloatArray, etfe: Etfe) -> Iterator[Finding]:
+def mixed_findings(block: Block, shots: Sequence[Shot], floor: FloatArray, etfe: Etfe) -> Iterator[ChannelFinding]:
     """Yields shots in which commands of other channels move an output too, which a fit of its own cannot know."""
     worst: tuple[float, Shot, int] | None = None
     for shot in shots:
@@ -220,7 +222,7 @@ def mixed_findings(block: Block, shots: Sequence[Shot], floor: FloatArray, etfe:
             f"another command moves along in `{worst[1].name}` and makes {worst[0]:.2g} of the output's motion: fit "
             "them together (`matrix: full`), or move one after the other"
         )
-        yield Finding("mixed", block.name, told, decisive=False, strength=worst[0] / _MIXED)
+        yield ChannelFinding("mixed", block.name, told, decisive=False, strength=worst[0] / _MIXED)
 
 
 def _reaching(shot: Shot, output: int, command: int, etfe: Etfe) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray
 from robid.models.external.fit.checks import (
     Block,
-    Finding,
+    ChannelFinding,
     blocks_of,
     is_own,
     mixed_findings,
@@ -64,7 +64,7 @@ def fit_external(
     )
     coupling = map_coupling(shots, ports.floor, etfe, pairs, options.coupling)
     fitted = [_fitted(block, shots, ports, options, choose_on) for block in kept]
-    told: list[Finding] = [*findings]
+    told: list[ChannelFinding] = [*findings]
     for one in fitted:
         told += signal_findings(one.block, one.shots, ports.outputs)
         told += unsteady_findings(one.block, one.shots, ports.outputs)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.models.external.fit.checks import Block, Finding, is_own, pair_name
+from robid.models.external.fit.checks import Block, ChannelFinding, is_own, pair_name
 from robid.models.external.fit.choice import Choice
 from robid.models.external.fit.coupling import CouplingMap
 from robid.models.external.fit.data import Agreement, Shot, agreements
@@ -52,7 +52,7 @@ def make_solution(
     options: ExternalOptions,
     etfe: Etfe,
     coupling: CouplingMap,
-    findings: Sequence[Finding],
+    findings: Sequence[ChannelFinding],
 ) -> ExternalSolution:
     """Puts together what an external fit found.
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
-from robid.models.external.fit.checks import Finding
+from robid.models.external.fit.checks import ChannelFinding
 from robid.models.external.fit.coupling import CouplingMap
 from robid.models.external.fit.data import Agreement
 from robid.models.external.fit.etfe import Etfe, Excitation
@@ -176,7 +176,7 @@ class ExternalSolution:
     steps: StepResponses
     loci: RootLoci
     traces: Traces  # measured and simulated outputs of the fit's shots
-    findings: Annotated[tuple[Finding, ...], Quantity("1", "finding", "What is doubtful about the data")]
+    findings: Annotated[tuple[ChannelFinding, ...], Quantity("1", "finding", "What is doubtful about the data")]
     # What else is to be known of the models, a sentence each: zeros in the right half plane, poles kept stable, how
     # sure the choice of a structure is.
     remarks: Annotated[tuple[str, ...], Quantity("1", "remark", "What else is to be known of the models")]

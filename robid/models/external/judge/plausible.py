@@ -13,7 +13,7 @@ from robid.models.external.fit.covariance import WHITE
 from robid.models.external.fit.data import Agreement
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.solution import ExternalSolution
-from robid.results.doubt import Doubt, two_digits
+from robid.results.finding import Finding, two_digits
 from robid.results.grade import Grade
 from robid.results.scale import SCALES, Scale
 from robid.signals.pose import POSE
@@ -22,7 +22,7 @@ NRMSE_LIMIT = 0.9
 """Least normalised root mean square of a model that may be used."""
 
 MODEL_ERROR = 0.01
-"""Share of the motion that a model of a robot may be off without a doubt."""
+"""Share of the motion that a model of a robot may be off without a finding."""
 
 _BEYOND = 1.5  # of what is expected
 
@@ -32,8 +32,8 @@ def expected_std(found: Agreement, parameter_std: float = 0.0) -> float:
     return float(np.sqrt(found.noise_std**2 + parameter_std**2 + (MODEL_ERROR * found.motion_std) ** 2))
 
 
-def excess_doubts(found: Sequence[Agreement], expected: Sequence[float]) -> Iterator[Doubt]:
-    """Yields a doubt where an output's error is beyond what is expected of it."""
+def excess_findings(found: Sequence[Agreement], expected: Sequence[float]) -> Iterator[Finding]:
+    """Yields a finding where an output's error is beyond what is expected of it."""
     ratio = np.nan_to_num([one.error_std / each for one, each in zip(found, expected, strict=True)])
     worst = int(np.argmax(ratio))
     if ratio[worst] > _BEYOND:
@@ -41,7 +41,7 @@ def excess_doubts(found: Sequence[Agreement], expected: Sequence[float]) -> Iter
             f"{found[worst].output} is off by {ratio[worst]:.2g} times what noise and a model error of "
             f"{MODEL_ERROR:.0%} of the motion explain ({found[worst].place})"
         )
-        yield Doubt("model", told, decisive=False, strength=float(ratio[worst]) / _BEYOND)
+        yield Finding("model", told, decisive=False, strength=float(ratio[worst]) / _BEYOND)
 
 
 _FAR, _TOO_FAR = 1.25, 3.0
@@ -59,8 +59,8 @@ _TILTED = "; poses that were logged in another frame than the tool's at home are
 _RINGING = 0.1  # time constants
 
 
-def solution_doubts(solution: ExternalSolution, options: ExternalOptions) -> tuple[Doubt, ...]:
-    """Returns what of an external fit cannot be or is hardly known, decisive doubts first."""
+def solution_findings(solution: ExternalSolution, options: ExternalOptions) -> tuple[Finding, ...]:
+    """Returns what of an external fit cannot be or is hardly known, decisive findings first."""
     found = [
         *_signals(solution),
         *_unexplained(solution),
@@ -72,17 +72,17 @@ def solution_doubts(solution: ExternalSolution, options: ExternalOptions) -> tup
         *_orders(solution, options),
         *_coupling(solution),
     ]
-    return tuple(sorted(found, key=lambda doubt: (not doubt.decisive, -doubt.strength)))
+    return tuple(sorted(found, key=lambda finding: (not finding.decisive, -finding.strength)))
 
 
-def _signals(solution: ExternalSolution) -> Iterator[Doubt]:
+def _signals(solution: ExternalSolution) -> Iterator[Finding]:
     for finding in solution.findings:
         if finding.kind != "left_out":
             told = f"{finding.channel}: {finding.message}"
-            yield Doubt(_CAUSES[finding.kind], told, finding.decisive, finding.strength)
+            yield Finding(_CAUSES[finding.kind], told, finding.decisive, finding.strength)
 
 
-def _unexplained(solution: ExternalSolution) -> Iterator[Doubt]:
+def _unexplained(solution: ExternalSolution) -> Iterator[Finding]:
     found = solution.agreements
     worst = min(found, key=lambda one: one.nrmse)
     if worst.nrmse < NRMSE_LIMIT:
@@ -90,12 +90,12 @@ def _unexplained(solution: ExternalSolution) -> Iterator[Doubt]:
             f"{worst.output} is described with an NRMSE of {worst.nrmse:.3g} on the fit's own motion `{worst.place}`, "
             f"limit {NRMSE_LIMIT:g}"
         )
-        yield Doubt("model", told, decisive=True, strength=(1 - worst.nrmse) / (1 - NRMSE_LIMIT))
+        yield Finding("model", told, decisive=True, strength=(1 - worst.nrmse) / (1 - NRMSE_LIMIT))
     else:
-        yield from excess_doubts(found, [expected_std(one) for one in found])
+        yield from excess_findings(found, [expected_std(one) for one in found])
 
 
-def _gains(solution: ExternalSolution) -> Iterator[Doubt]:
+def _gains(solution: ExternalSolution) -> Iterator[Finding]:
     """Static gains of a position to itself that are far from one: units where a known factor gives them, or a sign."""
     own, ports = solution.transfers, solution.ports
     for channel, name in enumerate(own.names):
@@ -113,7 +113,7 @@ def _gains(solution: ExternalSolution) -> Iterator[Doubt]:
         tilted = _TILTED if ports.outputs[other] in POSE else ""
         if gain < 0:
             told = f"{name} moves against its command (static gain {two_digits(gain)}){tilted}"
-            yield Doubt("angle_sign", told, decisive=True, strength=10.0)
+            yield Finding("angle_sign", told, decisive=True, strength=10.0)
         elif not 1 / _FAR < gain < _FAR:
             size = abs(np.log(gain))
             found = _read_as(gain)
@@ -121,7 +121,7 @@ def _gains(solution: ExternalSolution) -> Iterator[Doubt]:
             told = f"{name} comes to rest at {two_digits(gain)} times its command{as_if}"
             decisive, strength = bool(size > np.log(_TOO_FAR)), float(size / np.log(_FAR))
             scales = (found, replace(found, channel="position", inverse=not found.inverse)) if found else ()
-            yield Doubt("units" if found else "model", told, decisive, strength, scales)
+            yield Finding("units" if found else "model", told, decisive, strength, scales)
 
 
 def _read_as(gain: float) -> Scale | None:
@@ -133,14 +133,14 @@ def _read_as(gain: float) -> Scale | None:
     return None
 
 
-def _unstable(solution: ExternalSolution) -> Iterator[Doubt]:
+def _unstable(solution: ExternalSolution) -> Iterator[Finding]:
     for block, name in enumerate(solution.transfers.blocks):
         if not solution.transfer(block).is_stable:
             told = f"{name} has a pole in the right half plane, which a loop that holds its position cannot have"
-            yield Doubt("model", told, decisive=True, strength=3.0)
+            yield Finding("model", told, decisive=True, strength=3.0)
 
 
-def _delays(solution: ExternalSolution, options: ExternalOptions) -> Iterator[Doubt]:
+def _delays(solution: ExternalSolution, options: ExternalOptions) -> Iterator[Finding]:
     own = solution.transfers
     late = [
         name
@@ -152,14 +152,14 @@ def _delays(solution: ExternalSolution, options: ExternalOptions) -> Iterator[Do
             f"the delay of {', '.join(late)} is the longest that was searched, {options.max_delay_samples} samples: "
             "raise `max_delay_samples`"
         )
-        yield Doubt("delay", told, decisive=False, strength=2.0)
+        yield Finding("delay", told, decisive=False, strength=2.0)
     open_ = [name for name in own.blocks if _is_open(solution, name)]
     if open_:
         told = f"other delays explain {', '.join(open_)} about as well, with other zeros"
-        yield Doubt("delay", told, decisive=False, strength=1.5)
+        yield Finding("delay", told, decisive=False, strength=1.5)
 
 
-def _orders(solution: ExternalSolution, options: ExternalOptions) -> Iterator[Doubt]:
+def _orders(solution: ExternalSolution, options: ExternalOptions) -> Iterator[Finding]:
     """Orders that are the largest that were tried, where the residual still holds what a model could."""
     own, quality = solution.transfers, solution.quality
     short = [
@@ -172,7 +172,7 @@ def _orders(solution: ExternalSolution, options: ExternalOptions) -> Iterator[Do
             f"{', '.join(short)} took all of `max_poles` ({options.max_poles}), and more than noise is left: "
             "raise it, or take `rule: sufficient` where that is friction"
         )
-        yield Doubt("model", told, decisive=False, strength=1.5)
+        yield Finding("model", told, decisive=False, strength=1.5)
 
 
 def _is_open(solution: ExternalSolution, block: str) -> bool:
@@ -187,7 +187,7 @@ def _is_open(solution: ExternalSolution, block: str) -> bool:
     )
 
 
-def _undamped(solution: ExternalSolution) -> Iterator[Doubt]:
+def _undamped(solution: ExternalSolution) -> Iterator[Finding]:
     """Pairs of poles that ring for much longer than any shot lasts: these follow from a line that was not excited."""
     traces = solution.traces
     longest_s = float(traces.time_s.max())
@@ -196,10 +196,10 @@ def _undamped(solution: ExternalSolution) -> Iterator[Doubt]:
         ringing = poles[(poles.imag > 0) & (np.abs(poles.real) * longest_s < _RINGING)]
         if ringing.size:
             told = f"{name} has poles that never stop ringing, at {ringing.imag[0] / (2 * np.pi):.3g} Hz"
-            yield Doubt("model", told, decisive=True, strength=2.0)
+            yield Finding("model", told, decisive=True, strength=2.0)
 
 
-def _drifting(solution: ExternalSolution) -> Iterator[Doubt]:
+def _drifting(solution: ExternalSolution) -> Iterator[Finding]:
     """Real poles far slower than any shot, and a gain that no position loop has: they follow from what is no motion."""
     own, ports = solution.transfers, solution.ports
     longest_s = float(solution.traces.time_s.max())
@@ -211,10 +211,10 @@ def _drifting(solution: ExternalSolution) -> Iterator[Doubt]:
         alike = ports.inputs[one] == ports.outputs[other] and ports.input_units[one] == ports.output_units[other]
         if alike and slowest * longest_s < _RINGING and not 1 / _TOO_FAR < gain < _TOO_FAR:
             told = f"{name} has a pole that is too slow for its data, as of a log that drifts or has not settled"
-            yield Doubt("model", told, decisive=True, strength=2.0)
+            yield Finding("model", told, decisive=True, strength=2.0)
 
 
-def _coupling(solution: ExternalSolution) -> Iterator[Doubt]:
+def _coupling(solution: ExternalSolution) -> Iterator[Finding]:
     """Outputs that follow commands which are not in their model, in the band of the fit."""
     ports, own = solution.ports, solution.transfers
     modelled = {(int(out), int(told)) for out, told in zip(own.outputs, own.inputs, strict=True)}
@@ -229,9 +229,9 @@ def _coupling(solution: ExternalSolution) -> Iterator[Doubt]:
         more = f" and {len(missed) - 4} more" if len(missed) > 4 else ""
         worst = max(float(np.nanmax(solution.coupling.ratio[:, out, told])) for out, told in missed)
         told_so = f"channels are coupled: {listed}{more}; decoupled up to {solution.coupling.overall_hz:.3g} Hz only"
-        yield Doubt("coupling", told_so, decisive=False, strength=1 + worst)
+        yield Finding("coupling", told_so, decisive=False, strength=1 + worst)
 
 
 def assess_external(solution: ExternalSolution, options: ExternalOptions) -> Grade:
-    """Gathers the doubts about an external fit and grades it by itself: it predicts at best."""
-    return graded_alone(solution_doubts(solution, options), solution.estimate.status)
+    """Gathers the findings about an external fit and grades it by itself: it predicts at best."""
+    return graded_alone(solution_findings(solution, options), solution.estimate.status)

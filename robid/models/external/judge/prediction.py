@@ -14,7 +14,7 @@ from robid.models.external.fit.etfe import moved_inputs
 from robid.models.external.fit.graphs import output_deviation, response_deviation
 from robid.models.external.fit.output_error import predict
 from robid.models.external.fit.solution import ExternalSolution
-from robid.results.doubt import Doubt
+from robid.results.finding import Finding
 
 _ROUNDED = 12**-0.5  # of a step: repeats of what hardly moves are rounded alike
 
@@ -134,7 +134,7 @@ _LARGER = 1.2
 _SAME = 0.01  # of the motion
 
 
-def novelty_doubts(solution: ExternalSolution, found: Sequence[NewShots]) -> Iterator[Doubt]:
+def novelty_findings(solution: ExternalSolution, found: Sequence[NewShots]) -> Iterator[Finding]:
     """Yields what the new shots of each block ask of the model that its fit never saw, or saw already."""
     first = solution.quality.first_output
     for one in found:
@@ -148,16 +148,16 @@ def novelty_doubts(solution: ExternalSolution, found: Sequence[NewShots]) -> Ite
                 f"{share:.0%} of the new motion of {name} lie outside the band of its fit, {low_hz:.3g} to "
                 f"{high_hz:.3g} Hz"
             )
-            yield Doubt("band", told, decisive=False, strength=share / _OUTSIDE)
+            yield Finding("band", told, decisive=False, strength=share / _OUTSIDE)
         before = max(each.amplitude for each in solution.agreements if each.output in one.names)
         ratio = max(float(np.abs(shot.inputs[:, list(one.inputs)]).max()) for shot in one.shots) / before
         if ratio > _LARGER:
             told = f"the new motion of {name} is {ratio:.2g} times as large as any of its fit"
-            yield Doubt("band", told, decisive=False, strength=ratio / _LARGER)
+            yield Finding("band", told, decisive=False, strength=ratio / _LARGER)
         if any(_seen(solution, int(first[one.block]) + place, shot.outputs[:, output])
                for shot in one.shots for place, output in enumerate(one.outputs)):  # fmt: skip
             told = f"the validation repeats a motion of the fit of {name}: it says nothing of other motions"
-            yield Doubt("same_motion", told, decisive=False, strength=2.0)
+            yield Finding("same_motion", told, decisive=False, strength=2.0)
 
 
 def _outside(commands: FloatArray, sampling_period_s: float, low_hz: float, high_hz: float) -> float:

@@ -15,17 +15,17 @@ from robid.models.conclusions import outcome_of, refuse_other_rate
 from robid.models.external.fit.data import Agreement, Shot, agreements
 from robid.models.external.fit.reduction import whiteness
 from robid.models.external.fit.solution import ExternalSolution
-from robid.models.external.judge.plausible import NRMSE_LIMIT, excess_doubts, expected_std
+from robid.models.external.judge.plausible import NRMSE_LIMIT, excess_findings, expected_std
 from robid.models.external.judge.prediction import (
     NewShots,
     PredictedShot,
     PredictedTraces,
     new_shots,
-    novelty_doubts,
+    novelty_findings,
     predict_shots,
     traces_of,
 )
-from robid.results.doubt import Doubt
+from robid.results.finding import Finding
 from robid.results.outcome import Outcome
 
 _OUTSIDE = 3.0  # times as many samples outside the bounds as their level says
@@ -64,7 +64,7 @@ class ExternalValidation:
 
 
 def validate_external(
-    solution: ExternalSolution, shots: Sequence[Shot], doubts: Sequence[Doubt] = ()
+    solution: ExternalSolution, shots: Sequence[Shot], findings: Sequence[Finding] = ()
 ) -> ExternalValidation:
     """Validates transfer functions on new shots.
 
@@ -74,7 +74,7 @@ def validate_external(
     Args:
         solution: What the fit found.
         shots: What was recorded anew.
-        doubts: Doubts about the fit.
+        findings: Doubts about the fit.
 
     Raises:
         DataError: If the shots are sampled otherwise than those of the fit, or none of its commands moves.
@@ -90,8 +90,8 @@ def validate_external(
     tested = {solution.transfers.blocks[one.block] for one in found}
     untested = tuple(name for name in solution.transfers.blocks if name not in tested)
     failures = _failures(agreed, bounds)
-    excess = excess_doubts(agreed, [one.expected_std for one in bounds])
-    every = [*doubts, *novelty_doubts(solution, found), *excess, *_outside(bounds, solution), *_untested(untested)]
+    excess = excess_findings(agreed, [one.expected_std for one in bounds])
+    every = [*findings, *novelty_findings(solution, found), *excess, *_outside(bounds, solution), *_untested(untested)]
     return ExternalValidation(
         outcome=outcome_of(solution.estimate, every, failures, _verdict(agreed, bounds, failures)),
         agreements=agreed,
@@ -146,7 +146,7 @@ def _failures(agreed: Sequence[Agreement], bounds: Sequence[Bounds]) -> tuple[st
     )
 
 
-def _outside(bounds: Sequence[Bounds], solution: ExternalSolution) -> tuple[Doubt, ...]:
+def _outside(bounds: Sequence[Bounds], solution: ExternalSolution) -> tuple[Finding, ...]:
     """Doubts intervals where far more samples lie outside the bounds than their level says."""
     confidence, worst = solution.estimate.confidence, min(bounds, key=lambda one: one.inside)
     excess = (1 - worst.inside) / (1 - confidence)
@@ -156,14 +156,14 @@ def _outside(bounds: Sequence[Bounds], solution: ExternalSolution) -> tuple[Doub
         f"{worst.inside:.0%} of the samples of {worst.output} lie inside the {confidence:.0%} bounds ({worst.place}):"
         " the intervals do not hold what the model lacks"
     )
-    return (Doubt("model", told, decisive=False, strength=excess / _OUTSIDE),)
+    return (Finding("model", told, decisive=False, strength=excess / _OUTSIDE),)
 
 
-def _untested(names: Sequence[str]) -> tuple[Doubt, ...]:
+def _untested(names: Sequence[str]) -> tuple[Finding, ...]:
     if not names:
         return ()
     told = f"{', '.join(names)} do not move in the validation: nothing was tested of them"
-    return (Doubt("excitation", told, decisive=False, strength=2.0),)
+    return (Finding("excitation", told, decisive=False, strength=2.0),)
 
 
 def _verdict(agreed: Sequence[Agreement], bounds: Sequence[Bounds], failures: Sequence[str]) -> str:

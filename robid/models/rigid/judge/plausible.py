@@ -8,8 +8,8 @@ import numpy as np
 
 from robid.models.conclusions import graded_alone
 from robid.models.rigid.fit.solution import RigidSolution, Travel
-from robid.results.doubt import Doubt, two_digits
 from robid.results.estimate import Estimate
+from robid.results.finding import Finding, two_digits
 from robid.results.grade import Grade
 
 _FRICTION = ("viscous", "coulomb", "load_friction", "coupling_viscous", "coupling_coulomb")
@@ -28,8 +28,8 @@ _POOR_CONDITION = 200.0
 _BIASED = 0.1
 
 
-def parameter_doubts(solution: RigidSolution) -> tuple[Doubt, ...]:
-    """Returns what of a rigid fit cannot be or is hardly known, decisive doubts first."""
+def parameter_findings(solution: RigidSolution) -> tuple[Finding, ...]:
+    """Returns what of a rigid fit cannot be or is hardly known, decisive findings first."""
     found = [
         *_estimators(solution),
         *_places(solution.travel),
@@ -40,36 +40,36 @@ def parameter_doubts(solution: RigidSolution) -> tuple[Doubt, ...]:
         *_excitation(solution),
         *_bodies(solution),
     ]
-    return tuple(sorted(found, key=lambda doubt: (not doubt.decisive, -doubt.strength)))
+    return tuple(sorted(found, key=lambda finding: (not finding.decisive, -finding.strength)))
 
 
-def _estimators(solution: RigidSolution) -> Iterator[Doubt]:
+def _estimators(solution: RigidSolution) -> Iterator[Finding]:
     """What the verdict on least squares says of the result, which may be another estimator's."""
     checks, told = solution.checks, solution.checks.sentence.rstrip(".")
     told = told[0].lower() + told[1:]
     if checks.instruments_differ and solution.chosen != "instruments":
-        yield Doubt("filters", told, decisive=True, strength=2.0)
+        yield Finding("filters", told, decisive=True, strength=2.0)
     elif checks.huber_differs and checks.instrument_variation is None:
-        yield Doubt("filters", told, decisive=_varies(solution), strength=2.0)
+        yield Finding("filters", told, decisive=_varies(solution), strength=2.0)
     elif checks.huber_differs and not checks.instruments_differ:
         # The instruments agree: what moves Huber's estimate is no noise of the positions.
         told = f"{solution.estimate.names[int(np.argmax(checks.huber_variation))]} depends on large residuals"
-        yield Doubt("model", told, decisive=False, strength=1.5)
+        yield Finding("model", told, decisive=False, strength=1.5)
     if checks.untested:
         told = "too few rows are left to test the residuals of all joints"
-        yield Doubt("excitation", told, decisive=False, strength=2.0)
+        yield Finding("excitation", told, decisive=False, strength=2.0)
     for name, status in zip(solution.estimators.names, solution.estimators.status, strict=True):
         if status != "converged" and name != solution.chosen:
-            yield Doubt("model", f"the {name} estimate beside it has not converged", decisive=False, strength=1.5)
+            yield Finding("model", f"the {name} estimate beside it has not converged", decisive=False, strength=1.5)
     if checks.coloured:
         worst = int(np.argmax(np.abs(checks.correlation).max(axis=1)))
         size = float(np.abs(checks.correlation[worst]).max())
         told = f"the residuals of joint {worst + 1} are correlated in time by {size:.2g} beyond their filter"
-        yield Doubt("friction", told, decisive=False, strength=1 + size)
+        yield Finding("friction", told, decisive=False, strength=1 + size)
     if checks.odd and not checks.huber_differs:
         share = float(np.max(checks.outlier_share))
         told = f"the residuals are not Gaussian: up to {share:.2g} of a joint's lie beyond three deviations"
-        yield Doubt("friction", told, decisive=False, strength=1.5)
+        yield Finding("friction", told, decisive=False, strength=1.5)
 
 
 def _varies(solution: RigidSolution) -> bool:
@@ -77,7 +77,7 @@ def _varies(solution: RigidSolution) -> bool:
     return bool((solution.checks.huber_variation[solution.estimate.identified] > _BIASED).any())
 
 
-def _sizes(solution: RigidSolution) -> Iterator[Doubt]:
+def _sizes(solution: RigidSolution) -> Iterator[Finding]:
     """Torques of links that are nothing like the robot file's, whose links are often drawn, not weighed."""
     if solution.torque_unit == "A":
         return  # ratios to a torque constant that nobody knows
@@ -88,7 +88,7 @@ def _sizes(solution: RigidSolution) -> Iterator[Doubt]:
     if size[worst] > np.log(_FAR):
         ratio = float(found.ratio[worst])
         told = f"the links that joint {worst + 1} moves come out {two_digits(ratio)} times the robot file's"
-        yield Doubt("masses", told, bool(size[worst] > np.log(_TOO_FAR)), float(size[worst] / np.log(_FAR)))
+        yield Finding("masses", told, bool(size[worst] > np.log(_TOO_FAR)), float(size[worst] / np.log(_FAR)))
     unlike = int(np.argmin(np.where(visible, found.likeness, 1.0)))
     likeness = float(found.likeness[unlike])
     if visible[unlike] and likeness < _ALIKE:
@@ -96,10 +96,10 @@ def _sizes(solution: RigidSolution) -> Iterator[Doubt]:
             f"what the links do to joint {unlike + 1} along this motion is not what the robot file's would do "
             f"(correlation {likeness:.2g})"
         )
-        yield Doubt("masses", told, likeness < _UNLIKE, 1 + _ALIKE - likeness)
+        yield Finding("masses", told, likeness < _UNLIKE, 1 + _ALIKE - likeness)
 
 
-def _unfelt_rotors(solution: RigidSolution) -> Iterator[Doubt]:
+def _unfelt_rotors(solution: RigidSolution) -> Iterator[Finding]:
     """Torques that hold no rotor's inertia where the links are those of the robot file: a sensor behind the gear."""
     estimate, ratio = solution.estimate, solution.against_nominal.ratio
     usual = float(np.exp(np.nanmedian(np.log(ratio)))) if np.isfinite(ratio).any() else float("nan")
@@ -112,10 +112,10 @@ def _unfelt_rotors(solution: RigidSolution) -> Iterator[Doubt]:
         names = [name for name, is_told in zip(estimate.names, told.tolist(), strict=True) if is_told]
         worst = two_digits(100 * float(size[told].max()))
         message = f"the torques hold at most {worst} % of the rotors' inertias ({', '.join(names)})"
-        yield Doubt("torque_sensor", message, decisive=True, strength=_TO_BLAME)
+        yield Finding("torque_sensor", message, decisive=True, strength=_TO_BLAME)
 
 
-def _places(travel: Travel) -> Iterator[Doubt]:
+def _places(travel: Travel) -> Iterator[Finding]:
     """Positions beyond the joints' limits: a zero, or, where more was moved over than there is, a gear ratio."""
     reach = travel.upper_limit - travel.lower_limit
     beyond = np.maximum(travel.lower_limit - travel.lowest, travel.highest - travel.upper_limit)
@@ -128,17 +128,17 @@ def _places(travel: Travel) -> Iterator[Doubt]:
         )
         wider = bool((travel.highest - travel.lowest)[worst] > (1 + _FAR_BEYOND) * reach[worst])
         cause = "gear_ratio" if wider else "zero"
-        yield Doubt(cause, told, bool(share[worst] > _FAR_BEYOND), float(share[worst] / _BEYOND))
+        yield Finding(cause, told, bool(share[worst] > _FAR_BEYOND), float(share[worst] / _BEYOND))
 
 
-def _unexplained(solution: RigidSolution) -> Iterator[Doubt]:
+def _unexplained(solution: RigidSolution) -> Iterator[Finding]:
     error = solution.residuals.total_error
     if error > TOTAL_ERROR_LIMIT:
         told = f"the fit leaves {error:.0%} of its own torques, limit {TOTAL_ERROR_LIMIT:.0%}"
-        yield Doubt("model", told, decisive=True, strength=error / TOTAL_ERROR_LIMIT)
+        yield Finding("model", told, decisive=True, strength=error / TOTAL_ERROR_LIMIT)
 
 
-def _negative(estimate: Estimate) -> Iterator[Doubt]:
+def _negative(estimate: Estimate) -> Iterator[Finding]:
     """Friction and inertias that are negative beyond their interval."""
     columns = (each.tolist() for each in (estimate.nominal, estimate.upper, estimate.value))
     for name, kind, nominal, upper, value in zip(estimate.names, estimate.kinds, *columns, strict=True):
@@ -151,10 +151,10 @@ def _negative(estimate: Estimate) -> Iterator[Doubt]:
         decisive = kind in ("motor_inertia", "coulomb", "viscous")
         cause = "torque_sign" if decisive else ("masses" if inertial else "friction")
         # What a wrong sign leaves unexplained is its doing, so it is to blame first.
-        yield Doubt(cause, told, decisive, _TO_BLAME if decisive else 1.5)
+        yield Finding(cause, told, decisive, _TO_BLAME if decisive else 1.5)
 
 
-def _excitation(solution: RigidSolution) -> Iterator[Doubt]:
+def _excitation(solution: RigidSolution) -> Iterator[Finding]:
     poor = [
         name
         for name, share in zip(solution.estimate.names, solution.estimate.relative_std.tolist(), strict=True)
@@ -163,10 +163,10 @@ def _excitation(solution: RigidSolution) -> Iterator[Doubt]:
     if poor and solution.base.condition > _POOR_CONDITION:
         listed = ", ".join(poor[:5]) + (f" and {len(poor) - 5} more" if len(poor) > 5 else "")
         told = f"the motion has a condition number of {solution.base.condition:.3g}: {listed} suffer"
-        yield Doubt("excitation", told, decisive=False, strength=solution.base.condition / _POOR_CONDITION)
+        yield Finding("excitation", told, decisive=False, strength=solution.base.condition / _POOR_CONDITION)
 
 
-def _bodies(solution: RigidSolution) -> Iterator[Doubt]:
+def _bodies(solution: RigidSolution) -> Iterator[Finding]:
     standard = solution.standard
     if standard is None or standard.status == "estimated" or not standard.moved.size:
         return
@@ -176,14 +176,14 @@ def _bodies(solution: RigidSolution) -> Iterator[Doubt]:
             f"no real bodies have these base parameters: the nearest have {solution.estimate.names[worst]} off by "
             f"{two_digits(abs(float(standard.moved[worst])))} deviations"
         )
-        yield Doubt("masses", told, decisive=False, strength=abs(float(standard.moved[worst])) / _MOVED)
+        yield Finding("masses", told, decisive=False, strength=abs(float(standard.moved[worst])) / _MOVED)
 
 
-def assess_rigid(solution: RigidSolution, scales: Sequence[Doubt] = ()) -> Grade:
-    """Gathers the doubts about a rigid fit and grades it by itself: it predicts at best.
+def assess_rigid(solution: RigidSolution, scales: Sequence[Finding] = ()) -> Grade:
+    """Gathers the findings about a rigid fit and grades it by itself: it predicts at best.
 
     Args:
         solution: What the fit found.
         scales: Wrong units and other scales of its record; nothing else is looked for beside them.
     """
-    return graded_alone(scales or parameter_doubts(solution), solution.estimate.status)
+    return graded_alone(scales or parameter_findings(solution), solution.estimate.status)

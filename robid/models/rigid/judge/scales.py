@@ -14,9 +14,9 @@ from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.residuals import excited_band
 from robid.models.rigid.fit.rows import prepare
 from robid.models.rigid.fit.shots import Shot, positions_of
-from robid.results.doubt import Doubt, two_digits
+from robid.results.finding import Finding, two_digits
 from robid.results.plausible.hypotheses import Hypothesis, Pair, Seen, hypotheses_of, joined, name_scales, pairs_of
-from robid.results.plausible.scales import named_doubt
+from robid.results.plausible.scales import named_finding
 from robid.robot.description import Robot
 from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.model import RigidModel, build_rigid_model
@@ -64,9 +64,9 @@ def motions_of(record: Record, robot: Robot) -> Motions:
     return Motions(tuple(record.output_channels[index] for index in own), np.array(used, int), tuple(pairs))
 
 
-def rigid_scale_doubts(
+def rigid_scale_findings(
     robot: Robot, shots: Sequence[Shot], motions: Motions, options: RigidFitOptions
-) -> tuple[Doubt, ...]:
+) -> tuple[Finding, ...]:
     """Returns the wrong scale that a record shows, at most one.
 
     Torques are explained by the model as it would be under each mistake: by gravity, which times do not change, and by
@@ -88,7 +88,7 @@ def rigid_scale_doubts(
     constant = np.array([np.nan if one is None else one for one in stated])
     hypotheses = hypotheses_of(names, motions.channels, robot.gear_ratio, constant)
     named = name_scales([each for each in hypotheses if scene.may_be(each)], scene.told, scene.likely())
-    return () if named is None else (named_doubt(named, scene.sources(named.alike[0].log)),)
+    return () if named is None else (named_finding(named, scene.sources(named.alike[0].log)),)
 
 
 class _Scene:
@@ -266,7 +266,7 @@ _BETTER = 0.4
 _CLEARLY = 0.7  # of what the next best leaves
 
 
-def sum_doubts(robot: Robot, shots: Sequence[Shot], options: RigidFitOptions) -> tuple[Doubt, ...]:
+def sum_findings(robot: Robot, shots: Sequence[Shot], options: RigidFitOptions) -> tuple[Finding, ...]:
     """Names an angle that looks like the sum or the difference of two joints', at most one.
 
     Controllers show some axes against the horizontal, though their motors turn them against the link before. Where
@@ -296,7 +296,7 @@ def sum_doubts(robot: Robot, shots: Sequence[Shot], options: RigidFitOptions) ->
     if share > _BETTER * before or any(share > _CLEARLY * each[0] for each in following):
         return ()
     told = f"the torques are explained to {_percent(share)} instead of {_percent(before)} "
-    return (Doubt("gear_coupling", told + _what(robot, joint, other, sign), decisive=True, strength=before / share),)
+    return (Finding("gear_coupling", told + _what(robot, joint, other, sign), decisive=True, strength=before / share),)
 
 
 def _base_model(robot: Robot, options: RigidFitOptions) -> RigidModel:

@@ -18,7 +18,7 @@ from robid.models.rigid.fit.rows import Reading
 from robid.models.rigid.fit.shots import Shot, motion_of, repeats
 from robid.models.rigid.fit.solution import RigidSolution
 from robid.models.rigid.judge.plausible import TOTAL_ERROR_LIMIT
-from robid.results.doubt import Doubt
+from robid.results.finding import Finding
 from robid.results.outcome import Outcome
 from robid.robot.description import Robot
 from robid.robot.regressor.model import RigidModel, build_rigid_model
@@ -113,7 +113,7 @@ def validate_rigid(
     solution: RigidSolution,
     shots: Sequence[Shot],
     options: RigidFitOptions,
-    doubts: Sequence[Doubt] = (),
+    findings: Sequence[Finding] = (),
     truth: Mapping[str, float] | None = None,
     simulate: Simulate | None = None,
 ) -> RigidValidation:
@@ -127,7 +127,7 @@ def validate_rigid(
         solution: What the fit found.
         shots: What was recorded anew.
         options: Options of the fit.
-        doubts: Doubts about the fit, for the grade.
+        findings: Doubts about the fit, for the grade.
         truth: True values by parameter name, of a simulated robot.
         simulate: Simulates the loop of each shot, where it is known.
 
@@ -151,7 +151,7 @@ def validate_rigid(
     ratio = prediction.deviation / np.maximum(own, 1e-300)
     failures = _failures(robot, prediction)
     same = any(repeats(solution.travel, robot, shot) for shot in shots)
-    every = [*doubts, *_seen_already(same), *_worse(robot, prediction, ratio), *_untested(robot, prediction)]
+    every = [*findings, *_seen_already(same), *_worse(robot, prediction, ratio), *_untested(robot, prediction)]
     return RigidValidation(
         outcome=outcome_of(solution.estimate, every, failures, _verdict(prediction, ratio, failures, same=same), truth),
         prediction=prediction,
@@ -170,11 +170,11 @@ def _forward(simulated: Sequence[FloatArray], shots: Sequence[Shot]) -> FloatArr
     return np.asarray(np.sqrt(np.mean(error**2, axis=0) / np.mean(moved**2, axis=0)))
 
 
-def _seen_already(same: bool) -> tuple[Doubt, ...]:
+def _seen_already(same: bool) -> tuple[Finding, ...]:
     if not same:
         return ()
     told = "the validation repeats the motion of the fit: it says nothing of other motions"
-    return (Doubt("same_motion", told, decisive=False, strength=2.0),)
+    return (Finding("same_motion", told, decisive=False, strength=2.0),)
 
 
 def _failures(robot: Robot, prediction: Prediction) -> tuple[str, ...]:
@@ -188,17 +188,17 @@ def _failures(robot: Robot, prediction: Prediction) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _worse(robot: Robot, prediction: Prediction, ratio: FloatArray) -> tuple[Doubt, ...]:
+def _worse(robot: Robot, prediction: Prediction, ratio: FloatArray) -> tuple[Finding, ...]:
     """A motor whose torque is predicted much worse than on the fit's own motion."""
     telling = np.nan_to_num(np.where(prediction.relative_error > _MATTERS, ratio, 0.0))
     worst = int(np.argmax(telling))
     if telling[worst] <= _WORSE:
         return ()
     told = f"the torque of {robot.joints[worst].name} is off by {telling[worst]:.2g} times what the fit left"
-    return (Doubt("model", told, decisive=False, strength=float(telling[worst]) / _WORSE),)
+    return (Finding("model", told, decisive=False, strength=float(telling[worst]) / _WORSE),)
 
 
-def _untested(robot: Robot, prediction: Prediction) -> tuple[Doubt, ...]:
+def _untested(robot: Robot, prediction: Prediction) -> tuple[Finding, ...]:
     few = [
         joint.name
         for joint, count in zip(robot.joints, prediction.n_row.tolist(), strict=True)
@@ -207,7 +207,7 @@ def _untested(robot: Robot, prediction: Prediction) -> tuple[Doubt, ...]:
     if not few:
         return ()
     told = f"the validation leaves fewer than {FEWEST_TESTED} rows of {', '.join(few)}, too few to tell anything"
-    return (Doubt("excitation", told, decisive=False, strength=2.0),)
+    return (Finding("excitation", told, decisive=False, strength=2.0),)
 
 
 def _refuse_other(solution: RigidSolution, shots: Sequence[Shot]) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robid.errors import DataError
-from robid.models.lpv.fitting import doubts_of_scheduling, doubts_of_signals, responses_of
+from robid.models.lpv.fitting import findings_of_scheduling, findings_of_signals, responses_of
 from robid.signals.quantities import Channel
 
 LOADED = SimpleNamespace(robot=SimpleNamespace(joints=[SimpleNamespace(name="turn"), SimpleNamespace(name="lift")]))
@@ -64,10 +64,10 @@ def test_an_output_that_schedules_must_stand_still_beside_its_range(moved, found
     own = frf()
     own.motion_rms = np.array([[9.0, 0.01], [9.0, moved], [9.0, 0.02]])
     own.configurations = np.zeros((3, 2))
-    doubts = list(doubts_of_scheduling(own, LOADED, settings(scheduling=("tool",))))
+    doubts = list(findings_of_scheduling(own, LOADED, settings(scheduling=("tool",))))
     assert [doubt.decisive for doubt in doubts] == found
     assert all(f"tool moved by {moved / 2:.0%} (rms) of its range" in doubt.message for doubt in doubts)
-    assert not list(doubts_of_scheduling(own, LOADED, settings(scheduling=("lift",))))
+    assert not list(findings_of_scheduling(own, LOADED, settings(scheduling=("lift",))))
 
 
 @pytest.mark.parametrize(("share", "decisive"), [(0.02, False), (0.2, True)])
@@ -80,15 +80,15 @@ def test_saturated_signals_of_a_fit_are_doubted_and_those_it_does_not_read_are_n
     )
     own.saturated_inputs, own.saturated_outputs = np.zeros((3, 2)), np.zeros((3, 2))
     own.saturated_inputs[1, 0] = own.saturated_outputs[2, 1] = share
-    found = doubts_of_signals(own, settings())
+    found = findings_of_signals(own, settings())
     assert [doubt.message.partition(" saturates for")[0] for doubt in found] == [
         "turn: torque",
         "tool: acceleration",
     ]
     assert all((doubt.cause, doubt.decisive) == ("saturation", decisive) for doubt in found)
     assert all(f"{100 * share:.2g} % of the time" in doubt.message for doubt in found)
-    (doubt,) = doubts_of_signals(own, settings(inputs=("lift",)))
+    (doubt,) = findings_of_signals(own, settings(inputs=("lift",)))
     assert doubt.message.startswith("tool")
-    assert doubts_of_signals(own, settings(inputs=("lift",), outputs=("turn",))) == ()
+    assert findings_of_signals(own, settings(inputs=("lift",), outputs=("turn",))) == ()
     own.saturated_inputs = own.saturated_outputs = None
-    assert doubts_of_signals(own, settings()) == ()
+    assert findings_of_signals(own, settings()) == ()

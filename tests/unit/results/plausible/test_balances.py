@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot
-from robid.results.plausible.doubts import data_doubts
 from robid.results.plausible.evidence import Carrier, Fitted
+from robid.results.plausible.findings import data_findings
 from robid.robot.description import HarmonicBalance
 from robid.robot.friction import Friction
 from robid.robot.linearize import solve_statics
@@ -51,7 +51,7 @@ def held(robot, places=PLACES, scale=1.0):
 
 
 def named(frf, fitted=None):
-    return [doubt.cause for doubt in data_doubts(arm(), frf, 0.0, fitted)]
+    return [finding.cause for finding in data_findings(arm(), frf, 0.0, fitted)]
 
 
 def found(waves, deviation_nm):
@@ -67,11 +67,11 @@ def found(waves, deviation_nm):
 @pytest.mark.parametrize(("index", "joint"), [(0, "shoulder"), (1, "elbow")])
 @pytest.mark.parametrize("waves", [(60.0, -150.0), (100.0, 0.0), (0.0, 90.0), (-80.0, 0.0)])
 def test_a_counterbalance_that_the_file_lacks_is_named_alone(index, joint, waves):
-    (doubt,) = data_doubts(arm(), held(with_balance(arm(), index, waves)))
-    assert (doubt.cause, doubt.decisive) == ("counterbalance", False)
-    assert f"N m at {joint} (" in doubt.message
-    assert f"try `free: [{joint}.counterbalance]` in an elastic fit" in doubt.message
-    told = [float(doubt.message.partition(before)[2].split()[0]) for before in (f"{joint} (", "sine and ")]
+    (finding,) = data_findings(arm(), held(with_balance(arm(), index, waves)))
+    assert (finding.cause, finding.decisive) == ("counterbalance", False)
+    assert f"N m at {joint} (" in finding.message
+    assert f"try `free: [{joint}.counterbalance]` in an elastic fit" in finding.message
+    told = [float(finding.message.partition(before)[2].split()[0]) for before in (f"{joint} (", "sine and ")]
     assert told == pytest.approx(waves, abs=6.0)  # it bends gears that the file's arm does not
 
 

@@ -13,8 +13,8 @@ from robid.frf.estimate import estimate_frf
 from robid.frf.joined import join
 from robid.frf.options import EstimateOptions
 from robid.models.known import load_experiment
-from robid.results.plausible.doubts import data_doubts, evidence_doubts
 from robid.results.plausible.evidence import gather_evidence, join_evidence
+from robid.results.plausible.findings import data_findings, evidence_findings
 from robid.robot.description import Inertial, Joint, Motor, Robot, Spring
 from robid.robot.friction import Friction
 from robid.robot.linearize import solve_statics
@@ -64,7 +64,7 @@ def relative(frf):
 
 
 def causes(robot, frf):
-    return [doubt.cause for doubt in data_doubts(robot, frf)]
+    return [finding.cause for finding in data_findings(robot, frf)]
 
 
 def with_ratio(robot, index, factor):
@@ -80,19 +80,19 @@ def heavier(robot, kg):
 
 def test_exact_data_give_no_doubt():
     for frf in (exact(), relative(exact()), exact(configurations=CONFIGURATIONS[:1])):
-        assert data_doubts(two_joints(), frf) == ()
+        assert data_findings(two_joints(), frf) == ()
 
 
 @pytest.mark.parametrize("motor", [0, 1])
 def test_a_reversed_torque_is_told_from_a_reversed_angle(motor):
     robot = two_joints()
     for frf in (exact(), relative(exact())):
-        doubt, *more = data_doubts(robot, torque_reversed(frf, motor))
-        assert (doubt.cause, doubt.decisive, more) == ("torque_sign", True, [])
-        assert doubt.message.startswith(robot.joints[motor].name)
-        doubt, *more = data_doubts(robot, angle_reversed(frf, motor))
-        assert (doubt.cause, doubt.decisive, more) == ("angle_sign", True, [])
-        assert doubt.message.startswith(robot.joints[motor].name)
+        finding, *more = data_findings(robot, torque_reversed(frf, motor))
+        assert (finding.cause, finding.decisive, more) == ("torque_sign", True, [])
+        assert finding.message.startswith(robot.joints[motor].name)
+        finding, *more = data_findings(robot, angle_reversed(frf, motor))
+        assert (finding.cause, finding.decisive, more) == ("angle_sign", True, [])
+        assert finding.message.startswith(robot.joints[motor].name)
 
 
 def test_torque_and_angle_of_one_motor_reversed_are_seen_by_its_couplings():
@@ -105,7 +105,7 @@ def test_torque_and_angle_of_one_motor_reversed_are_seen_by_its_couplings():
     assert causes(robot, frf) == []
     both = angle_reversed(torque_reversed(frf, 1), 1)
     assert sorted(causes(robot, both)) == ["angle_sign", "torque_sign"]
-    assert {doubt.message.partition(":")[0] for doubt in data_doubts(robot, both)} == {"elbow"}
+    assert {finding.message.partition(":")[0] for finding in data_findings(robot, both)} == {"elbow"}
 
 
 def test_a_motor_that_sticks_is_not_reversed():
@@ -121,21 +121,21 @@ def test_a_motor_that_sticks_is_not_reversed():
 def test_swapped_configurations_are_paired():
     robot, frf = two_joints(), exact()
     swapped = replace(frf, configurations=CONFIGURATIONS[[0, 3, 2, 1]])
-    doubt, *more = data_doubts(robot, swapped)
-    assert (doubt.cause, doubt.decisive, more) == ("configurations", True, [])
-    assert "configuration 2 fits 4, of 4 fits 2" in doubt.message
-    doubt, *more = data_doubts(robot, relative(swapped))
-    assert (doubt.cause, more) == ("configurations", [])
-    assert "configuration 2 fits 4, of 4 fits 2" in doubt.message
+    finding, *more = data_findings(robot, swapped)
+    assert (finding.cause, finding.decisive, more) == ("configurations", True, [])
+    assert "configuration 2 fits 4, of 4 fits 2" in finding.message
+    finding, *more = data_findings(robot, relative(swapped))
+    assert (finding.cause, more) == ("configurations", [])
+    assert "configuration 2 fits 4, of 4 fits 2" in finding.message
 
 
 def test_a_configuration_that_nobody_stated():
     frf = exact()
     away = frf.mean_output.copy()
     away[2, 0] += 120.0 * np.deg2rad(166.0)
-    doubt, *_ = data_doubts(two_joints(), replace(frf, mean_output=away))
-    assert doubt.cause == "configurations"
-    assert "166 deg (shoulder in configuration 3)" in doubt.message
+    finding, *_ = data_findings(two_joints(), replace(frf, mean_output=away))
+    assert finding.cause == "configurations"
+    assert "166 deg (shoulder in configuration 3)" in finding.message
 
 
 @pytest.mark.parametrize(("off_m", "told"), [(0.005, False), (0.02, True)])
@@ -145,25 +145,25 @@ def test_a_linear_axis_is_placed_by_millimetres(off_m, told):
     frf = exact(rail, np.array([[0.2], [0.7], [1.1], [1.6]]))
     away = frf.mean_output.copy()
     away[2, 0] += off_m * rail.motor_per_arm[0, 0]
-    doubts = data_doubts(rail, replace(frf, mean_output=away))
-    assert [doubt.cause for doubt in doubts] == ["configurations"] * told
-    assert not told or "20 mm (rail in configuration 3)" in doubts[0].message
+    findings = data_findings(rail, replace(frf, mean_output=away))
+    assert [finding.cause for finding in findings] == ["configurations"] * told
+    assert not told or "20 mm (rail in configuration 3)" in findings[0].message
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.9, 1.03])
 def test_the_ratio_of_a_linear_axis_is_told_over_decimetres(factor):
     rail = linear_axis()
     frf = exact(rail, 0.2 + np.array([[0.0], [0.04], [0.08], [0.3]]))
-    doubts = data_doubts(with_ratio(rail, 0, 1 / factor), frf)
-    assert [doubt.cause for doubt in doubts] == ["gear_ratio"] * (factor != 1)
+    findings = data_findings(with_ratio(rail, 0, 1 / factor), frf)
+    assert [finding.cause for finding in findings] == ["gear_ratio"] * (factor != 1)
 
 
 @pytest.mark.parametrize("factor", [0.9, 1.1, 1.03])
 def test_a_gear_ratio_is_read_from_the_angles(factor):
-    doubt, *more = data_doubts(two_joints(), exact(with_ratio(two_joints(), 0, factor)))
-    assert (doubt.cause, more) == ("gear_ratio", [])
-    assert doubt.message.startswith(f"shoulder: its mean angles are {factor:.4g} times")
-    assert doubt.decisive == (abs(factor - 1) > 0.05)
+    finding, *more = data_findings(two_joints(), exact(with_ratio(two_joints(), 0, factor)))
+    assert (finding.cause, more) == ("gear_ratio", [])
+    assert finding.message.startswith(f"shoulder: its mean angles are {factor:.4g} times")
+    assert finding.decisive == (abs(factor - 1) > 0.05)
 
 
 def test_a_gear_ratio_is_read_from_encoders_without_a_reference():
@@ -174,11 +174,11 @@ def test_a_gear_ratio_is_read_from_encoders_without_a_reference():
 
 def test_encoders_without_a_reference_are_noted_only():
     robot, frf = two_joints(), exact()
-    doubts, notes = evidence_doubts(robot, gather_evidence(replace(frf, mean_output=frf.mean_output + 300.0)))
-    assert doubts == ()
+    findings, notes = evidence_findings(robot, gather_evidence(replace(frf, mean_output=frf.mean_output + 300.0)))
+    assert findings == ()
     assert "as those of encoders without a reference do" in notes[0]
-    doubts, notes = evidence_doubts(robot, gather_evidence(relative(frf)))
-    assert doubts == ()
+    findings, notes = evidence_findings(robot, gather_evidence(relative(frf)))
+    assert findings == ()
     assert "cannot tell where the robot was" in notes[0]
 
 
@@ -200,16 +200,16 @@ def test_the_expected_torque_is_that_of_a_pendulum():
     frf = replace(exact(pendulum(), angle), mean_input=held)
     assert causes(pendulum(), frf) == []
     assert causes(pendulum(), replace(frf, mean_input=1.2 * held)) != []
-    light = data_doubts(
+    light = data_findings(
         pendulum(payload_kg=0.5), replace(frf, response=exact(pendulum(payload_kg=0.5), angle).response)
     )
     assert light[0].cause in {"payload", "masses", "torque_constant"}  # one motor cannot tell them apart
 
 
 def test_a_payload_is_weighed():
-    doubt, *more = data_doubts(two_joints(), exact(heavier(two_joints(), 2.0)))
-    assert (doubt.cause, doubt.decisive, more) == ("payload", False, [])
-    weighed = float(doubt.message.partition("a payload of ")[2].partition(" kg")[0])
+    finding, *more = data_findings(two_joints(), exact(heavier(two_joints(), 2.0)))
+    assert (finding.cause, finding.decisive, more) == ("payload", False, [])
+    weighed = float(finding.message.partition("a payload of ")[2].partition(" kg")[0])
     assert weighed == pytest.approx(6.0, rel=0.01)  # springs that the payload bends further are left out
 
 
@@ -217,9 +217,9 @@ def test_a_payload_is_weighed():
 def test_a_torque_constant_belongs_to_one_motor(factor, decisive):
     scale = np.array([1.0, factor])
     frf = exact()
-    doubt, *more = data_doubts(two_joints(), replace(frf, mean_input=frf.mean_input * scale))
-    assert (doubt.cause, doubt.decisive, more) == ("torque_constant", decisive, [])
-    assert doubt.message.startswith(f"elbow: its mean torques are {factor:.3g} times")
+    finding, *more = data_findings(two_joints(), replace(frf, mean_input=frf.mean_input * scale))
+    assert (finding.cause, finding.decisive, more) == ("torque_constant", decisive, [])
+    assert finding.message.startswith(f"elbow: its mean torques are {factor:.3g} times")
 
 
 def test_friction_that_holds_a_part_of_the_weight_is_no_payload():
@@ -234,9 +234,9 @@ def test_robots_without_weight_and_foreign_motors_are_left_alone():
     free = replace(two_joints(), gravity_m_s2=np.zeros(3))
     frf = exact(free)
     assert causes(free, replace(frf, mean_input=frf.mean_input + 0.05)) == []
-    assert data_doubts(two_joints(), replace(frf, input_channels=motor_channels(("a", "b"), "torque"))) == ()
+    assert data_findings(two_joints(), replace(frf, input_channels=motor_channels(("a", "b"), "torque"))) == ()
     old = replace(exact(), mean_input=None, mean_output=None, motion_rms=None)
-    assert data_doubts(two_joints(), old) == ()
+    assert data_findings(two_joints(), old) == ()
 
 
 def test_a_response_of_noise_is_no_response():
@@ -252,11 +252,11 @@ def test_a_response_of_noise_is_no_response():
         return replace(frf, response=moved, noise_covariance=covariance, noise_degrees_of_freedom=1e6)
 
     assert causes(robot, noisy(0.01)) == []
-    weak = data_doubts(robot, noisy(0.6))
-    assert {doubt.cause for doubt in weak} == {"excitation"}
-    lost = [doubt for doubt in data_doubts(robot, noisy(100.0)) if doubt.cause == "excitation"]
+    weak = data_findings(robot, noisy(0.6))
+    assert {finding.cause for finding in weak} == {"excitation"}
+    lost = [finding for finding in data_findings(robot, noisy(100.0)) if finding.cause == "excitation"]
     assert len(lost) == 2
-    assert all(doubt.decisive for doubt in lost)
+    assert all(finding.decisive for finding in lost)
 
 
 def test_evidence_of_single_configurations_joins():
@@ -283,17 +283,17 @@ def later(frf, delay_s):
 @pytest.mark.parametrize("samples", [8, 24, 90])
 def test_a_delay_is_read_from_the_phases(samples):
     robot = two_joints()
-    doubt, *more = data_doubts(robot, later(exact(), samples * 1e-3))
-    assert (doubt.cause, more) == ("delay", [])
-    assert doubt.decisive == (samples * 1e-3 * FREQUENCY_HZ[-1] > 0.5)
-    least = float(doubt.message.partition("below ")[2].partition(" samples, where 0 are declared")[0])
+    finding, *more = data_findings(robot, later(exact(), samples * 1e-3))
+    assert (finding.cause, more) == ("delay", [])
+    assert finding.decisive == (samples * 1e-3 * FREQUENCY_HZ[-1] > 0.5)
+    least = float(finding.message.partition("below ")[2].partition(" samples, where 0 are declared")[0])
     assert samples - 0.8 <= least <= samples  # ten degrees at the highest line
-    assert data_doubts(robot, later(exact(), samples * 1e-3), samples * 1e-3) == ()
+    assert data_findings(robot, later(exact(), samples * 1e-3), samples * 1e-3) == ()
 
 
 def test_few_samples_of_delay_are_no_doubt():
     for samples in (0, 1, 2, 3):
-        assert data_doubts(two_joints(), later(exact(), samples * 1e-3)) == ()
+        assert data_findings(two_joints(), later(exact(), samples * 1e-3)) == ()
 
 
 def test_a_delay_hides_no_reversed_torque():
@@ -338,7 +338,7 @@ def simulated(seed, *, friction=1.0, rms=8.0):
 @pytest.mark.parametrize(("seed", "friction", "rms"), [(1, 1.0, 8.0), (2, 2.5, 8.0), (3, 1.0, 1.0), (4, 0.0, 20.0)])
 def test_a_sound_simulated_arm_gives_no_doubt(seed, friction, rms):
     robot, frf = simulated(seed, friction=friction, rms=rms)
-    assert data_doubts(robot, frf) == ()
+    assert data_findings(robot, frf) == ()
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -367,17 +367,17 @@ def test_saturated_signals_are_doubted_by_how_far_they_may_be_off(share, decisiv
     shares = np.zeros((len(CONFIGURATIONS), 2))
     shares[2, 1] = share
     clipped = replace(frf, saturated_inputs=shares, saturated_outputs=0 * shares)
-    (doubt,) = data_doubts(two_joints(), clipped)
-    assert (doubt.cause, doubt.decisive) == ("saturation", decisive)
-    assert doubt.message.startswith(f"{frf.input_names[1]}: torque saturates for")
-    assert doubt.strength > 1
+    (finding,) = data_findings(two_joints(), clipped)
+    assert (finding.cause, finding.decisive) == ("saturation", decisive)
+    assert finding.message.startswith(f"{frf.input_names[1]}: torque saturates for")
+    assert finding.strength > 1
     parts = [gather_evidence(clipped.select([index])) for index in range(4)]
-    assert evidence_doubts(two_joints(), join_evidence(parts))[0] == (doubt,)
-    assert data_doubts(two_joints(), replace(clipped, saturated_inputs=0 * shares)) == ()
+    assert evidence_findings(two_joints(), join_evidence(parts))[0] == (finding,)
+    assert data_findings(two_joints(), replace(clipped, saturated_inputs=0 * shares)) == ()
     # One clipped sensor is named alone, although the responses from all motors are off.
-    (doubt,) = data_doubts(two_joints(), replace(clipped, saturated_inputs=0 * shares, saturated_outputs=shares))
-    assert doubt.message.startswith(f"{frf.output_names[1]}: ")
-    assert "torque" not in doubt.message
+    (finding,) = data_findings(two_joints(), replace(clipped, saturated_inputs=0 * shares, saturated_outputs=shares))
+    assert finding.message.startswith(f"{frf.output_names[1]}: ")
+    assert "torque" not in finding.message
 
 
 def leaning(robot, lean_deg):
@@ -389,26 +389,26 @@ def leaning(robot, lean_deg):
 
 @pytest.mark.parametrize("lean_deg", [3.0, 8.0])
 def test_a_base_that_leans_is_measured_though_a_planar_arm_feels_one_of_both_ways(lean_deg):
-    doubt, *more = data_doubts(two_joints(), replace(exact(), mean_input=leaning(two_joints(), lean_deg)))
-    assert (doubt.cause, more) == ("model", [])
-    told = float(doubt.message.partition("leans by ")[2].split()[0])
+    finding, *more = data_findings(two_joints(), replace(exact(), mean_input=leaning(two_joints(), lean_deg)))
+    assert (finding.cause, more) == ("model", [])
+    told = float(finding.message.partition("leans by ")[2].split()[0])
     assert told == pytest.approx(lean_deg, rel=0.05)
 
 
 @pytest.mark.parametrize("lean_deg", [30.0, 60.0, 150.0])
 def test_nobody_is_told_of_a_lean_that_nobody_overlooks(lean_deg):
-    doubts = data_doubts(two_joints(), replace(exact(), mean_input=leaning(two_joints(), lean_deg)))
-    assert doubts
-    assert not [doubt.message for doubt in doubts if "leans" in doubt.message]
+    findings = data_findings(two_joints(), replace(exact(), mean_input=leaning(two_joints(), lean_deg)))
+    assert findings
+    assert not [finding.message for finding in findings if "leans" in finding.message]
 
 
 def test_no_mass_is_told_that_cannot_be():
     heavy = exact(heavier(two_joints(), 60.0)).mean_input  # more than the arm itself, of 32 kg
-    doubts = data_doubts(two_joints(), replace(exact(), mean_input=heavy))
-    assert doubts
-    assert not [doubt.message for doubt in doubts if "carry a payload" in doubt.message]
+    findings = data_findings(two_joints(), replace(exact(), mean_input=heavy))
+    assert findings
+    assert not [finding.message for finding in findings if "carry a payload" in finding.message]
     assert not [
-        doubt.message
-        for doubt in doubts
-        if "times the mass" in doubt.message and float(doubt.message.partition("carry ")[2].split()[0]) > 3
+        finding.message
+        for finding in findings
+        if "times the mass" in finding.message and float(finding.message.partition("carry ")[2].split()[0]) > 3
     ]

@@ -7,8 +7,8 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot
 from robid.errors import DataError
-from robid.results.doubt import CAUSES, blamed
-from robid.results.plausible.doubts import data_doubts
+from robid.results.finding import CAUSES, blamed
+from robid.results.plausible.findings import data_findings
 from robid.results.scale import SCALES, Scale, read_scale
 from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
@@ -52,8 +52,8 @@ def misread(frf, torque=1.0, angle=1.0, time=1.0, derivatives=2):
 
 
 def first(frf, of=None):
-    doubts = data_doubts(of or robot(), frf)
-    return doubts[0] if doubts else None
+    findings = data_findings(of or robot(), frf)
+    return findings[0] if findings else None
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_currents_are_known_by_the_torque_constants_that_the_robot_file_states()
     found = first(frf, stated(0.2))
     assert (found.cause, found.scales[0]) == ("units", Scale("torque", "torque_constant", inverse=True))
     assert "0.2" in found.message
-    assert all(doubt.cause != "units" for doubt in data_doubts(stated(None), frf))
+    assert all(finding.cause != "units" for finding in data_findings(stated(None), frf))
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -145,14 +145,14 @@ def test_a_rough_robot_file_accuses_no_units(seed):
     )
     rough = replace(rough, joints=tuple(joints), springs=springs)
     for frf in (exact(), replace(exact(), mean_output=None, mean_input=None, motion_rms=None)):
-        assert all(doubt.cause != "units" for doubt in data_doubts(rough, frf))
+        assert all(finding.cause != "units" for finding in data_findings(rough, frf))
 
 
 def test_what_else_is_wrong_is_judged_as_if_the_scale_were_right():
     turned = misread(exact(), angle=[-SCALES["180/pi"], SCALES["180/pi"]])
-    units, *more = data_doubts(robot(), turned)
+    units, *more = data_findings(robot(), turned)
     assert units.scales[0] == Scale("motor_angle", "180/pi")
-    assert [doubt.cause for doubt in more] == ["angle_sign"]
+    assert [finding.cause for finding in more] == ["angle_sign"]
 
 
 def test_a_scale_is_read_as_it_is_written():
@@ -162,8 +162,8 @@ def test_a_scale_is_read_as_it_is_written():
 
 def test_a_refusal_names_the_scale_whose_doing_it_is():
     refusal = DataError("no lines are left", where="response")
-    doubts = data_doubts(robot(), misread(exact(), torque=1e3))
-    named = blamed(refusal, doubts)
+    findings = data_findings(robot(), misread(exact(), torque=1e3))
+    named = blamed(refusal, findings)
     assert CAUSES["units"] in named.what
     assert named.what.endswith("no lines are left")
     assert blamed(refusal, ()) is refusal

@@ -211,7 +211,7 @@ class Nuisance:
     Attributes:
         name: What it is, in one word as parameters are named: `axis_2.mass`.
         title: The same for a sentence.
-        cause: The likely cause that it stands for, of `robid.results.doubt.CAUSES`, or what only a fit's wish frees.
+        cause: The likely cause that it stands for, of `robid.results.finding.CAUSES`, or what only a fit's wish frees.
         unit: Unit of its amounts.
         common_std: Standard deviation of the amount that all places share.
         place_std: Standard deviation of what each place adds to that.

@@ -10,7 +10,7 @@ from exact_systems import exact_frf
 from robid.frf.residual import RESIDUALS
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.judge.assessment import assess_fit, uncoupled_doubts
+from robid.models.elastic.judge.assessment import assess_fit, uncoupled_findings
 from robid.models.elastic.judge.fitted import fitted_model
 from robid.models.known import load_experiment
 
@@ -55,7 +55,7 @@ def test_axes_that_do_not_move_each_other_are_fitted(estimator):
     np.testing.assert_allclose(estimate.value[stiffness], 0.8 * estimate.nominal[stiffness], rtol=5e-3)
     assert (estimate.lower <= estimate.value + 1e-12).all()
     if RESIDUALS[estimator].parts == 2:  # magnitudes alone leave the phases of motors that do not move each other open
-        assert assess_fit(robot, solution, frf, options, DELAY_S).doubts == ()
+        assert assess_fit(robot, solution, frf, options, DELAY_S).findings == ()
 
 
 def test_motion_that_the_model_cannot_have_is_doubted():
@@ -63,8 +63,8 @@ def test_motion_that_the_model_cannot_have_is_doubted():
     frf = measured(softer(GANTRY))
     options = ElasticOptions(starts=1)
     solution = fit_elastic(robot, frf, options, DELAY_S)
-    (doubt,) = uncoupled_doubts(fitted_model(robot, solution, frf, options, DELAY_S))
+    (doubt,) = uncoupled_findings(fitted_model(robot, solution, frf, options, DELAY_S))
     assert doubt.cause == "missing_spring"
     assert "the torque of y moves z by 14 %" in doubt.message  # 2.55 over the root of 135 times 968, and as much back
     assert doubt.strength == pytest.approx(13.5, abs=1)
-    assert "missing_spring" in [each.cause for each in assess_fit(robot, solution, frf, options, DELAY_S).doubts]
+    assert "missing_spring" in [each.cause for each in assess_fit(robot, solution, frf, options, DELAY_S).findings]

@@ -8,10 +8,10 @@ import pytest
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.judge.assessment import assess_fit, validation_doubts
+from robid.models.elastic.judge.assessment import assess_fit, validation_findings
 from robid.models.elastic.judge.grading import grade_validation
 from robid.models.elastic.judge.plausible_parameters import fitted_carrier
-from robid.results.doubt import Doubt
+from robid.results.finding import Finding
 from robid.robot.description import HarmonicBalance
 from robid.robot.friction import Friction
 from robid.robot.linearize import solve_statics
@@ -42,12 +42,12 @@ def sound(stated, frf):
 def assessed(stated, sound, frf, factor):
     """The grade of a sound fit beside data that are off by a known factor, and after a validation that holds."""
     alone = assess_fit(stated, sound, replace(frf, response=frf.response * factor), OPTIONS, DELAY_S)
-    return alone, grade_validation(sound, alone.doubts, ())
+    return alone, grade_validation(sound, alone.findings, ())
 
 
 def test_a_sound_fit_predicts_alone_and_is_trusted_with_a_validation(stated, sound, frf):
     alone, validated = assessed(stated, sound, frf, 1.0)
-    assert (alone.value, alone.doubts, validated.value) == (1, (), 2)
+    assert (alone.value, alone.findings, validated.value) == (1, (), 2)
 
 
 @pytest.mark.parametrize(
@@ -90,15 +90,15 @@ def test_own_resonances_have_their_limit(stated, sound):
 
 
 def test_data_of_the_validation_are_named_and_blamed_before_what_does_not_decide(stated, sound, frf):
-    payload = Doubt("payload", "the payload +2 kg", decisive=False, strength=4.0)
+    payload = Finding("payload", "the payload +2 kg", decisive=False, strength=4.0)
     turned = replace(frf, response=frf.response * np.array([1.0, -1.0]))
-    doubts = validation_doubts((payload,), stated, sound.estimate, turned, "monday")
+    doubts = validation_findings((payload,), stated, sound.estimate, turned, "monday")
     assert [doubt.cause for doubt in doubts] == ["torque_sign", "payload"]
     assert doubts[0].message.startswith("in campaign monday, ")
-    assert validation_doubts((payload,), stated, sound.estimate, frf, "monday") == (payload,)
-    decided = Doubt("angle_sign", "shoulder: its angle has the wrong sign", decisive=True, strength=2.0)
+    assert validation_findings((payload,), stated, sound.estimate, frf, "monday") == (payload,)
+    decided = Finding("angle_sign", "shoulder: its angle has the wrong sign", decisive=True, strength=2.0)
     assert [
-        doubt.cause for doubt in validation_doubts((decided, payload), stated, sound.estimate, turned, "monday")
+        doubt.cause for doubt in validation_findings((decided, payload), stated, sound.estimate, turned, "monday")
     ] == [
         "angle_sign",
         "torque_sign",
@@ -109,10 +109,10 @@ def test_data_of_the_validation_are_named_and_blamed_before_what_does_not_decide
 def test_a_delay_that_is_declared_is_no_doubt_about_a_validation(stated, sound, frf):
     late_s = 0.04
     late = replace(frf, response=frf.response * np.exp(-2j * np.pi * FREQUENCY_HZ * late_s)[:, None, None])
-    assert [doubt.cause for doubt in validation_doubts((), stated, sound.estimate, late, "monday", DELAY_S)] == [
+    assert [doubt.cause for doubt in validation_findings((), stated, sound.estimate, late, "monday", DELAY_S)] == [
         "delay"
     ]
-    assert validation_doubts((), stated, sound.estimate, late, "monday", DELAY_S + late_s) == ()
+    assert validation_findings((), stated, sound.estimate, late, "monday", DELAY_S + late_s) == ()
 
 
 def balanced_arm(robot):
@@ -133,21 +133,21 @@ def test_freeing_the_counterbalance_that_mean_torques_name_ends_their_doubt(stat
     frf = balanced_arm(robot)
     plain = fit_elastic(robot, frf, OPTIONS, DELAY_S)
     seen = [
-        doubt for doubt in assess_fit(robot, plain, frf, OPTIONS, DELAY_S).doubts if "mean torques" in doubt.message
+        doubt for doubt in assess_fit(robot, plain, frf, OPTIONS, DELAY_S).findings if "mean torques" in doubt.message
     ]
     assert [doubt.cause for doubt in seen] == ["counterbalance"]
     free = seen[0].message.partition("free: [")[2].partition("]")[0]
     options = replace(OPTIONS, free=(free,))
     freed = fit_elastic(robot, frf, options, DELAY_S)
     grade = assess_fit(robot, freed, frf, options, DELAY_S)
-    assert (grade.value, grade.doubts) == (1, ())
+    assert (grade.value, grade.findings) == (1, ())
     fitted = fitted_carrier(robot, freed.estimate)
     assert fitted.found.robot.joints[0].counterbalance.torque_nm(0.7) == pytest.approx(
         60 * np.sin(0.7) - 150 * np.cos(0.7), abs=9
     )
     assert fitted_carrier(robot, plain.estimate) is None
-    assert validation_doubts((), robot, freed.estimate, frf, "monday", DELAY_S) == ()
-    assert validation_doubts((), robot, plain.estimate, frf, "monday", DELAY_S) != ()
+    assert validation_findings((), robot, freed.estimate, frf, "monday", DELAY_S) == ()
+    assert validation_findings((), robot, plain.estimate, frf, "monday", DELAY_S) != ()
 
 
 def rubbing(robot):
@@ -184,12 +184,12 @@ def test_what_a_fit_freed_is_what_mean_torques_are_held_against(stated, cause):
     options = replace(OPTIONS, free=(cause,))
     freed = fit_elastic(robot, frf, options, DELAY_S)
     plain = fit_elastic(robot, frf, OPTIONS, DELAY_S)
-    told = [validation_doubts((), robot, each.estimate, frf, "monday", DELAY_S) for each in (plain, freed)]
+    told = [validation_findings((), robot, each.estimate, frf, "monday", DELAY_S) for each in (plain, freed)]
     assert [doubt.cause for doubt in told[0]] == [cause]
     assert told[1] == ()
     # A freed payload vouches for itself alone: what the fit cannot have found is still seen.
     heavier = recorded(WRONG["payload"][0](WRONG["payload"][0](change(robot))), scale)
-    assert [doubt.cause for doubt in validation_doubts((), robot, freed.estimate, heavier, "monday", DELAY_S)] == [
+    assert [doubt.cause for doubt in validation_findings((), robot, freed.estimate, heavier, "monday", DELAY_S)] == [
         "payload"
     ]
 

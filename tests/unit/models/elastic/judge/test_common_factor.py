@@ -8,7 +8,7 @@ import pytest
 from exact_systems import exact_frf, two_mass_robot, with_spring_factors
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.judge.assessment import common_factor_doubts
+from robid.models.elastic.judge.assessment import common_factor_findings
 
 FREQUENCY_HZ = np.geomspace(5.0, 200.0, 60)
 CONFIGURATIONS = np.array([[0.3], [-0.5], [1.1]])
@@ -31,7 +31,7 @@ def response():
 
 def named(robot, frf):
     estimate = fit_elastic(robot, frf, OPTIONS, 0.0).estimate
-    return [str(scale) for doubt in common_factor_doubts(robot, frf, estimate) for scale in doubt.scales]
+    return [str(scale) for doubt in common_factor_findings(robot, frf, estimate) for scale in doubt.scales]
 
 
 def test_a_current_that_is_read_as_a_torque(response):
@@ -55,4 +55,4 @@ def test_rough_robot_files(response):
     generator = np.random.default_rng(7000)
     for _ in range(200):
         rough = estimate.value * np.exp(generator.normal(0, 0.7, len(estimate.names)))
-        assert common_factor_doubts(drive(CONSTANT), response, replace(estimate, nominal=rough)) == ()
+        assert common_factor_findings(drive(CONSTANT), response, replace(estimate, nominal=rough)) == ()

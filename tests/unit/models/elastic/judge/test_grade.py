@@ -9,15 +9,15 @@ from exact_systems import exact_frf, two_joint_robot
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.grading import grade_fit, grade_validation
-from robid.results.doubt import CAUSES, Doubt
+from robid.results.finding import CAUSES, Finding
 from robid.results.grade import ordered
 from solutions import with_estimate
 
 FREQUENCY_HZ = np.geomspace(1, 60, 30)
 PLACES = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3]])
-FAINT = Doubt("payload", "the payload +0.01 kg", decisive=False, strength=0.3)
-CLEAR = Doubt("payload", "the payload +2 kg", decisive=False, strength=4.0)
-DECISIVE = Doubt("torque_sign", "shoulder: its torque has the wrong sign", decisive=True, strength=9.0)
+FAINT = Finding("payload", "the payload +0.01 kg", decisive=False, strength=0.3)
+CLEAR = Finding("payload", "the payload +2 kg", decisive=False, strength=4.0)
+DECISIVE = Finding("torque_sign", "shoulder: its torque has the wrong sign", decisive=True, strength=9.0)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def sound():
 def test_the_worst_reason_decides(sound, doubts, failures, value):
     grade = grade_validation(sound, doubts, failures)
     assert grade.value == value
-    assert grade.doubts == doubts
+    assert grade.findings == doubts
     assert grade_fit(sound, doubts).value == min(value, 1) or failures
 
 

@@ -8,7 +8,7 @@ import pytest
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.judge.plausible_parameters import parameter_doubts
+from robid.models.elastic.judge.plausible_parameters import parameter_findings
 
 FREQUENCY_HZ = np.geomspace(2.0, 60.0, 25)
 CONFIGURATIONS = np.array([[0.3, -0.7], [-0.5, 0.9], [1.1, 0.2]])
@@ -44,7 +44,7 @@ def with_parameter(estimated, name, estimate, half_width):
 
 
 def doubts(estimated):
-    return [(doubt.cause, doubt.decisive) for doubt in parameter_doubts(two_joint_robot(), estimated, BAND_HZ, STEP)]
+    return [(doubt.cause, doubt.decisive) for doubt in parameter_findings(two_joint_robot(), estimated, BAND_HZ, STEP)]
 
 
 def test_a_sound_fit_gives_no_doubt(sound):
@@ -59,10 +59,10 @@ def test_zero_inside_the_interval_is_no_doubt(sound):
 
 def test_negative_friction(sound):
     assert doubts(changed(sound, "elbow.viscous", -1e-3, 2e-4)) == [("friction", False)]
-    told = parameter_doubts(two_joint_robot(), changed(sound, "elbow.viscous", -1e-3, 2e-4), BAND_HZ, STEP)[0].message
+    told = parameter_findings(two_joint_robot(), changed(sound, "elbow.viscous", -1e-3, 2e-4), BAND_HZ, STEP)[0].message
     assert "try `arm_viscous` in `free`" in told
     freed = with_parameter(sound, "elbow.arm_viscous", 3.0, 0.3)
-    told = parameter_doubts(two_joint_robot(), changed(freed, "elbow.viscous", -1e-3, 2e-4), BAND_HZ, STEP)[0].message
+    told = parameter_findings(two_joint_robot(), changed(freed, "elbow.viscous", -1e-3, 2e-4), BAND_HZ, STEP)[0].message
     assert "arm_viscous" not in told
     assert doubts(with_parameter(sound, "elbow.level", -1.5, 0.3)) == [("friction", True)]
     assert doubts(with_parameter(sound, "elbow.torque_scale", -1.9, 0.3)) == [("torque_sign", True)]
@@ -80,7 +80,7 @@ def test_a_delay_that_is_in_the_data_is_found():
     robot = two_joint_robot()
     frf = exact_frf(robot, CONFIGURATIONS, FREQUENCY_HZ, delay_s=6 * STEP, relative_noise=0.01)
     options = ElasticOptions(free=("stiffness", "damping", "delay"))
-    found = parameter_doubts(robot, fit_elastic(robot, frf, options, STEP).estimate, BAND_HZ, STEP)
+    found = parameter_findings(robot, fit_elastic(robot, frf, options, STEP).estimate, BAND_HZ, STEP)
     assert [doubt.cause for doubt in found] == ["delay"]
     assert "6 samples where 1 are declared" in found[0].message
 
@@ -108,7 +108,7 @@ def test_friction_far_from_what_was_known_is_of_another_kind(sound):
             upper=np.append(sound.upper, [lag + 0.1, scale + 0.01]),
             prior_relative_std=np.append(sound.prior_relative_std, [0.5, 0.02]),
         )
-        assert [doubt.cause for doubt in parameter_doubts(two_joint_robot(), found, BAND_HZ, STEP)] == wanted
+        assert [doubt.cause for doubt in parameter_findings(two_joint_robot(), found, BAND_HZ, STEP)] == wanted
 
 
 def test_link_inertias_that_no_body_has(sound):
@@ -125,7 +125,7 @@ def test_springs_that_ran_away(sound):
     assert doubts(changed(sound, "gear_1.stiffness", 30 * stated, 1e3 * stated)) == [("model", False)]
     assert doubts(changed(sound, "gear_1.stiffness", 1e-3 * stated, stated)) == [("model", True)]
     far = changed(sound, "gear_1.stiffness", 30 * stated, 1e3 * stated)
-    assert parameter_doubts(two_joint_robot(), far, BAND_HZ, STEP, prior_decades=2.0) == ()
+    assert parameter_findings(two_joint_robot(), far, BAND_HZ, STEP, prior_decades=2.0) == ()
 
 
 def test_decisive_doubts_come_first(sound):
@@ -136,7 +136,7 @@ def test_decisive_doubts_come_first(sound):
 def test_half_a_sample_early_is_a_difference_that_is_none(sound):
     early = changed(sound, "delay", -0.5 * STEP, 1e-2 * STEP)
     assert doubts(early) == [("delay", False)]
-    found = parameter_doubts(two_joint_robot(), early, BAND_HZ, STEP, differenced=True)
+    found = parameter_findings(two_joint_robot(), early, BAND_HZ, STEP, differenced=True)
     assert [(doubt.cause, doubt.decisive) for doubt in found] == [("samples", False)]
     other = changed(sound, "delay", -0.8 * STEP, 1e-2 * STEP)
-    assert parameter_doubts(two_joint_robot(), other, BAND_HZ, STEP, differenced=True)[0].cause == "delay"
+    assert parameter_findings(two_joint_robot(), other, BAND_HZ, STEP, differenced=True)[0].cause == "delay"

@@ -9,7 +9,7 @@ from external_loops import BANDS, NEW_BAND, PERIOD_S, channels, limited_rate, li
 from robid.errors import DataError
 from robid.models.external.fit.fitting import fit_external
 from robid.models.external.fit.options import ExternalOptions
-from robid.models.external.judge.plausible import assess_external, solution_doubts
+from robid.models.external.judge.plausible import assess_external, solution_findings
 from robid.models.external.judge.validating import validate_external
 from robid.results.grade import DO_NOT_USE, PREDICTS, TRUST
 
@@ -229,5 +229,5 @@ def test_an_order_that_ends_where_the_search_does_is_a_doubt():
         (ExternalOptions(delay_samples=3, max_poles=2, poles=2), False),
         (ExternalOptions(delay_samples=3, max_poles=2, rule="sufficient"), False),
     ):
-        doubts = solution_doubts(fitted([late], options=options), options)
+        doubts = solution_findings(fitted([late], options=options), options)
         assert any("took all of `max_poles`" in doubt.message for doubt in doubts) == told

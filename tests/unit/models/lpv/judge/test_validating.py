@@ -11,7 +11,7 @@ from robid.models.lpv.fit.fitting import fit_lpv
 from robid.models.lpv.fit.options import BasisOptions, LpvOptions, PathOptions
 from robid.models.lpv.fit.solution import Ports
 from robid.models.lpv.judge import assess_lpv, validate_lpv
-from robid.results.doubt import Doubt
+from robid.results.finding import Finding
 
 PORTS = Ports(("u",), ("N m",), ("y1", "y2"), ("rad", "m"), ("slide",), ("m",), 1.0)
 NEW = np.array([[0.3], [0.8]])
@@ -56,7 +56,7 @@ def test_what_only_chooses_the_structure_must_be_met_too(solution, excess, grade
     far = replace(agreement, excess=np.full_like(agreement.excess, excess))
     off = replace(solution, choosing=replace(solution.choosing, agreement=far))
     alone = assess_lpv(off)
-    assert validate_lpv(off, PORTS, new_responses(), 3.0, alone.doubts).outcome.grade.value == grade
+    assert validate_lpv(off, PORTS, new_responses(), 3.0, alone.findings).outcome.grade.value == grade
     assert ("on what chooses the structure" in alone.sentence) == (grade < 2)
 
 
@@ -65,7 +65,7 @@ def test_errors_beyond_their_deviations_put_single_poles_in_doubt(solution, rati
     agreement = solution.own.agreement
     far = replace(agreement, error_ratio=np.full_like(agreement.error_ratio, ratio))
     alone = assess_lpv(replace(solution, own=replace(solution.own, agreement=far)))
-    assert validate_lpv(solution, PORTS, new_responses(), 3.0, alone.doubts).outcome.grade.value == grade
+    assert validate_lpv(solution, PORTS, new_responses(), 3.0, alone.findings).outcome.grade.value == grade
     assert ("poles may be off" in alone.sentence) == (grade < 2)
 
 
@@ -95,7 +95,7 @@ def test_what_is_unstable_or_has_not_converged_is_not_to_be_used(solution):
     assert "unstable within its range" in assess_lpv(unstable).sentence
     stalled = replace(solution, estimate=replace(solution.estimate, status="stalled"))
     assert validate_lpv(stalled, PORTS, new_responses(), 3.0).outcome.grade.value == 0
-    moved = Doubt("model", "another joint moved", decisive=False, strength=1.5)
+    moved = Finding("model", "another joint moved", decisive=False, strength=1.5)
     assert validate_lpv(solution, PORTS, new_responses(), 3.0, [moved]).outcome.grade.value == 1
 
 

@@ -13,7 +13,7 @@ from robid.models.rigid.fit.fitting import fit_rigid
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.shots import repeats, travel_of
 from robid.models.rigid.judge.plausible import assess_rigid
-from robid.models.rigid.judge.scales import motions_of, rigid_scale_doubts, sum_doubts
+from robid.models.rigid.judge.scales import motions_of, rigid_scale_findings, sum_findings
 from robid.models.rigid.judge.validating import validate_rigid
 from robid.results.scale import Scale
 from robid.robot.regressor.model import build_rigid_model
@@ -61,7 +61,7 @@ def _record(robot, shot):
 
 
 def _units(robot, shot):
-    return rigid_scale_doubts(robot, [shot], motions_of(_record(robot, shot), robot), OPTIONS)
+    return rigid_scale_findings(robot, [shot], motions_of(_record(robot, shot), robot), OPTIONS)
 
 
 def _sizes(robot, shots):
@@ -201,11 +201,11 @@ def test_a_validation_that_repeats_the_fits_motion_cannot_generalise(robot, shot
     same = validate_rigid(robot, solution, [again], OPTIONS)
     assert same.same_motion
     assert "on the motion of its fit" in same.outcome.verdict
-    assert any("says nothing of other motions" in doubt.message for doubt in same.outcome.grade.doubts)
+    assert any("says nothing of other motions" in doubt.message for doubt in same.outcome.grade.findings)
     other = validate_rigid(robot, solution, [shot_along(robot, fourier_motion(robot, N_SAMPLE, seed=8))], OPTIONS)
     assert not other.same_motion
     assert other.outcome.ok
-    assert other.outcome.grade.doubts == ()
+    assert other.outcome.grade.findings == ()
     with pytest.raises(DataError, match="leave no rows"):
         validate_rigid(
             robot, solution, [replace(shot, position=shot.position[:500], torque=shot.torque[:500])], OPTIONS
@@ -239,7 +239,7 @@ def test_a_validation_without_rows_of_a_motor_tells_nothing_of_it(robot, shot):
     found = validate_rigid(robot, solution, [replace(other, position=slow)], dropping)
     assert np.isnan(found.relative_error[1])
     assert found.outcome.grade.value < 2
-    assert any("too few to tell" in doubt.message for doubt in found.outcome.grade.doubts)
+    assert any("too few to tell" in doubt.message for doubt in found.outcome.grade.findings)
     with pytest.raises(DataError, match="D191") as caught:
         validate_rigid(robot, solution, [replace(other, position=0 * other.position)], dropping)
     assert "drop_below_rad_s" in caught.value.remedy
@@ -272,7 +272,7 @@ def test_an_angle_that_counts_another_joints_too_is_named(robot, shot, joint, ot
     ratio = robot.gear_ratio
     position = shot.position.copy()
     position[:, joint] += sign * ratio[joint] / ratio[other] * position[:, other]
-    doubt, *more = sum_doubts(robot, [replace(shot, position=position)], OPTIONS)
+    doubt, *more = sum_findings(robot, [replace(shot, position=position)], OPTIONS)
     assert (doubt.cause, doubt.decisive, more) == ("gear_coupling", True, [])
     assert f"<joint_{joint}> " in doubt.message
     assert f"{abs(ratio[joint] / ratio[other]):.6g}*<joint_{other}>" in doubt.message
@@ -285,11 +285,11 @@ def test_a_coupling_that_only_the_logged_angle_has_is_named(robot, shot):
     position = shot.position.copy()
     position[:, 2] -= turns * robot.gear_ratio[2] * position[:, 1]
     coupled = replace(robot, joints=tuple(joints))
-    doubt, *_ = sum_doubts(coupled, [replace(shot, position=position)], OPTIONS)
+    doubt, *_ = sum_findings(coupled, [replace(shot, position=position)], OPTIONS)
     assert doubt.cause == "gear_coupling"
     assert "leave `couplings` out" in doubt.message
 
 
 @pytest.mark.parametrize("factors", [(1, 1, 1), (2, 0.5, 2)])
 def test_a_sound_log_has_no_sums(robot, shot, factors):
-    assert sum_doubts(with_masses(robot, factors), [shot], OPTIONS) == ()
+    assert sum_findings(with_masses(robot, factors), [shot], OPTIONS) == ()

@@ -1,4 +1,4 @@
-"""A reason to doubt data or a model, with its likely cause."""
+"""Something seen in data or a result that speaks against its use, with its likely cause."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ def two_digits(value: float, sign: str = "") -> str:
 
 
 @dataclass(frozen=True)
-class Doubt:
-    """A reason to doubt data or a model.
+class Finding:
+    """Something seen in data or a result that speaks against its use.
 
     Attributes:
         cause: The likely cause, of `CAUSES`.
@@ -73,9 +73,9 @@ class Doubt:
         return f"{self.message}: this points to {CAUSES[self.cause]}"
 
 
-def blamed(error: DataError, doubts: Sequence[Doubt]) -> DataError:
+def blamed(error: DataError, findings: Sequence[Finding]) -> DataError:
     """Returns a refusal that names the wrong scale first whose doing it is, where one was seen."""
-    seen = next((doubt for doubt in doubts if doubt.scales), None)
+    seen = next((finding for finding in findings if finding.scales), None)
     if seen is None:
         return error
     return DataError(f"{seen.sentence}; with it, {error.what}", where=error.where, remedy="correct the log's mapping")
@@ -85,18 +85,20 @@ _CLIPPED = 0.05
 """Share of the time from which a response that may be off by as much must not be used."""
 
 
-def saturation_doubts(signals: Mapping[str, FloatArray]) -> tuple[Doubt, ...]:
+def saturation_findings(signals: Mapping[str, FloatArray]) -> tuple[Finding, ...]:
     """Doubts signals that saturate: where the log has clipped them, that counts.
 
     Args:
         signals: Share of the time (n_conf,) in which each saturates, 0 where it does not, by what it is.
     """
-    doubts = []
+    findings = []
     for name, share in signals.items():
         worst = float(share.max(initial=0.0))
         if worst > 0:
             off = f"{two_digits(100 * saturation_error(worst))} %"
             share_told = f"{name} saturates for {two_digits(100 * worst)} % of the time"
             told = f"{share_told}, which may put its responses off by {off} and more"
-            doubts.append(Doubt("saturation", told, decisive=worst > _CLIPPED, strength=1 + worst / SATURATED_SHARE))
-    return tuple(doubts)
+            findings.append(
+                Finding("saturation", told, decisive=worst > _CLIPPED, strength=1 + worst / SATURATED_SHARE)
+            )
+    return tuple(findings)

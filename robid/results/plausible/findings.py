@@ -10,7 +10,7 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.frf.frf import Frf
 from robid.frf.quality import FEW_SAMPLES, DrivingPoints, undeclared_delay
-from robid.results.doubt import Doubt, saturation_doubts, two_digits
+from robid.results.finding import Finding, saturation_findings, two_digits
 from robid.results.plausible.angles import judge_angles
 from robid.results.plausible.evidence import CLEAR, Evidence, Fitted, gather_evidence
 from robid.results.plausible.gravity import gravity_signs, judge_gravity, judge_places, weigh
@@ -44,12 +44,12 @@ class Signs:
     """Which torques and angles count the wrong way.
 
     Attributes:
-        doubts: Strongest first.
+        findings: Strongest first.
         torque (n_motor,): 1, or -1 where a torque is reversed.
         angle (n_motor,): The same of the angles.
     """
 
-    doubts: tuple[Doubt, ...]
+    findings: tuple[Finding, ...]
     torque: FloatArray
     angle: FloatArray
 
@@ -71,11 +71,13 @@ def judge_signs(robot: Robot, evidence: Evidence, angle_sign: FloatArray, torque
     weight = np.full(seen.shape, _COUPLING_WEIGHT)
     np.fill_diagonal(weight, 1.0)
     angle, torque = _signs(weight * seen, _OTHER_WEIGHT * angle_sign, _OTHER_WEIGHT * torque_sign)
-    doubts = [
+    findings = [
         _doubt("torque_sign", evidence, index, seen, torque_sign) for index in np.flatnonzero(torque < 0).tolist()
     ]
-    doubts += [_doubt("angle_sign", evidence, index, seen, angle_sign) for index in np.flatnonzero(angle < 0).tolist()]
-    return Signs(tuple(sorted(doubts, key=lambda doubt: -doubt.strength)), torque, angle)
+    findings += [
+        _doubt("angle_sign", evidence, index, seen, angle_sign) for index in np.flatnonzero(angle < 0).tolist()
+    ]
+    return Signs(tuple(sorted(findings, key=lambda finding: -finding.strength)), torque, angle)
 
 
 def _agreement(robot: Robot, evidence: Evidence) -> FloatArray:
@@ -166,7 +168,7 @@ def _signs(seen: FloatArray, angle: FloatArray, torque: FloatArray) -> tuple[Flo
     return signs if best > float(seen.sum() + torque.sum() + angle.sum()) + _MARGIN else (np.ones(n_motor),) * 2
 
 
-def _doubt(cause: str, evidence: Evidence, index: int, seen: FloatArray, other: FloatArray) -> Doubt:
+def _doubt(cause: str, evidence: Evidence, index: int, seen: FloatArray, other: FloatArray) -> Finding:
     name, own = evidence.names[index], seen[index, index]
     if own < 0:
         told = f"{name}: at low lines its angle turns against its torque ({own:.2g} of a rigid arm's response)"
@@ -176,14 +178,14 @@ def _doubt(cause: str, evidence: Evidence, index: int, seen: FloatArray, other: 
         told = f"{name}: its mean angles go against the configurations"
     else:
         told = f"{name}: at low lines its couplings to other motors point the wrong way"
-    return Doubt(cause, told, decisive=True, strength=max(abs(own) / _REVERSED, 1.0))
+    return Finding(cause, told, decisive=True, strength=max(abs(own) / _REVERSED, 1.0))
 
 
 _LOST = 2.0
 _HALF_TURN = 0.5
 
 
-def data_doubts(robot: Robot, frf: Frf, delay_s: float = 0.0, fitted: Fitted | None = None) -> tuple[Doubt, ...]:
+def data_findings(robot: Robot, frf: Frf, delay_s: float = 0.0, fitted: Fitted | None = None) -> tuple[Finding, ...]:
     """Returns what of a campaign's data contradicts the robot file, before any fit: a wrong scale, then the strongest.
 
     Args:
@@ -192,13 +194,13 @@ def data_doubts(robot: Robot, frf: Frf, delay_s: float = 0.0, fitted: Fitted | N
         delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
         fitted: What a fit found of it that mean torques are held against instead.
     """
-    return evidence_doubts(robot, gather_evidence(frf), delay_s, fitted)[0]
+    return evidence_findings(robot, gather_evidence(frf), delay_s, fitted)[0]
 
 
-def evidence_doubts(
+def evidence_findings(
     robot: Robot, evidence: Evidence, delay_s: float = 0.0, fitted: Fitted | None = None
-) -> tuple[tuple[Doubt, ...], tuple[str, ...]]:
-    """Returns doubts about a campaign's data and notes on what its data cannot tell.
+) -> tuple[tuple[Finding, ...], tuple[str, ...]]:
+    """Returns findings about a campaign's data and notes on what its data cannot tell.
 
     A wrong scale spoils all the rest: it comes first, and the rest is judged as if it were right.
     """
@@ -210,24 +212,33 @@ def evidence_doubts(
     weights = weigh(robot, evidence, angles.ratio_fits, fitted) if angles.placed else None
     none: FloatArray = np.zeros(len(evidence.names))
     signs = judge_signs(robot, evidence, angles.sign, none)
-    loads: tuple[Doubt, ...] = ()
+    loads: tuple[Finding, ...] = ()
     carrying = robot if fitted is None else fitted.found.robot
     if weights is not None:
         # Swapped files can turn gravity around, so they are looked for before gravity may speak of signs.
-        swapped = None if signs.doubts or angles.sign.any() else judge_places(weights)
+        swapped = None if signs.findings or angles.sign.any() else judge_places(weights)
         if swapped is None:
             signs = judge_signs(robot, evidence, angles.sign, gravity_signs(weights))
         loads = judge_gravity(carrying, evidence, weights, signs.torque) if swapped is None else (swapped,)
-    told = {doubt.message.partition(":")[0] for doubt in angles.doubts if doubt.cause == "angle_sign"}
+    told = {finding.message.partition(":")[0] for finding in angles.findings if finding.cause == "angle_sign"}
     turned = [
-        doubt for doubt in signs.doubts if doubt.cause != "angle_sign" or doubt.message.partition(":")[0] not in told
+        finding
+        for finding in signs.findings
+        if finding.cause != "angle_sign" or finding.message.partition(":")[0] not in told
     ]
-    doubts = (*late, *angles.doubts, *turned, *loads, *_noise_doubts(evidence), *saturation_doubts(evidence.saturated))
-    rest = sorted(doubts, key=lambda doubt: (not doubt.decisive, -doubt.strength))
-    return (*scales.doubts, *rest), angles.notes
+    findings = (
+        *late,
+        *angles.findings,
+        *turned,
+        *loads,
+        *_noise_findings(evidence),
+        *saturation_findings(evidence.saturated),
+    )
+    rest = sorted(findings, key=lambda finding: (not finding.decisive, -finding.strength))
+    return (*scales.findings, *rest), angles.notes
 
 
-def _without_delay(evidence: Evidence, declared_s: float) -> tuple[Evidence, list[Doubt]]:
+def _without_delay(evidence: Evidence, declared_s: float) -> tuple[Evidence, list[Finding]]:
     """Takes a delay that is not declared out of the responses, whose signs it would turn, and doubts it."""
     found = undeclared_delay(
         DrivingPoints(
@@ -250,19 +261,19 @@ def _without_delay(evidence: Evidence, declared_s: float) -> tuple[Evidence, lis
     ahead = np.exp(2j * np.pi * evidence.frequency_hz * (found - declared_s))[:, None, None]
     return (
         replace(evidence, response=evidence.response * ahead),
-        [Doubt("delay", told, decisive=decisive, strength=(samples - declared) / FEW_SAMPLES)],
+        [Finding("delay", told, decisive=decisive, strength=(samples - declared) / FEW_SAMPLES)],
     )
 
 
-def _noise_doubts(evidence: Evidence) -> list[Doubt]:
+def _noise_findings(evidence: Evidence) -> list[Finding]:
     """Motors most of whose lines lie below 10 dB; decisive where they are hardly more than noise."""
     if evidence.signal_to_noise is None:
         return []
-    doubts = []
+    findings = []
     middle = np.median(evidence.signal_to_noise, axis=(0, 1))
     for name, ratio in zip(evidence.names, middle.tolist(), strict=True):
         if ratio < CLEAR:
             level = 10 * np.log10(max(ratio, 1e-3))
             told = f"{name}: half of its lines have a signal-to-noise ratio below {level:.2g} dB"
-            doubts.append(Doubt("excitation", told, decisive=ratio < _LOST, strength=CLEAR / max(ratio, 1e-3)))
-    return doubts
+            findings.append(Finding("excitation", told, decisive=ratio < _LOST, strength=CLEAR / max(ratio, 1e-3)))
+    return findings
