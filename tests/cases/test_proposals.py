@@ -100,7 +100,7 @@ def test_a_sampling_period_that_no_log_states_is_asked_for(case):
     assert not re.search(r"^ *(sampling_period_s|excitation):", text, re.MULTILINE)
     answer = folder.robid("run", "own.yaml")
     assert answer.code == 2
-    assert "sampling_period_s: is missing" in answer.err
+    assert "sampling_period_s: S381" in answer.err
     (folder.folder / "own.yaml").unlink()
     _, text = propose(folder, "bare.csv", options=("--sampling-period", "2.5e-4"))  # as its comment says
     assert folder.robid("run", "own.yaml").code == 0

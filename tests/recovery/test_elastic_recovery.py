@@ -216,6 +216,6 @@ def test_response_that_is_not_the_robots_is_refused():
 def test_unknown_fixed_name_and_zero_damping_are_told_at_once():
     robot = with_spring_factors(two_mass_robot(), 1.0, 0.0)
     frf = exact_frf(robot, [[0.0]], BENCH_HZ)
-    with pytest.raises(SettingsError, match=r"names `gear`.*; `coupling\.damping` starts at 0") as caught:
+    with pytest.raises(SettingsError, match=r"names `gear`.*; S\d{3} `coupling\.damping`") as caught:
         fit_elastic(robot, frf, ElasticOptions(fixed=("gear",)), 0.0)
     assert caught.value.remedy

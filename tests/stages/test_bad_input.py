@@ -243,7 +243,7 @@ def test_whoever_needs_a_limit_names_it(shop):
     shop.change("count: 2}", "count: 2, cost: travel}")
     texts = (
         "campaigns.estimation.source: S144 a simulation needs the robot file's `joints[0].motor.max_speed_rad_s`",
-        "designs.best.cost: the time of travel needs",
+        "designs.best.cost: S",
     )
     refuse(shop, 2, *texts)
 

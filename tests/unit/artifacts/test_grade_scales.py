@@ -12,7 +12,7 @@ SCALES = (Scale("torque", "1000", joints=("axis_1", "axis-2")), Scale("motor_ang
 def kept(*doubts):
     grade = grade_alone(("unusable",), (), doubts)
     datasets, attributes = grade_content(grade)
-    return datasets, grade_from_artifact(Artifact(MODEL, datasets, attributes, Provenance(stage="fit"))).doubts
+    return datasets, grade_from_artifact(Artifact(MODEL, datasets, attributes, Provenance(stage="fit"))).findings
 
 
 def test_scales_come_back():

@@ -25,7 +25,7 @@ def fitted(plants, names=("X",), options=KNOWN, bands=BANDS):
 
 def held(solution, plants, options=KNOWN, band=NEW_BAND, **other):
     new = [shot_of(plants, band, 77, moving=index, **other) for index in range(len(plants))]
-    return validate_external(solution, new, assess_external(solution, options).doubts)
+    return validate_external(solution, new, assess_external(solution, options).findings)
 
 
 @pytest.fixture(scope="module")

@@ -47,7 +47,7 @@ def found():
 def test_the_true_blocks_are_found_behind_integrators_and_units(found):
     result, _ = found
     assert block_names(result.kept) == STRUCTURE
-    assert result.stability.stable
+    assert result.largest_pole[0] < 1
     # Without averaging, weights of three degrees of freedom would give 1.5.
     assert result.parameters.misfit == pytest.approx(1.0, abs=0.15)
     dropped = np.ones((5, 4), bool)

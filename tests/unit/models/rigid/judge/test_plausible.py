@@ -115,7 +115,7 @@ def test_currents_say_nothing_of_sizes(robot, shot):
 def test_a_motion_that_excites_too_little_names_what_suffers(robot):
     poor = shot_along(robot, fourier_motion(robot, N_SAMPLE, share=0.01))
     solution = fit_rigid(robot, [poor], OPTIONS)
-    doubt = next(one for one in assess_rigid(solution).doubts if one.cause == "excitation")
+    doubt = next(one for one in assess_rigid(solution).findings if one.cause == "excitation")
     lost = [
         name for name, known in zip(solution.estimate.names, solution.estimate.identifiable, strict=True) if not known
     ]
