@@ -198,7 +198,7 @@ def _told(problem: SettingsProblem, rows: Sequence[Row], n_row: int, asked: Mapp
 def _refuse(problems: Sequence[str]) -> None:
     if not problems:
         return
-    more = [f"and {len(problems) - _SHOWN_PROBLEMS} more"] if len(problems) > _SHOWN_PROBLEMS else []
+    more = [f"S047 and {len(problems) - _SHOWN_PROBLEMS} more"] if len(problems) > _SHOWN_PROBLEMS else []
     remedy = "correct the manifest or the experiment file; nothing was started"
     raise SettingsError("\n".join([*problems[:_SHOWN_PROBLEMS], *more]), remedy=remedy)
 

@@ -93,7 +93,7 @@ def campaign_problem(experiment: Experiment, name: str, what: str = "response") 
     if campaign is None:
         return unknown("campaign", name, experiment.campaigns)
     simulated = campaign.source is not None and campaign.source.simulate is not None
-    return "" if simulated else f"campaign `{name}` is not simulated, so its true {what} is not known"
+    return "" if simulated else f"S389 campaign `{name}` is not simulated, so its true {what} is not known"
 
 
 def fit_problem(experiment: Experiment, name: str) -> str:

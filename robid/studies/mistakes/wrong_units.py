@@ -130,7 +130,7 @@ def _problems(study: MistakesStudy, name: str, settings: UnitRobot, loaded: Load
     read = {signal for one in mistakes.values() for signal in one.log.get(name, settings.log)} | set(settings.log)
     arms = {f"{joint.name}.arm" for joint in loaded.robot.joints}
     if "arm" in read and any(not arms <= set(campaign.outputs) for campaign in campaigns):
-        yield (*place, "log"), f"the campaigns' `outputs` lack {', '.join(sorted(arms))}"
+        yield (*place, "log"), f"S390 the campaigns' `outputs` lack {', '.join(sorted(arms))}"
     for index, variant in enumerate(settings.variants):
         found = physics_problems(campaigns[0], variant.model_dump(), None)
         yield from (((*place, "variants", index, *field), message) for field, message in found)

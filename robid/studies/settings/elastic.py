@@ -106,7 +106,9 @@ def check_zimmermann2023(study: ZimmermannStudy, experiment: Experiment, robot: 
     yield from unusable
     yield from _check_names(experiment, study, robot)
     if len(study.validation) != len(study.estimation):
-        message = f"has {len(study.validation)} campaigns for the {len(study.estimation)} of `estimation`: one for each"
+        message = (
+            f"S391 has {len(study.validation)} campaigns for the {len(study.estimation)} of `estimation`: one for each"
+        )
         yield ("study", "validation"), message
     elif not unusable:
         yield from _check_pairs(experiment, study)
@@ -120,12 +122,12 @@ def _check_pairs(experiment: Experiment, study: ZimmermannStudy) -> Problems:
     for key, names in (("estimation", study.estimation), ("validation", study.validation)):
         for index, name in enumerate(names):
             if experiment.campaigns[name].configurations != first.configurations:
-                message = f"`{name}` has other configurations than `{study.estimation[0]}`"
+                message = f"S392 `{name}` has other configurations than `{study.estimation[0]}`"
                 yield ("study", key, index), message
     for index, pair in enumerate(zip(study.estimation, study.validation, strict=True)):
         own, other = (given(given(experiment.campaigns[name].source).simulate) for name in pair)
         if own.truth != other.truth:
-            message = f"`{pair[1]}` simulates another individual than `{pair[0]}`: give both the same `truth`"
+            message = f"S393 `{pair[1]}` simulates another individual than `{pair[0]}`: give both the same `truth`"
             yield ("study", "validation", index), message
 
 
@@ -154,10 +156,10 @@ def _check_configurations(study: ZimmermannStudy, n_conf: int | None) -> Problem
         field = ("study", "models", name)
         for index, chosen in enumerate(model.configurations or ()):
             if n_conf is not None and chosen >= n_conf:
-                yield (*field, "configurations", index), f"there are {n_conf} configurations, numbered from 0"
+                yield (*field, "configurations", index), f"S394 there are {n_conf} configurations, numbered from 0"
         there = n_conf if model.configurations is None else len(model.configurations)
         if model.count is not None and there is not None and model.count > there:
-            yield (*field, "count"), f"cannot take {model.count} of {there} configurations"
+            yield (*field, "count"), f"S395 cannot take {model.count} of {there} configurations"
 
 
 class EstimatorChoice(Section):

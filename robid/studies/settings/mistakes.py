@@ -202,19 +202,19 @@ def check_mistakes(study: MistakesStudy, experiment: Experiment, robot: RobotFil
         if mistake.cause is not None and (message := unknown("cause", mistake.cause, CAUSES)):
             yield (*field, "cause"), message
         if mistake.robot == "light" and study.light is None:
-            yield (*field, "robot"), "the study has no `light` robot"
+            yield (*field, "robot"), "S396 the study has no `light` robot"
     yield from _check_units(study)
     judge, choose = study.seeds.judge, study.seeds.choose
     first, last = sorted((judge, choose), key=lambda seeds: seeds.first)
     if first.end(units=study.units is not None) > last.first:
-        yield ("study", "seeds"), "the seeds of `judge` and `choose` overlap"
+        yield ("study", "seeds"), "S397 the seeds of `judge` and `choose` overlap"
 
 
 def _check_units(study: MistakesStudy) -> Problems:
     """Yields robots that a mistake of units names and that are not there."""
     if study.units is None:
         if study.only == "units":
-            yield ("study", "only"), "the study has no `units`"
+            yield ("study", "only"), "S398 the study has no `units`"
         return
     robots = study.units.robots
     yield from _unknown(("study", "units", "only"), study.units.only or (), "robot", list(robots))

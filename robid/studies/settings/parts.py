@@ -92,15 +92,15 @@ def check_oliveira2019(study: OliveiraStudy, experiment: Experiment, _robot: Rob
 def _check_plants(case: PlantsCase) -> Problems:
     low, high = case.band_hz
     if not 0 < low < high:
-        yield (*_PLANTS, "band_hz"), "must rise from a frequency above 0"
+        yield (*_PLANTS, "band_hz"), "S399 must rise from a frequency above 0"
     elif high > max(case.fit_hz):
-        yield (*_PLANTS, "band_hz"), f"ends beyond the fastest chirp that is fitted, {max(case.fit_hz):g} Hz"
+        yield (*_PLANTS, "band_hz"), f"S400 ends beyond the fastest chirp that is fitted, {max(case.fit_hz):g} Hz"
     if case.validation_hz in case.fit_hz:
-        yield (*_PLANTS, "validation_hz"), f"{case.validation_hz:g} Hz is fitted; validate on another chirp"
+        yield (*_PLANTS, "validation_hz"), f"S401 {case.validation_hz:g} Hz is fitted; validate on another chirp"
     if len(set(case.fit_hz)) < len(case.fit_hz):
-        yield (*_PLANTS, "fit_hz"), "a frequency is there twice"
+        yield (*_PLANTS, "fit_hz"), "S402 a frequency is there twice"
     if case.delay_samples > case.max_delay_samples:
-        message = f"the true delay of {case.delay_samples} samples would not be searched"
+        message = f"S403 the true delay of {case.delay_samples} samples would not be searched"
         yield (*_PLANTS, "max_delay_samples"), message
 
 
@@ -111,7 +111,7 @@ def _check_arm(experiment: Experiment, case: CartesianCase) -> Problems:
     if homes is None:
         yield (*field, "homes"), unknown("campaign", case.homes, experiment.campaigns)
     elif not homes.moves_poses or homes.source is None or homes.source.simulate is None:
-        yield (*field, "homes"), f"campaign `{case.homes}` does not simulate pose commands"
+        yield (*field, "homes"), f"S404 campaign `{case.homes}` does not simulate pose commands"
 
 
 class KnownStructureCase(Section):
@@ -172,7 +172,7 @@ def _check_travel(experiment: Experiment, case: TravelCase, robot: RobotFile | N
     }
     yield from (((*_FIELD, key), problem) for key, problem in problems.items() if problem)
     if robot is not None and len(robot.joints) != 1:
-        yield _FIELD, f"is of a drive of one joint; the robot has {len(robot.joints)}"
+        yield _FIELD, f"S405 is of a drive of one joint; the robot has {len(robot.joints)}"
     if not problems["campaign"]:
         yield from _moving(experiment, case)
     if not problems["fixed"]:
@@ -188,23 +188,26 @@ def _moving(experiment: Experiment, case: TravelCase) -> Problems:
     campaign, fit = experiment.campaigns[case.campaign], experiment.fits.get(case.fit)
     field = (*_FIELD, "campaign")
     if not campaign.travels:
-        yield field, f"campaign `{case.campaign}` has no `excitation.travel`: nothing moves in it"
+        yield field, f"S406 campaign `{case.campaign}` has no `excitation.travel`: nothing moves in it"
     if campaign.periods < 2:
-        yield field, f"campaign `{case.campaign}` needs at least 2 periods to tell noise from what repeats"
+        yield field, f"S407 campaign `{case.campaign}` needs at least 2 periods to tell noise from what repeats"
     if not isinstance(fit, LpvFit):
         return
     if len(fit.scheduling) != 1:
-        yield (*_FIELD, "fit"), f"fit `{case.fit}` has {len(fit.scheduling)} scheduling parameters; one can move here"
+        yield (
+            (*_FIELD, "fit"),
+            f"S408 fit `{case.fit}` has {len(fit.scheduling)} scheduling parameters; one can move here",
+        )
     elif (output := position_output(fit.scheduling[0])) not in campaign.outputs:
-        yield field, f"campaign `{case.campaign}` does not record `{output}`: add it to its `outputs`"
+        yield field, f"S409 campaign `{case.campaign}` does not record `{output}`: add it to its `outputs`"
 
 
 def _standing(campaign: Campaign, case: TravelCase) -> Problems:
     field = (*_FIELD, "fixed")
     if not campaign.has_response:
-        yield field, f"campaign `{case.fixed}` has no frequency response"
+        yield field, f"S410 campaign `{case.fixed}` has no frequency response"
     if min(campaign.realizations, campaign.periods) < 2:
-        yield field, f"campaign `{case.fixed}` needs at least 2 realizations and 2 periods to tell its variances"
+        yield field, f"S411 campaign `{case.fixed}` needs at least 2 realizations and 2 periods to tell its variances"
 
 
 class SeededCase(Section):
@@ -293,18 +296,21 @@ def check_janot2009(study: JanotStudy, experiment: Experiment, robot: RobotFile 
     if robot is None:
         return
     if robot.controller is None:
-        yield ("study", "branch"), "the robot file has no `controller`, in whose loop the branch is recorded"
+        yield ("study", "branch"), "S412 the robot file has no `controller`, in whose loop the branch is recorded"
     else:
         yield from _check_case(("study", "branch"), study.branch, robot.controller.sampling_period_s)
 
 
 def _check_case(field: FieldPath, case: SeededCase, sampling_period_s: float) -> Problems:
     if case.bad_cut_hz <= case.good_cut_hz:
-        yield (*field, "bad_cut_hz"), "the filters that do not suit must pass more than those that do"
+        yield (*field, "bad_cut_hz"), "S413 the filters that do not suit must pass more than those that do"
     if case.bad_cut_hz >= 0.25 / sampling_period_s:
-        yield (*field, "bad_cut_hz"), f"must lie below {0.25 / sampling_period_s:g} Hz, a quarter of the sampling rate"
+        yield (
+            (*field, "bad_cut_hz"),
+            f"S414 must lie below {0.25 / sampling_period_s:g} Hz, a quarter of the sampling rate",
+        )
     if 2 * case.good_cut_hz * case.duration_s < _FEWEST_ROWS:
-        message = f"filters at {case.good_cut_hz:g} Hz leave fewer than {_FEWEST_ROWS} rows of each joint"
+        message = f"S415 filters at {case.good_cut_hz:g} Hz leave fewer than {_FEWEST_ROWS} rows of each joint"
         yield (*field, "duration_s"), message
 
 
@@ -313,4 +319,4 @@ def _check_middle(experiment: Experiment, case: BranchCase) -> Problems:
     if campaign is None:
         yield ("study", "branch", "campaign"), unknown("campaign", case.campaign, experiment.campaigns)
     elif campaign.configurations is None or campaign.configurations.list_rows is None:
-        yield ("study", "branch", "campaign"), f"campaign `{case.campaign}` does not list its configurations"
+        yield ("study", "branch", "campaign"), f"S416 campaign `{case.campaign}` does not list its configurations"

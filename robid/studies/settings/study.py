@@ -69,11 +69,14 @@ def check_frf_study(study: FrfStudy, experiment: Experiment, _robot: RobotFile |
 
 def _check_groups(study: FrfStudy, campaign: Campaign) -> Problems:
     if campaign.estimate.friction_fit is not None:
-        message = f"the friction of `{study.campaign}` is a fit's, which this study does not compare: name another one"
+        message = (
+            f"S417 the friction of `{study.campaign}` is a fit's, which this study does not compare: name another one"
+        )
         yield ("study", "campaign"), message
     if campaign.realizations % study.group or campaign.realizations < 2 * study.group:
         message = (
-            f"does not divide the {campaign.realizations} realizations of `{study.campaign}` into groups, two or more"
+            f"S418 does not divide the {campaign.realizations} realizations of `{study.campaign}` into groups, two "
+            "or more"
         )
         yield ("study", "group"), message
 
@@ -143,12 +146,12 @@ def check_fleet(study: FleetStudy, experiment: Experiment, _robot: RobotFile | N
         yield ("study", "campaign"), message
     faulty = len(KINDS) * study.faults.each
     if faulty > study.robots:
-        yield ("study", "faults", "each"), f"makes {faulty} robots with a fault, of {study.robots}"
+        yield ("study", "faults", "each"), f"S419 makes {faulty} robots with a fault, of {study.robots}"
     elif study.speed is not None and study.speed.rows > study.robots - faulty:
-        yield ("study", "speed", "rows"), f"must be of sound robots, of which there are {study.robots - faulty}"
+        yield ("study", "speed", "rows"), f"S420 must be of sound robots, of which there are {study.robots - faulty}"
     fewest, most = study.faults.lost_samples
     if not 0 < fewest <= most:
-        yield ("study", "faults", "lost_samples"), "must rise from a number above 0"
+        yield ("study", "faults", "lost_samples"), "S421 must rise from a number above 0"
 
 
 Study: TypeAlias = Annotated[

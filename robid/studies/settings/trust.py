@@ -207,7 +207,7 @@ def check_trust(study: TrustStudy, experiment: Experiment, robot: RobotFile | No
     yield from _check_groups(study)
     ends = [_end(study, use) for use in ("judge", "choose")]
     if max(study.seeds.judge.first, study.seeds.choose.first) < min(ends):
-        yield ("study", "seeds"), "the seeds of `judge` and `choose` overlap"
+        yield ("study", "seeds"), "S422 the seeds of `judge` and `choose` overlap"
 
 
 def robot_problems(study: TrustStudy, name: str, experiment: Experiment, robot: RobotFile | None) -> Problems:
@@ -236,10 +236,10 @@ def _campaign_problems(experiment: Experiment, study: TrustStudy) -> Problems:
     for name, least in ((fit.campaign, 1), (str(fit.validate_on), study.validated_in)):
         chosen = experiment.campaigns[name].configurations
         if chosen is None or chosen.random is None:
-            message = f"campaign `{name}` needs `random` configurations: each robot's places are drawn anew"
+            message = f"S423 campaign `{name}` needs `random` configurations: each robot's places are drawn anew"
             yield ("study", "fit"), message
         elif chosen.random.count < least:
-            yield ("study", "validated_in"), f"campaign `{name}` has {chosen.random.count} places only"
+            yield ("study", "validated_in"), f"S424 campaign `{name}` has {chosen.random.count} places only"
     if study.designed is not None and (message := campaign_problem(experiment, study.designed, "robot")):
         yield ("study", "designed"), message
 
@@ -248,15 +248,15 @@ def _check_groups(study: TrustStudy) -> Problems:
     for name, defects in study.sets.items():
         field = ("study", "sets", name)
         if defects.robot == "light" and study.light is None:
-            yield (*field, "robot"), "the study has no `light` robot"
+            yield (*field, "robot"), "S425 the study has no `light` robot"
         if defects.referenced > defects.robots:
-            yield (*field, "referenced"), f"the set has {defects.robots} robots only"
+            yield (*field, "referenced"), f"S426 the set has {defects.robots} robots only"
         if defects.springs_each > len(defects.springs):
-            yield (*field, "springs_each"), f"there are {len(defects.springs)} springs to draw from"
+            yield (*field, "springs_each"), f"S427 there are {len(defects.springs)} springs to draw from"
     for name, kind in study.causes.items():
         field = ("study", "causes", name)
         if name in study.sets:
-            yield field, "a set has this name too"
+            yield field, "S428 a set has this name too"
         for index, cause in enumerate(kind.named):
             if message := unknown("cause", cause, CAUSES):
                 yield (*field, "named", index), message

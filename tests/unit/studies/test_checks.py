@@ -51,23 +51,23 @@ def test_all_problems_are_told_at_once(refused):
 
 @pytest.mark.parametrize(("old", "new"), [("group: 2", "group: 3"), ("group: 2", "group: 4")])
 def test_groups_divide_the_realizations(refused, old, new):
-    assert "study.group: does not divide the 4 realizations of `bench`" in refused((old, new))
+    assert "study.group: S418 does not divide the 4 realizations of `bench`" in refused((old, new))
 
 
 def test_only_simulated_campaigns_have_a_truth(refused):
     source = (STAGES / "study.yaml").read_text()
     simulate = source[source.index("    source:\n") : source.index("    estimate:")]
-    assert "study.campaign: campaign `bench` is not simulated" in refused((simulate, ""))
+    assert "study.campaign: S389 campaign `bench` is not simulated" in refused((simulate, ""))
 
 
 def test_unknown_keys_and_kinds_are_named(refused):
     assert "study.grup: S380 unknown key; did you mean `group`?" in refused(("group: 2", "grup: 2"))
     wrong = refused(("kind: frf", "kind: frequency"))
     assert (
-        "study.kind: input should be one of 'frf', 'wernholt2008', 'zimmermann2023', 'mistakes', 'janot2009',"
+        "study.kind: S383 input should be one of 'frf', 'wernholt2008', 'zimmermann2023', 'mistakes', 'janot2009',"
         " 'oliveira2019', 'turk2018', 'trust', 'fleet' (found 'frequency')" in wrong
     )
-    assert "study.kind: is missing" in refused(("  kind: frf\n", ""))
+    assert "study.kind: S381" in refused(("  kind: frf\n", ""))
 
 
 def test_a_campaign_may_not_take_the_folder_of_tasks(refused):

@@ -314,7 +314,7 @@ def test_more_visits_to_the_guess_tell_no_more_than_its_configurations_allow():
 def test_of_models_that_tie_is_said_which_lie_below():
     figures = {"opt2": 0.05, "guess": 0.03, "mirr": 0.06}
     told = _standing("opt2", "scatter", figures, Rivals((), ("guess", "mirr")))
-    assert told.startswith("D155 no model with as few configurations has surely a lower scatter than opt2 (5.00 %)")
+    assert told.startswith("no model with as few configurations has surely a lower scatter than opt2 (5.00 %)")
     assert told.endswith("below it guess (3.00 %) and above it mirr")
     assert _standing("opt2", "scatter", figures, Rivals((), ("mirr",))).startswith("opt2 has the lowest scatter")
     lower = _standing("opt2", "scatter", figures, Rivals(("guess",), ("mirr",)))

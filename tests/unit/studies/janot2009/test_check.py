@@ -17,11 +17,15 @@ CONFIGS = Path(__file__).parents[4] / "configs"
         (
             "{list_deg: [[0, 25, -90]]}",
             "{random: {count: 2}}",
-            "study.branch.campaign: campaign `motion` does not list",
+            "study.branch.campaign: S416 campaign `motion` does not list",
         ),
-        ("torque_noise_nm: 0.09", "duration_s: 2", "study.haptic.duration_s: filters at 20 Hz leave fewer than 100"),
-        ("torque_noise_nm: 0.09", "bad_cut_hz: 20", "study.haptic.bad_cut_hz: the filters that do not suit must pass"),
-        ("harmonics: 12", "bad_cut_hz: 250", "study.branch.bad_cut_hz: must lie below 250 Hz"),
+        (
+            "torque_noise_nm: 0.09",
+            "duration_s: 2",
+            "study.haptic.duration_s: S415 filters at 20 Hz leave fewer than 100",
+        ),
+        ("torque_noise_nm: 0.09", "bad_cut_hz: 20", "study.haptic.bad_cut_hz: S413"),
+        ("harmonics: 12", "bad_cut_hz: 250", "study.branch.bad_cut_hz: S414 must lie below 250 Hz"),
     ],
 )
 def test_problems_are_told_with_their_field(tmp_path, old, new, message):
@@ -40,5 +44,5 @@ def test_a_branch_needs_a_controller(tmp_path):
     (tmp_path / "branch.yaml").write_text("".join(kept))
     text = (CONFIGS / "studies/janot2009.yaml").read_text().replace("../robots/", "")
     (tmp_path / "janot2009.yaml").write_text(text)
-    with pytest.raises(SettingsError, match="S332"):
+    with pytest.raises(SettingsError, match="S412"):
         load_with_study(tmp_path / "janot2009.yaml")
