@@ -264,7 +264,8 @@ def hidden_inputs(
         needed_s: Time to the log's ends from which they can be told apart; None of a signal with periods [s].
     """
     what = (
-        f"what {_places(hidden, frequency_hz, names)} does lies so near to the beginning or the end of the log that its"
+        f"D231 what {_places(hidden, frequency_hz, names)} does lies so near to the beginning or the end of the log "
+        "that its"
         " response cannot be told from the transient there"
     )
     if needed_s is None:

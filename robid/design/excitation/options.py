@@ -53,16 +53,16 @@ class ArbitraryOptions:
         problems = []
         nyquist_hz = 0.5 / sampling_period_s
         if self.low_hz >= self.high_hz:
-            problems.append(f"low_hz {self.low_hz:g} is not below high_hz {self.high_hz:g} (swap them)")
+            problems.append(f"S136 low_hz {self.low_hz:g} is not below high_hz {self.high_hz:g} (swap them)")
         elif len(self.lines(sampling_period_s)) < FEWEST_LINES:
             finer = (self.high_hz - self.low_hz) / FEWEST_LINES
             problems.append(
-                f"the band {self.low_hz:g} to {self.high_hz:g} Hz has fewer than {FEWEST_LINES} frequencies"
+                f"S301 the band {self.low_hz:g} to {self.high_hz:g} Hz has fewer than {FEWEST_LINES} frequencies"
                 f" {self.resolution_hz:g} Hz apart (lower resolution_hz to {finer:.3g})"
             )
         if self.high_hz + self.resolution_hz > nyquist_hz:
             problems.append(
-                f"high_hz {self.high_hz:g} is not a resolution below the Nyquist frequency {nyquist_hz:g} Hz"
+                f"S304 high_hz {self.high_hz:g} is not a resolution below the Nyquist frequency {nyquist_hz:g} Hz"
                 f" (lower high_hz)"
             )
         return problems

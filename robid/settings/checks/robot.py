@@ -235,9 +235,9 @@ def _axis(field: FieldPath, spring: SpringSection, turning: Sequence[str]) -> Fo
     if spring.place in ("transmission", "shaft"):
         if spring.axis is not None:
             told = (
-                "a transmission turns about its joint's axis"
+                "S273 a transmission turns about its joint's axis"
                 if spring.place == "transmission"
-                else "a shaft turns as its motor does"
+                else "S274 a shaft turns as its motor does"
             )
             yield (*field, "axis"), f"S275 {told}: leave `axis` out"
     elif spring.axis is None:

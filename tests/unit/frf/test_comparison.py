@@ -171,8 +171,8 @@ def test_without_a_covariance_only_sizes_are_told():
     [
         (
             {"output_channels": (Channel("turn", "angle", "rad"), Channel("lift", "angle", "rad"))},
-            "output `turn` is motor acceleration [rad/s^2] in the first, but motor angle [rad] in the second; output"
-            " `lift` is",
+            "output `turn` is motor acceleration [rad/s^2] in the first, but motor angle [rad] in the second; D008"
+            " output `lift` is",
         ),
         (
             {"input_channels": (Channel("turn", "current", "A"), Channel("lift", "torque", "N m"))},

@@ -90,7 +90,7 @@ def _not_finite(frf: Frf) -> list[tuple[str, str]]:
     for what, values in (("response", frf.response), ("covariance", frf.element_variance())):
         bad = np.asarray((told & ~np.isfinite(values)).any(axis=(0, 2, 3)))
         if bad.any():
-            found.append((f"the {what} is not finite at {_shown(frf, bad)} Hz", "estimate it again"))
+            found.append((f"D241 the {what} is not finite at {_shown(frf, bad)} Hz", "estimate it again"))
     return found
 
 
