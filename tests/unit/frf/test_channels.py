@@ -106,8 +106,8 @@ def test_a_reader_says_what_it_wants_and_what_it_got():
     with pytest.raises(DataError) as caught:
         require(frf, MOTOR_TORQUE, ACCELERATION, "An elastic model")
     assert str(caught.value).startswith(
-        "An elastic model needs responses from motor torque or current to acceleration; this one is from motor speed"
-        " reference (q) to motor angle (q), motor speed (q.tacho), tool acceleration (felt)"
+        "D014 An elastic model needs responses from motor torque or current to acceleration; this one is from motor"
+        " speed reference (q) to motor angle (q), motor speed (q.tacho), tool acceleration (felt)"
     )
     command = played(motor_channels("q", "speed_reference"), MEASURED)
     with pytest.raises(DataError, match="from motor speed reference"):
