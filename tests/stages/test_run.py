@@ -177,7 +177,7 @@ def test_too_few_silent_lines_are_a_data_error(shop):
     ("lines", "used", "note"),
     [
         ("count: 14, period_s: 1", "silent_lines", "they explain at least"),
-        ("count: 34, period_s: 0.5, grid: full, detection_share: 0", "nominal", "(`nominal`): only "),
+        ("count: 34, period_s: 0.5, grid: full, detection_share: 0", "nominal", "(`nominal`): D"),
     ],
 )
 def test_auto_takes_the_silent_lines_where_it_can_and_says_what_it_took(shop, lines, used, note):

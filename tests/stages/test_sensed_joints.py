@@ -121,7 +121,7 @@ def test_what_needs_motors_says_so_in_status(sensed, old, new, field):
 @pytest.mark.parametrize(
     ("old", "new", "field"),
     [
-        ("TURN", "S262", "joints[0].motor"),
+        ("TURN", "rigid: true", "joints[0].motor"),
         ("TURN", f"{MOTOR}\n    {SENSOR}", "joints[0].motor"),
         ("TURN", f"{SENSOR}\n    couplings: {{lift: 0.01}}", "joints[0].couplings"),
         ("TURN", f"rigid: true\n    {MOTOR}\n    couplings: {{lift: 0.01}}", "joints[0].couplings.lift"),

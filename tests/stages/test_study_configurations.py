@@ -20,6 +20,7 @@ def study(shop):
     return shop
 
 
+@pytest.mark.slow
 def test_models_of_every_individual_are_fitted_judged_and_stepped(study):
     answer = study.robid("study", "configurations.yaml", "--json")
     assert answer.code == 0, answer.err

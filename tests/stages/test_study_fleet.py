@@ -43,6 +43,7 @@ def loaded_run(study, folder, *changes):
     return Run(load_with_study(Path("many.yaml")), study.folder / folder, "serial", 1)
 
 
+@pytest.mark.slow
 def test_faults_are_in_the_logs_and_found_in_the_fleet(study):
     answer = study.robid("study", "many.yaml", "--json")
     assert answer.code == 0, answer.err

@@ -34,6 +34,7 @@ def times(folder):
     return {path: path.stat().st_mtime_ns for path in folder.rglob("*.h5")}
 
 
+@pytest.mark.slow
 def test_mistakes_are_made_fitted_and_graded(study, monkeypatch):
     answer = study.robid("study", "mistakes.yaml", "--json")
     assert answer.code == 0, answer.err

@@ -31,6 +31,7 @@ def times(folder):
     return {path: path.stat().st_mtime_ns for path in folder.rglob("*.h5")}
 
 
+@pytest.mark.slow
 def test_robots_are_measured_fitted_and_held_against_truth_and_fresh_places(study):
     answer = study.robid("study", "trust.yaml", "--json")
     assert answer.code == 0, answer.err

@@ -40,6 +40,7 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_the_fitted_model_follows_the_slide(folder):
     summary = json.loads((folder / "run/summary.json").read_text())
     assert summary["global.ratio_mismatch_percent"] <= 15
@@ -50,6 +51,7 @@ def test_the_fitted_model_follows_the_slide(folder):
         assert 1 / 2 < summary[f"global.total_over_noise.{output}"] < 1
 
 
+@pytest.mark.slow
 def test_its_page_says_why_ratios_need_not_agree(folder):
     page = (folder / "run/report.html").read_text()
     for text in ("While the slide travels", "need not agree", "2.76", "2.90", "error of the true drive"):

@@ -86,7 +86,7 @@ def test_no_response_is_made_of_a_trajectory(swing):
     assert (
         "fits.elastic.from: S196 campaign `exciting` plays a trajectory, which has no frequency response" in told.flat
     )
-    assert "designs.best.campaign: campaign `exciting` plays a trajectory" in told.flat
+    assert "designs.best.campaign: S156 campaign `exciting` plays a trajectory" in told.flat
 
 
 @pytest.mark.parametrize(
