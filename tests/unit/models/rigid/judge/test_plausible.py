@@ -42,7 +42,7 @@ def _with_gear(robot, joint, factor):
 
 
 def _doubts(robot, shots, options=OPTIONS):
-    return assess_rigid(fit_rigid(robot, shots, options)).doubts
+    return assess_rigid(fit_rigid(robot, shots, options)).findings
 
 
 def _record(robot, shot):
