@@ -14,17 +14,17 @@ GLOBAL = "\n    source: {simulate: {<<: *simulate, seed: 3}}"
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("campaign: global", "campaign: local", ".campaign: campaign `local` has no `excitation.travel`"),
+        ("campaign: global", "campaign: local", ".campaign: S406 campaign `local` has no `excitation.travel`"),
         (
             "realizations: 1\n    periods: 7",
             "realizations: 1\n    periods: 1",
-            ".campaign: campaign `global` needs at least 2 periods",
+            ".campaign: S407 campaign `global` needs at least 2 periods",
         ),
-        ("scheduling: [slide]", "scheduling: [slide, slide.arm]", ".fit: fit `sliding` has 2 scheduling parameters"),
-        (f", slide.arm]{GLOBAL}", f"]{GLOBAL}", ".campaign: campaign `global` does not record `slide.arm`"),
-        ("fixed: fixed}", "fixed: global}", ".fixed: campaign `global` has no frequency response"),
-        ("fixed: fixed}", "fixed: once}", ".fixed: campaign `once` needs at least 2 realizations and 2 periods"),
-        ("../robots/ballscrew", "../robots/kr300", ": is of a drive of one joint; the robot has 6"),
+        ("scheduling: [slide]", "scheduling: [slide, slide.arm]", ".fit: S408 fit `sliding` has 2 scheduling parameters"),
+        (f", slide.arm]{GLOBAL}", f"]{GLOBAL}", ".campaign: S409 campaign `global` does not record `slide.arm`"),
+        ("fixed: fixed}", "fixed: global}", ".fixed: S410 campaign `global` has no frequency response"),
+        ("fixed: fixed}", "fixed: once}", ".fixed: S411 campaign `once` needs at least 2 realizations and 2 periods"),
+        ("../robots/ballscrew", "../robots/kr300", ": S405 is of a drive of one joint; the robot has 6"),
     ],
 )
 def test_problems_are_told_with_their_field(tmp_path, old, new, message):
