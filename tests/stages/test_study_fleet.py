@@ -116,9 +116,9 @@ def _goes_on(study):
     ("old", "new", "message"),
     [
         ("campaign: estimation", "campaign: estimate", "study.campaign: there is no campaign `estimate`"),
-        ("each: 1", "each: 3", "study.faults.each: makes 18 robots with a fault, of 16"),
-        ("rows: 3", "rows: 11", "study.speed.rows: must be of sound robots, of which there are 10"),
-        ("each: 1", "each: 1, lost_samples: [5, 3]", "lost_samples: must rise from a number above 0"),
+        ("each: 1", "each: 3", "study.faults.each: S419 makes 18 robots with a fault, of 16"),
+        ("rows: 3", "rows: 11", "study.speed.rows: S420 must be of sound robots, of which there are 10"),
+        ("each: 1", "each: 1, lost_samples: [5, 3]", "lost_samples: S421"),
     ],
 )
 def test_what_cannot_be_is_told_before_anything_is_made(study, old, new, message):

@@ -16,7 +16,10 @@ CONFIGS = Path(__file__).parents[4] / "configs"
         ("validation_hz: 5.20", "study.plants.validation_hz: S401 5.2 Hz is fitted; validate on another chirp"),
         ("band_hz: [0.01, 9]", "study.plants.band_hz: S400 ends beyond the fastest chirp that is fitted, 5.2 Hz"),
         ("band_hz: [1, 0.5]", "study.plants.band_hz: S399 must rise from a frequency above 0"),
-        ("delay_samples: 11", "study.plants.max_delay_samples: S403 the true delay of 11 samples would not be searched"),
+        (
+            "delay_samples: 11",
+            "study.plants.max_delay_samples: S403 the true delay of 11 samples would not be searched",
+        ),
         ("fit_hz: [5.2, 5.2]", "study.plants.fit_hz: S402"),
     ],
 )

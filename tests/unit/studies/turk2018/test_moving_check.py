@@ -20,7 +20,11 @@ GLOBAL = "\n    source: {simulate: {<<: *simulate, seed: 3}}"
             "realizations: 1\n    periods: 1",
             ".campaign: S407 campaign `global` needs at least 2 periods",
         ),
-        ("scheduling: [slide]", "scheduling: [slide, slide.arm]", ".fit: S408 fit `sliding` has 2 scheduling parameters"),
+        (
+            "scheduling: [slide]",
+            "scheduling: [slide, slide.arm]",
+            ".fit: S408 fit `sliding` has 2 scheduling parameters",
+        ),
         (f", slide.arm]{GLOBAL}", f"]{GLOBAL}", ".campaign: S409 campaign `global` does not record `slide.arm`"),
         ("fixed: fixed}", "fixed: global}", ".fixed: S410 campaign `global` has no frequency response"),
         ("fixed: fixed}", "fixed: once}", ".fixed: S411 campaign `once` needs at least 2 realizations and 2 periods"),
