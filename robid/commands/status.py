@@ -25,7 +25,7 @@ def show_status(run: Run, *, as_json: bool) -> int:
     loaded = run.loaded
     if loaded.robot.lacks_model:
         where = f"{loaded.robot_path}: model: {loaded.robot.model}"
-        what = f"S019 {MODEL_NOT_THERE}, as there is no folder {data_path(DATA_VARIABLE, Path())}"
+        what = f"{MODEL_NOT_THERE}, as there is no folder {data_path(DATA_VARIABLE, Path())}"
         raise SettingsError(what, where=where, remedy=SET_DATA_FOLDER)
     states, looks = examine(run, asked_for(loaded)), other_units(loaded.experiment, loaded.robot)
     if as_json:
