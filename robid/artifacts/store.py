@@ -55,8 +55,12 @@ _HEADER = ("kind", "schema_version", "content_sha256", "provenance")
 _ATTRIBUTES = "attributes"
 _FEW_TEXTS = 64
 _MISMATCH = "its content does not match its hash"
+_KEPT_OUTLINES = 64
+_KEPT_BYTES = 2**20
 
 Result = TypeVar("Result")
+# Outlines of small files by what the system and the header say of a file: a run asks for each artifact several times.
+_outlines: dict[tuple[object, ...], Outline] = {}
 
 
 @dataclass(frozen=True)
@@ -251,6 +255,17 @@ def _check_kind(path: Path, kind: Kind, header: Header) -> None:
 
 
 def _outline(file: h5py.File, header: Header) -> Outline:
+    status = Path(file.filename).stat()
+    key = (file.filename, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns, header.content_sha256)
+    outline = _outlines.get(key) or _read_outline(file, header)
+    if status.st_size <= _KEPT_BYTES:
+        if len(_outlines) >= _KEPT_OUTLINES:
+            _outlines.clear()
+        _outlines[key] = outline
+    return outline
+
+
+def _read_outline(file: h5py.File, header: Header) -> Outline:
     labels = {name: read_label(dataset) for name, dataset in find_datasets(file).items()}
     attributes = get_attributes(file[_ATTRIBUTES])
     if content_hash(header.kind, attributes, labels) != header.content_sha256:
@@ -276,7 +291,7 @@ def _content(
     for name, label in outline.labels.items():
         if name in leave_out:
             continue
-        values = _values(file, name, label, row) if label.by_row else outline.shared[name]
+        values = _values(file, name, label, row) if label.by_row else outline.shared[name].copy()
         datasets[name] = decode(label if row is None else label.row(row), values)
     return outline.attributes, datasets
 
