@@ -103,11 +103,15 @@ def finished():
 
 
 @pytest.fixture
-def made(shop, case, finished, tmp_path_factory):
+def made(shop, case, finished, finished_runs, tmp_path_factory):
+    """A folder with a finished run: its campaigns are those of the small experiment wherever they are still fresh."""
     name = case.family.name
     if name in finished:
         shutil.copytree(finished[name], shop.folder / "runs")
         return shop
+    shutil.copytree(finished_runs, shop.folder / "runs", ignore=shutil.ignore_patterns("fits", "report.html"))
+    for path in case.left_out:
+        (shop.runs / path).unlink()
     answer = shop.robid("run", "small.yaml")
     assert answer.code == case.code, answer.err
     finished[name] = shutil.copytree(shop.folder / "runs", tmp_path_factory.mktemp(name) / "runs")
@@ -213,8 +217,10 @@ def test_a_changed_fit_makes_itself_stale_and_nothing_else(made, case):
     assert after["fits/own/model.h5"] != before["fits/own/model.h5"]
 
 
-def test_an_interrupted_fit_loses_nothing_and_is_resumed(shop, case, monkeypatch):
-    whole = files.FAMILIES
+def test_an_interrupted_fit_loses_nothing_and_is_resumed(made, case, monkeypatch):
+    shop, whole = made, files.FAMILIES
+    shutil.rmtree(shop.runs / "fits")
+    (shop.runs / "report.html").unlink()
 
     def interrupted(*_):
         raise KeyboardInterrupt
