@@ -16,7 +16,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -147,7 +147,12 @@ def read_artifact(path: Path, kind: Kind, *, row: int | None = None, leave_out: 
 
 def read_header(path: Path, kind: Kind | None = None) -> Header:
     """Reads what tells whether an artifact is fresh; see `read_artifact` for `kind` and errors."""
-    return _read(path, kind, lambda *_: None)[0]
+    return _read_header(path, kind, _identity(path))
+
+
+def read_attributes(path: Path, kind: Kind) -> dict[str, Any]:
+    """Reads an artifact's own attributes, their content unchecked; see `read_artifact` for errors."""
+    return visit(path, kind, lambda file: get_attributes(file[_ATTRIBUTES]))
 
 
 def kind_of(path: Path) -> str:
@@ -221,6 +226,20 @@ def _read(path: Path, kind: Kind | None, read: Callable[[h5py.File, Header], Res
         raise _damaged(path, kind, str(error)) from error
 
 
+@lru_cache(maxsize=256)
+def _read_header(path: Path, kind: Kind | None, _: tuple[object, ...]) -> Header:
+    return _read(path, kind, lambda *_: None)[0]
+
+
+def _identity(path: Path) -> tuple[object, ...]:
+    """What the system says of a file; it differs when the file was written again."""
+    try:
+        status = path.stat()
+    except OSError:
+        return ()
+    return str(path), status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
+
+
 def _header(file: h5py.File) -> Header:
     attributes = get_attributes(file)
     kind, version, digest, provenance = (str(attributes[name]) for name in _HEADER)
@@ -255,10 +274,10 @@ def _check_kind(path: Path, kind: Kind, header: Header) -> None:
 
 
 def _outline(file: h5py.File, header: Header) -> Outline:
-    status = Path(file.filename).stat()
-    key = (file.filename, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns, header.content_sha256)
+    path = Path(file.filename)
+    key = (*_identity(path), header.content_sha256)
     outline = _outlines.get(key) or _read_outline(file, header)
-    if status.st_size <= _KEPT_BYTES:
+    if path.stat().st_size <= _KEPT_BYTES:
         if len(_outlines) >= _KEPT_OUTLINES:
             _outlines.clear()
         _outlines[key] = outline

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from robid.artifacts.kinds import DESIGN
 from robid.artifacts.results import MODEL, VALIDATION, read_grade
-from robid.artifacts.store import inspect_artifact
+from robid.artifacts.store import read_attributes
 from robid.artifacts.truth import check_vouched
 from robid.design.configurations.options import InformationOptions
 from robid.models.elastic.fit.options import ElasticOptions, Weights
@@ -121,7 +122,7 @@ def design_inputs(campaign: Campaign) -> dict[str, str]:
 
 def design_problem(output: Path) -> str:
     """Says that a design's weights are far from optimal."""
-    gap = inspect_artifact(output)["attributes"]["gap"]
+    gap = read_attributes(output, DESIGN)["gap"]
     if gap <= _WIDE_GAP:
         return ""
     return (
@@ -289,7 +290,7 @@ def data_inputs(reads: Sequence[Read], campaigns: Sequence[str]) -> dict[str, st
 
 def fit_problem(output: Path) -> str:
     """Says that a fit has not converged, and what to do."""
-    attributes = inspect_artifact(output)["attributes"]
+    attributes = read_attributes(output, MODEL)
     status, advice = (attributes[f"estimate/{name}"] for name in ("status", "advice"))
     return "" if status == "converged" else f"the fit has not converged ({status}): {advice}"
 
