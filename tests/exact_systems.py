@@ -8,9 +8,9 @@ import numpy as np
 
 from robid.frf.frf import Frf
 from robid.robot.description import Inertial, Joint, Motor, Robot, Sensor, Spring, StiffnessLaw
-from robid.robot.doubts import Doubts
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
+from robid.robot.nuisance import NuisanceStd
 from robid.robot.response import nominal_parameters, response
 from robid.signals.quantities import motor_channels
 
@@ -63,9 +63,9 @@ def stocky(robot):
 
 def certain(robot):
     """The robot with a file that is taken for granted."""
-    nothing = Doubts(**{each.name: 0.0 for each in fields(Doubts)})
-    joints = tuple(replace(joint, doubts=nothing) for joint in robot.joints)
-    return replace(robot, joints=joints, doubts=nothing)
+    nothing = NuisanceStd(**{each.name: 0.0 for each in fields(NuisanceStd)})
+    joints = tuple(replace(joint, nuisance_std=nothing) for joint in robot.joints)
+    return replace(robot, joints=joints, nuisance_std=nothing)
 
 
 def linear_axis(rotor_kgm2=2e-3, mass_kg=80.0, stiffness=5e6, damping=3e3, ratio=-628.0, viscous=0.004, upright=False):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from place_systems import gather
+from cluster_systems import gather
 from robid.clusters.evidence import Evidence
 from robid.clusters.pooling import Pooled, estimate_between, pool
 
@@ -21,12 +21,12 @@ TRUE = np.array([0.02, 0.1])
 
 
 def drive(values: np.ndarray, inertia: np.ndarray) -> np.ndarray:
-    """Motor acceleration per torque (n_place, n_line).
+    """Motor acceleration per torque (n_cluster, n_line).
 
     Args:
         values: Logarithms of stiffness and damping, then compliance of the bend over that of the gear, one for all
-            places or one each.
-        inertia (n_place,): What the place makes of the inertia beyond the bend.
+            clusters or one each.
+        inertia (n_cluster,): What the cluster makes of the inertia beyond the bend.
     """
     far = _FAR * inertia[:, None]
     bend = np.reshape(values[2], (-1, 1)) / _STIFFNESS
@@ -37,40 +37,40 @@ def drive(values: np.ndarray, inertia: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Measured:
-    """Places and what was measured there."""
+    """Clusters and what was measured there."""
 
     inertia: np.ndarray
     response: np.ndarray
 
 
-def measure(n_place: int, bend: float, seed: int, spread: float = 0.0) -> Measured:
-    """Measures a drive in random places; its bend varies between them by a logarithmic spread."""
+def measure(n_cluster: int, bend: float, seed: int, spread: float = 0.0) -> Measured:
+    """Measures a drive in random clusters; its bend varies between them by a logarithmic spread."""
     generator = np.random.default_rng(seed)
-    inertia = np.exp(generator.uniform(-0.7, 0.7, n_place))
-    own = bend * np.exp(generator.uniform(-spread, spread, n_place))
+    inertia = np.exp(generator.uniform(-0.7, 0.7, n_cluster))
+    own = bend * np.exp(generator.uniform(-spread, spread, n_cluster))
     response = drive((*TRUE, own), inertia)
     noise = generator.standard_normal((2, *response.shape)) * _NOISE / np.sqrt(2)
     return Measured(inertia, response * np.exp(noise[0] + 1j * noise[1]))
 
 
 def evidence_at(measured: Measured, values: np.ndarray, precision: np.ndarray) -> Evidence:
-    """What each place says of the first parameters, as many as `precision` has."""
+    """What each cluster says of the first parameters, as many as `precision` has."""
     whole = np.concatenate([values, np.zeros(3 - values.size)])
     steps = _STEP * np.eye(3)[: values.size]
     columns = [np.log(drive(whole + step, measured.inertia) / drive(whole - step, measured.inertia)) for step in steps]
     derivative = np.stack(columns, axis=-1) / (2 * _STEP * _ASSUMED)
     residual = np.log(measured.response / drive(whole, measured.inertia)) / _ASSUMED
-    places = [[index] for index in range(len(residual))]
-    return gather(residual, derivative, places, np.diag(precision), -precision * values)
+    clusters = [[index] for index in range(len(residual))]
+    return gather(residual, derivative, clusters, np.diag(precision), -precision * values)
 
 
 def fit(measured: Measured, precision: Sequence[float], between: np.ndarray | None = None) -> tuple[np.ndarray, Pooled]:
-    """Fits stiffness and damping, with a third precision the bend too; differences between places are estimated.
+    """Fits stiffness and damping, with a third precision the bend too; differences between clusters are estimated.
 
     Args:
-        measured: The places.
+        measured: The clusters.
         precision: What is known of each parameter around zero, over its variance.
-        between: Variances between places that are known, NaN where they are sought.
+        between: Variances between clusters that are known, NaN where they are sought.
     """
     known = np.array(precision)
     values, variance = np.zeros(known.size), np.zeros(known.size)

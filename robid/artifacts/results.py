@@ -5,7 +5,7 @@ Schema history:
         2.0: parameters in the group `estimate`, their covariance in SI units; the rest in a group of the family's name.
         2.1: elastic fits say in `elastic/effective` what infinitely many places would give.
         2.2: that lies in `estimate/effective_*`; an elastic fit's `lower` and `upper` are those of the physical
-            parameter, around `physical_value`, and its named doubts lie in `elastic/doubts`.
+            parameter, around `physical_value`, and its named nuisances lie in `elastic/doubts`.
         2.3: `grade/scales`, where a grade saw wrong scales.
     validation:
         3.2: `grade/scales`, where a grade saw wrong scales.

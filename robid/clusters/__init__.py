@@ -1,4 +1,4 @@
-"""Statistics of what several places say of the same parameters.
+"""Statistics of what several clusters say of the same parameters.
 
-A place is a robot configuration with all that was measured in it. Read `evidence`, then `pooling`.
+A cluster is a robot configuration with all that was measured in it. Read `evidence`, then `pooling`.
 """

@@ -1,7 +1,7 @@
-"""What each place says of the parameters, to first order around a point, and how far it may say no more.
+"""What each cluster says of the parameters, to first order around a point, and how far it may say no more.
 
-Groups of places are told apart by their robot configuration, and weights saturate where evidence exceeds what differs
-between places.
+Measurements of a cluster have the same robot configuration, and weights saturate where evidence exceeds what differs
+between clusters.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 
-_NOTHING = 1e-12  # scaled information relative to the largest of a place, below which a place says nothing
+_NOTHING = 1e-12  # scaled information relative to the largest of a cluster, below which a cluster says nothing
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What each place says, as few rows of unit noise: `target = rows (own - point) + noise`.
+    """What each cluster says, as few rows of unit noise: `target = rows (own - point) + noise`.
 
     Attributes:
-        rows (n_place, n_row, n_param): Derivative of each row by the parameters, all noise of deviation one.
-        target (n_place, n_row): What is left of each row at the point.
+        rows (n_cluster, n_row, n_param): Derivative of each row by the parameters, all noise of deviation one.
+        target (n_cluster, n_row): What is left of each row at the point.
         precision (n_param, n_param): What is known beforehand, an inverse covariance; zero for nothing.
         pull (n_param,): `precision` times how far what is known beforehand lies from the point.
     """
@@ -35,12 +35,12 @@ class Evidence:
 
     @property
     def information(self) -> FloatArray:
-        """Information (n_place, n_param, n_param) of each place."""
+        """Information (n_cluster, n_param, n_param) of each cluster."""
         return np.asarray(self.rows.swapaxes(1, 2) @ self.rows)
 
     @property
     def score(self) -> FloatArray:
-        """Information times how far each place's own estimate lies from the point (n_place, n_param)."""
+        """Information times how far each cluster's own estimate lies from the point (n_cluster, n_param)."""
         return np.asarray((self.target[:, None] @ self.rows)[:, 0])
 
 
@@ -49,13 +49,13 @@ def summarise(
 ) -> Evidence:
     """Takes what weighted estimates say whose weights are not the inverse of their errors' covariance.
 
-    A place's own estimate lies `bread^-1 score` from the point, with the covariance `bread^-1 meat bread^-1`. Neither
-    inverse need be there: a place may say nothing of some parameters.
+    A cluster's own estimate lies `bread^-1 score` from the point, with the covariance `bread^-1 meat bread^-1`. Neither
+    inverse need be there: a cluster may say nothing of some parameters.
 
     Args:
-        bread (n_place, n_param, n_param): Weighted information of each place.
-        score (n_place, n_param): Weighted residuals times their derivative, `bread` times the own estimate's shift.
-        meat (n_place, n_param, n_param): Covariance of the score.
+        bread (n_cluster, n_param, n_param): Weighted information of each cluster.
+        score (n_cluster, n_param): Weighted residuals times their derivative, `bread` times the own estimate's shift.
+        meat (n_cluster, n_param, n_param): Covariance of the score.
         precision (n_param, n_param): What is known beforehand, an inverse covariance.
         pull (n_param,): `precision` times how far that lies from the point.
     """
@@ -71,24 +71,24 @@ _SAME_CONFIGURATION_RAD = 1e-3
 Values = TypeVar("Values", FloatArray, ComplexArray)
 
 
-def group_places(configurations: FloatArray) -> list[list[int]]:
-    """Indices of the measurements in each place: joint angles (n_conf, n_joint) [rad] that agree."""
-    places: list[list[int]] = []
+def group_clusters(configurations: FloatArray) -> list[list[int]]:
+    """Indices of the measurements in each cluster: joint angles (n_conf, n_joint) [rad] that agree."""
+    clusters: list[list[int]] = []
     for index, angles in enumerate(configurations):
-        for place in places:
-            if np.abs(configurations[place[0]] - angles).max() < _SAME_CONFIGURATION_RAD:
-                place.append(index)
+        for cluster in clusters:
+            if np.abs(configurations[cluster[0]] - angles).max() < _SAME_CONFIGURATION_RAD:
+                cluster.append(index)
                 break
         else:
-            places.append([index])
-    return places
+            clusters.append([index])
+    return clusters
 
 
-def spread_over(places: Sequence[Sequence[int]], values: Values) -> Values:
-    """Values (n_conf, ...) of configurations from those of their places (n_place, ...)."""
-    spread = np.empty((sum(map(len, places)), *values.shape[1:]), values.dtype)
-    for place, own in zip(places, values, strict=True):
-        spread[list(place)] = own
+def spread_over(clusters: Sequence[Sequence[int]], values: Values) -> Values:
+    """Values (n_conf, ...) of configurations from those of their clusters (n_cluster, ...)."""
+    spread = np.empty((sum(map(len, clusters)), *values.shape[1:]), values.dtype)
+    for cluster, own in zip(clusters, values, strict=True):
+        spread[list(cluster)] = own
     return spread
 
 
@@ -97,13 +97,13 @@ _UNSEEN = 1e-13  # scaled information relative to the largest, below which nothi
 
 @dataclass(frozen=True)
 class Saturated:
-    """What each place says once its parameters may differ from those of all places.
+    """What each cluster says once its parameters may differ from those of all clusters.
 
     Attributes:
-        information (n_place, n_param, n_param): `(I^-1 + T)^-1` of each place.
-        score (n_place, n_param): It times how far each place's own estimate lies from the point.
-        square (n_place,): Square of the residuals over their covariance.
-        log_determinant (n_place,): Logarithm of that covariance's determinant.
+        information (n_cluster, n_param, n_param): `(I^-1 + T)^-1` of each cluster.
+        score (n_cluster, n_param): It times how far each cluster's own estimate lies from the point.
+        square (n_cluster,): Square of the residuals over their covariance.
+        log_determinant (n_cluster,): Logarithm of that covariance's determinant.
     """
 
     information: FloatArray
@@ -113,11 +113,11 @@ class Saturated:
 
 
 def saturated(evidence: Evidence, between: FloatArray) -> Saturated:
-    """Weighs evidence by noise and by what differs between places.
+    """Weighs evidence by noise and by what differs between clusters.
 
     Args:
-        evidence: What each place says.
-        between (n_param,): Variance of each parameter between places.
+        evidence: What each cluster says.
+        between (n_param,): Variance of each parameter between clusters.
 
     Source:
         Jackson, White and Thompson (2010), sec. 2: multivariate random-effects meta-analysis.
@@ -136,7 +136,7 @@ def saturated(evidence: Evidence, between: FloatArray) -> Saturated:
 
 
 def _root(covariance: FloatArray) -> FloatArray:
-    """Cholesky factors of matrices (n_place, n_row, n_row) of at least the unit matrix, beyond all rounding or not.
+    """Cholesky factors of matrices (n_cluster, n_row, n_row) of at least the unit matrix, beyond all rounding or not.
 
     Where noise is next to nothing, rounding takes their smallest eigenvalues away: as little is then put back.
     """
@@ -150,12 +150,12 @@ def _root(covariance: FloatArray) -> FloatArray:
 def saturate(information: FloatArray, between: FloatArray) -> FloatArray:
     """Returns `(I^-1 + T)^-1` of information (..., n_param, n_param) that need not have an inverse.
 
-    Sums of it over places are what a choice of places is worth: it never exceeds `T^-1`. Of n visits to one place it is
-    that of `n I`, at most n times that of I.
+    Sums of it over clusters are what a choice of them is worth: it never exceeds `T^-1`. Of n visits to one cluster it
+    is that of `n I`, at most n times that of I.
 
     Args:
-        information (..., n_param, n_param): What each place says of its own parameters.
-        between (n_param,): Variance of each parameter between places.
+        information (..., n_param, n_param): What each cluster says of its own parameters.
+        between (n_param,): Variance of each parameter between clusters.
     """
     rows, root = _rows(information, between)
     weighted = np.linalg.solve(root, rows)
@@ -165,11 +165,11 @@ def saturate(information: FloatArray, between: FloatArray) -> FloatArray:
 def saturation_slope(information: FloatArray, between: FloatArray) -> FloatArray:
     """Returns the derivative of `saturate` by a factor on the information, where that is 1.
 
-    It falls with the factor, so it bounds from above what more of the same place would add.
+    It falls with the factor, so it bounds from above what more of the same cluster would add.
 
     Args:
-        information (..., n_param, n_param): What each place says of its own parameters.
-        between (n_param,): Variance of each parameter between places.
+        information (..., n_param, n_param): What each cluster says of its own parameters.
+        between (n_param,): Variance of each parameter between clusters.
     """
     rows, root = _rows(information, between)
     weighted = np.linalg.solve(root.swapaxes(-1, -2), np.linalg.solve(root, rows))
@@ -186,7 +186,7 @@ def _rows(information: FloatArray, between: FloatArray) -> tuple[FloatArray, Flo
 
 
 def inverted(total: FloatArray) -> tuple[FloatArray, float]:
-    """Returns the inverse of information (n_param, n_param) and its log-determinant; zero along what is unseen."""
+    """Returns the inverse of information (n_param, n_param) and its log-determinant; zero where it is undetermined."""
     scale = np.sqrt(np.where(np.diag(total) > 0, np.diag(total), 1.0))
     values, vectors = np.linalg.eigh(total / (scale[:, None] * scale))
     kept = values > _UNSEEN * values[-1]

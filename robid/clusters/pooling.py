@@ -1,4 +1,4 @@
-"""How much parameters differ between places, those of all places together, and how far they may be off."""
+"""How much parameters differ between clusters, those of all clusters together, and how far they may be off."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _ROUNDS = 3
 
 @dataclass(frozen=True)
 class BetweenOptions:
-    """How variances between places are looked for."""
+    """How variances between clusters are looked for."""
 
     largest: float = field(
-        default=1.0, metadata={"description": "Largest deviation between places, of a logarithm.", "gt": 0}
+        default=1.0, metadata={"description": "Largest deviation between clusters, of a logarithm.", "gt": 0}
     )
     iterations: int = field(default=200, metadata={"description": "Iteration limit of the search.", "ge": 1})
 
 
 @dataclass(frozen=True)
 class Between:
-    """How much parameters differ between places.
+    """How much parameters differ between clusters.
 
     Attributes:
-        variance (n_param,): Of each parameter between places; 0 where noise explains the differences.
+        variance (n_param,): Of each parameter between clusters; 0 where noise explains the differences.
         deviance: -2 times the restricted log-likelihood there, but for a constant.
         converged: Whether the search ended by itself.
     """
@@ -46,11 +46,11 @@ class Between:
 class Search:
     """Evidence with all that does not change while some variances are sought.
 
-    The rows of each place are turned so that what is sought is in the first ones alone.
+    The rows of each cluster are turned so that what is sought is in the first ones alone.
 
     Attributes:
-        rows (n_place, n_sought, n_param): Derivatives of these rows, what is known of differences taken out.
-        target (n_place, n_sought): What is left of them.
+        rows (n_cluster, n_sought, n_param): Derivatives of these rows, what is known of differences taken out.
+        target (n_cluster, n_sought): What is left of them.
         sought (n_sought,): Which parameters' variances are sought.
         information (n_param, n_param): Of all other rows, and what is known beforehand.
         slope (n_param,): Of these too.
@@ -87,8 +87,8 @@ def begin_search(evidence: Evidence, known: FloatArray, sought: IntArray) -> Sea
     """Takes out of evidence what does not change while variances are sought.
 
     Args:
-        evidence: What each place says; what is known beforehand counts as one more observation.
-        known (n_param,): Variances between places, zero for what is sought.
+        evidence: What each cluster says; what is known beforehand counts as one more observation.
+        known (n_param,): Variances between clusters, zero for what is sought.
         sought (n_sought,): Which parameters' variances are sought.
     """
     rows = evidence.rows
@@ -97,13 +97,13 @@ def begin_search(evidence: Evidence, known: FloatArray, sought: IntArray) -> Sea
     basis = np.linalg.qr(whole[..., sought], mode="complete")[0]
     turned = basis.swapaxes(1, 2) @ whole
     first, rest = turned[:, : sought.size], turned[:, sought.size :].reshape(-1, whole.shape[2])
-    told, left = rest[:, :-1], rest[:, -1]
+    rest_rows, left = rest[:, :-1], rest[:, -1]
     return Search(
         rows=first[..., :-1],
         target=first[..., -1],
         sought=sought,
-        information=evidence.precision + told.T @ told,
-        slope=evidence.pull + left @ told,
+        information=evidence.precision + rest_rows.T @ rest_rows,
+        slope=evidence.pull + left @ rest_rows,
         deviance=float((left**2).sum() + 2 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum()),
     )
 
@@ -111,11 +111,11 @@ def begin_search(evidence: Evidence, known: FloatArray, sought: IntArray) -> Sea
 def restricted_deviance(evidence: Evidence, between: FloatArray) -> tuple[float, FloatArray]:
     """-2 times the restricted log-likelihood, but for a constant, and its derivative (n_param,) by the variances.
 
-    The derivative is zero where each parameter's scores vary over places as they are expected to.
+    The derivative is zero where each parameter's scores vary over clusters as they are expected to.
 
     Args:
-        evidence: What each place says; what is known beforehand counts as one more observation.
-        between (n_param,): Variance of each parameter between places.
+        evidence: What each cluster says; what is known beforehand counts as one more observation.
+        between (n_param,): Variance of each parameter between clusters.
 
     Source:
         Patterson and Thompson (1971); Jackson, Riley and White (2011), sec. 3.2.
@@ -126,10 +126,10 @@ def restricted_deviance(evidence: Evidence, between: FloatArray) -> tuple[float,
 def estimate_between(
     evidence: Evidence, fixed: FloatArray | None = None, options: BetweenOptions | None = None
 ) -> Between:
-    """Estimates how much each parameter differs between places.
+    """Estimates how much each parameter differs between clusters.
 
     Args:
-        evidence: What each place says.
+        evidence: What each cluster says.
         fixed (n_param,): Variances that are known, NaN where they are sought; all are sought when not given.
         options: Bounds and limits.
     """
@@ -167,7 +167,7 @@ def _without_small(search: Search, between: FloatArray, small: BoolArray) -> Flo
 
 
 def _start(seen: FloatArray, largest: float) -> FloatArray:
-    """Where the search begins: the variance at which a typical place's information is halved, within bounds."""
+    """Where the search begins: the variance at which a typical cluster's information is halved, within bounds."""
     count = np.maximum((seen > 0).sum(axis=0), 1)
     typical = np.exp(np.log(np.where(seen > 0, seen, 1.0)).sum(axis=0) / count)
     return np.asarray(np.minimum(1 / typical, 0.25 * largest**2))
@@ -264,21 +264,21 @@ def bound(mean: FloatArray, covariance: FloatArray, least: FloatArray) -> tuple[
 
 _LEAST_FREEDOM = 1.0
 ALONE = 0.9
-"""Share of the information from which on it is a single place's."""
+"""Share of the information from which on it is a single cluster's."""
 
 
 @dataclass(frozen=True)
 class Pooled:
-    """The parameters of all places together.
+    """The parameters of all clusters together.
 
     Attributes:
         shift (n_param,): How far they lie from the point of the evidence.
-        between (n_param,): Variance of each between places.
-        assumed (n_param, n_param): Covariance, were noise and variances between places as assumed: `(sum K_c)^-1`.
-        covariance (n_param, n_param): The same by what the places really differ, whatever they differ by.
+        between (n_param,): Variance of each between clusters.
+        assumed (n_param, n_param): Covariance, were noise and variances between clusters as assumed: `(sum K_c)^-1`.
+        covariance (n_param, n_param): The same by what the clusters really differ, whatever they differ by.
         degrees_of_freedom (n_param,): Of Student's distribution, whose quantile times the deviation is an interval.
-        dependence (n_param,): Share of the information about each that a single place gives; near 1 other places
-            do not test it, and its interval rests on that place alone.
+        dependence (n_param,): Share of the information about each that a single cluster gives; near 1 other clusters
+            do not test it, and its interval rests on that cluster alone.
     """
 
     shift: FloatArray
@@ -291,8 +291,8 @@ class Pooled:
     def spread(self, confidence: float) -> tuple[FloatArray, FloatArray]:
         """One covariance (n_param, n_param) and its degrees of freedom (n_param,), for the intervals of a level.
 
-        Errors that are assumed but not there do not make places differ, so no interval is narrower than what is
-        assumed gives; neither do the others test what a single place knows. What places differ by beyond what is
+        Errors that are assumed but not there do not make clusters differ, so no interval is narrower than what is
+        assumed gives; neither do the others test what a single cluster knows. What clusters differ by beyond what is
         assumed is added with its own correlations.
         """
         tail = 0.5 + 0.5 * confidence
@@ -313,20 +313,20 @@ class Pooled:
 
     @property
     def untested(self) -> BoolArray:
-        """Which parameters (n_param,) a single place knows."""
+        """Which parameters (n_param,) a single cluster knows."""
         return np.asarray(self.dependence > ALONE)
 
 
 def pool(evidence: Evidence, between: FloatArray, least: FloatArray | None = None) -> Pooled:
-    """Brings the places together.
+    """Brings the clusters together.
 
-    Each place's weight is what noise and differences between places leave of its information. The covariance is that
-    of leaving out one place after the other, so it holds whatever the differences come from, as long as they are
+    Each cluster's weight is what noise and differences between them leave of its information. The covariance is that
+    of leaving out one cluster after the other, so it holds whatever the differences come from, as long as they are
     independent; what is known beforehand errs by as much as it says.
 
     Args:
-        evidence: What each place says.
-        between (n_param,): Variance of each parameter between places.
+        evidence: What each cluster says.
+        between (n_param,): Variance of each parameter between clusters.
         least (n_param,): Smallest shift that makes sense, what is left of a distribution beyond which is as if it had
             been observed; all make sense when not given.
 
@@ -354,18 +354,18 @@ def pool(evidence: Evidence, between: FloatArray, least: FloatArray | None = Non
 
 
 def _freedom(information: FloatArray, without: FloatArray, assumed: FloatArray, known: FloatArray) -> FloatArray:
-    """Degrees of freedom (n_param,) of the diagonal of the covariance, noise and places as assumed.
+    """Degrees of freedom (n_param,) of the diagonal of the covariance, noise and clusters as assumed.
 
-    Each variance is a sum of squares of linear forms, one a place; its first two moments are those of their
+    Each variance is a sum of squares of linear forms, one a cluster; its first two moments are those of their
     covariance.
 
     Args:
-        information (n_place, n_param, n_param): What each place says.
-        without (n_place, n_param, n_param): Covariance that leaving it out would leave.
+        information (n_cluster, n_param, n_param): What each cluster says.
+        without (n_cluster, n_param, n_param): Covariance that leaving it out would leave.
         assumed (n_param, n_param): Covariance of all together.
-        known (n_param,): Variance that does not come from the places.
+        known (n_param,): Variance that does not come from the clusters.
     """
-    pulls = without @ information  # (place, wanted, param): what each place's score does to each parameter
+    pulls = without @ information  # (cluster, wanted, param): what each cluster's score does to each parameter
     own = np.einsum("cij,cij->ic", pulls, without)
     mixed = -np.einsum("cik,kl,dil->icd", pulls, assumed, pulls, optimize=True)
     index = np.arange(len(information))

@@ -26,7 +26,7 @@ from robid.report.numbers import duration, percent, scale_for, significant
 from robid.report.parameter_section import open_table
 from robid.report.parameters import ParameterRow, kind_title
 from robid.results.grade import WORDS
-from robid.robot.parameters import NUISANCE
+from robid.robot.parameters import FRICTION_KIND
 
 _MOVED = 1.0  # half-widths
 
@@ -122,7 +122,7 @@ def _rows(model: Artifact, trial: Trial, *, full: bool = False) -> list[Paramete
     rows = parameter_rows(estimate, {}, (), trial.torque_unit)
     if full:
         return [dataclasses.replace(row, name=name) for row, name in zip(rows, estimate.names, strict=True)]
-    return [row for row in rows if row.kind != NUISANCE]
+    return [row for row in rows if row.kind != FRICTION_KIND]
 
 
 def _half(row: ParameterRow) -> float:

@@ -12,7 +12,7 @@ from robid.commands.output import print_json
 from robid.commands.shared import (
     PROBLEM,
     choose_node,
-    doubts,
+    findings,
     fresh_at,
     graded,
     lock_of,
@@ -86,7 +86,7 @@ def run_stage(
         shown = node.stage.show(target, run.loaded) if outcome == "made" else None
         if shown is not None:
             shell.out.print(shown)
-    for warning in filter(None, (problem, doubts(grade))):
+    for warning in filter(None, (problem, findings(grade))):
         shell.warn(warning)
     return PROBLEM if problem or (grade is not None and grade.fails(strict=strict)) else 0
 

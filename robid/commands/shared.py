@@ -97,7 +97,7 @@ def graded(grade: Grade | None) -> dict[str, Any]:
     return {} if grade is None else {"grade": grade.value, "grade_sentence": grade.sentence}
 
 
-def doubts(grade: Grade | None) -> str:
+def findings(grade: Grade | None) -> str:
     """What a grade below the best warns of."""
     return grade.sentence if grade is not None and grade.value < _TRUST else ""
 
@@ -113,7 +113,7 @@ def tell(shell: Shell, result: Result) -> None:
     seconds = f" ({duration(result.seconds)})" if result.outcome == "made" else ""
     colon = ": " if result.text else ""
     shell.note(result.node.output, f"{result.outcome}{colon}{result.text}{seconds}")
-    for warning in filter(None, (result.problem, doubts(result.grade))):
+    for warning in filter(None, (result.problem, findings(result.grade))):
         shell.warn(warning)
 
 

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from robid.commands.output import print_json
-from robid.commands.shared import doubts, graded
+from robid.commands.shared import findings, graded
 from robid.errors import SettingsError
 from robid.pipeline.graph import Run, asked_for, examine, grade_of
 from robid.pipeline.terminal import Shell, make_console, status_lines
@@ -38,7 +38,7 @@ def show_status(run: Run, *, as_json: bool) -> int:
         print_json({"run_dir": str(run.folder), "nodes": nodes, "warnings": looks})
         return 0
     rows = [
-        (node.output, state.status, state.why or state.problem or doubts(grade_of(run, node)).partition(":")[0])
+        (node.output, state.status, state.why or state.problem or findings(grade_of(run, node)).partition(":")[0])
         if state.status == "fresh"
         else (node.output, state.status, state.why or state.problem)
         for node, state in states.items()

@@ -20,7 +20,7 @@ from robid.fleet.ledger import Ledger, causes
 from robid.fleet.manifest import Robots
 from robid.fleet.population import Outlier, Population, Trait, find_outliers, populations
 from robid.report.section import Cell
-from robid.robot.parameters import DOUBT, LOGARITHMIC, NUISANCE
+from robid.robot.parameters import FRICTION_KIND, LOGARITHMIC, NUISANCE_KIND
 
 Key = tuple[str, str]
 """Name of a fit, and of a parameter or misfit."""
@@ -98,7 +98,7 @@ def collect(ledgers: Iterable[Ledger | None]) -> dict[Key, Collected]:
             continue
         for entry in ledger.results:
             key = entry["fit"], entry["parameter"]
-            if key not in found and entry["kind"] not in (DOUBT, NUISANCE):
+            if key not in found and entry["kind"] not in (NUISANCE_KIND, FRICTION_KIND):
                 found[key] = Collected(entry["kind"], entry["unit"], entry["confidence"])
             if key in found:
                 found[key].add(row, entry)

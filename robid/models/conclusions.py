@@ -130,7 +130,7 @@ def outcome_of(
 
     Args:
         estimate: What the fit found.
-        findings: Doubts about it, the first to blame first.
+        findings: Findings about it, the first to blame first.
         failures: What the validation found beyond its limits, a clause each.
         verdict: The same in words, to follow "the model".
         truth: True values by parameter name, of a simulated robot.

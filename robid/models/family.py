@@ -160,7 +160,7 @@ class Family:
         verdict: What a validation found, from its artifact.
         compare: Numbers that compare fits of this family with each other, by dotted name.
         free_too: The experiment with more names in a fit's `free`, checked; takes the fit's name. None where nothing
-            can be freed.
+            can be estimated.
         refit: Fits again from the minimum of a model, with what the data's experiment now frees.
         needs_robot: Whether its fits ask for the inside of the robot, so that the experiment must name one.
         misfits: How badly a model describes its data, and data that it never saw where it was validated: positive

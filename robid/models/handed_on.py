@@ -119,7 +119,7 @@ class RigidSource:
         """
         return self._robot(self.standard.values, payload)
 
-    def doubtful(self, payload: float) -> list[tuple[Robot, float]]:
+    def perturbed(self, payload: float) -> list[tuple[Robot, float]]:
         """Returns robots that are off along the few directions that hold most of the variance, and by how much.
 
         Directions are independent; by how many standard deviations a robot is off along its own is such that its

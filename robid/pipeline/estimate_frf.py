@@ -245,7 +245,7 @@ def contradictions(loaded: LoadedExperiment, campaign: str, evidence: Evidence) 
     settings = loaded.experiment.campaigns[campaign]
     try:
         robot, declared_s = loaded.robot.to_robot(settings.payload_kg), delay_s(loaded, settings)
-        doubts, notes = evidence_findings(robot, evidence, declared_s)
+        findings, notes = evidence_findings(robot, evidence, declared_s)
     except (DataError, SettingsError):
         return ()
-    return tuple(f"Campaign {campaign}: {told}." for told in (*(doubt.sentence for doubt in doubts), *notes))
+    return tuple(f"Campaign {campaign}: {told}." for told in (*(finding.sentence for finding in findings), *notes))

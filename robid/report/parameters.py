@@ -8,7 +8,7 @@ from itertools import groupby
 from statistics import median
 
 from robid.report.numbers import MISSING, Scale, percent, scale_for, significant
-from robid.robot.parameters import DOUBT, NUISANCE, PARAMETER_KINDS
+from robid.robot.parameters import FRICTION_KIND, NUISANCE_KIND, PARAMETER_KINDS
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Estimates:
     @property
     def shown(self) -> list[ParameterRow]:
         """Those that the model is made of; nuisances are apart."""
-        return [row for row in self.rows if row.kind != NUISANCE]
+        return [row for row in self.rows if row.kind != FRICTION_KIND]
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ def bootstrap_sentence(estimates: Estimates) -> str:
 
 def parameter_line(row: ParameterRow, threshold: float | None = None) -> ParameterLine:
     """Writes a parameter; a row that is not identifiable says why."""
-    if row.kind == NUISANCE:
+    if row.kind == FRICTION_KIND:
         return _nuisance_line(row, threshold)
     scale = scale_for(row.estimate or row.nominal, row.unit, row.near)
     return ParameterLine(
@@ -223,7 +223,7 @@ def _predicts(row: ParameterRow) -> str:
 
 def _relative_half_width(row: ParameterRow) -> float:
     """Half the interval over the value it is of, or as it is for what the robot file's value is the zero of."""
-    size = 1.0 if row.kind == NUISANCE else abs(row.middle)
+    size = 1.0 if row.kind == FRICTION_KIND else abs(row.middle)
     return (row.upper - row.lower) / 2 / size if size else float("nan")
 
 
@@ -271,7 +271,9 @@ def parameter_groups(estimates: Estimates) -> list[tuple[str, list[ParameterLine
 
 def nuisance_lines(estimates: Estimates) -> list[ParameterLine]:
     """Writes what the fit estimates only to get it out of the way: errors of the compensated torque."""
-    return [parameter_line(row, estimates.identifiable_relative_std) for row in estimates.rows if row.kind == NUISANCE]
+    return [
+        parameter_line(row, estimates.identifiable_relative_std) for row in estimates.rows if row.kind == FRICTION_KIND
+    ]
 
 
 def _note(row: ParameterRow, threshold: float | None) -> str:
@@ -291,6 +293,6 @@ def _reason(row: ParameterRow, threshold: float | None) -> str:
         return f"not identifiable: predicted deviation {percent(decided)}, above {percent(limit)}"
     if row.known_relative_std is None:
         return f"not identifiable: predicted deviation {percent(decided)}"
-    relied = row.known_relative_std <= limit and row.kind != DOUBT
+    relied = row.known_relative_std <= limit and row.kind != NUISANCE_KIND
     known = "known beforehand" if relied else "not identifiable: known beforehand"
     return f"{known} to {percent(row.known_relative_std)}, and the data were predicted to leave {percent(decided)}"

@@ -10,7 +10,7 @@ from scipy.linalg import qr
 from scipy.stats import norm
 
 from robid.arrays import BoolArray, FloatArray, Quantity
-from robid.robot.parameters import DOUBT
+from robid.robot.parameters import NUISANCE_KIND
 
 
 @dataclass(frozen=True)
@@ -103,11 +103,11 @@ class Estimate:
     def known_beforehand(self) -> BoolArray:
         """Which parameters (n_param,) the robot file knows well enough, and the data were not to know much better.
 
-        What a user frees because the file is doubted is none of them: two that act alike would vouch for each other.
+        What a user frees because the file may be wrong is none of them: two that act alike would vouch for each other.
         """
-        doubted = np.array([kind == DOUBT for kind in self.kinds], bool)
+        of_file = np.array([kind == NUISANCE_KIND for kind in self.kinds], bool)
         known = self.prior_relative_std <= self.identifiable_relative_std
-        return np.asarray(~self.identifiable & known & ~doubted)
+        return np.asarray(~self.identifiable & known & ~of_file)
 
     @property
     def middle(self) -> FloatArray:

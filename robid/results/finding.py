@@ -86,7 +86,7 @@ _CLIPPED = 0.05
 
 
 def saturation_findings(signals: Mapping[str, FloatArray]) -> tuple[Finding, ...]:
-    """Doubts signals that saturate: where the log has clipped them, that counts.
+    """Findings about signals that saturate: where the log has clipped them, that counts.
 
     Args:
         signals: Share of the time (n_conf,) in which each saturates, 0 where it does not, by what it is.

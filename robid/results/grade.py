@@ -57,7 +57,7 @@ def grade_alone(unusable: Sequence[str], doubtful: Sequence[str], findings: Sequ
     Args:
         unusable: Why it must not be used, a clause each.
         doubtful: Why single parameters may be off by more than their intervals say, a clause each.
-        findings: Doubts about its data, its parameters and its residual, the first to blame first.
+        findings: Findings about its data, its parameters and its residual, the first to blame first.
     """
     if unusable:
         return _made(DO_NOT_USE, unusable, findings)

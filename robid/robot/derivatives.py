@@ -11,6 +11,7 @@ from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.robot.description import Robot
 from robid.robot.linearize import Equilibrium, LinearModel, Shifts, gravity_torque, linearize
 from robid.robot.model import ElasticModel, build_model
+from robid.robot.parameters import NUISANCE_KIND
 from robid.robot.response import ElasticParameters, Response, fast_limit, mass_matrix
 from robid.robot.rest import MatrixSlopes, Moves, Springs, SpringSlopes, settle_springs, spring_slopes
 
@@ -63,9 +64,9 @@ def shifts_between(
 
     Args:
         pairs: The robot with less and with more of each.
-        width (n_doubt,): By how much each pair differs.
-        amounts (n_doubt,): Amounts in the middle.
-        torque (n_doubt, n_joint): As in `Shifts`.
+        width (n_nuisance,): By how much each pair differs.
+        amounts (n_nuisance,): Amounts in the middle.
+        torque (n_nuisance, n_joint): As in `Shifts`.
     """
     return Shifts(amounts=amounts, torque=torque, **_slopes(pairs, width))
 
@@ -132,9 +133,9 @@ def jacobian(
             None if kind == "delay" else result.folding.images(each) for kind, each in zip(kinds, above, strict=True)
         )
         columns = [own if more is None else own + more for own, more in zip(columns, folded, strict=True)]
-    if model.shifts is not None and "doubt" in kinds:
+    if model.shifts is not None and NUISANCE_KIND in kinds:
         # Gains are exp(sum a t) of the motors' torques: the derivative of a logarithm is relative.
-        columns[kinds.index("doubt")] += (result.sampled / result.gain)[..., None] * model.shifts.torque.T
+        columns[kinds.index(NUISANCE_KIND)] += (result.sampled / result.gain)[..., None] * model.shifts.torque.T
     return np.concatenate(columns, axis=-1) * result.gain[:, None]
 
 
@@ -149,7 +150,7 @@ def _all_columns(
 def _columns(
     model: LinearModel, parameters: ElasticParameters, result: Response, kind: str, through_rest: ComplexArray | None
 ) -> ComplexArray:
-    if kind == "doubt" and model.shifts is not None:
+    if kind == NUISANCE_KIND and model.shifts is not None:
         moved = _move_columns(parameters, result, model.shifts)
         return moved if model.effects is None else moved + _effect_columns(parameters, result)
     n_motor = model.n_motor
@@ -238,7 +239,7 @@ def _move_columns(parameters: ElasticParameters, result: Response, moves: Matrix
 
 
 def _effect_columns(parameters: ElasticParameters, result: Response) -> ComplexArray:
-    """Derivatives (n_conf, n_freq, n_out, n_in, n_doubt) through what gears do beside springs and dampers."""
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_nuisance) through what gears do beside springs and dampers."""
     model, omega = result.model, result.omega
     if model.effects is None:
         return np.zeros((*result.sampled.shape, parameters.doubt.size), complex)

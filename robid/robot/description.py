@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
-from robid.robot.doubts import Doubts
 from robid.robot.friction import Friction, TorqueLaw
+from robid.robot.nuisance import NuisanceStd
 from robid.signals.quantities import METRES, RADIANS, shown
 
 JointType = Literal["revolute", "prismatic"]
@@ -147,7 +147,7 @@ class Joint:
     type: JointType = "revolute"
     counterbalance: HarmonicBalance | SpringBalance | None = None
     arm_viscous: float = 0.0
-    doubts: Doubts = field(default_factory=Doubts)
+    nuisance_std: NuisanceStd = field(default_factory=NuisanceStd)
     torque_at: TorquePlace = "motor"
 
     @property
@@ -284,7 +284,7 @@ class Robot:
         assumed: Dotted names of the values that no source gives.
         base: Mass properties of what base springs carry beneath the first joint, in the world frame.
         loop_links: Links beside the chain, each after what carries it; only the rigid model knows them.
-        doubts: How far what is stated of the payload and the base may be off.
+        nuisance_std: How far what is stated of the payload and the base may be off.
     """
 
     name: str
@@ -298,7 +298,7 @@ class Robot:
     base: Inertial | None = None
     sensors: tuple[Sensor, ...] = ()
     loop_links: tuple[LoopLink, ...] = ()
-    doubts: Doubts = field(default_factory=Doubts)
+    nuisance_std: NuisanceStd = field(default_factory=NuisanceStd)
 
     @property
     def gear_ratio(self) -> FloatArray:

@@ -43,8 +43,8 @@ class Shifts(MatrixSlopes):
     """How the linearised matrices move with nuisance parameters, what a robot file may have wrong, to first order.
 
     Attributes:
-        amounts (n_doubt,): With which the robot was linearised, zero where the file is right.
-        torque (n_doubt, n_joint): Of the logarithm of the torque that a motor gives per torque recorded.
+        amounts (n_nuisance,): With which the robot was linearised, zero where the file is right.
+        torque (n_nuisance, n_joint): Of the logarithm of the torque that a motor gives per torque recorded.
     """
 
     amounts: FloatArray

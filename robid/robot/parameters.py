@@ -153,8 +153,10 @@ OF_SPRINGS = tuple(kind for kind in ELASTIC if PARAMETER_KINDS[kind].owner == "s
 """Kinds of which every spring has one."""
 RESPONSE_NUISANCE = tuple(kind for kind in DIRECT if kind not in LOGARITHMIC)
 """Kinds that are of no interest themselves: a response shows them, and a robot file says little of them."""
-DOUBT = "doubt"  # Kind of the parameters that a user frees because the robot file is doubted
-NUISANCE = "friction"
+NUISANCE_KIND = (
+    "doubt"  # Kind of the parameters that a user has estimated because the robot file may be wrong; its key in files
+)
+FRICTION_KIND = "friction"
 """Errors of the torques that were subtracted, which a fit estimates only to get them out of the way."""
 
 
@@ -216,7 +218,7 @@ def element_units(robot: Robot, kind: str) -> list[str]:
 
 def coefficient_unit(name: str) -> str:
     """Unit of a coefficient of a compensated torque, by its name."""
-    return "samples" if name.endswith(".lag") else PARAMETER_KINDS[NUISANCE].unit
+    return "samples" if name.endswith(".lag") else PARAMETER_KINDS[FRICTION_KIND].unit
 
 
 def kind_of_name(name: str) -> str:

@@ -28,7 +28,7 @@ class ElasticParameters:
         delay (1,): Delay from recorded torque to applied torque, hold excluded [s].
         cubic (n_spring,): Cubic coefficients, arm side [N m/rad^3, or N/m^3].
         location (3 n_spring,): Where springs of links, payload and base sit, see `Spring.point_m` [m].
-        doubt (n_doubt,): Amounts of what the robot file may have wrong, zero where it is right, in their own units.
+        doubt (n_nuisance,): Amounts of what the robot file may have wrong, zero where it is right, in their own units.
     """
 
     stiffness: FloatArray

@@ -83,38 +83,38 @@ class GearEffects:
     damped_names: tuple[str, ...] = ()
     slipping_names: tuple[str, ...] = ()
 
-    def growth(self, doubt: FloatArray) -> FloatArray:
-        """Dampers (n_conf, n_spring) over those without load, by amounts (n_doubt,) of all nuisance parameters.
+    def growth(self, amounts: FloatArray) -> FloatArray:
+        """Dampers (n_conf, n_spring) over those without load, by amounts (n_nuisance,) of all nuisance parameters.
 
         Under a normal swing `d (1 + a |x|) dx/dt` is linearised to `d (1 + a E|x|) dx/dt`: deflection and speed do not
         correlate.
         """
         grown = np.ones_like(self.load)
         for row, spring in self.damped.tolist():
-            grown[:, spring] += doubt[row] * self.load[:, spring]
+            grown[:, spring] += amounts[row] * self.load[:, spring]
         return grown
 
-    def stiffness(self, doubt: FloatArray, omega: FloatArray) -> ComplexArray:
+    def stiffness(self, amounts: FloatArray, omega: FloatArray) -> ComplexArray:
         """What bristles add to the springs (n_conf, n_freq, n_spring) at angular frequencies (n_freq,)."""
         added = np.zeros((len(self.load), omega.size, self.load.shape[1]), complex)
         for (row, spring), bristle in zip(self.slipping.tolist(), self.bristles, strict=True):
-            added[..., spring] = bristle.added(float(doubt[row]), omega)
+            added[..., spring] = bristle.added(float(amounts[row]), omega)
         return added
 
-    def slopes(self, doubt: FloatArray, damping: FloatArray, omega: FloatArray) -> ComplexArray:
-        """Derivative (n_conf, n_freq, n_spring, n_doubt) of the springs' dynamic stiffness by all nuisance parameters.
+    def slopes(self, amounts: FloatArray, damping: FloatArray, omega: FloatArray) -> ComplexArray:
+        """Derivative (n_conf, n_freq, n_spring, n_nuisance) of the springs' dynamic stiffness by all nuisances.
 
         Args:
-            doubt (n_doubt,): Amounts.
+            amounts (n_nuisance,): Amounts.
             damping (n_spring,): Dampers without load.
             omega (n_freq,): Angular frequencies [rad/s].
         """
-        found = np.zeros((len(self.load), omega.size, self.load.shape[1], doubt.size), complex)
+        found = np.zeros((len(self.load), omega.size, self.load.shape[1], amounts.size), complex)
         for row, spring in self.damped.tolist():
             # d(j w d (1 + a l)) / da = j w d l.
             found[:, :, spring, row] = 1j * omega * damping[spring] * self.load[:, spring, None]
         for (row, spring), bristle in zip(self.slipping.tolist(), self.bristles, strict=True):
-            found[:, :, spring, row] = bristle.slope(float(doubt[row]), omega)
+            found[:, :, spring, row] = bristle.slope(float(amounts[row]), omega)
         return found
 
 

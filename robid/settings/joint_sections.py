@@ -1,4 +1,4 @@
-"""What a joint of a robot file has: its frame, counterbalance, transmission, stiffness over a position, doubts."""
+"""What a joint of a robot file has: its frame, counterbalance, transmission, stiffness over a position, deviations."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pydantic import Field
 
 from robid.arrays import FloatArray
 from robid.robot.description import HarmonicBalance, SpringBalance, StiffnessLaw
-from robid.robot.doubts import Doubts
 from robid.robot.inertia import turn_about
+from robid.robot.nuisance import NuisanceStd
 from robid.robot.parameters import PARAMETER_KINDS
 from robid.settings.base import Assumed, Name, Section, Vector
 
@@ -64,7 +64,7 @@ class CounterbalanceSection(Assumed):
 _FOR_ALL = "in place of the robot's; 0 takes it for granted"
 
 
-class JointDoubts(Section):
+class JointNuisanceStd(Section):
     """Standard deviations of what a robot file may have wrong of one joint."""
 
     mass_relative_std: float | None = Field(default=None, description=f"Of the link's mass, {_FOR_ALL}.", ge=0)
@@ -98,9 +98,9 @@ class JointDoubts(Section):
         default=None, description=f"Of the compliance of bearings that the file lacks, {_FOR_ALL}.", ge=0
     )
 
-    def over(self, doubts: Doubts) -> Doubts:
-        """Returns the robot's doubts with what is said of this joint."""
-        return replace(doubts, **self.model_dump(exclude_none=True))
+    def over(self, robot: NuisanceStd) -> NuisanceStd:
+        """Returns the robot's deviations with what is said of this joint."""
+        return replace(robot, **self.model_dump(exclude_none=True))
 
 
 Coefficients = Annotated[tuple[float, ...], Field(min_length=1)]

@@ -12,8 +12,8 @@ from pydantic import Field
 from robid.arrays import FloatArray
 from robid.errors import DataError, SettingsError
 from robid.robot.description import Inertial, Joint, LoopLink, Pin, Robot
-from robid.robot.doubts import Doubts
 from robid.robot.inertia import roll_pitch_yaw
+from robid.robot.nuisance import NuisanceStd
 from robid.settings.base import DATA_VARIABLE, Assumed, Name, Section, Vector, data_path
 from robid.settings.joint_sections import Frame, GearSection
 from robid.settings.robot_sections import Body, JointSection, SensorSection, SpringSection, given
@@ -137,8 +137,8 @@ class RobotFile(Assumed):
         default=(), description="Links beside the chain, in closed loops; only rigid models know them."
     )
 
-    doubts: Doubts = Field(
-        default_factory=Doubts,
+    doubts: NuisanceStd = Field(
+        default_factory=NuisanceStd,
         description="How far the file may be off in what no data sheet states; 0 for what is sure.",
     )
 
@@ -225,7 +225,7 @@ class RobotFile(Assumed):
             rotor=self.rotor,
             assumed=assumed_names(self),
             notes=self.notes,
-            doubts=self.doubts,
+            nuisance_std=self.doubts,
             loop_links=tuple(
                 link.loop_link(self.joints, roll_pitch_yaw(self.base_rpy_deg)) for link in self.loop_links
             ),
@@ -264,7 +264,7 @@ class RobotFile(Assumed):
                 couplings=dict(section.couplings),
                 counterbalance=None if balance is None else balance.counterbalance(*section.geometry.link_frame()),
                 arm_viscous=section.arm_viscous,
-                doubts=section.doubts.over(self.doubts),
+                nuisance_std=section.doubts.over(self.doubts),
                 torque_at=section.torque_measured_at,
             )
             joints.append(joint)

@@ -13,7 +13,7 @@ from robid.robot.description import Inertial, JointType, Motor, Sensor, Spring, 
 from robid.robot.friction import Friction
 from robid.robot.parameters import PARAMETER_KINDS
 from robid.settings.base import Assumed, Name, Section, Vector
-from robid.settings.joint_sections import CounterbalanceSection, Dh, Frame, GearSection, JointDoubts, SpringDamper
+from robid.settings.joint_sections import CounterbalanceSection, Dh, Frame, GearSection, JointNuisanceStd, SpringDamper
 
 _Value = TypeVar("_Value")
 
@@ -170,8 +170,8 @@ class JointSection(Assumed):
     arm_viscous_ns_m: float = Field(
         default=0.0, description="Of a prismatic joint, in place of `arm_viscous_nms_rad` [N s/m].", ge=0
     )
-    doubts: JointDoubts = Field(
-        default_factory=JointDoubts, description="Of this joint, in place of the robot's `doubts`."
+    doubts: JointNuisanceStd = Field(
+        default_factory=JointNuisanceStd, description="Of this joint, in place of the robot's `doubts`."
     )
 
     @property

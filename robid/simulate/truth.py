@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Spring
-from robid.robot.doubts import Doubts
+from robid.robot.nuisance import NuisanceStd
 from robid.simulate.options import Imperfections, Truth
 
 _MASS_DRAWS = 1  # keeps the draws of masses apart from those of springs
@@ -69,7 +69,7 @@ def bare(robot: Robot) -> Robot:
             joint,
             lower=-np.inf,
             upper=np.inf,
-            doubts=Doubts(),
+            nuisance_std=NuisanceStd(),
             motor=replace(
                 joint.motor,
                 inertia_relative_std=0.0,
@@ -79,7 +79,7 @@ def bare(robot: Robot) -> Robot:
         )
         for joint in robot.joints
     )
-    return replace(robot, name="", assumed=(), notes=(), joints=joints, doubts=Doubts())
+    return replace(robot, name="", assumed=(), notes=(), joints=joints, nuisance_std=NuisanceStd())
 
 
 def recorded_torque_factor(robot: Robot, truth: Truth) -> FloatArray:

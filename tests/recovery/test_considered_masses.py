@@ -7,7 +7,7 @@ import pytest
 
 from exact_systems import certain, exact_frf, two_joint_robot
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot
+from robid.models.elastic.fit.nuisance.kinds import PerturbedRobot
 from robid.models.elastic.fit.options import ElasticOptions
 
 CONFIGURATIONS = np.array([[0.3, -0.7], [-0.5, 0.9], [0.9, 1.4], [-1.1, 0.3]])
@@ -44,26 +44,27 @@ def sure():
 
 @pytest.fixture(scope="module", params=[3, 4])
 def shares(request):
-    """Share of the intervals of springs that hold the truth, masses taken for granted and doubted."""
-    true, held = sure(), {"granted": [], "doubted": []}
+    """Share of the intervals of springs that hold the truth, masses taken for granted and uncertain."""
+    true, held = sure(), {"granted": [], "uncertain": []}
     for seed in range(N_RUN):
         frf = exact_frf(true, CONFIGURATIONS[: request.param], FREQUENCY_HZ, relative_noise=0.01, seed=seed)
         off = 1 + STD * np.random.default_rng(seed).standard_normal(2)
         nominal = heavier(true, off)
-        steps = [DoubtfulRobot(heavier(true, off + 0.1 * STD * own), 0.1) for own in np.eye(2)]
-        for name, doubtful in (("granted", ()), ("doubted", steps)):
-            estimate = fit_elastic(nominal, frf, OPTIONS, 0.0, doubtful=doubtful).estimate
+        steps = [PerturbedRobot(heavier(true, off + 0.1 * STD * own), 0.1) for own in np.eye(2)]
+        for name, perturbed in (("granted", ()), ("uncertain", steps)):
+            estimate = fit_elastic(nominal, frf, OPTIONS, 0.0, perturbed=perturbed).estimate
             at = [estimate.names.index(f"{spring.name}.stiffness") for spring in true.springs]
             truth = np.array([spring.stiffness for spring in true.springs])
             held[name].append((estimate.lower[at] <= truth) & (truth <= estimate.upper[at]))
     return request.param, {name: float(np.mean(found)) for name, found in held.items()}
 
 
-def test_intervals_hold_the_truth_where_masses_are_doubted_and_not_where_they_are_granted(shares):
+def test_intervals_hold_the_truth_where_masses_are_uncertain_and_not_where_they_are_granted(shares):
     places, found = shares
     print(
-        f"{places} places: {found['doubted']:.3f} of {4 * N_RUN} intervals of 95 % hold, {found['granted']:.3f} without"
+        f"{places} clusters: {found['uncertain']:.3f} of {4 * N_RUN} intervals of 95 % hold,"
+        f" {found['granted']:.3f} without"
     )
-    assert found["doubted"] >= 0.88
-    # From four places on, what wrong masses make places differ by widens the intervals too.
-    assert found["granted"] < (0.8 if places < 4 else found["doubted"])
+    assert found["uncertain"] >= 0.88
+    # From four clusters on, what wrong masses make clusters differ by widens the intervals too.
+    assert found["granted"] < (0.8 if places < 4 else found["uncertain"])

@@ -13,37 +13,41 @@ from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.nuisance.kinds import RobotMove, list_nuisances
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.known import FAMILIES, load_experiment
-from robid.robot.doubts import Doubts
+from robid.robot.nuisance import NuisanceStd
 
 KR300 = Path(__file__).parents[2] / "configs" / "kr300.yaml"
 FREQUENCY_HZ = np.geomspace(2.0, 60.0, 40)
 OPTIONS = ElasticOptions(free=("stiffness", "damping", "motor_inertia"))
-STATED = Doubts(coupling_std=0.0, arm_friction=0.0, friction=0.0, loss_factor=0.0, load_stiffness=0.0, compliance=0.0)
+STATED = NuisanceStd(
+    coupling_std=0.0, arm_friction=0.0, friction=0.0, loss_factor=0.0, load_stiffness=0.0, compliance=0.0
+)
 PLACES, RUNS = 6, 30
 
 
-def doubtful_robot(robot):
+def perturbed_robot(robot):
     """The robot whose masses, payload and torque constants are stated as well as any, all else exactly."""
     sure = certain(robot)
-    return replace(sure, joints=tuple(replace(joint, doubts=STATED) for joint in sure.joints), doubts=STATED)
+    return replace(
+        sure, joints=tuple(replace(joint, nuisance_std=STATED) for joint in sure.joints), nuisance_std=STATED
+    )
 
 
 def drawn(robot, generator):
     """A true robot that is off by what its file may be, and by how much its torques are measured too large."""
     true, scale = robot, np.ones(len(robot.joints))
-    for doubt in list_nuisances(robot, OPTIONS):
-        amount = doubt.common_std * generator.standard_normal()
-        if isinstance(doubt.effect, RobotMove):
-            true = doubt.effect.moved(true, amount)
+    for nuisance in list_nuisances(robot, OPTIONS):
+        amount = nuisance.common_std * generator.standard_normal()
+        if isinstance(nuisance.effect, RobotMove):
+            true = nuisance.effect.moved(true, amount)
         else:
-            scale[doubt.effect.joint] += amount / 100
+            scale[nuisance.effect.joint] += amount / 100
     return true, scale
 
 
 @cache
 def fits():
     """Estimates of robots that are off by what their files say, and their true springs."""
-    nominal, found = doubtful_robot(stocky(two_joint_robot())), []
+    nominal, found = perturbed_robot(stocky(two_joint_robot())), []
     springs = np.array([spring.stiffness for spring in nominal.springs])
     for seed in range(RUNS):
         generator = np.random.default_rng(seed)
@@ -82,7 +86,7 @@ def test_intervals_hold_springs_of_robots_that_are_off_by_what_their_files_say()
 
 
 def test_few_places_leave_open_what_all_of_it_scales_by():
-    nominal = doubtful_robot(two_joint_robot())
+    nominal = perturbed_robot(two_joint_robot())
     places = np.random.default_rng(3).uniform(-1.4, 1.4, (3, 2))
     frf = averaged(exact_frf(nominal, places, FREQUENCY_HZ), 0.003, seed=1)
     unsure, sure = (fit_elastic(robot, frf, OPTIONS, 0.0).estimate for robot in (nominal, certain(nominal)))
@@ -95,7 +99,7 @@ def test_few_places_leave_open_what_all_of_it_scales_by():
     reach = np.log(unsure.upper / unsure.lower)[:4] / 2
     assert (reach > 1.96 / np.sqrt(3 / 0.02**2 + 4 / 0.05**2)).all()
     assert (reach[:3] < 0.04).all()
-    assert unsure.interval_rule.endswith("doubts of the robot file")
+    assert unsure.interval_rule.endswith("nuisance parameters of the robot file")
 
 
 @pytest.fixture(scope="module")
@@ -104,18 +108,18 @@ def kr300():
 
 
 def test_a_wrong_payload_is_named_and_moves_the_springs_themselves_back():
-    nominal = doubtful_robot(two_joint_robot())
+    nominal = perturbed_robot(two_joint_robot())
     unsure = replace(STATED, payload_relative_std=0.1, torque_relative_std=0.0, mass_relative_std=0.0, com_m=0.0)
-    joints = tuple(replace(joint, doubts=unsure) for joint in nominal.joints)
+    joints = tuple(replace(joint, nuisance_std=unsure) for joint in nominal.joints)
     load = nominal.payload
     lighter = replace(load, mass_kg=0.9 * load.mass_kg, inertia_kgm2=0.9 * load.inertia_kgm2)
     places = np.random.default_rng(4).uniform(-1.4, 1.4, (PLACES, 2))
     frf = averaged(exact_frf(nominal, places, FREQUENCY_HZ), 0.003, seed=2)
-    wrong = replace(nominal, payload=lighter, joints=joints, doubts=unsure)
+    wrong = replace(nominal, payload=lighter, joints=joints, nuisance_std=unsure)
     solution = fit_elastic(wrong, frf, OPTIONS, 0.0)
-    estimate, doubts, size = solution.estimate, solution.doubts, len(nominal.springs)
-    index = doubts.names.index("payload.mass")
-    assert abs(doubts.value[index] - 0.1 * load.mass_kg) < doubts.half_width[index] < 0.05 * load.mass_kg
+    estimate, nuisances, size = solution.estimate, solution.doubts, len(nominal.springs)
+    index = nuisances.names.index("payload.mass")
+    assert abs(nuisances.value[index] - 0.1 * load.mass_kg) < nuisances.half_width[index] < 0.05 * load.mass_kg
     truth = np.array([spring.stiffness for spring in nominal.springs])
     error = [np.abs(each[:size] / truth - 1).max() for each in (estimate.value, estimate.physical_value)]
     assert error[1] < 0.2 * error[0]
@@ -130,9 +134,10 @@ def test_on_a_large_robot_too(kr300):
     factor = 1 + 5 / load.mass_kg
     heavier = replace(load, mass_kg=factor * load.mass_kg, inertia_kgm2=factor * load.inertia_kgm2)
     solution = fit_elastic(replace(kr300, payload=heavier), frf, ElasticOptions(), 0.0)
-    estimate, doubts = solution.estimate, solution.doubts
+    estimate, nuisances = solution.estimate, solution.doubts
     value, half = (
-        dict(zip(doubts.names, each, strict=True))["payload.mass"] for each in (doubts.value, doubts.half_width)
+        dict(zip(nuisances.names, each, strict=True))["payload.mass"]
+        for each in (nuisances.value, nuisances.half_width)
     )
     print(f"payload {value:.2f} +- {half:.2f} kg")
     assert value + half < 0

@@ -1,4 +1,4 @@
-"""What gears do beside springs and dampers: simulated, freed, estimated, predicted with, shown and exported."""
+"""What gears do beside springs and dampers: simulated, estimated, estimated, predicted with, shown and exported."""
 
 import json
 import re
@@ -33,7 +33,7 @@ def fitted(shop, more=""):
 
 
 def made(shop, flaw, free):
-    """Cost and estimate of a fit without and with what is freed; the run stays as the second one left it."""
+    """Cost and estimate of a fit without and with what is estimated; the run stays as the second one left it."""
     return measured(shop, flaw), fitted(shop, f"free: [{free}]")
 
 
@@ -68,12 +68,12 @@ def interval(estimate, name):
 
 
 def test_hysteresis_returns_and_the_springs_with_it(slipping):
-    shop, ((before, plain), (after, freed)) = slipping
+    shop, ((before, plain), (after, estimated)) = slipping
     assert after < 0.5 * before
-    assert max(off(freed, shop, "stiffness")) < 0.03 < max(off(plain, shop, "stiffness"))
-    assert max(off(freed, shop, "damping")) < 0.1 < max(off(plain, shop, "damping"))
+    assert max(off(estimated, shop, "stiffness")) < 0.03 < max(off(plain, shop, "stiffness"))
+    assert max(off(estimated, shop, "damping")) < 0.1 < max(off(plain, shop, "damping"))
     for gear in true_springs(shop):
-        low, value, high = interval(freed, f"{gear}.hysteresis")
+        low, value, high = interval(estimated, f"{gear}.hysteresis")
         assert low < HYSTERESIS_NM < high
         assert value == pytest.approx(HYSTERESIS_NM, rel=0.3)
 
@@ -81,27 +81,27 @@ def test_hysteresis_returns_and_the_springs_with_it(slipping):
 def test_the_hysteresis_that_is_named_can_be_followed_and_keeps_its_promise(tmp_path, workshop, monkeypatch):
     shop = workshop(tmp_path, monkeypatch)
     _, plain = measured(shop, "hysteresis_nm: 15")
-    doubt = grade_from_artifact(read_artifact(shop.runs.joinpath(*MODEL_FILE), MODEL)).findings[0]
+    finding = grade_from_artifact(read_artifact(shop.runs.joinpath(*MODEL_FILE), MODEL)).findings[0]
     told = r"slips late .* would explain (\d+)% of the misfit \(try `(free: \[gear_turn.hysteresis\])`"
-    share, free = re.search(told, doubt.message).groups()
+    share, free = re.search(told, finding.message).groups()
     tried = shop.robid("fit", "small.yaml", "--try", "gear_turn.hysteresis", "--json")
     assert tried.code == 0, tried.err
     assert 1 - tried.json["after"]["cost"] / tried.json["before"]["cost"] > int(share) / 100 - 0.1
-    after, freed = fitted(shop, free)
+    after, estimated = fitted(shop, free)
     assert after == pytest.approx(tried.json["after"]["cost"], rel=0.01)
-    assert off(freed, shop, "stiffness")[0] < 0.3 * off(plain, shop, "stiffness")[0]
+    assert off(estimated, shop, "stiffness")[0] < 0.3 * off(plain, shop, "stiffness")[0]
     left = grade_from_artifact(read_artifact(shop.runs.joinpath(*MODEL_FILE), MODEL)).findings
     assert not [each.message for each in left if "hysteresis of gear_turn" in each.message]
 
 
 def test_growth_of_dampers_returns_and_the_dampers_with_it(growing):
-    shop, ((before, plain), (after, freed)) = growing
+    shop, ((before, plain), (after, estimated)) = growing
     assert after < 0.5 * before
-    assert max(off(freed, shop, "damping")) < 0.05 < max(off(plain, shop, "damping"))
-    low, value, high = interval(freed, "gear_lift.load_damping")
+    assert max(off(estimated, shop, "damping")) < 0.05 < max(off(plain, shop, "damping"))
+    low, value, high = interval(estimated, "gear_lift.load_damping")
     assert low < GROWTH_1_RAD < high
     assert value == pytest.approx(GROWTH_1_RAD, rel=0.2)
-    told = [each for each in freed.undetermined if each.startswith("gear_turn.load_damping is hardly told")]
+    told = [each for each in estimated.undetermined if each.startswith("gear_turn.load_damping is hardly ")]
     assert "or leave it out of `free`" in told[0]
 
 
@@ -118,25 +118,25 @@ def test_hysteresis_predicts_and_the_page_says_for_which_amplitude_it_holds(slip
 
 
 def test_hysteresis_is_in_the_mechanical_model_and_a_state_space_says_that_it_lacks_it(slipping, monkeypatch):
-    shop, (_, (_, freed)) = slipping
+    shop, (_, (_, estimated)) = slipping
     monkeypatch.chdir(shop.folder)
     assert shop.robid("export", "small.yaml", "--format", "mjcf", "--output", "arm.xml").code == 0
     text = (shop.folder / "arm.xml").read_text()
     assert "as found at the swing of the fit's campaign" in text
     assert 'name="hysteresis_lift"' in text
-    assert f"{interval(freed, 'gear_lift.hysteresis')[1]:.10g}"[:9] in text
+    assert f"{interval(estimated, 'gear_lift.hysteresis')[1]:.10g}"[:9] in text
     assert shop.robid("export", "small.yaml", "--format", "statespace", "--output", "arm.json").code == 0
     assert "hysteresis of gear_turn, gear_lift" in json.loads((shop.folder / "arm.json").read_text())["left_out"]
 
 
 def test_an_exported_damper_is_that_of_the_mean_load(growing, monkeypatch):
-    shop, (_, (_, freed)) = growing
+    shop, (_, (_, estimated)) = growing
     monkeypatch.chdir(shop.folder)
     assert shop.robid("export", "small.yaml", "--format", "mjcf", "--output", "arm.xml").code == 0
     text = (shop.folder / "arm.xml").read_text()
     assert "grow with the load; here they are as on average" in text
     damper = text.partition('name="gear_lift"')[2].partition('damping="')[2].partition('"')[0]
-    grown = float(damper) / interval(freed, "gear_lift.damping")[1]
-    growth = interval(freed, "gear_lift.load_damping")[1]
+    grown = float(damper) / interval(estimated, "gear_lift.damping")[1]
+    growth = interval(estimated, "gear_lift.load_damping")[1]
     # The gear is bent by 0.46 to 1.7 mrad.
     assert 4.6e-4 * growth < grown - 1 < 1.7e-3 * growth

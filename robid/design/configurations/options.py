@@ -106,15 +106,15 @@ class InformationOptions:
     draw_factor: float = option(1.5, "The draws are log-uniform within this factor.", gt=1)
     draw_seed: int = option(1, "Seed of the draws.", ge=0)
 
-    def along(self, freed: Sequence[str] | None = None) -> tuple[NuisanceKind, ...]:
+    def along(self, estimated: Sequence[str] | None = None) -> tuple[NuisanceKind, ...]:
         """Returns the kinds that are estimated along.
 
         Args:
-            freed: Kinds that the fit frees which the choice is for; None without one.
+            estimated: Kinds that the fit frees which the choice is for; None without one.
         """
         if self.nuisance is not None:
             return self.nuisance
-        every = ALONG if freed is None else freed
+        every = ALONG if estimated is None else estimated
         return tuple(kind for kind in get_args(NuisanceKind) if kind in every and kind not in self.free)
 
 

@@ -18,6 +18,7 @@ from robid.settings.robot_parts import kinds_by_name
 from robid.settings.yaml import FieldPath
 
 with later(__name__):
+    from robid.models.elastic.by_name import free_problems, free_too, names_from_free
     from robid.models.elastic.fitting import (
         fit,
         misfits,
@@ -27,7 +28,6 @@ with later(__name__):
         values_in,
         verdict_of_validation,
     )
-    from robid.models.elastic.freed import free_too, freed_names, freed_problems
     from robid.models.elastic.mechanics import write_csv, write_json, write_mat, write_mjcf, write_state_space
     from robid.models.elastic.page.report import compare, report
 
@@ -43,9 +43,9 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
         return
     yield from _arm_torques(experiment, fit)
     known = kinds_by_name(robot, fit.kinds)
-    if fit.freed and robot.is_complete:
-        yield from freed_problems(experiment, fit, robot)
-        known |= freed_names(experiment, fit, robot)
+    if fit.estimated and robot.is_complete:
+        yield from free_problems(experiment, fit, robot)
+        known |= names_from_free(experiment, fit, robot)
     for index, parameter in enumerate(fit.fixed):
         if parameter not in known:
             message = f"S049 there is no free parameter `{parameter}`; {suggest(parameter, known)}"

@@ -12,8 +12,8 @@ from robid.artifacts.results import grade_from_artifact, outcome_from_artifact
 from robid.errors import DataError
 from robid.models.elastic.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot
-from robid.models.elastic.fit.nuisance.moves import with_freed_springs
+from robid.models.elastic.fit.nuisance.kinds import PerturbedRobot
+from robid.models.elastic.fit.nuisance.moves import with_estimated_springs
 from robid.models.elastic.fit.nuisance.wording import options_of
 from robid.models.elastic.fit.uncertainty import bootstrap_tasks
 from robid.models.elastic.judge.assessment import assess_fit
@@ -55,9 +55,9 @@ def _fitted(data: Data, work: Work, near: Mapping[str, float] | None) -> Artifac
         return work.map(function, tasks, lambda _index, _result: work.progress.advance())
 
     robot, delay = _robot(data, campaign), delay_s(data.loaded, campaign)
-    doubtful = _doubtful(data, campaign)
+    perturbed = _perturbed(data, campaign)
     try:
-        solution = fit_elastic(robot, data.response, settings.options(), delay, told, doubtful, near)
+        solution = fit_elastic(robot, data.response, settings.options(), delay, told, perturbed, near)
     except DataError as error:
         raise blamed(error, data_findings(robot, data.response, delay)) from error
     fitted = robot, solution, data.response, settings.options(), delay
@@ -133,7 +133,7 @@ def _robot(data: Data, campaign: Campaign) -> Robot:
     source = _source(data)
     file = data.loaded.robot
     robot = file.to_robot(campaign.payload_kg) if source is None else source.robot(payload_kg(campaign, file))
-    return with_freed_springs(robot, elastic_fit(data.loaded.experiment, data.name).options())
+    return with_estimated_springs(robot, elastic_fit(data.loaded.experiment, data.name).options())
 
 
 def nominal_robot(data: Data) -> Robot:
@@ -146,14 +146,14 @@ def _source(data: Data) -> RigidSource | None:
     return None if name is None else rigid_source(data.loaded, name, data.taken["standard"])
 
 
-def _doubtful(data: Data, campaign: Campaign) -> tuple[DoubtfulRobot, ...]:
+def _perturbed(data: Data, campaign: Campaign) -> tuple[PerturbedRobot, ...]:
     """Robots that show how far the rigid fit's masses and inertias may be off."""
     source = _source(data)
     if source is None:
         return ()
-    found = source.doubtful(payload_kg(campaign, data.loaded.robot))
+    found = source.perturbed(payload_kg(campaign, data.loaded.robot))
     options = elastic_fit(data.loaded.experiment, data.name).options()
-    return tuple(DoubtfulRobot(with_freed_springs(robot, options), deviations) for robot, deviations in found)
+    return tuple(PerturbedRobot(with_estimated_springs(robot, options), deviations) for robot, deviations in found)
 
 
 def _counted(number: int, noun: str) -> str:
@@ -187,11 +187,11 @@ def true_values(nominal: Robot, true: TrueRobot) -> dict[str, float]:
         errors = _torque_errors(joint, stated, true.imperfections)
         values |= {f"{joint.name}.{key}": value for key, value in errors.items()}
     values["delay"] = true.delay_s
-    return values | _doubts(nominal, true.robot) | _drives(nominal, true)
+    return values | _nuisances(nominal, true.robot) | _drives(nominal, true)
 
 
-def _doubts(nominal: Robot, robot: Robot) -> dict[str, float]:
-    """What the robot file has wrong of payload and links, as freed doubts count it."""
+def _nuisances(nominal: Robot, robot: Robot) -> dict[str, float]:
+    """What the robot file has wrong of payload and links, as estimated nuisances count it."""
     bodies = {joint.name: (joint.link, own.link) for joint, own in zip(nominal.joints, robot.joints, strict=True)}
     values = {"payload.mass": robot.payload.mass_kg}
     values |= {

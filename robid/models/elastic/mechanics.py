@@ -29,7 +29,7 @@ from robid.robot.export import to_mjcf
 from robid.robot.friction import LUGRE
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import ElasticModel, build_model
-from robid.robot.parameters import DOUBT
+from robid.robot.parameters import NUISANCE_KIND
 from robid.robot.response import nominal_parameters
 from robid.robot.statespace import discretise, state_space
 from robid.settings.load import LoadedExperiment
@@ -77,13 +77,13 @@ class FittedExport:
     @property
     def bristles(self) -> dict[str, float]:
         """Returns the torques at which bristles beside transmissions slip, by spring; those above zero."""
-        found = self._doubts(HYSTERESIS)
+        found = self._nuisances(HYSTERESIS)
         return {spring: torque for spring, torque in found.items() if torque > 0}
 
     @cached_property
     def grown(self) -> dict[str, float]:
         """Dampers of loaded gears over those without load, by spring: mean over the fit's configurations."""
-        gears = self._doubts(LOAD_DAMPING)
+        gears = self._nuisances(LOAD_DAMPING)
         if not gears:
             return {}
         fit = elastic_fit(self.loaded.experiment, self.name)
@@ -95,11 +95,13 @@ class FittedExport:
         names = [spring.name for spring in self.nominal.springs]
         return {name: float(mean[names.index(name)]) for name in gears}
 
-    def _doubts(self, kind: str) -> dict[str, float]:
-        """Estimates of a kind of gears that the fit freed, by spring."""
+    def _nuisances(self, kind: str) -> dict[str, float]:
+        """Estimates of a kind of gears that the fit estimated, by spring."""
         found = self.solution.estimate
         rows = zip(found.names, found.kinds, found.value.tolist(), strict=True)
-        return {n.removesuffix(f".{kind}"): value for n, k, value in rows if k == DOUBT and n.endswith(f".{kind}")}
+        return {
+            n.removesuffix(f".{kind}"): value for n, k, value in rows if k == NUISANCE_KIND and n.endswith(f".{kind}")
+        }
 
     @property
     def stated_delay_s(self) -> float:

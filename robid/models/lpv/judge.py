@@ -107,7 +107,7 @@ def validate_lpv(
         ports: Channels of the responses.
         responses: What was measured anew.
         degrees_of_freedom: Behind its variances.
-        findings: Doubts about the fit.
+        findings: Findings about the fit.
 
     Raises:
         DataError: If the channels or the sampling period differ, or a position lies outside the model's range.

@@ -18,7 +18,7 @@ _PLACED = {RADIANS: float(np.deg2rad(2.0)), METRES: 0.01}
 """How well a configuration is stated and held, arm side: a rounded figure, a drift; by unit."""
 
 _STATED = {RADIANS: float(np.deg2rad(0.2)), METRES: 0.001}
-"""Least doubt of a stated position when a slope is judged."""
+"""Least finding of a stated position when a slope is judged."""
 
 _SPREAD = {RADIANS: float(np.deg2rad(5.0)), METRES: 0.025}
 """Least way between configurations from which a slope is judged."""
@@ -119,7 +119,7 @@ def _relative_notes(names: list[str]) -> tuple[str, ...]:
 
 
 def _explain(means: _Means) -> tuple[tuple[Finding, ...], FloatArray, tuple[str, ...], bool]:
-    """Doubts, slope of each motor (0 where unknown), notes, and whether the robot stood where stated."""
+    """NuisanceStd, slope of each motor (0 where unknown), notes, and whether the robot stood where stated."""
     n_conf, ones = len(means.stated), np.ones(len(means.names))
     away = np.abs(means.logged - means.stated) > means.allowed
     if not away.any():

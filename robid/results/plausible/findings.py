@@ -72,10 +72,10 @@ def judge_signs(robot: Robot, evidence: Evidence, angle_sign: FloatArray, torque
     np.fill_diagonal(weight, 1.0)
     angle, torque = _signs(weight * seen, _OTHER_WEIGHT * angle_sign, _OTHER_WEIGHT * torque_sign)
     findings = [
-        _doubt("torque_sign", evidence, index, seen, torque_sign) for index in np.flatnonzero(torque < 0).tolist()
+        _finding("torque_sign", evidence, index, seen, torque_sign) for index in np.flatnonzero(torque < 0).tolist()
     ]
     findings += [
-        _doubt("angle_sign", evidence, index, seen, angle_sign) for index in np.flatnonzero(angle < 0).tolist()
+        _finding("angle_sign", evidence, index, seen, angle_sign) for index in np.flatnonzero(angle < 0).tolist()
     ]
     return Signs(tuple(sorted(findings, key=lambda finding: -finding.strength)), torque, angle)
 
@@ -168,7 +168,7 @@ def _signs(seen: FloatArray, angle: FloatArray, torque: FloatArray) -> tuple[Flo
     return signs if best > float(seen.sum() + torque.sum() + angle.sum()) + _MARGIN else (np.ones(n_motor),) * 2
 
 
-def _doubt(cause: str, evidence: Evidence, index: int, seen: FloatArray, other: FloatArray) -> Finding:
+def _finding(cause: str, evidence: Evidence, index: int, seen: FloatArray, other: FloatArray) -> Finding:
     name, own = evidence.names[index], seen[index, index]
     if own < 0:
         told = f"{name}: at low lines its angle turns against its torque ({own:.2g} of a rigid arm's response)"
@@ -239,7 +239,7 @@ def evidence_findings(
 
 
 def _without_delay(evidence: Evidence, declared_s: float) -> tuple[Evidence, list[Finding]]:
-    """Takes a delay that is not declared out of the responses, whose signs it would turn, and doubts it."""
+    """Takes a delay that is not declared out of the responses, whose signs it would turn, and findings it."""
     found = undeclared_delay(
         DrivingPoints(
             evidence.lines_hz,

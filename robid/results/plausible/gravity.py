@@ -143,7 +143,7 @@ def judge_gravity(
 
 @dataclass(frozen=True)
 class _Explained:
-    """Doubts that explain mean torques together, and the squares that they leave."""
+    """Findings that explain mean torques together, and the squares that they leave."""
 
     findings: tuple[Finding, ...]
     rest: float

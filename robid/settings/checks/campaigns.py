@@ -266,8 +266,8 @@ def _fit(field: FieldPath, experiment: Experiment, design: Design) -> Found:
 
 def _parameters(field: FieldPath, experiment: Experiment, design: Design, robot: RobotFile) -> Found:
     chosen_for = experiment.fits.get(design.fit or "")
-    freed = None if chosen_for is None else chosen_for.designed_for
-    known = parameter_names(robot, (*design.free, *design.along(freed)))
+    estimated = None if chosen_for is None else chosen_for.designed_for
+    known = parameter_names(robot, (*design.free, *design.along(estimated)))
     for index, name in enumerate(design.fixed):
         if name not in known:
             yield (*field, "fixed", index), f"S165 nothing estimates `{name}`; {suggest(name, known)}"

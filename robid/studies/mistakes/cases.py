@@ -79,7 +79,7 @@ def against_truth(solution: ElasticSolution, validation: Validation, truth: dict
 
 def refused_causes(robot: Robot, frf: Frf | None, text: str, delay_s: float = 0.0) -> tuple[str, ...]:
     """Returns the causes that the tool names where it refuses data, by its text and the response, in their order."""
-    seen = () if frf is None else tuple(doubt.cause for doubt in data_findings(robot, frf, delay_s))
+    seen = () if frf is None else tuple(finding.cause for finding in data_findings(robot, frf, delay_s))
     named = sorted((text.find(words), cause) for cause, words in CAUSES.items() if words in text)
     return tuple(dict.fromkeys((*seen, *(cause for _, cause in named))))
 
@@ -153,8 +153,10 @@ def judge_case(fitting: Fitting, model: Path, mistake: Mistake, about: dict[str,
         frf = _response(responses, fitting, "estimation")
         solution = kept_solution(held)
         new = _response(responses, fitting, "validation")
-        doubts = assess_fit(fitting.robots[0], solution, frf, fitting.options, fitting.delay_s).findings
-        validation = validate_elastic(fitting.robots[1], solution, new, fitting.options, fitting.delay_s, truth, doubts)
+        findings = assess_fit(fitting.robots[0], solution, frf, fitting.options, fitting.delay_s).findings
+        validation = validate_elastic(
+            fitting.robots[1], solution, new, fitting.options, fitting.delay_s, truth, findings
+        )
     except DataError as error:
         # Nothing may be used of what was refused, which no truth contradicts.
         causes = np.array(refused_causes(fitting.robots[0], frf, str(error), fitting.delay_s), dtype=str)
@@ -164,7 +166,7 @@ def judge_case(fitting: Fitting, model: Path, mistake: Mistake, about: dict[str,
 
 
 def _content(about: dict[str, Attribute], solution: ElasticSolution, validation: Validation, truth: Against) -> Content:
-    error, axis, doubts = solution.model_error, ("doubt",), validation.outcome.grade.findings
+    error, axis, findings = solution.model_error, ("doubt",), validation.outcome.grade.findings
     shares = dict.fromkeys(("share_above", "share_correlated", "telling_above", "telling_correlated"), float("nan"))
     if error is not None:
         shares = dict(zip(shares, (error.share_above, error.share_correlated, *telling_shares(error)), strict=True))
@@ -186,10 +188,10 @@ def _content(about: dict[str, Attribute], solution: ElasticSolution, validation:
         "validation_ok": validation.outcome.ok,
     }
     datasets = {
-        "causes": Dataset(np.array([doubt.cause for doubt in doubts], dtype=str), "1", axis),
-        "messages": Dataset(np.array([doubt.message for doubt in doubts], dtype=str), "1", axis),
-        "decisive": Dataset(np.array([doubt.decisive for doubt in doubts], dtype=bool), "1", axis),
-        "strength": Dataset(np.array([doubt.strength for doubt in doubts], dtype=float), "1", axis),
+        "causes": Dataset(np.array([finding.cause for finding in findings], dtype=str), "1", axis),
+        "messages": Dataset(np.array([finding.message for finding in findings], dtype=str), "1", axis),
+        "decisive": Dataset(np.array([finding.decisive for finding in findings], dtype=bool), "1", axis),
+        "strength": Dataset(np.array([finding.strength for finding in findings], dtype=float), "1", axis),
         "error_db": Dataset(validation.error_db, "dB", ("configuration", "motor"), "Median of the own responses"),
         "cost": Dataset(validation.cost, "1", ("configuration",), "Validation cost"),
         "expected_cost": Dataset(validation.expected_cost, "1", ("configuration",), "By the covariance alone"),

@@ -243,8 +243,8 @@ def _chain(reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, Log], 
             for name, kind in (("validation.h5", VALIDATION), ("model.h5", MODEL))
             if (made / name).exists()
         )
-    doubts = grade_from_artifact(held).findings
-    return Said(tuple(doubt.cause for doubt in doubts), doubts[0].scales if doubts else (), "")
+    findings = grade_from_artifact(held).findings
+    return Said(tuple(finding.cause for finding in findings), findings[0].scales if findings else (), "")
 
 
 def _as_read(

@@ -46,19 +46,19 @@ class Defects(Physics):
     )
     listed: bool = Field(
         False,
-        description="Whether the list of doubts has these defects, so that intervals must hold the springs themselves.",
+        description="Whether nuisance parameters have these defects, so that intervals must hold the true springs.",
     )
     robots: Count = Field(description="Number of robots.")
     referenced: Whole = Field(
         0,
-        description="How many of them, the first ones, are measured in fresh and in designed places too.",
+        description="How many of them, the first ones, are measured in fresh and in designed configurations too.",
     )
 
 
 class LinearRobots(Section):
-    """Robots with exact responses plus noise, in as many random places as the others."""
+    """Robots with exact responses plus noise, in as many random configurations as the others."""
 
-    drawn: Whole = Field(40, description="Robots whose doubted values are drawn from their priors.")
+    drawn: Whole = Field(40, description="Robots whose nuisance parameters are drawn from their priors.")
     file: Whole = Field(10, description="Robots that are, but for springs and dampers, what their file says.")
     relative_noise: Positive = Field(
         0.01,
@@ -75,7 +75,7 @@ class CauseKind(Physics):
 
 
 class TrustSeeds(Section):
-    """Seeds of true robots, places and noise, consecutive over all robots of the study."""
+    """Seeds of true robots, configurations and noise, consecutive over all robots of the study."""
 
     first: Whole = Field(description="The first seed.")
     robots: Count | None = Field(None, description="At most as many robots of each set and kind; all when not given.")
@@ -93,14 +93,16 @@ class TrustStudy(Section):
 
     kind: Literal["trust"] = Field(description="What is studied.")
     fit: Name = Field(
-        description="Name of the fit: its campaign has the random places of a robot, the one to validate on the fresh"
-        " places of the reference. Each robot's places are drawn anew."
+        description="Name of the fit: its campaign has the random configurations of a robot, the one to validate on the"
+        " fresh ones of the reference. Each robot's configurations are drawn anew."
     )
     designed: Name | None = Field(
         None,
-        description="Name of the campaign in designed places, which all robots share; none when not given.",
+        description="Name of the campaign in designed configurations, which all robots share; none when not given.",
     )
-    validated_in: Count = Field(4, description="Fresh places, the first ones, in which every robot is validated.")
+    validated_in: Count = Field(
+        4, description="Fresh configurations, the first ones, in which every robot is validated."
+    )
     light: str | None = Field(
         None,
         description="Experiment file, relative to this one, of a light robot, fit and campaigns named alike.",
@@ -110,7 +112,7 @@ class TrustStudy(Section):
     linear: LinearRobots | None = Field(None, description="Linear robots; none when not given.")
     causes: dict[Name, CauseKind] = Field(default_factory=dict, description="Defects that are to be named, by name.")
     cause_robots: Count = Field(5, description="Robots of each of these.")
-    cause_places: Count = Field(4, description="Random places, the first ones, in which these are measured.")
+    cause_places: Count = Field(4, description="Random configurations, the first ones, in which these are measured.")
     seeds: TrustSeedChoice = Field(description="Seeds of the robots.")
     use: Literal["judge", "choose"] = Field("judge", description="Which of the seeds are used.")
 
@@ -126,7 +128,7 @@ _SIZES = frozenset(field.name for field in fields(Imperfections) if field.type =
 _OF_SPRINGS = ("stiffness_nm_rad", "damping_nms_rad")
 
 LINEAR, FILE = "linear", "linear_file"
-"""Names of the linear robots: those whose doubted values are drawn, and those that are as their file says."""
+"""Names of the linear robots: those whose nuisance parameters are drawn, and those that are as their file says."""
 
 
 @dataclass(frozen=True)
@@ -136,9 +138,9 @@ class Individual:
     group: str  # Name of its set, of its cause, or one of the linear robots
     kind: str  # `set`, `cause` or `linear`
     robot: str  # `heavy` or `light`
-    seed: int  # Seed of its truth, its defects, its places and its noise
+    seed: int  # Seed of its truth, its defects, its configurations and its noise
     physics: Mapping[str, Any]  # What is simulated otherwise than the campaigns say: `imperfections` and `truth`
-    referenced: bool = False  # Whether it is measured in fresh and designed places too
+    referenced: bool = False  # Whether it is measured in fresh and designed configurations too
 
     @property
     def key(self) -> str:
@@ -236,10 +238,12 @@ def _campaign_problems(experiment: Experiment, study: TrustStudy) -> Problems:
     for name, least in ((fit.campaign, 1), (str(fit.validate_on), study.validated_in)):
         chosen = experiment.campaigns[name].configurations
         if chosen is None or chosen.random is None:
-            message = f"S423 campaign `{name}` needs `random` configurations: each robot's places are drawn anew"
+            message = (
+                f"S423 campaign `{name}` needs `random` configurations: each robot's configurations are drawn anew"
+            )
             yield ("study", "fit"), message
         elif chosen.random.count < least:
-            yield ("study", "validated_in"), f"S424 campaign `{name}` has {chosen.random.count} places only"
+            yield ("study", "validated_in"), f"S424 campaign `{name}` has {chosen.random.count} configurations only"
     if study.designed is not None and (message := campaign_problem(experiment, study.designed, "robot")):
         yield ("study", "designed"), message
 

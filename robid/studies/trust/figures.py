@@ -90,7 +90,7 @@ def physical(found: Intervals, truth: FloatArray, counted: BoolArray) -> Held:
 
 
 def effective(found: Intervals, reference: Intervals, counted: BoolArray) -> Held:
-    """Holds intervals against those of the same robots in other places, the root of both half widths squared.
+    """Holds intervals against those of the same robots in other configurations, the root of both half widths squared.
 
     Counted are some springs of each robot (n_robot, n_spring).
     """
@@ -147,9 +147,9 @@ class Springs:
 class RobotRow:
     """What the study found of one robot."""
 
-    random: Springs | None  # Springs of the fit in random places; None where it was refused
+    random: Springs | None  # Springs of the fit in random configurations; None where it was refused
     fresh: Springs | None = None  # Those of the reference; None without one
-    designed: Springs | None = None  # Those in designed places; None without them
+    designed: Springs | None = None  # Those in designed configurations; None without them
     grade: int | None = None  # The grade that it got; None where it was not graded
 
 
@@ -203,7 +203,7 @@ def physical_held(fits: Sequence[Springs]) -> Held:
 
 
 def effective_held(pairs: Sequence[tuple[Springs | None, Springs | None]]) -> Held:
-    """Holds the intervals of fits against those of the same robots in fresh places, where both are known."""
+    """Holds the intervals of fits against those of the same robots in fresh configurations, where both are known."""
     known = [(one, other) for one, other in pairs if one is not None and other is not None]
     counted = _rows([one for one, _ in known], "counted").astype(bool)
     found, reference = (_joined([pair[side].effective for pair in known]) for side in (0, 1))

@@ -54,43 +54,43 @@ _DRAWS = 3  # keeps these draws apart from those of springs, masses and defects
 
 
 @dataclass(frozen=True)
-class Doubted:
-    """What a robot file is doubted for, and how far one robot is off."""
+class Perturbed:
+    """A robot file's nuisance parameters, and how far one robot is off."""
 
-    doubts: tuple[Nuisance, ...]
-    amounts: FloatArray  # (n_doubt, n_conf) how far the robot is off in each place
+    nuisances: tuple[Nuisance, ...]
+    amounts: FloatArray  # (n_nuisance, n_conf) how far the robot is off in each configuration
 
 
-def draw_doubted(robot: Robot, options: ElasticOptions, n_place: int, seed: int) -> Doubted:
-    """Draws how far a robot is off in each place: what all places share, and what each adds.
+def draw_perturbed(robot: Robot, options: ElasticOptions, n_configuration: int, seed: int) -> Perturbed:
+    """Draws how far a robot is off in each configuration: what all of them share, and what each adds.
 
     Amounts that have a sign keep it.
     """
     generator = np.random.default_rng([seed, _DRAWS])
-    doubts = list_nuisances(robot, options)
-    amounts = np.empty((len(doubts), n_place))
-    for row, doubt in zip(amounts, doubts, strict=True):
-        common, each = generator.standard_normal(), generator.standard_normal(n_place)
-        row[:] = doubt.common_std * common + doubt.place_std * each
-        row[:] = np.abs(row) if doubt.least == 0 else np.clip(row, doubt.least, doubt.most)
-    return Doubted(doubts, amounts)
+    nuisances = list_nuisances(robot, options)
+    amounts = np.empty((len(nuisances), n_configuration))
+    for row, nuisance in zip(amounts, nuisances, strict=True):
+        common, each = generator.standard_normal(), generator.standard_normal(n_configuration)
+        row[:] = nuisance.common_std * common + nuisance.cluster_std * each
+        row[:] = np.abs(row) if nuisance.least == 0 else np.clip(row, nuisance.least, nuisance.most)
+    return Perturbed(nuisances, amounts)
 
 
-def as_file(robot: Robot, options: ElasticOptions, n_place: int) -> Doubted:
-    """Returns what a robot is doubted for that is right in everything."""
-    doubts = list_nuisances(robot, options)
-    return Doubted(doubts, np.zeros((len(doubts), n_place)))
+def as_file(robot: Robot, options: ElasticOptions, n_configuration: int) -> Perturbed:
+    """Returns the nuisance parameters of a robot that is right in everything."""
+    nuisances = list_nuisances(robot, options)
+    return Perturbed(nuisances, np.zeros((len(nuisances), n_configuration)))
 
 
-def doubted_responses(
-    robot: Robot, off: Doubted, configurations: FloatArray, frequency_hz: FloatArray, sampling: tuple[float, float]
+def perturbed_responses(
+    robot: Robot, off: Perturbed, configurations: FloatArray, frequency_hz: FloatArray, sampling: tuple[float, float]
 ) -> ComplexArray:
-    """Computes the exact responses of a robot that is off, as they are recorded; bristles are those of all places.
+    """Computes the exact responses of a robot that is off, as they are recorded; bristles are the same in all.
 
     Args:
         robot: The robot, its springs and dampers the true ones.
         off: How far it is off.
-        configurations (n_conf, n_joint): Its places [rad, or m].
+        configurations (n_conf, n_joint): Where it is measured [rad, or m].
         frequency_hz (n_freq,): Frequencies [Hz].
         sampling: Period for which torques are held, and delay to the applied torque [s].
 
@@ -99,33 +99,36 @@ def doubted_responses(
     """
     shares = load_shares(robot, configurations)
     found = []
-    for place, configuration in enumerate(configurations):
-        amounts = {doubt.name: amount for doubt, amount in zip(off.doubts, off.amounts[:, place].tolist(), strict=True)}
-        own = off_robot(robot, off.doubts, amounts, shares[place])
+    for index, configuration in enumerate(configurations):
+        amounts = {
+            nuisance.name: amount
+            for nuisance, amount in zip(off.nuisances, off.amounts[:, index].tolist(), strict=True)
+        }
+        own = off_robot(robot, off.nuisances, amounts, shares[index])
         model = build_model(own)
         linear = linearize(model, solve_statics(model, configuration[None]))
         delay_s = sampling[1] + sum(
-            MICRO * amounts[each.name] for each in off.doubts if each.effect == ValueOff("delay", 0)
+            MICRO * amounts[each.name] for each in off.nuisances if each.effect == ValueOff("delay", 0)
         )
         parameters = nominal_parameters(own, linear, delay_s)
         exact = _with_bristles(
-            linear, parameters, _bristles(off.doubts, amounts, own, frequency_hz), frequency_hz, sampling[0]
+            linear, parameters, _bristles(off.nuisances, amounts, own, frequency_hz), frequency_hz, sampling[0]
         )
         hold = hold_factor(2 * np.pi * frequency_hz, delay_s, sampling[0])
-        found.append(_recorded(own, off.doubts, amounts, exact, frequency_hz, hold))
+        found.append(_recorded(own, off.nuisances, amounts, exact, frequency_hz, hold))
     return np.array(found)
 
 
 def _bristles(
-    doubts: Sequence[Nuisance], amounts: Mapping[str, float], robot: Robot, frequency_hz: FloatArray
+    nuisances: Sequence[Nuisance], amounts: Mapping[str, float], robot: Robot, frequency_hz: FloatArray
 ) -> ComplexArray:
     """What bristles add to each spring (n_freq, n_spring), over its stiffness."""
     omega = 2 * np.pi * frequency_hz
     found = np.zeros((omega.size, len(robot.springs)), complex)
-    for doubt in doubts:
-        if isinstance(doubt.effect, Hysteresis):
-            share = bristle_share(omega, np.zeros((1, omega.size)), doubt.effect.slip)[0]
-            found[:, doubt.effect.spring] += 2 * amounts[doubt.name] / _PERCENT * share
+    for nuisance in nuisances:
+        if isinstance(nuisance.effect, Hysteresis):
+            share = bristle_share(omega, np.zeros((1, omega.size)), nuisance.effect.slip)[0]
+            found[:, nuisance.effect.spring] += 2 * amounts[nuisance.name] / _PERCENT * share
     return found
 
 
@@ -147,19 +150,19 @@ def _with_bristles(
     return np.array(found)
 
 
-def off_robot(robot: Robot, doubts: Sequence[Nuisance], amounts: Mapping[str, float], shares: FloatArray) -> Robot:
+def off_robot(robot: Robot, nuisances: Sequence[Nuisance], amounts: Mapping[str, float], shares: FloatArray) -> Robot:
     """Returns the robot with everything that is off, by its name, and belongs to its mechanics.
 
-    The load of each gear here (n_spring,) is from -1 to 1 over the places.
+    The load of each gear here (n_spring,) is from -1 to 1 over the configurations.
     """
     inertia = axial_inertia(build_model(robot))
     further = []
-    for doubt in doubts:
-        share, direction = amounts[doubt.name] / _PERCENT, doubt.effect
+    for nuisance in nuisances:
+        share, direction = amounts[nuisance.name] / _PERCENT, nuisance.effect
         if share == 0:
             continue
         if isinstance(direction, RobotMove):
-            robot = direction.moved(robot, amounts[doubt.name])
+            robot = direction.moved(robot, amounts[nuisance.name])
         elif isinstance(direction, LoadStiffness):
             spring = robot.springs[direction.spring]
             softer = replace(spring, stiffness=spring.stiffness * (1 + share * float(shares[direction.spring])))
@@ -194,7 +197,7 @@ def _with(values: tuple[_Value, ...], index: int, value: _Value) -> tuple[_Value
 
 
 def load_shares(robot: Robot, configurations: FloatArray) -> FloatArray:
-    """Returns each spring's load in each place (n_conf, n_spring) from its mean, over the largest such distance.
+    """Returns each spring's load in each configuration (n_conf, n_spring) from its mean, over the largest distance.
 
     Zero for springs whose loads are alike, as those of an upright axis are.
     """
@@ -206,7 +209,7 @@ def load_shares(robot: Robot, configurations: FloatArray) -> FloatArray:
 
 def _recorded(
     robot: Robot,
-    doubts: Sequence[Nuisance],
+    nuisances: Sequence[Nuisance],
     amounts: Mapping[str, float],
     exact: ComplexArray,
     frequency_hz: FloatArray,
@@ -216,8 +219,8 @@ def _recorded(
     square = (2 * np.pi * frequency_hz) ** 2
     feedback = np.zeros(exact.shape, complex)
     constant = np.ones(exact.shape[2])
-    for doubt in doubts:
-        direction, share = doubt.effect, amounts[doubt.name] / _PERCENT
+    for nuisance in nuisances:
+        direction, share = nuisance.effect, amounts[nuisance.name] / _PERCENT
         if isinstance(direction, MotorFriction):
             size = share * robot.joints[direction.joint].motor.inertia_kgm2 * _TURN_10_HZ**2
             feedback[:, direction.joint, direction.joint] += direction.phase * size / square
@@ -237,9 +240,9 @@ class LinearFit:
 
     nominal: Robot  # The robot as its file describes it
     robot: Robot  # With the true springs and dampers
-    drawn: bool  # Whether its doubted values are drawn
+    drawn: bool  # Whether its nuisance parameters are drawn
     seed: int  # Seed of them and of the noise
-    configurations: FloatArray  # (n_conf, n_joint) its places [rad, or m]
+    configurations: FloatArray  # (n_conf, n_joint) where it is measured [rad, or m]
     lines: IntArray  # (n_freq,) excited lines
     period_s: float  # Length of a period [s]
     sampling: tuple[float, float]  # Sampling period and nominal delay [s]
@@ -291,13 +294,13 @@ def linear_tasks(run: Run, _earlier: Earlier) -> list[Task]:
 
 def fit_linear(one: LinearFit) -> Content:
     """Measures a linear robot and fits it."""
-    n_place = len(one.configurations)
-    robot, off = one.robot, as_file(one.nominal, one.options, n_place)
+    n_configuration = len(one.configurations)
+    robot, off = one.robot, as_file(one.nominal, one.options, n_configuration)
     if one.drawn:
         robot = _with_rotors_off(robot, one.options, one.seed)
-        off = draw_doubted(one.nominal, one.options, n_place, one.seed)
+        off = draw_perturbed(one.nominal, one.options, n_configuration, one.seed)
     frequency_hz = one.lines / one.period_s
-    exact = doubted_responses(robot, off, one.configurations, frequency_hz, one.sampling)
+    exact = perturbed_responses(robot, off, one.configurations, frequency_hz, one.sampling)
     frf = noisy_frf(robot, exact, one)
     truth = TrueRobot(robot, Truth(), Imperfections(), one.sampling[1], one.seed, None)
     content = solution_or_refusal(lambda: fit_elastic(one.nominal, frf, one.options, one.sampling[1]))

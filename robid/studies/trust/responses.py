@@ -27,7 +27,7 @@ from robid.pipeline.graph import Run
 from robid.pipeline.simulate_or_acquire import simulated_experiment, simulated_truth
 from robid.results.finding import Finding
 from robid.robot.description import Robot
-from robid.robot.doubts import Doubts
+from robid.robot.nuisance import NuisanceStd
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, plain_settings
@@ -206,16 +206,16 @@ def make_fitting(
         "doubts": use == RANDOM,
     }
     nominal = loaded.robot.to_robot(places.campaign.payload_kg)
-    if use != RANDOM:  # its springs are held against nothing: what predicts does not look at doubts
+    if use != RANDOM:  # its springs are held against nothing: what predicts does not look at nuisance parameters
         nominal = certain(nominal)
     return decides, Fitting(files, nominal, options, delay, simulated_truth(experiment, delay))
 
 
 def certain(robot: Robot) -> Robot:
     """Returns a robot whose file is taken for granted."""
-    nothing = Doubts(**{each.name: 0.0 for each in fields(Doubts)})
-    joints = tuple(replace(joint, doubts=nothing) for joint in robot.joints)
-    return replace(robot, joints=joints, doubts=nothing)
+    nothing = NuisanceStd(**{each.name: 0.0 for each in fields(NuisanceStd)})
+    joints = tuple(replace(joint, nuisance_std=nothing) for joint in robot.joints)
+    return replace(robot, joints=joints, nuisance_std=nothing)
 
 
 def fit_individual(one: Fitting) -> Content:
@@ -246,11 +246,11 @@ def grade_individual(fitting: Fitting, model: Path, fresh: tuple[Path, ...]) -> 
     try:
         solution = kept_solution(held)
         frf = read_responses(fitting.responses)
-        doubts = assess_fit(fitting.robot, solution, frf, fitting.options, fitting.delay_s).findings
+        findings = assess_fit(fitting.robot, solution, frf, fitting.options, fitting.delay_s).findings
         if not fresh:
-            return _content(doubts, {})
+            return _content(findings, {})
         new, truth = read_responses(fresh), kept_truth(held)
-        validation = validate_elastic(fitting.robot, solution, new, fitting.options, fitting.delay_s, truth, doubts)
+        validation = validate_elastic(fitting.robot, solution, new, fitting.options, fitting.delay_s, truth, findings)
     except DataError as error:
         return _refused(fitting, frf, str(error))
     return _content(validation.outcome.grade.findings, {"grade": validation.outcome.grade.value})
@@ -262,10 +262,10 @@ def _refused(fitting: Fitting, frf: Frf | None, text: str) -> Content:
     return Content({"causes": _texts(causes)}, {REFUSAL: text, "grade": 0})
 
 
-def _content(doubts: tuple[Finding, ...], attributes: dict[str, Attribute]) -> Content:
+def _content(findings: tuple[Finding, ...], attributes: dict[str, Attribute]) -> Content:
     datasets = {
-        "causes": _texts(tuple(doubt.cause for doubt in doubts)),
-        "messages": _texts(tuple(doubt.message for doubt in doubts)),
+        "causes": _texts(tuple(finding.cause for finding in findings)),
+        "messages": _texts(tuple(finding.message for finding in findings)),
     }
     return Content(datasets, attributes)
 

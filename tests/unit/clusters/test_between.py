@@ -1,23 +1,23 @@
-"""Differences between places by restricted maximum likelihood, against closed forms and other implementations."""
+"""Differences between clusters by restricted maximum likelihood, against closed forms and other implementations."""
 
 import numpy as np
 import pytest
 from scipy.optimize import approx_fprime
 
-from place_systems import Dense, dense_places
+from cluster_systems import Dense, dense_clusters
 from robid.clusters.evidence import Evidence, summarise
 from robid.clusters.pooling import BetweenOptions, estimate_between, pool, restricted_deviance
 from tolerances import FINITE_DIFFERENCE
 
 
 def scalar_places(estimates, variances):
-    """Places that each give an estimate of one parameter."""
+    """Clusters that each give an estimate of one parameter."""
     information = 1 / np.asarray(variances)
     bread = information[:, None, None]
     return summarise(bread, (information * estimates)[:, None], bread, np.zeros((1, 1)), np.zeros(1))
 
 
-def test_equally_good_places_have_the_moment_estimate():
+def test_equally_good_clusters_have_the_moment_estimate():
     estimates = np.array([0.3, -0.2, 1.1, 0.9, -0.6])
     found = estimate_between(scalar_places(estimates, np.full(5, 0.1)), options=BetweenOptions(largest=10.0))
     assert found.converged
@@ -39,39 +39,39 @@ def test_a_bound_holds():
 @pytest.mark.parametrize("known", [0.0, 3.0])
 def test_the_deviance_is_that_of_all_rows(known):
     between = np.array([0.2, 0.0, 0.05])
-    places = dense_places(5, 6, np.array([0.5, 0.0, 0.2]), seed=3)
-    covariance, rows, measured = places.covariance(between), places.stacked, places.measured.ravel()
+    clusters = dense_clusters(5, 6, np.array([0.5, 0.0, 0.2]), seed=3)
+    covariance, rows, measured = clusters.covariance(between), clusters.stacked, clusters.measured.ravel()
     precision, pull = known * np.eye(3), known * np.array([0.1, 0.2, 0.3])
     weighted = np.linalg.solve(covariance, rows)
     total = rows.T @ weighted + precision
     slope = weighted.T @ measured + pull
     expected = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(total)[1]
     expected += measured @ np.linalg.solve(covariance, measured) - slope @ np.linalg.solve(total, slope)
-    evidence = places.evidence
+    evidence = clusters.evidence
 
     def both(variance):
         own = Evidence(evidence.rows, evidence.target, precision, pull)
         return restricted_deviance(own, variance)
 
     # Rows beyond what the parameters explain add a constant.
-    hidden = (places.measured**2).sum() - (evidence.target**2).sum()
+    hidden = (clusters.measured**2).sum() - (evidence.target**2).sum()
     assert both(between)[0] + hidden == pytest.approx(expected, rel=1e-9)
     slopes = approx_fprime(between + 0.01, lambda at: both(at)[0], 1e-7)
     np.testing.assert_allclose(both(between + 0.01)[1], slopes, rtol=100 * FINITE_DIFFERENCE, atol=1e-4)
 
 
 def test_known_variances_stay_and_the_others_follow():
-    places = dense_places(12, 8, np.array([0.5, 0.3, 0.0]), seed=4)
-    found = estimate_between(places.evidence, np.array([np.nan, 0.09, 0.0]))
+    clusters = dense_clusters(12, 8, np.array([0.5, 0.3, 0.0]), seed=4)
+    found = estimate_between(clusters.evidence, np.array([np.nan, 0.09, 0.0]))
     assert found.variance[1:].tolist() == [0.09, 0.0]
-    slope = restricted_deviance(places.evidence, found.variance)[1]
+    slope = restricted_deviance(clusters.evidence, found.variance)[1]
     assert abs(slope[0] * found.variance[0]) < 1e-3
     assert abs(slope[1] * 0.09) > 1e-2
 
 
 def test_the_end_is_a_minimum_within_bounds():
     for seed in range(20):
-        evidence = dense_places(8, 6, np.array([0.4, 0.0, 0.1, 0.0]), seed=seed).evidence
+        evidence = dense_clusters(8, 6, np.array([0.4, 0.0, 0.1, 0.0]), seed=seed).evidence
         found = estimate_between(evidence)
         slope = restricted_deviance(evidence, found.variance)[1]
         inside = found.variance > 0
@@ -80,21 +80,21 @@ def test_the_end_is_a_minimum_within_bounds():
 
 
 def test_variances_are_right_on_average():
-    found = [estimate_between(dense_places(30, 8, np.array([0.5, 0.2]), seed=seed).evidence) for seed in range(60)]
+    found = [estimate_between(dense_clusters(30, 8, np.array([0.5, 0.2]), seed=seed).evidence) for seed in range(60)]
     mean = np.mean([each.variance for each in found], axis=0)
-    # Deviation of a variance from 30 places about a quarter, of the mean of 60 some 4 %.
+    # Deviation of a variance from 30 clusters about a quarter, of the mean of 60 some 4 %.
     np.testing.assert_allclose(mean, [0.25, 0.04], rtol=0.25)
 
 
 def test_statsmodels_finds_the_same_variances():
     lm = pytest.importorskip("statsmodels.regression.mixed_linear_model")
-    places = dense_places(12, 10, np.array([0.8, 0.5]), seed=5)
+    clusters = dense_clusters(12, 10, np.array([0.8, 0.5]), seed=5)
     groups = np.repeat(np.arange(12), 10)
-    rows, measured = places.stacked, places.measured.ravel()
+    rows, measured = clusters.stacked, clusters.measured.ravel()
     free = lm.MixedLMParams.from_components(np.ones(2), np.eye(2))
     theirs = lm.MixedLM(measured, rows, groups, exog_re=rows).fit(reml=True, free=free, method="bfgs", gtol=1e-8)
     deviation = np.sqrt(theirs.scale)
-    scaled = Dense(places.derivative / deviation, places.measured / deviation).evidence
+    scaled = Dense(clusters.derivative / deviation, clusters.measured / deviation).evidence
     found = estimate_between(scaled, options=BetweenOptions(largest=10.0))
     np.testing.assert_allclose(found.variance, np.diag(theirs.cov_re), rtol=1e-3)
     pooled = pool(scaled, found.variance)

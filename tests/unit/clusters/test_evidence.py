@@ -1,4 +1,4 @@
-"""What places say, compressed to few rows."""
+"""What clusters say, compressed to few rows."""
 
 import numpy as np
 

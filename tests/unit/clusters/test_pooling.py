@@ -1,10 +1,10 @@
-"""The parameters of all places together: leaving places out, degrees of freedom, coverage."""
+"""The parameters of all clusters together: leaving clusters out, degrees of freedom, coverage."""
 
 import numpy as np
 import pytest
 from scipy.stats import t
 
-from place_systems import dense_places
+from cluster_systems import dense_clusters
 from robid.clusters.evidence import Evidence, summarise
 from robid.clusters.pooling import Pooled, estimate_between, pool
 
@@ -17,43 +17,43 @@ def known(evidence, precision, pull=None):
     return Evidence(evidence.rows, evidence.target, own, np.zeros(size) if pull is None else pull)
 
 
-@pytest.mark.parametrize("n_place", [2, 5, 9])
-def test_equal_places_have_the_mean_and_one_freedom_less_than_their_number(n_place):
-    estimates = np.random.default_rng(1).standard_normal(n_place)
-    bread = np.full((n_place, 1, 1), 4.0)
+@pytest.mark.parametrize("n_cluster", [2, 5, 9])
+def test_equal_clusters_have_the_mean_and_one_freedom_less_than_their_number(n_cluster):
+    estimates = np.random.default_rng(1).standard_normal(n_cluster)
+    bread = np.full((n_cluster, 1, 1), 4.0)
     evidence = summarise(bread, 4 * estimates[:, None], bread, np.zeros((1, 1)), np.zeros(1))
     found = pool(evidence, np.array([0.3]))
     assert found.shift[0] == pytest.approx(estimates.mean())
-    assert found.assumed[0, 0] == pytest.approx((0.25 + 0.3) / n_place)
+    assert found.assumed[0, 0] == pytest.approx((0.25 + 0.3) / n_cluster)
     # Leaving out: the variance of a mean times G / (G - 1).
-    assert found.covariance[0, 0] == pytest.approx(estimates.var(ddof=1) / (n_place - 1))
-    assert found.degrees_of_freedom[0] == pytest.approx(n_place - 1)
-    assert found.dependence[0] == pytest.approx(1 / n_place)
+    assert found.covariance[0, 0] == pytest.approx(estimates.var(ddof=1) / (n_cluster - 1))
+    assert found.degrees_of_freedom[0] == pytest.approx(n_cluster - 1)
+    assert found.dependence[0] == pytest.approx(1 / n_cluster)
 
 
-def test_two_unequal_places_have_less_than_one_freedom_and_are_told_one():
+def test_two_unequal_clusters_have_less_than_one_freedom_and_are_told_one():
     bread = np.array([4.0, 1.0])[:, None, None]
     found = pool(summarise(bread, np.array([[4.0], [0.0]]), bread, np.zeros((1, 1)), np.zeros(1)), np.zeros(1))
     assert found.shift[0] == pytest.approx(0.8)
-    # By hand: without the first place 0, without the second 1.
+    # By hand: without the first cluster 0, without the second 1.
     assert found.covariance[0, 0] == pytest.approx(0.8**2 + 0.2**2)
     assert found.degrees_of_freedom[0] == pytest.approx(1.0)
     assert found.dependence[0] == pytest.approx(0.8)
 
 
 @pytest.mark.parametrize("precision", [0.0, 2.0])
-def test_the_covariance_is_that_of_leaving_places_out(precision):
-    places = dense_places(6, 8, np.array([0.5, 0.0, 0.2]), seed=2)
+def test_the_covariance_is_that_of_leaving_clusters_out(precision):
+    clusters = dense_clusters(6, 8, np.array([0.5, 0.0, 0.2]), seed=2)
     pull = precision * np.array([0.2, -0.1, 0.0])
-    evidence = known(places.evidence, precision, pull)
+    evidence = known(clusters.evidence, precision, pull)
     found = pool(evidence, BETWEEN)
 
     def estimate(used):
         total, slope = precision * np.eye(3), pull.copy()
         for index in used:
-            rows = places.derivative[index]
+            rows = clusters.derivative[index]
             weighted = np.linalg.solve(np.eye(8) + (rows * BETWEEN) @ rows.T, rows)
-            total, slope = total + rows.T @ weighted, slope + weighted.T @ places.measured[index]
+            total, slope = total + rows.T @ weighted, slope + weighted.T @ clusters.measured[index]
         return np.linalg.solve(total, slope), np.linalg.inv(total)
 
     whole, assumed = estimate(range(6))
@@ -65,7 +65,7 @@ def test_the_covariance_is_that_of_leaving_places_out(precision):
 
 @pytest.mark.parametrize("precision", [0.0, 2.0])
 def test_freedom_is_that_of_the_variance_of_the_variance(precision):
-    # A place that tells much more than the others leaves few degrees of freedom.
+    # A cluster that tells much more than the others leaves few degrees of freedom.
     size = np.array([5.0, 1, 1, 1, 1, 1])
     generator = np.random.default_rng(3)
     derivative = size[:, None, None] * generator.standard_normal((6, 4, 2))
@@ -108,8 +108,8 @@ def coverage(draw, n_draw=400):
     return np.mean(held, axis=0), np.median(wide, axis=0) / np.quantile(errors, 0.95, axis=0)
 
 
-def test_intervals_hold_where_places_differ_and_where_they_do_not():
-    held, ratio = coverage(lambda seed: dense_places(8, 6, np.array([0.5, 0.0, 0.2]), seed=seed).evidence)
+def test_intervals_hold_where_clusters_differ_and_where_they_do_not():
+    held, ratio = coverage(lambda seed: dense_clusters(8, 6, np.array([0.5, 0.0, 0.2]), seed=seed).evidence)
     assert (held > 0.92).all(), held
     assert (ratio < 2.0).all(), ratio
 
@@ -118,7 +118,7 @@ def test_normal_quantiles_of_the_assumed_covariance_do_not_hold():
     # What the small-sample correction is for: if this held, the test above could not fail.
     missed = []
     for seed in range(400):
-        evidence = dense_places(8, 6, np.array([0.5, 0.5, 0.5]), seed=seed).evidence
+        evidence = dense_clusters(8, 6, np.array([0.5, 0.5, 0.5]), seed=seed).evidence
         found = pool(evidence, np.zeros(3))
         missed.append(np.abs(found.shift) > t.ppf(0.975, 1e6) * np.sqrt(np.diag(found.assumed)))
     assert np.mean(missed) > 0.15
@@ -132,7 +132,7 @@ def pooled_of(assumed, differing, freedom, dependence=0.3):
 
 
 def test_one_covariance_has_the_intervals_of_both_where_each_is_the_wider():
-    # Assumed alone; few places, wider by variance; few places, wider by the quantile alone.
+    # Assumed alone; few clusters, wider by variance; few clusters, wider by the quantile alone.
     found = pooled_of(np.array([4.0, 1.0, 1.0]), np.array([1.0, 9.0, 0.81]), np.array([20.0, 5.0, 2.0]))
     covariance, freedom = found.spread(0.95)
     np.testing.assert_allclose(np.diag(covariance), [4.0, 9.0, 0.81])

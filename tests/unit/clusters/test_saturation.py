@@ -1,9 +1,9 @@
-"""Information that saturates at what differs between places."""
+"""Information that saturates at what differs between clusters."""
 
 import numpy as np
 import pytest
 
-from place_systems import dense_places
+from cluster_systems import dense_clusters
 from robid.clusters.evidence import Evidence, inverted, saturate, saturated, saturation_slope
 from tolerances import FINITE_DIFFERENCE, IDENTITY
 
@@ -30,7 +30,7 @@ def test_a_place_that_leaves_a_direction_open_leaves_it_open():
     np.testing.assert_allclose(found, near, atol=1e-5)
 
 
-def test_long_measurements_in_one_place_never_exceed_what_places_differ_by():
+def test_long_measurements_in_one_place_never_exceed_what_clusters_differ_by():
     between = np.array([0.04, 0.25, 9.0])
     sizes = [np.diag(saturate(count * some_information(), between)) for count in (1.0, 1e2, 1e4, 1e9)]
     assert (np.diff(sizes, axis=0) > 0).all()
@@ -55,9 +55,9 @@ def test_its_slope_is_that_of_finite_differences_and_falls(n_row):
 
 
 def test_evidence_is_weighted_as_the_whole_covariance_weighs_it():
-    places = dense_places(4, 6, np.sqrt(BETWEEN), seed=2)
-    found = saturated(places.evidence, BETWEEN)
-    for index, (rows, measured) in enumerate(zip(places.derivative, places.measured, strict=True)):
+    clusters = dense_clusters(4, 6, np.sqrt(BETWEEN), seed=2)
+    found = saturated(clusters.evidence, BETWEEN)
+    for index, (rows, measured) in enumerate(zip(clusters.derivative, clusters.measured, strict=True)):
         covariance = np.eye(6) + (rows * BETWEEN) @ rows.T
         np.testing.assert_allclose(found.information[index], rows.T @ np.linalg.solve(covariance, rows), rtol=1e-9)
         np.testing.assert_allclose(found.score[index], rows.T @ np.linalg.solve(covariance, measured), rtol=1e-8)

@@ -83,7 +83,7 @@ def test_directions_hold_the_covariance_of_what_an_elastic_robot_has(loaded):
 
 def test_doubtful_robots_are_real_and_off_by_what_they_say(loaded):
     source = source_of(loaded)
-    directions, found = source.directions(), source.doubtful(8.0)
+    directions, found = source.directions(), source.perturbed(8.0)
     assert len(found) == len(directions)
     options = RigidOptions(payload="body", friction="viscous", offsets=False)
     at = [source.standard.names.index(name) for name in build_rigid_model(source.robot(8.0), options).names]

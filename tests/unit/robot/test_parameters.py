@@ -30,7 +30,7 @@ from robid.robot.response import ElasticParameters, nominal_parameters
 
 
 def test_kinds_are_those_of_the_model_and_of_the_settings():
-    # Doubts are freed one by one, by their names.
+    # Nuisances are estimated one by one, by their names.
     assert {*ELASTIC, "doubt"} == {field.name for field in fields(ElasticParameters)}
     assert get_args(ElasticKind) == ELASTIC
     assert get_args(LogarithmicKind) == LOGARITHMIC

@@ -1,4 +1,4 @@
-"""Doubts in robot files: defaults, those of the robot, those of a joint, and what a stage reads of them."""
+"""Nuisances in robot files: defaults, those of the robot, those of a joint, and what a stage reads of them."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 from robid.errors import SettingsError
 from robid.models.elastic.settings import model_settings
 from robid.models.known import load_experiment
-from robid.robot.doubts import Doubts
+from robid.robot.nuisance import NuisanceStd
 from robid.settings.load import load_robot
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -22,18 +22,21 @@ def loaded(tmp_path, joint="", robot=""):
     return load_robot(tmp_path / "robot.yaml").to_robot()
 
 
-def test_a_file_without_doubts_has_the_defaults_everywhere(tmp_path):
+def test_a_file_without_nuisance_has_the_defaults_everywhere(tmp_path):
     robot = loaded(tmp_path)
-    assert robot.doubts == Doubts()
-    assert {joint.doubts for joint in robot.joints} == {Doubts()}
+    assert robot.nuisance_std == NuisanceStd()
+    assert {joint.nuisance_std for joint in robot.joints} == {NuisanceStd()}
 
 
-def test_a_joint_s_doubts_go_before_the_robot_s_and_those_before_the_defaults(tmp_path):
+def test_a_joint_s_nuisance_go_before_the_robot_s_and_those_before_the_defaults(tmp_path):
     robot = loaded(tmp_path, "    doubts: {com_m: 0, compliance: 0.5}", "doubts: {com_m: 0.02, loss_factor: false}")
-    assert (robot.doubts.com_m, robot.doubts.loss_factor) == (0.02, 0.0)
-    assert (robot.joints[0].doubts.com_m, robot.joints[1].doubts.com_m) == (0.02, 0.0)
-    assert (robot.joints[0].doubts.compliance, robot.joints[1].doubts.compliance) == (Doubts().compliance, 0.5)
-    assert robot.joints[1].doubts.loss_factor == 0.0
+    assert (robot.doubts.com_m, robot.nuisance_std.loss_factor) == (0.02, 0.0)
+    assert (robot.joints[0].nuisance_std.com_m, robot.joints[1].nuisance_std.com_m) == (0.02, 0.0)
+    assert (robot.joints[0].nuisance_std.compliance, robot.joints[1].nuisance_std.compliance) == (
+        NuisanceStd().compliance,
+        0.5,
+    )
+    assert robot.joints[1].nuisance_std.loss_factor == 0.0
 
 
 @pytest.mark.parametrize(
@@ -44,12 +47,12 @@ def test_a_joint_s_doubts_go_before_the_robot_s_and_those_before_the_defaults(tm
         ("    doubts: {payload_com_m: 0.1}", "", r"joints\[1\]\.doubts\.payload_com_m: S380"),
     ],
 )
-def test_doubts_that_make_no_sense_are_named(tmp_path, joint, robot, message):
+def test_nuisance_that_make_no_sense_are_named(tmp_path, joint, robot, message):
     with pytest.raises(SettingsError, match=message):
         loaded(tmp_path, joint, robot)
 
 
-def test_fits_read_doubts(tmp_path):
+def test_fits_read_nuisances(tmp_path):
     robots = tmp_path / "robots"
     robots.mkdir()
     (robots / "kr300.yaml").write_text(KR300.replace("joints:\n", "doubts: {compliance: 0.3}\njoints:\n", 1))

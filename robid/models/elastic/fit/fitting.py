@@ -15,8 +15,8 @@ from robid.frf.channels import require
 from robid.frf.frf import Frf
 from robid.frf.quality import driving_points, undeclared_delay
 from robid.models.elastic.fit.model_error import element_level
-from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot
-from robid.models.elastic.fit.nuisance.named import Basis
+from robid.models.elastic.fit.nuisance.kinds import PerturbedRobot
+from robid.models.elastic.fit.nuisance.linear import Basis
 from robid.models.elastic.fit.optimizers import Strategy, make_strategy, optimise, other_side
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.parameters import ParameterMap, map_parameters
@@ -24,9 +24,10 @@ from robid.models.elastic.fit.problem import Problem, make_problem, without_coef
 from robid.models.elastic.fit.rest_model import rest_model
 from robid.models.elastic.fit.result import make_solution
 from robid.models.elastic.fit.solution import ElasticSolution
-from robid.models.elastic.fit.uncertainty import Map, influence, load_doubt, structured_covariance
+from robid.models.elastic.fit.uncertainty import Map, cubic_covariance, influence, structured_covariance
 from robid.results.levenberg import Minimum
 from robid.robot.description import Robot
+from robid.robot.parameters import FRICTION_KIND, NUISANCE_KIND
 from robid.robot.response import nominal_parameters
 from robid.signals.quantities import ACCELERATION, MOTOR_TORQUE
 
@@ -76,7 +77,7 @@ def check_influence(problem: Problem) -> None:
     # Half the second derivative of the cost by each, without what is known beforehand: of what changes no response
     # nothing is left but rounding.
     influence = np.diag(problem.normal(np.zeros(len(parameters.names))).hessian) - prior
-    known = np.isin(parameters.kind_of, ("friction", "doubt"))  # beforehand: they stay where they are
+    known = np.isin(parameters.kind_of, (FRICTION_KIND, NUISANCE_KIND))  # beforehand: they stay where they are
     none = (influence <= _NO_INFLUENCE * influence.max()) & ~known
     silent = [name for name, without in zip(parameters.names, none, strict=True) if without]
     if silent:
@@ -144,7 +145,7 @@ def fit_elastic(
     options: ElasticOptions,
     delay_s: float,
     parallel_map: Map = serial_map,
-    doubtful: Sequence[DoubtfulRobot] = (),
+    perturbed: Sequence[PerturbedRobot] = (),
     near: Mapping[str, float] | None = None,
 ) -> ElasticSolution:
     """Fits the elastic model to frequency responses of one or many configurations.
@@ -155,7 +156,7 @@ def fit_elastic(
         options: Estimator, weights, free parameters, starts.
         delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
         parallel_map: Ordered map that runs the starts.
-        doubtful: Robots that show along independent directions how far the rigid parameters may be off.
+        perturbed: Robots that show along independent directions how far the rigid parameters may be off.
         near: Internal values, by name, of a minimum to go on from in place of the options' starts.
 
     Returns:
@@ -176,7 +177,7 @@ def fit_elastic(
     best = min(ends, key=lambda end: end.cost)
     begun = _Reached(problem, dropped, best, options, partial(set_up, robot, frf, options, delay_s))
     reached = _on_better_sides(_update(begun, np.zeros(predicted.size)))
-    given = Basis(robot, options, doubtful, reached.rests)
+    given = Basis(robot, options, perturbed, reached.rests)
     endings = reached.best, ends, predicted, reached.dropped
     return make_solution(reached.problem, options, *endings, parallel_map, given)
 
@@ -185,8 +186,8 @@ def _predicted_std(problem: Problem) -> FloatArray:
     """Deviations (n_param,) of the internal parameters by noise and assumed errors, at the robot file's values."""
     start = np.zeros(len(problem.parameters.names))
     expected = influence(problem, start)
-    doubt = load_doubt(problem, start, expected.inverse, expected.weighted)
-    return np.sqrt(np.diag(structured_covariance(problem, expected) + doubt))
+    nuisance = cubic_covariance(problem, start, expected.inverse, expected.weighted)
+    return np.sqrt(np.diag(structured_covariance(problem, expected) + nuisance))
 
 
 _Task: TypeAlias = tuple[Strategy, FloatArray, bool]

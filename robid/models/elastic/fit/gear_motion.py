@@ -104,7 +104,7 @@ _FAR = 30.0  # deviations: nothing is left of a normal variable's tail
 
 
 def gear_effects(
-    freed: Sequence[Nuisance],
+    estimated: Sequence[Nuisance],
     frf: Frf,
     stiffness: FloatArray,
     deflection: FloatArray,
@@ -112,10 +112,10 @@ def gear_effects(
     moved: ComplexArray | None,
     gears: IntArray,
 ) -> GearEffects | None:
-    """Returns what freed doubts of gears do; None where none is freed.
+    """Returns what estimated nuisances of gears do; None where none is estimated.
 
     Args:
-        freed: The doubts that a fit estimates.
+        estimated: The nuisances that a fit estimates.
         frf: The response.
         stiffness (n_spring,): Stiffness of the springs.
         deflection (n_conf, n_spring): Their deflections at rest.
@@ -125,9 +125,9 @@ def gear_effects(
         gears (n_gear,): Indices of the transmissions.
 
     Raises:
-        DataError: If a hysteresis is freed and nothing tells how far the gears swing.
+        DataError: If a hysteresis is estimated and nothing tells how far the gears swing.
     """
-    rows = list(enumerate(doubt.effect for doubt in freed))
+    rows = list(enumerate(nuisance.effect for nuisance in estimated))
     damped = [(row, each.spring) for row, each in rows if isinstance(each, LoadDamping)]
     slipping = [(row, each.spring) for row, each in rows if isinstance(each, SlipTorque)]
     if not damped and not slipping:
@@ -139,7 +139,7 @@ def gear_effects(
         )
         for _, spring in slipping
     )
-    names = (tuple(freed[row].name for row, _ in each) for each in (damped, slipping))
+    names = (tuple(estimated[row].name for row, _ in each) for each in (damped, slipping))
     of_dampers, of_bristles = (np.array(each, int).reshape(-1, 2) for each in (damped, slipping))
     return GearEffects(mean_size(deflection, power), of_dampers, of_bristles, bristles, *names)
 

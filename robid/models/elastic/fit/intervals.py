@@ -8,23 +8,23 @@ import numpy as np
 from scipy.stats import norm
 
 from robid.arrays import FloatArray
-from robid.clusters.evidence import group_places
-from robid.models.elastic.fit.nuisance.named import Basis, name_doubts
+from robid.clusters.evidence import group_clusters
+from robid.models.elastic.fit.nuisance.linear import Basis, list_linearised
 from robid.models.elastic.fit.physical import (
-    Settled,
+    ClusterEstimate,
     assumed_errors,
+    count_nuisances,
     find_physical,
-    settle,
     shrink,
-    told_doubts,
+    weigh_clusters,
     weigh_few,
 )
 from robid.models.elastic.fit.problem import Problem
-from robid.models.elastic.fit.solution import Between, NamedDoubts, Spread
-from robid.models.elastic.fit.uncertainty import Influence, influence, load_doubt, structured_covariance
+from robid.models.elastic.fit.solution import Between, NuisanceEstimates, Spread
+from robid.models.elastic.fit.uncertainty import Influence, cubic_covariance, influence, structured_covariance
 
-FEWEST_PLACES = 4
-"""Number of places from which on their differences say how far a parameter may be off."""
+FEWEST_CLUSTERS = 4
+"""Number of clusters from which on their differences say how far a parameter may be off."""
 
 
 @dataclass(frozen=True)
@@ -32,18 +32,18 @@ class Spreads:
     """How far the parameters of a fit may be off.
 
     Attributes:
-        effective: As what infinitely many places of this robot would give: they predict.
+        effective: As what infinitely many clusters of this robot would give: they predict.
         physical: As springs, dampers and inertias themselves.
         assumed (n_param, n_param): Covariance by noise and assumed errors alone: what the data do not determine.
-        between: How places differ; None where they are too few to tell.
-        doubts: What places say of the doubts; None where there are none.
+        between: How clusters differ; None where they are too few to tell.
+        nuisances: What clusters say of the nuisances; None where there are none.
     """
 
     effective: Spread
     physical: Spread
     assumed: FloatArray
     between: Between | None = None
-    doubts: NamedDoubts | None = None
+    nuisances: NuisanceEstimates | None = None
 
 
 def find_spreads(
@@ -60,16 +60,16 @@ def find_spreads(
         problem: The problem, at its minimum.
         internal (n_param,): The minimum.
         found: The estimator linearised there.
-        excess: Cost over what noise and the assumed model error give; above 1 it widens the covariance of few places.
+        excess: Cost over what noise and the assumed model error give; above 1 it widens the covariance of few clusters.
         confidence: Level of the intervals.
         basis: What the fit started from, for what the robot file may have wrong; nothing of that when not given.
     """
-    places = len(group_places(problem.frf.configurations))
+    clusters = len(group_clusters(problem.frf.configurations))
     rule = assumed_errors(model_error=bool(problem.model_error.any()))
-    if places < FEWEST_PLACES:
-        return _of_few_places(problem, internal, found, (excess, rule), confidence, basis)
-    differing = f"what {places} places differ by"
-    near = settle(problem, internal, found)
+    if clusters < FEWEST_CLUSTERS:
+        return _of_few_clusters(problem, internal, found, (excess, rule), confidence, basis)
+    differing = f"what {clusters} clusters of configurations differ by"
+    near = weigh_clusters(problem, internal, found)
     differ = f"{rule}, and {differing}"
     shrunk = _spread(shrink(problem, internal, found, near), differ, confidence)
     effective = replace(_spread(near, differ, confidence), beside=shrunk)
@@ -81,7 +81,7 @@ def find_spreads(
     return Spreads(effective, found_physical[0], near.pooled.assumed, between, found_physical[1])
 
 
-def _of_few_places(
+def _of_few_clusters(
     problem: Problem,
     internal: FloatArray,
     found: Influence,
@@ -89,24 +89,26 @@ def _of_few_places(
     confidence: float,
     basis: Basis | None,
 ) -> Spreads:
-    """What noise and assumed errors give, widened by the misfit: too few places to see what they differ by."""
+    """What noise and assumed errors give, widened by the misfit: too few clusters to see what they differ by."""
     excess, rule = widened
-    covariance = structured_covariance(problem, found) + load_doubt(problem, internal, found.inverse, found.weighted)
+    covariance = structured_covariance(problem, found) + cubic_covariance(
+        problem, internal, found.inverse, found.weighted
+    )
     covariance *= max(1.0, excess)
-    told = rule if excess <= 1 else f"{rule}, widened by the misfit"
-    spread = Spread(internal, covariance, np.full(internal.size, np.inf), told)
-    doubts = None if basis is None or not basis.rested else name_doubts(problem, (internal,), basis)
-    if doubts is None:
+    source = rule if excess <= 1 else f"{rule}, widened by the misfit"
+    spread = Spread(internal, covariance, np.full(internal.size, np.inf), source)
+    nuisances = None if basis is None or not basis.rested else list_linearised(problem, (internal,), basis)
+    if nuisances is None:
         return Spreads(spread, spread, covariance)
-    far = weigh_few(doubts, influence(doubts.problem, internal), max(1.0, excess))
-    told = f"{told}, and {told_doubts(doubts)}"
+    far = weigh_few(nuisances, influence(nuisances.problem, internal), max(1.0, excess))
+    source = f"{source}, and {count_nuisances(nuisances)}"
     size = internal.size
     half = norm.ppf(0.5 + 0.5 * confidence) * np.sqrt(np.diag(far.pooled.assumed))[size:]
-    physical = Spread(far.values, far.pooled.assumed[:size, :size], spread.degrees_of_freedom, told)
-    return Spreads(spread, physical, covariance, doubts=doubts.estimated(far.amounts, np.asarray(half)))
+    physical = Spread(far.values, far.pooled.assumed[:size, :size], spread.degrees_of_freedom, source)
+    return Spreads(spread, physical, covariance, nuisances=nuisances.estimated(far.amounts, np.asarray(half)))
 
 
-def _spread(settled: Settled, rule: str, confidence: float) -> Spread:
-    size = settled.values.size
-    covariance, freedom = settled.pooled.spread(confidence)
-    return Spread(settled.values, covariance[:size, :size], freedom[:size], rule)
+def _spread(estimate: ClusterEstimate, rule: str, confidence: float) -> Spread:
+    size = estimate.values.size
+    covariance, freedom = estimate.pooled.spread(confidence)
+    return Spread(estimate.values, covariance[:size, :size], freedom[:size], rule)

@@ -23,7 +23,7 @@ _COMPLIANCE = ".compliance"
 
 
 def spring_of(name: str) -> str:
-    """Name of the spring that something frees which may end as a doubt of its compliance does."""
+    """Name of the spring that something frees which may end as a nuisance of its compliance does."""
     return name.removesuffix(_COMPLIANCE)
 
 
@@ -64,7 +64,7 @@ class ElasticOptions:
             "description": f"Kinds of parameters that are estimated ({', '.join(f'`{kind}`' for kind in ELASTIC)}),"
             " and what the robot file may have wrong, by name or group: `payload`, `masses`, `axis_2.mass`,"
             " `axis_2.com`, `gear_coupling`, `torque_constant`, `counterbalance`, `load_damping`, `hysteresis`,"
-            " `bearing_axis_2_x`. Where only such doubts are named,"
+            " `bearing_axis_2_x`. Where only such nuisances are named,"
             " the default kinds are estimated too."
         },
     )
@@ -151,16 +151,16 @@ class ElasticOptions:
     def kinds(self) -> tuple[ElasticKind, ...]:
         """Kinds of parameters that are estimated."""
         named = sorted((kind for kind in ELASTIC if kind in self.free), key=self.free.index)
-        return tuple(named) or (FREE if self.freed else ())
+        return tuple(named) or (FREE if self.estimated else ())
 
     @property
-    def freed(self) -> tuple[str, ...]:
-        """Names of doubts that are estimated, or of groups of them."""
+    def estimated(self) -> tuple[str, ...]:
+        """Names of nuisances that are estimated, or of groups of them."""
         return tuple(dict.fromkeys(name for name in self.free if name not in ELASTIC))
 
     def frees(self, kind: str, name: str) -> bool:
-        """Whether a parameter is of a kind that is free, or of a spring that is freed by its name."""
-        by_spring = kind in BY_SPRING and name.removesuffix(f".{kind}") in map(spring_of, self.freed)
+        """Whether a parameter is of a kind that is free, or of a spring that is estimated by its name."""
+        by_spring = kind in BY_SPRING and name.removesuffix(f".{kind}") in map(spring_of, self.estimated)
         return kind in self.kinds or by_spring
 
     def estimates(self, kind: str, name: str) -> bool:
@@ -185,7 +185,7 @@ def check_names(
         options: Options of the fit.
         every: Names of every free kind's elements.
         nominal: Nominal values.
-        unknown: What is freed and not known, each with what may be meant.
+        unknown: What is estimated and not known, each with what may be meant.
 
     Raises:
         SettingsError: With every problem.
@@ -212,7 +212,7 @@ def check_names(
 def estimable_names(robot: Robot, options: ElasticOptions) -> dict[str, list[str | None]]:
     """Names of the parameters that a fit estimates unless it fixes them, by kind; None for all others of the kind."""
     every = {str(kind): element_names(robot, kind) for kind in options.kinds}
-    for kind in BY_SPRING if options.freed else ():
+    for kind in BY_SPRING if options.estimated else ():
         names = [name if name and options.frees(kind, name) else None for name in element_names(robot, kind)]
         if any(names):
             every[kind] = names
@@ -220,7 +220,7 @@ def estimable_names(robot: Robot, options: ElasticOptions) -> dict[str, list[str
 
 
 def free_problem(name: str, meant: str) -> str:
-    """Says that a name cannot be freed."""
+    """Says that a name cannot be estimated."""
     return f"S056 nothing of this robot is called `{name}`; {meant}"
 
 

@@ -9,14 +9,14 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import SettingsError
-from robid.models.elastic.fit.nuisance.kinds import PRIOR_FACTOR, Nuisance, freed_nuisances
+from robid.models.elastic.fit.nuisance.kinds import PRIOR_FACTOR, Nuisance, estimated_nuisances
 from robid.models.elastic.fit.nuisance.wording import unknown_names
 from robid.models.elastic.fit.options import ElasticOptions, check_names, estimable_names
 from robid.robot.description import Robot
 from robid.robot.parameters import (
-    DOUBT,
+    FRICTION_KIND,
     LOGARITHMIC,
-    NUISANCE,
+    NUISANCE_KIND,
     PARAMETER_KINDS,
     coefficient_unit,
     element_units,
@@ -26,7 +26,7 @@ from robid.robot.response import ElasticParameters, with_values
 
 _LOCATION_SCALE_M = 0.1
 _MOST_DECADES = 30.0
-_NOT_ALL = 0.95  # of a mass that a doubt may take away
+_NOT_ALL = 0.95  # of a mass that a nuisance may take away
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class ParameterMap:
         lower (n_param,): Lower bounds, minus infinity where there is none.
         upper (n_param,): Upper bounds.
         friction_offset (n_friction,): Friction scales as they were compensated.
-        stated (n_param,): What the robot file says of each doubt, to which its amount adds; zero for the others.
-        natural (n_param,): Amount from which each doubt matters; one for the others.
+        stated (n_param,): What the robot file says of each nuisance, to which its amount adds; zero for the others.
+        natural (n_param,): Amount from which each nuisance matters; one for the others.
     """
 
     nominal: ElasticParameters
@@ -76,7 +76,7 @@ class ParameterMap:
     @property
     def n_friction(self) -> int:
         """Number of friction scales."""
-        return self.kind_of.count(NUISANCE)
+        return self.kind_of.count(FRICTION_KIND)
 
     @property
     def leaders(self) -> IntArray:
@@ -172,8 +172,10 @@ def map_parameters(
         SettingsError: If a name is unknown, a logarithmic parameter's nominal value is not positive, or a
             parameter starts at a bound or outside; all at once.
     """
-    freed = freed_nuisances(robot, options)
-    every = estimable_names(robot, options) | ({DOUBT: [doubt.name for doubt in freed]} if freed else {})
+    estimated = estimated_nuisances(robot, options)
+    every = estimable_names(robot, options) | (
+        {NUISANCE_KIND: [nuisance.name for nuisance in estimated]} if estimated else {}
+    )
     kinds = tuple(every)
     masks = tuple(np.array([n is not None and n not in options.fixed for n in every[kind]], bool) for kind in kinds)
     free = {name: kind for kind in kinds for name in every[kind] if name is not None and name not in options.fixed}
@@ -182,7 +184,7 @@ def map_parameters(
     # Tied elements follow the internal parameter of another one; each of the others has its own.
     names = [name for name in elements if name not in options.tied]
     kind_of = [free[name] for name in names]
-    unit_of, scale_of = _units_and_scales(robot, nominal, every, freed)
+    unit_of, scale_of = _units_and_scales(robot, nominal, every, estimated)
     n_friction = len(friction_names)
     free_ends = np.full(len(names) + n_friction, np.inf)
     found = ParameterMap(
@@ -193,7 +195,7 @@ def map_parameters(
         member=np.array([names.index(options.tied.get(name, name)) for name in elements], int),
         element_scale=np.array([scale_of[name] for name in elements], float),
         names=(*names, *friction_names),
-        kind_of=(*kind_of, *[NUISANCE] * n_friction),
+        kind_of=(*kind_of, *[FRICTION_KIND] * n_friction),
         units=(*(unit_of[name] for name in names), *map(coefficient_unit, friction_names)),
         logarithmic=np.array([PARAMETER_KINDS[kind].logarithmic for kind in kind_of] + [False] * n_friction, bool),
         prior_std=np.concatenate([_prior_std(robot, options, names, kind_of), friction_std]),
@@ -201,18 +203,18 @@ def map_parameters(
         upper=free_ends,
         friction_offset=np.zeros(n_friction) if friction_offset is None else friction_offset,
     )
-    return _bounded(_sensible(found, freed), options.bounds)
+    return _bounded(_sensible(found, estimated), options.bounds)
 
 
 def _units_and_scales(
-    robot: Robot, nominal: ElasticParameters, every: Mapping[str, list[str | None]], freed: Sequence[Nuisance]
+    robot: Robot, nominal: ElasticParameters, every: Mapping[str, list[str | None]], estimated: Sequence[Nuisance]
 ) -> tuple[dict[str | None, str], dict[str | None, float]]:
     """Unit of each element of the free kinds, and its scale, 1 for the logarithmic ones."""
     units: dict[str | None, str] = {}
     found: dict[str | None, float] = {}
-    scales = _scales(robot, nominal) | {DOUBT: np.array([doubt.common_std for doubt in freed])}
+    scales = _scales(robot, nominal) | {NUISANCE_KIND: np.array([nuisance.common_std for nuisance in estimated])}
     for kind, names in every.items():
-        own = [doubt.unit for doubt in freed] if kind == DOUBT else element_units(robot, kind)
+        own = [nuisance.unit for nuisance in estimated] if kind == NUISANCE_KIND else element_units(robot, kind)
         units |= dict(zip(names, own, strict=True))
         found |= dict(zip(names, scales.get(kind, np.ones(len(names))).tolist(), strict=True))
     return units, found
@@ -221,7 +223,7 @@ def _units_and_scales(
 def _prior_std(robot: Robot, options: ElasticOptions, names: list[str], kinds: list[str]) -> list[float]:
     """What the robot file knows of each parameter, as the deviation of its internal value; infinite for nothing."""
     decades = options.prior_decades
-    known = {**dict.fromkeys(LOGARITHMIC, np.log(10) * decades), DOUBT: PRIOR_FACTOR}
+    known = {**dict.fromkeys(LOGARITHMIC, np.log(10) * decades), NUISANCE_KIND: PRIOR_FACTOR}
     # At the motor's largest torque T the slope of a cubic gear, k1 + 3 k3 (T / k1)^2, is known to the same factor as
     # k1: in units of its scale, k1^3 / T^2, k3 is known to a third of that factor.
     known["cubic"] = 10 ** min(decades, _MOST_DECADES) / 3
@@ -229,17 +231,19 @@ def _prior_std(robot: Robot, options: ElasticOptions, names: list[str], kinds: l
     return [known.get(name, known.get(kind, np.inf)) for name, kind in zip(names, kinds, strict=True)]
 
 
-def _sensible(found: ParameterMap, freed: Sequence[Nuisance]) -> ParameterMap:
-    """Keeps doubts within what makes sense, and tells what the robot file says of them."""
-    if not freed:
+def _sensible(found: ParameterMap, estimated: Sequence[Nuisance]) -> ParameterMap:
+    """Keeps nuisances within what makes sense, and tells what the robot file says of them."""
+    if not estimated:
         return found
     lower, upper, stated = found.lower.copy(), found.upper.copy(), np.zeros(len(found.names))
     natural = np.ones(len(found.names))
-    for doubt in freed:
-        if doubt.name in found.names:
-            index = found.names.index(doubt.name)
-            lower[index], upper[index] = (_NOT_ALL * end / doubt.common_std for end in (doubt.least, doubt.most))
-            stated[index], natural[index] = doubt.stated, doubt.natural
+    for nuisance in estimated:
+        if nuisance.name in found.names:
+            index = found.names.index(nuisance.name)
+            lower[index], upper[index] = (
+                _NOT_ALL * end / nuisance.common_std for end in (nuisance.least, nuisance.most)
+            )
+            stated[index], natural[index] = nuisance.stated, nuisance.natural
     return replace(found, lower=lower, upper=upper, stated=stated, natural=natural)
 
 

@@ -23,7 +23,7 @@ from robid.models.elastic.fit.nuisance.kinds import (
     Nuisance,
     RobotMove,
     SlipTorque,
-    freed_nuisances,
+    estimated_nuisances,
     moved_robot,
     torque_slopes,
 )
@@ -40,7 +40,7 @@ from robid.robot.sampling import hold_factor
 from robid.robot.spring_laws import GearEffects
 
 _PASSES = 3
-_DOUBT_STEP = 0.01  # of its deviation
+_NUISANCE_STEP = 0.01  # of its deviation
 
 
 def rest_model(
@@ -48,7 +48,7 @@ def rest_model(
 ) -> LinearModel:
     """Linearises a robot in a response's configurations.
 
-    What the options free of the robot file's doubts is as the values say, and the model moves with it to first order.
+    Nuisances that the options free are as the values say, and the model moves with them to first order.
 
     Args:
         robot: The robot file.
@@ -60,38 +60,38 @@ def rest_model(
     Raises:
         DataError: If a configuration has no equilibrium, or the response lacks what cubic springs need.
     """
-    freed = freed_nuisances(robot, options)
-    if not freed:
+    estimated = estimated_nuisances(robot, options)
+    if not estimated:
         return _rested(robot, frf, options, delay_s, values)
-    amounts = np.zeros(len(freed)) if values is None else values.doubt
+    amounts = np.zeros(len(estimated)) if values is None else values.doubt
     balanced = all(joint.counterbalance is None for joint in robot.joints)
-    model = _rested(moved_robot(robot, freed, amounts), frf, options, delay_s, values, balanced=balanced)
+    model = _rested(moved_robot(robot, estimated, amounts), frf, options, delay_s, values, balanced=balanced)
     # Central differences of the whole linearised robot, at rest anew on each side; what acts beside its matrices moves
     # none of them.
     still, pairs = replace(options, statics="updates", free=()), []
-    for each, step in zip(freed, _DOUBT_STEP * np.diag([each.common_std for each in freed]), strict=True):
+    for each, step in zip(estimated, _NUISANCE_STEP * np.diag([each.common_std for each in estimated]), strict=True):
         if isinstance(each.effect, RobotMove):
-            sides = (moved_robot(robot, freed, amounts + side * step) for side in (-1, 1))
+            sides = (moved_robot(robot, estimated, amounts + side * step) for side in (-1, 1))
             behind, ahead = (_rested(side, frf, still, delay_s, values, balanced=balanced) for side in sides)
             pairs.append((behind, ahead))
         else:
             pairs.append((model, model))
-    width = np.array([2 * _DOUBT_STEP * each.common_std for each in freed])
-    shifts = shifts_between(pairs, width, amounts, torque_slopes(freed, len(robot.joints)))
-    if not any(isinstance(each.effect, LoadDamping | SlipTorque) for each in freed):
+    width = np.array([2 * _NUISANCE_STEP * each.common_std for each in estimated])
+    shifts = shifts_between(pairs, width, amounts, torque_slopes(estimated, len(robot.joints)))
+    if not any(isinstance(each.effect, LoadDamping | SlipTorque) for each in estimated):
         return replace(model, shifts=shifts)
     now = replace(nominal_parameters(robot, model, delay_s), doubt=amounts) if values is None else values
-    return replace(model, shifts=shifts, effects=_effects(robot, frf, now, model, freed))
+    return replace(model, shifts=shifts, effects=_effects(robot, frf, now, model, estimated))
 
 
 def _effects(
-    robot: Robot, frf: Frf, values: ElasticParameters, model: LinearModel, freed: Sequence[Nuisance]
+    robot: Robot, frf: Frf, values: ElasticParameters, model: LinearModel, estimated: Sequence[Nuisance]
 ) -> GearEffects | None:
-    """What freed doubts of gears do as the measurement moves them."""
+    """What estimated nuisances of gears do as the measurement moves them."""
     power, moved = np.zeros_like(model.rest.deflection), None
     gears = np.array([index for index, spring in enumerate(robot.springs) if spring.place == "transmission"])
     if not swings_known(frf):
-        return gear_effects(freed, frf, values.stiffness, model.rest.deflection, power, moved, gears)
+        return gear_effects(estimated, frf, values.stiffness, model.rest.deflection, power, moved, gears)
     load, omega = spring_load(robot, frf, values), 2 * np.pi * frf.frequency_hz
     dynamic = (model.rest.factor * values.stiffness)[:, None] + 1j * omega[:, None] * values.damping
     found = None
@@ -99,7 +99,7 @@ def _effects(
     for _ in range(_PASSES):
         power = (np.nan_to_num(load.power) / np.abs(dynamic) ** 2).sum(axis=1)
         moved = load.through / dynamic[:, :, gears, None]
-        found = gear_effects(freed, frf, values.stiffness, model.rest.deflection, power, moved, gears)
+        found = gear_effects(estimated, frf, values.stiffness, model.rest.deflection, power, moved, gears)
         if found is None or not values.doubt.any():
             break
         # What bristles carry does not bend the gear.
@@ -118,7 +118,7 @@ def _rested(
     *,
     balanced: bool = False,
 ) -> LinearModel:
-    """The same of a robot as it is, all doubts aside; its counterbalances are taken where its file has none."""
+    """The same of a robot as it is, all nuisances aside; its counterbalances are taken where its file has none."""
     springs = _nominal_springs(robot) if values is None else values.springs
     points = springs.location.reshape(-1, 3)
     placed = with_springs_at(robot, {s.name: point for s, point in zip(robot.springs, points, strict=True)})
@@ -201,8 +201,8 @@ def _sensitivity(frf: Frf, model: LinearModel, values: ElasticParameters, option
     moved = jacobian(model, values, found, ("stiffness",))
     slopes = np.abs(moved / options.residual.divisor(found.sampled)[..., None]) ** 2
     weight, _ = make_weights(frf, options.weights, options.residual, np.abs(found.sampled))
-    told = (weight[..., None] * slopes).sum(axis=(2, 3))
-    return np.asarray(np.where(told.any(axis=1, keepdims=True), told, slopes.sum(axis=(2, 3))))
+    sensitivity = (weight[..., None] * slopes).sum(axis=(2, 3))
+    return np.asarray(np.where(sensitivity.any(axis=1, keepdims=True), sensitivity, slopes.sum(axis=(2, 3))))
 
 
 def _loaded(
@@ -227,7 +227,7 @@ def _shapes(
 ) -> FloatArray:
     """`Rest.shape` (n_conf, n_spring) of the transmissions as they swing with the model's present shapes."""
     springs, omega = settle_springs(model.rest, values.springs), model.rest.omega
-    told = _sensitivity(frf, model, values, options)
+    sensitivity = _sensitivity(frf, model, values, options)
     every = line_frequencies(frf.frequency_hz, frf.lines)
     shape = np.ones(springs.stiffness.shape)
     for c in range(len(shape)):
@@ -242,7 +242,7 @@ def _shapes(
                 lines=frf.lines,
                 compliance=compliance[:, gear],
             )
-            shape[c, spring] = swing_shape(swinging, told[c, :, spring])
+            shape[c, spring] = swing_shape(swinging, sensitivity[c, :, spring])
     return shape
 
 

@@ -9,10 +9,10 @@ from typing import TypedDict
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from robid.clusters.evidence import group_places
-from robid.models.elastic.fit.intervals import FEWEST_PLACES, Spreads, find_spreads
+from robid.clusters.evidence import group_clusters
+from robid.models.elastic.fit.intervals import FEWEST_CLUSTERS, Spreads, find_spreads
 from robid.models.elastic.fit.model_error import ModelError, estimate_model_error
-from robid.models.elastic.fit.nuisance.named import Basis
+from robid.models.elastic.fit.nuisance.linear import Basis
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.parameters import ParameterMap
 from robid.models.elastic.fit.problem import Problem
@@ -36,7 +36,7 @@ from robid.models.elastic.fit.uncertainty import (
 )
 from robid.results.estimate import Estimate, Tied, undetermined_combinations
 from robid.results.levenberg import Minimum
-from robid.robot.parameters import DOUBT
+from robid.robot.parameters import NUISANCE_KIND
 from robid.robot.spring_laws import BristleTable
 
 _ALIKE = 2.0  # largest over smallest load
@@ -65,7 +65,7 @@ def undetermined_gears(problem: Problem, estimate: Estimate) -> tuple[str, ...]:
     effects = problem.model.effects
     if effects is None:
         return ()
-    names = [name for name, kind in zip(estimate.names, estimate.kinds, strict=True) if kind == "doubt"]
+    names = [name for name, kind in zip(estimate.names, estimate.kinds, strict=True) if kind == NUISANCE_KIND]
     every = problem.parameters
     told: list[str] = []
     for name, (_, spring) in zip(effects.damped_names, effects.damped.tolist(), strict=True):
@@ -91,12 +91,12 @@ def _of_damper(found: _Found, load: FloatArray, unit: str) -> Iterator[str]:
     reach = f"{least:.2g} to {most:.2g} {unit}"
     if most < _ALIKE * least:
         yield (
-            f"{found.name} is hardly told from {damper}: the gear is bent nearly alike in all configurations "
+            f"{found.name} is hardly distinguished from {damper}: the gear is bent nearly alike in all configurations "
             f"({reach}): measure some that load it otherwise, {_OR_FIX}"
         )
     else:
         yield (
-            f"{found.name} is hardly told, though the gear is bent by {reach}: measure more configurations at "
+            f"{found.name} is hardly determined, though the gear is bent by {reach}: measure more configurations at "
             f"both ends, {_OR_FIX}"
         )
 
@@ -106,8 +106,8 @@ def _of_bristles(found: _Found, bristle: BristleTable, unit: str) -> Iterator[st
     sticking, slip = _STICKS * bristle.stiffness * bristle.swing, abs(found.value) / bristle.stiffness
     if slip > _STICKS * bristle.swing:
         yield (
-            f"{found.name} is hardly told from {spring}: at this swing bristles stick from some {sticking:.2g} {unit} "
-            f"on, and are part of the spring: excite the gear more (`rms`), {_OR_FIX}"
+            f"{found.name} is hardly distinguished from {spring}: at this swing bristles stick from {sticking:.2g} "
+            f"{unit} on, and are part of the spring: excite the gear more (`rms`), {_OR_FIX}"
         )
     elif found.lower <= 0 <= found.upper:
         more = max(abs(found.lower), abs(found.upper))
@@ -116,7 +116,7 @@ def _of_bristles(found: _Found, bristle: BristleTable, unit: str) -> Iterator[st
             f"bristles stick at this swing and are part of the spring: excite the gear more (`rms`) to tell, {_OR_FIX}"
         )
     elif not found.identified:
-        yield f"{found.name} is hardly told from dampers: average more realizations, {_OR_FIX}"
+        yield f"{found.name} is hardly distinguished from dampers: average more realizations, {_OR_FIX}"
 
 
 _NO_REST = (
@@ -173,7 +173,7 @@ def make_solution(
         responses=Responses(problem.frf.configurations, problem.frf.frequency_hz, problem.measured(internal), modelled),
         model_error=error,
         effective=spreads.between,
-        doubts=spreads.doubts,
+        doubts=spreads.nuisances,
         **_from_realizations(problem, options, internal, found, parallel_map),
     )
 
@@ -233,7 +233,7 @@ def _estimate(
 
 def _is_amount(parameters: ParameterMap) -> BoolArray:
     """Which parameters (n_param,) are amounts by which the file is off: no factor says how far they may be."""
-    return np.asarray((np.array(parameters.kind_of) == DOUBT) & (parameters.nominal_values() == 0))
+    return np.asarray((np.array(parameters.kind_of) == NUISANCE_KIND) & (parameters.nominal_values() == 0))
 
 
 def _internal(problem: Problem, internal: FloatArray, spread: Spread) -> Internal:
@@ -356,8 +356,12 @@ def _advice(problem: Problem, best: Minimum, dropped: int, excess: float, error:
     if dropped_share > _MANY_DROPPED:
         advice.append(f"{100 * dropped_share:.0f} % of the response lies below 10 dB: excite more, or average more")
     if excess > _POOR_MODEL:
-        few = len(group_places(problem.frf.configurations)) < FEWEST_PLACES
-        held_of_it = "it as if it were noise" if few else "only what places differ by, and the doubts"
+        few = len(group_clusters(problem.frf.configurations)) < FEWEST_CLUSTERS
+        held_of_it = (
+            "it as if it were noise"
+            if few
+            else "only what clusters of configurations differ by, and the nuisance parameters"
+        )
         advice.append(
             f"the residual is {np.sqrt(excess):.1f} times what noise and assumed model error give: the model lacks "
             f"something, and intervals hold {held_of_it}"

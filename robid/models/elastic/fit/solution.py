@@ -12,10 +12,10 @@ from scipy.stats import norm, t
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
 from robid.clusters.pooling import ALONE
 from robid.models.elastic.fit.model_error import ModelError
-from robid.models.elastic.fit.nuisance.kinds import freeable_nuisances, moved_robot
+from robid.models.elastic.fit.nuisance.kinds import estimable_nuisances, moved_robot
 from robid.results.estimate import Estimate
 from robid.robot.description import Inertial, Joint, Motor, Robot, Spring
-from robid.robot.parameters import DOUBT, PARAMETER_KINDS
+from robid.robot.parameters import NUISANCE_KIND, PARAMETER_KINDS
 
 _RESPONSE = "configuration frequency output input"
 
@@ -25,7 +25,7 @@ class Internal:
     """Where the optimizer ended, in its own coordinates.
 
     Attributes:
-        covariance: Covariance of those that predict other places, without any quantile.
+        covariance: Covariance of those that predict other clusters, without any quantile.
     """
 
     values: Annotated[FloatArray, Quantity("1", "parameter", "Optimizer's values")]
@@ -92,29 +92,33 @@ class Resampled:
 
 @dataclass(frozen=True)
 class Between:
-    """How much the internal parameters differ between places, and what each place says of them."""
+    """How much the internal parameters differ between clusters, and what each cluster says of them."""
 
-    between_std: Annotated[FloatArray, Quantity("1", "parameter", "Deviation of the optimizer's values between places")]
-    degrees_of_freedom: Annotated[FloatArray, Quantity("1", "parameter", "Of what places really differ by")]
-    dependence: Annotated[FloatArray, Quantity("1", "parameter", "Share of the information that a single place gives")]
+    between_std: Annotated[
+        FloatArray, Quantity("1", "parameter", "Deviation of the optimizer's values between clusters")
+    ]
+    degrees_of_freedom: Annotated[FloatArray, Quantity("1", "parameter", "Of what clusters really differ by")]
+    dependence: Annotated[
+        FloatArray, Quantity("1", "parameter", "Share of the information that a single cluster gives")
+    ]
 
     @property
     def untested(self) -> BoolArray:
-        """Which parameters (n_param,) a single place knows, so that the others do not test them."""
+        """Which parameters (n_param,) a single cluster knows, so that the others do not test them."""
         return np.asarray(self.dependence > ALONE)
 
 
 @dataclass(frozen=True)
-class NamedDoubts:
+class NuisanceEstimates:
     """What a fit says of what its robot file may have wrong, to first order."""
 
     names: Annotated[tuple[str, ...], Quantity("1", "doubt", "What the robot file may have wrong")]
     causes: Annotated[tuple[str, ...], Quantity("1", "doubt", "Likely cause that it stands for")]
     units: Annotated[tuple[str, ...], Quantity("1", "doubt", "Unit of its amounts")]
     prior_std: Annotated[
-        FloatArray, Quantity("as in units", "doubt", "Deviation known beforehand, alike in all places")
+        FloatArray, Quantity("as in units", "doubt", "Deviation known beforehand, alike in all clusters")
     ]
-    place_std: Annotated[FloatArray, Quantity("as in units", "doubt", "Deviation of what each place adds")]
+    place_std: Annotated[FloatArray, Quantity("as in units", "doubt", "Deviation of what each cluster adds")]
     value: Annotated[FloatArray, Quantity("as in units", "doubt", "Estimated amount, zero where the file is right")]
     half_width: Annotated[FloatArray, Quantity("as in units", "doubt", "Half width of its interval")]
 
@@ -188,8 +192,8 @@ class ElasticSolution:
         realization_relative_std: As `relative_std` of the estimate, from what each realization does to the parameters
             instead of the structured covariance; None without realizations.
         bootstrap: The uncertainty from repeated fits; None without a bootstrap.
-        effective: How places differ; None with fewer than four places, or without a covariance.
-        doubts: What the data say of the robot file's doubts; None where it has none, and in files of old.
+        effective: How clusters differ; None with fewer than four clusters, or without a covariance.
+        doubts: What the data say of the robot file's nuisances; None where it has none, and in files of old.
     """
 
     estimate: Estimate
@@ -204,7 +208,7 @@ class ElasticSolution:
     ] = None
     bootstrap: Resampled | None = None
     effective: Between | None = None
-    doubts: NamedDoubts | None = None
+    doubts: NuisanceEstimates | None = None
 
 
 _LEAST_FACTOR = 0.01
@@ -220,10 +224,10 @@ def fitted_robot(robot: Robot, estimate: Estimate) -> Robot:
 
     Returns:
         The robot with springs, dampers, viscous friction, inertias, and, where the fit corrected them, the
-        coefficients of friction and ripple, and moved by the doubts that it estimated. A friction's lag and a torque's
-        scale belong to the measurement.
+        coefficients of friction and ripple, and moved by its nuisances. A friction's lag and a torque's scale
+        belong to the measurement.
     """
-    every = freeable_nuisances(robot) if DOUBT in estimate.kinds else ()
+    every = estimable_nuisances(robot) if NUISANCE_KIND in estimate.kinds else ()
     off = [each for each in every if each.name in estimate.found]
     amounts = np.array([estimate.found[each.name] - estimate.stated[each.name] for each in off])
     return with_estimates(moved_robot(robot, off, amounts), estimate.found, estimate.stated)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import norm, t
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.clusters.evidence import group_places, spread_over
+from robid.clusters.evidence import group_clusters, spread_over
 from robid.models.elastic.fit.problem import Problem
 from robid.robot.collocated import motor_rows
 
@@ -101,16 +101,16 @@ def score_covariance(problem: Problem, found: Influence) -> FloatArray:
 
     The pull is twice the weighted residuals' real product with their derivative: the slope of the log-likelihood
     where the weights are right. Noise is each configuration's own; the assumed model error is the model's, the same
-    however often a place is measured, so what a configuration shares with others in its place is in it too.
+    however often a cluster is measured, so what a configuration shares with others in its cluster is in it too.
     """
     n_conf, n_param = len(found.gain), found.gain.shape[-1]
-    # What a relative error of the model does to the score, element by element; in a place it is the same one in each
+    # What a relative error of the model does to the score, element by element; in a cluster it is the same one in each
     # configuration, so scores there are correlated.
     relative = problem.residual_kind.per_relative(problem.frf.response)
     error = problem.model_error[..., None] * found.weighted * relative.conj()[..., None]
     assumed = _reciprocal(error, motor_rows(problem.model)).reshape(n_conf, -1, n_param)
-    places = group_places(problem.frf.configurations)
-    shared = spread_over(places, np.array([assumed[place].sum(axis=0) for place in places]))
+    clusters = group_clusters(problem.frf.configurations)
+    shared = spread_over(clusters, np.array([assumed[cluster].sum(axis=0) for cluster in clusters]))
     scaled = found.gain * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
     # The covariance of a response is a product over outputs, inputs and lines. A root of each factor is applied in
     # turn, so that the whole matrix is never formed.
@@ -196,7 +196,7 @@ def realization_freedom(shifts: FloatArray) -> FloatArray:
     return np.asarray(np.divide(total, own, out=np.full_like(total, np.inf), where=own > 0))
 
 
-def load_doubt(problem: Problem, internal: FloatArray, inverse: FloatArray, weighted: ComplexArray) -> FloatArray:
+def cubic_covariance(problem: Problem, internal: FloatArray, inverse: FloatArray, weighted: ComplexArray) -> FloatArray:
     """Covariance that errors of the gears' slopes give, one for each gear and robot configuration.
 
     Between configurations everything else changes too, and a model that is off by so much in each of them feigns a
@@ -205,7 +205,7 @@ def load_doubt(problem: Problem, internal: FloatArray, inverse: FloatArray, weig
     assume of the response.
 
     Args:
-        problem: The problem; without cubic coefficients there is no such doubt.
+        problem: The problem; without cubic coefficients there is no such nuisance.
         internal (n_param,): Where to evaluate.
         inverse (n_param, n_param): Inverse of half the Gauss-Newton Hessian.
         weighted (n_conf, n_freq, n_out, n_in, n_param): Weighted derivative of the residual.
@@ -222,11 +222,11 @@ def load_doubt(problem: Problem, internal: FloatArray, inverse: FloatArray, weig
         return total
     own = problem.linear(internal)[1][..., columns]
     pulls = np.real(np.einsum("cfoip,cfoiq->cpq", weighted.conj(), own, optimize=True))
-    # An error of the slope of each gear, alike within a place and independent between places, shifts the parameters as
+    # An error of the slope of each gear, alike within a cluster and independent between them, shifts the parameters as
     # an error of the response would that is this slope's derivative.
     relative = np.sqrt(np.mean(problem.model_error**2))
-    for place in group_places(problem.frf.configurations):
-        shift = relative * inverse @ pulls[place].sum(axis=0)
+    for cluster in group_clusters(problem.frf.configurations):
+        shift = relative * inverse @ pulls[cluster].sum(axis=0)
         total += shift @ shift.T
     return total
 

@@ -36,7 +36,7 @@ _FEW = 3
 
 
 def uncoupled_findings(fitted: FittedModel) -> tuple[Finding, ...]:
-    """Doubts a model that lets no torque of one motor move another where the data show that it does.
+    """A finding where a model lets no torque of one motor move another where the data show that it does.
 
     No logarithm compares a response with zero, so no residual tells of it.
 
@@ -140,7 +140,7 @@ def _effect(hypothesis: Hypothesis, n_motor: int) -> float:
 
 
 def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: ElasticOptions, delay_s: float) -> Grade:
-    """Gathers the doubts about a fit and grades it by itself.
+    """Gathers the findings about a fit and grades it by itself.
 
     Where units or other scales are wrong, nothing else is looked for: all of it would be their doing.
 
@@ -149,8 +149,8 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     looked for only where it holds more than noise explains.
 
     The fit's own data are held to the limits of a validation. Responses or resonances beyond them are a decisive
-    doubt, which a validation takes over. What the error costs decides only here: where new data are predicted within
-    the limit, a residual that costs more is one reason for doubt among others.
+    finding, which a validation takes over. What the error costs decides only here: where new data are predicted within
+    the limit, a residual that costs more is one finding among others.
 
     Args:
         robot: The robot file that the fit started from, with its campaign's payload.
@@ -160,24 +160,24 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
         delay_s: Nominal delay of the fit, hold excluded [s].
 
     Returns:
-        The grade of the fit alone; with a validation, `grade_validation` takes its doubts.
+        The grade of the fit alone; with a validation, `grade_validation` takes its findings.
     """
     seen = _data_findings(robot, solution.estimate, frf, delay_s)
-    if not any(doubt.scales for doubt in seen):
+    if not any(finding.scales for finding in seen):
         seen = (*common_factor_findings(robot, frf, solution.estimate), *seen)
-    if any(doubt.scales for doubt in seen):
+    if any(finding.scales for finding in seen):
         return grade_fit(solution, ordered(seen))
     read = _parameter_findings(robot, solution.estimate, frf, options)
-    timing = [doubt for doubt in read if doubt.cause in ("delay", "samples")]
-    doubts = [doubt for doubt in seen if doubt.decisive] + timing
+    timing = [finding for finding in read if finding.cause in ("delay", "samples")]
+    findings = [finding for finding in seen if finding.decisive] + timing
     used = frf if options.correct_torques else without_coefficients(frf)
     fitted = fitted_model(robot, solution, used, options, delay_s)
     if is_unexplained(solution):
-        doubts += misfit_findings(solution, fitted)
-    doubts += uncoupled_findings(fitted)
+        findings += misfit_findings(solution, fitted)
+    findings += uncoupled_findings(fitted)
     own = measure(fitted, fitted.problem.model_response(fitted.internal), options.weights.model_error)
-    missed = own.doubts("the fit's own data")
-    return grade_fit(solution, ordered([*doubts, *seen, *read, *missed]), own.cost_failures("the fit's own data"))
+    missed = own.findings("the fit's own data")
+    return grade_fit(solution, ordered([*findings, *seen, *read, *missed]), own.cost_failures("the fit's own data"))
 
 
 def _parameter_findings(robot: Robot, estimate: Estimate, frf: Frf, options: ElasticOptions) -> tuple[Finding, ...]:
@@ -188,26 +188,26 @@ def _parameter_findings(robot: Robot, estimate: Estimate, frf: Frf, options: Ela
 
 
 def validation_findings(
-    doubts: Sequence[Finding], robot: Robot, estimate: Estimate, frf: Frf, campaign: str, delay_s: float = 0.0
+    findings: Sequence[Finding], robot: Robot, estimate: Estimate, frf: Frf, campaign: str, delay_s: float = 0.0
 ) -> tuple[Finding, ...]:
-    """Adds what a validation campaign's data contradict to the doubts about a fit.
+    """Adds what a validation campaign's data contradict to the findings about a fit.
 
     What the data of either campaign decide is to blame first.
 
     Args:
-        doubts: Doubts about the fit, the first to blame first.
+        findings: Findings about the fit, the first to blame first.
         robot: The robot file that the fit started from, with the validation campaign's payload.
-        estimate: What the fit found: with masses or counterbalances that it freed, weight is carried otherwise.
+        estimate: What the fit found: with masses or counterbalances that it estimated, weight is carried otherwise.
         frf: The response of the validation campaign.
         campaign: Its name.
         delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
     """
     found = _data_findings(robot, estimate, frf, delay_s)
-    seen = [replace(doubt, message=f"in campaign {campaign}, {doubt.message}") for doubt in found]
-    first = takewhile(lambda doubt: doubt.decisive, doubts)
-    return ordered([*first, *(doubt for doubt in seen if doubt.decisive), *doubts, *seen])
+    seen = [replace(finding, message=f"in campaign {campaign}, {finding.message}") for finding in found]
+    first = takewhile(lambda finding: finding.decisive, findings)
+    return ordered([*first, *(finding for finding in seen if finding.decisive), *findings, *seen])
 
 
 def _data_findings(robot: Robot, estimate: Estimate, frf: Frf, delay_s: float) -> tuple[Finding, ...]:
-    """What data contradict, mean torques held against the robot with what the fit freed."""
+    """What data contradict, mean torques held against the robot with what the fit estimated."""
     return data_findings(robot, frf, delay_s, fitted_carrier(robot, estimate))

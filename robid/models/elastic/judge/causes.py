@@ -119,15 +119,17 @@ def _of_spring(further: FurtherSpring, problem: Problem, end: Minimum, fitted: F
     )
 
 
-_MOST_OF_IT = 0.9  # of what all doubts of a cause explain
+_MOST_OF_IT = 0.9  # of what all nuisances of a cause explain
 _MEGA = 1e-6
 
 
-def of_findings(scores: Scores, group: list[int], options: ElasticOptions, *, swings_known: bool) -> Explanation | None:
-    """The fewest doubts of a cause that explain most of what all do; None where chance explains as much.
+def of_nuisances(
+    scores: Scores, group: list[int], options: ElasticOptions, *, swings_known: bool
+) -> Explanation | None:
+    """The fewest nuisances of a cause that explain most of what all do; None where chance explains as much.
 
     Args:
-        scores: All doubts held against what the fit leaves.
+        scores: All nuisances held against what the fit leaves.
         group: Those of the cause.
         options: Options of the fit.
         swings_known: Whether the response tells how far the gears swing.
@@ -143,17 +145,17 @@ def of_findings(scores: Scores, group: list[int], options: ElasticOptions, *, sw
     fair = gained - len(chosen) * CHANCE * (scores.cost - gained) / scores.freedom
     if fair <= 0:
         return None
-    named = [scores.doubts[index] for index in chosen]
+    named = [scores.nuisances[index] for index in chosen]
     return Explanation(
         named[0].cause,
-        tuple(doubt.title for doubt in named),
+        tuple(nuisance.title for nuisance in named),
         amounts,
-        tuple(doubt.unit for doubt in named),
+        tuple(nuisance.unit for nuisance in named),
         fair / scores.cost,
         scores.follow[:, chosen] @ amounts,
-        tuple(doubt.stated for doubt in named),
+        tuple(nuisance.stated for nuisance in named),
         remedy(named, swings_known=swings_known),
-        tuple(doubt.name for doubt in named if doubt.name in options.fixed),
+        tuple(nuisance.name for nuisance in named if nuisance.name in options.fixed),
     )
 
 
@@ -190,17 +192,17 @@ def misfit_findings(solution: ElasticSolution, fitted: FittedModel) -> tuple[Fin
         fitted: The fitted model in the configurations of the fit's own response.
 
     Returns:
-        Doubts whose strength is how many half widths of its interval some parameter would move. The first is decisive
+        Findings whose strength is how many half widths of its interval some parameter would move. The first is decisive
         where it explains most of the residual and is a sign, or a spring that leaves another one far from its estimate.
     """
     found = [each for each in explain(fitted) if each.share > _TELLING]
-    return tuple(_doubt(solution.estimate, each, found if each is found[0] else (), fitted.options) for each in found)
+    return tuple(_finding(solution.estimate, each, found if each is found[0] else (), fitted.options) for each in found)
 
 
 def explain(fitted: FittedModel) -> list[Explanation]:
     """Ranks what a robot file may have wrong by how much of a fit's residual it explains.
 
-    Each doubt is a column beside the parameters' own, which are at liberty to follow. Those of one cause are freed
+    Each nuisance is a column beside the parameters' own, which are at liberty to follow. Those of one cause are free
     together, as far as their priors let them, and the fewest are named that explain most of what all of them do. A
     missing spring, a gear ratio or a sign changes the response too much for that: each is put in its place and the fit
     goes on for some steps.
@@ -216,14 +218,16 @@ def explain(fitted: FittedModel) -> list[Explanation]:
     reversed_ = [] if signs is None else [signs]
     if signs is not None and signs.share > _MOSTLY:
         return reversed_  # a fit to reversed data says nothing of anything else
-    doubts = [each for each in list_nuisances(robot, options) if each.cause != "missing_spring" and each.common_std > 0]
-    scores = score(fitted, (*doubts, *candidates(robot, fitted.problem.frf)))
+    nuisances = [
+        each for each in list_nuisances(robot, options) if each.cause != "missing_spring" and each.common_std > 0
+    ]
+    scores = score(fitted, (*nuisances, *candidates(robot, fitted.problem.frf)))
     groups: dict[str, list[int]] = defaultdict(list)
-    for index, doubt in enumerate(scores.doubts):
-        groups[doubt.cause].append(index)
+    for index, nuisance in enumerate(scores.nuisances):
+        groups[nuisance.cause].append(index)
     ratios = groups.pop("gear_ratio", [])
     known = swings_known(fitted.problem.frf)
-    each_cause = (of_findings(scores, group, options, swings_known=known) for group in groups.values())
+    each_cause = (of_nuisances(scores, group, options, swings_known=known) for group in groups.values())
     found = [each for each in each_cause if each is not None]
     found += try_springs(fitted)[:1]
     found += _wrong_ratio(fitted, scores, ratios)
@@ -237,7 +241,7 @@ def _wrong_ratio(fitted: FittedModel, scores: Scores, listed: Sequence[int]) -> 
     robot = fitted.robot
     names = [f"{joint.name}.gear_ratio" for joint in robot.joints]
     likely = sorted(listed, key=lambda index: -gain(scores, (index,))[0])
-    joints = [names.index(scores.doubts[index].name) for index in likely]
+    joints = [names.index(scores.nuisances[index].name) for index in likely]
     trials = try_ratios(fitted, joints)
     stated = robot.gear_ratio
     return [
@@ -247,7 +251,7 @@ def _wrong_ratio(fitted: FittedModel, scores: Scores, listed: Sequence[int]) -> 
     ]
 
 
-def _doubt(estimate: Estimate, found: Explanation, ranked: Sequence[Explanation], options: ElasticOptions) -> Finding:
+def _finding(estimate: Estimate, found: Explanation, ranked: Sequence[Explanation], options: ElasticOptions) -> Finding:
     """What an explanation speaks against; the first of those ranked tells of the next ones too."""
     leads = bool(ranked)
     half = np.maximum(0.5 * (estimate.upper - estimate.lower), 1e-300)

@@ -18,7 +18,7 @@ from robid.models.elastic.fit.solution import ElasticSolution
 from robid.robot.derivatives import loaded_slopes
 from robid.robot.description import Robot
 from robid.robot.linearize import LinearModel
-from robid.robot.parameters import DOUBT
+from robid.robot.parameters import NUISANCE_KIND
 from robid.robot.response import ElasticParameters, at_rest, motion_matrices, nominal_parameters
 
 _SAME_VALUE = 1e-6
@@ -123,7 +123,7 @@ def _internal(robot: Robot, solution: ElasticSolution, parameters: ParameterMap)
     stated = solution.estimate.stated
     internal = np.array([fitted.get(name, 0.0) for name in parameters.names])
     for index, kind in enumerate(parameters.kind_of):
-        if kind == DOUBT:  # as many kilograms with another payload too
+        if kind == NUISANCE_KIND:  # as many kilograms with another payload too
             name = parameters.names[index]
             internal[index] = (estimate[name] - stated[name]) / parameters.scale[index]
             if name == _PAYLOAD_MASS and internal[index] < parameters.lower[index] - _SAME_VALUE:
@@ -137,7 +137,7 @@ def _internal(robot: Robot, solution: ElasticSolution, parameters: ParameterMap)
     differing = [
         name
         for name, kind in kinds.items()
-        if kind not in ("friction", DOUBT)
+        if kind not in ("friction", NUISANCE_KIND)
         and not np.isclose(values.get(name, np.nan), estimate.get(name, np.nan), rtol=_SAME_VALUE, atol=1e-12)
     ]
     if differing:
@@ -230,10 +230,10 @@ def frequency_std(fitted: FittedModel, covariance: FloatArray, modes: Modes, con
     }
     if model.shifts is not None:
         by = model.shifts
-        change["doubt"] = s**2 * _seen(by.mass[configuration], x) + _seen(by.gravity_stiffness[configuration], x)
+        change[NUISANCE_KIND] = s**2 * _seen(by.mass[configuration], x) + _seen(by.gravity_stiffness[configuration], x)
     if model.effects is not None:
         by_effects = model.effects.slopes(values.doubt, values.damping, np.abs(s))[configuration]
-        change["doubt"] = change["doubt"] + np.einsum("msd,sm->dm", by_effects, springs)
+        change[NUISANCE_KIND] = change[NUISANCE_KIND] + np.einsum("msd,sm->dm", by_effects, springs)
         change["damping"] = model.effects.growth(values.doubt)[configuration, :, None] * change["damping"]
     moving, at = at_rest(model, values)
     for kind, slopes in loaded_slopes(moving, values, at, parameters.kinds).items():

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
-from robid.clusters.evidence import group_places
-from robid.models.elastic.fit.intervals import FEWEST_PLACES
+from robid.clusters.evidence import group_clusters
+from robid.models.elastic.fit.intervals import FEWEST_CLUSTERS
 from robid.models.elastic.fit.model_error import ModelError
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.judge.extrema import resonance_shifts
@@ -43,14 +43,14 @@ class Measures:
         ratio = float(self.error_ratio.max())
         if ratio <= COST_RATIO_LIMIT:
             return ()
-        place = f" in configuration {int(np.argmax(self.error_ratio)) + 1}" if len(self.error_ratio) > 1 else ""
+        where = f" in configuration {int(np.argmax(self.error_ratio)) + 1}" if len(self.error_ratio) > 1 else ""
         return (
-            f"the error{place} of {data} costs {two_digits(ratio)} times what noise and the assumed model error "
+            f"the error{where} of {data} costs {two_digits(ratio)} times what noise and the assumed model error "
             f"allow, limit {COST_RATIO_LIMIT:g}",
         )
 
-    def doubts(self, data: str) -> tuple[Finding, ...]:
-        """A decisive doubt where responses or resonances of these data are missed, whatever noise they have."""
+    def findings(self, data: str) -> tuple[Finding, ...]:
+        """A decisive finding where responses or resonances of these data are missed, whatever noise they have."""
         misses = self._misses()
         told = f"in {data}, {' and '.join(clause for clause, _ in misses)}"
         return (Finding("model", told, decisive=True, strength=max(far for _, far in misses)),) if misses else ()
@@ -151,31 +151,31 @@ _DROPPED_LIMIT = 0.5
 _WIDE = 1.0
 
 
-def grade_fit(solution: ElasticSolution, doubts: Sequence[Finding], failures: Sequence[str] = ()) -> Grade:
+def grade_fit(solution: ElasticSolution, findings: Sequence[Finding], failures: Sequence[str] = ()) -> Grade:
     """Grades a fit that was held against nothing but its own data: it predicts at best.
 
     Args:
         solution: What the fit found.
-        doubts: Doubts about its data, its parameters and its residual, the first to blame first.
+        findings: Findings about its data, its parameters and its residual, the first to blame first.
         failures: What of its own data is beyond the limits of a validation, a clause each.
     """
-    return grade_alone((*_unusable(solution, doubts), *failures), _doubtful(solution, doubts), doubts)
+    return grade_alone((*_unusable(solution, findings), *failures), _doubtful(solution, findings), findings)
 
 
-def grade_validation(solution: ElasticSolution, doubts: Sequence[Finding], failures: Sequence[str]) -> Grade:
+def grade_validation(solution: ElasticSolution, findings: Sequence[Finding], failures: Sequence[str]) -> Grade:
     """Grades a fit that was held against data that it never saw.
 
     Args:
         solution: What the fit found.
-        doubts: Doubts about its data, its parameters and its residual, the first to blame first.
+        findings: Findings about its data, its parameters and its residual, the first to blame first.
         failures: What the validation found beyond its limits, a clause each.
     """
-    return grade_held((*_unusable(solution, doubts), *failures), _doubtful(solution, doubts), doubts)
+    return grade_held((*_unusable(solution, findings), *failures), _doubtful(solution, findings), findings)
 
 
-def _unusable(solution: ElasticSolution, doubts: Sequence[Finding]) -> tuple[str, ...]:
+def _unusable(solution: ElasticSolution, findings: Sequence[Finding]) -> tuple[str, ...]:
     """Why a fit must not be used, whatever it was held against."""
-    found = [doubt.message for doubt in doubts if doubt.decisive]
+    found = [finding.message for finding in findings if finding.decisive]
     if solution.estimate.status != "converged":
         found.append("the fit has not converged")
     share = solution.costs.dropped / solution.costs.told
@@ -193,19 +193,19 @@ def _unusable(solution: ElasticSolution, doubts: Sequence[Finding]) -> tuple[str
     return tuple(found)
 
 
-def _doubtful(solution: ElasticSolution, doubts: Sequence[Finding]) -> tuple[str, ...]:
+def _doubtful(solution: ElasticSolution, findings: Sequence[Finding]) -> tuple[str, ...]:
     """Why single parameters may be off by more than their intervals say."""
-    found = [doubt.message for doubt in doubts if not doubt.decisive and doubt.strength > 1]
+    found = [finding.message for finding in findings if not finding.decisive and finding.strength > 1]
     if solution.misfit > _MISFIT_LIMIT:
         found.append(
             f"the residual costs {two_digits(solution.misfit)} times what noise and the assumed model error allow"
         )
     alone = _known_alone(solution)
-    few = _too_few(len(group_places(solution.responses.configurations)))
+    few = _too_few(len(group_clusters(solution.responses.configurations)))
     if few:
         found.append(few)
     elif alone:
-        found.append(f"a single place knows {', '.join(alone)}: the others do not test it")
+        found.append(f"a single cluster of configurations determines {', '.join(alone)}: the others do not test it")
     error = solution.model_error
     if error is not None:
         above, correlated = telling_shares(error)
@@ -217,21 +217,25 @@ def _doubtful(solution: ElasticSolution, doubts: Sequence[Finding]) -> tuple[str
     return tuple(found)
 
 
-def _too_few(places: int) -> str:
-    """Why so few places do not show what parameters differ by between them, with how many more do."""
-    missing = FEWEST_PLACES - places
+def _too_few(clusters: int) -> str:
+    """Why so few clusters do not show what parameters differ by between them, with how many more do."""
+    missing = FEWEST_CLUSTERS - clusters
     if missing <= 0:
         return ""
-    measured = "all was measured in a single place" if places == 1 else f"all was measured in {places} places"
+    measured = (
+        "all was measured in a single cluster of configurations"
+        if clusters == 1
+        else f"all was measured in {clusters} clusters of configurations"
+    )
     more = f"{missing} more {'configuration' if missing == 1 else 'configurations'}"
     return (
-        f"{measured}, and fewer than {FEWEST_PLACES} do not show by how much the model's parameters differ from place "
-        f"to place: measure {more}"
+        f"{measured}, and fewer than {FEWEST_CLUSTERS} do not show by how much the model's parameters differ from one "
+        f"to another: measure {more}"
     )
 
 
 def _known_alone(solution: ElasticSolution) -> list[str]:
-    """Identified springs that one place knows."""
+    """Identified springs that one cluster knows."""
     estimate = solution.estimate
     if solution.effective is None:
         return []

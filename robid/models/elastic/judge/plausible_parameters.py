@@ -1,4 +1,4 @@
-"""Fitted parameters that no robot can have, and what a fit freed of what a robot carries."""
+"""Fitted parameters that no robot can have, and what a fit estimated of what a robot carries."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 from scipy.stats import norm
 
 from robid.arrays import FloatArray, IntArray
-from robid.models.elastic.fit.nuisance.kinds import freeable_nuisances, moved_robot, torque_slopes
+from robid.models.elastic.fit.nuisance.kinds import estimable_nuisances, moved_robot, torque_slopes
 from robid.results.estimate import Estimate
 from robid.results.finding import Finding
 from robid.results.plausible.evidence import Carrier, Fitted
 from robid.robot.description import Robot
 from robid.robot.inertia import combine
-from robid.robot.parameters import DOUBT
+from robid.robot.parameters import NUISANCE_KIND
 
 _FEW_SAMPLES = 3.0
 _OF_DIFFERENCE, _NEAR_IT = -0.5, 0.15  # samples: a difference of positions is half a sample late
@@ -69,7 +69,7 @@ def parameter_findings(
         differenced: Whether speeds among the outputs are said to be differences of positions.
     """
     found, (lowest, highest) = _by_name(estimate), band_hz
-    doubts = [
+    findings = [
         *_friction(robot, found, 2 * np.pi * lowest),
         *_surprises(estimate),
         *_delay(found, sampling_period_s, highest, differenced=differenced),
@@ -77,7 +77,7 @@ def parameter_findings(
         *_links(robot, found, prior_decades),
         *_springs(robot, found, prior_decades),
     ]
-    return tuple(sorted(doubts, key=lambda doubt: (not doubt.decisive, -doubt.strength)))
+    return tuple(sorted(findings, key=lambda finding: (not finding.decisive, -finding.strength)))
 
 
 def _by_name(estimate: Estimate) -> dict[str, _Found]:
@@ -211,7 +211,7 @@ _SHARE = 0.01
 
 
 def fitted_carrier(robot: Robot, estimate: Estimate) -> Fitted | None:
-    """Returns a robot with the masses, torque constants and counterbalances that a fit freed.
+    """Returns a robot with the masses, torque constants and counterbalances that a fit estimated.
 
     Args:
         robot: The robot file that the fit started from, with its campaign's payload.
@@ -219,17 +219,19 @@ def fitted_carrier(robot: Robot, estimate: Estimate) -> Fitted | None:
 
     Returns:
         The robot, and how far it may be off: as far as the intervals reach, correlated as the estimates are; None
-        where the fit freed nothing of the kind.
+        where the fit estimated nothing of the kind.
     """
-    doubts = [doubt for doubt in freeable_nuisances(robot) if doubt.name in estimate.names] * (DOUBT in estimate.kinds)
-    if not doubts:
+    nuisances = [nuisance for nuisance in estimable_nuisances(robot) if nuisance.name in estimate.names] * (
+        NUISANCE_KIND in estimate.kinds
+    )
+    if not nuisances:
         return None
-    rows = np.array([estimate.names.index(doubt.name) for doubt in doubts])
-    amounts = estimate.value[rows] - np.array([estimate.stated[doubt.name] for doubt in doubts])
-    slopes = torque_slopes(doubts, len(robot.joints))
+    rows = np.array([estimate.names.index(nuisance.name) for nuisance in nuisances])
+    amounts = estimate.value[rows] - np.array([estimate.stated[nuisance.name] for nuisance in nuisances])
+    slopes = torque_slopes(nuisances, len(robot.joints))
 
     def carrier(off: FloatArray) -> Carrier:
-        return Carrier(moved_robot(robot, doubts, off), np.exp(-off @ slopes))
+        return Carrier(moved_robot(robot, nuisances, off), np.exp(-off @ slopes))
 
     directions = _deviations(estimate, rows).T
     return Fitted(carrier(amounts), tuple(carrier(amounts + _SHARE * each) for each in directions), _SHARE)

@@ -24,23 +24,23 @@ from robid.robot.description import Robot
 CHANCE = 50.0
 """Times what a random column explains does what counts: neighbouring lines err alike."""
 
-_WIDER = 5.0  # than its prior is a doubt that would explain a misfit
+_WIDER = 5.0  # than its prior is a nuisance that would explain a misfit
 
 
 @dataclass(frozen=True)
 class Scores:
-    """Normal equations of the doubts, the fit's own parameters eliminated.
+    """Normal equations of the nuisances, the fit's own parameters eliminated.
 
     Attributes:
-        doubts: The doubts.
-        slope (n_doubt,): Half the negative gradient of the cost by the amounts.
-        curvature (n_doubt, n_doubt): Half its Gauss-Newton Hessian, with what is known of them beforehand.
-        follow (n_param, n_doubt): How far the parameters move by each amount.
+        nuisances: The nuisances.
+        slope (n_nuisance,): Half the negative gradient of the cost by the amounts.
+        curvature (n_nuisance, n_nuisance): Half its Gauss-Newton Hessian, with what is known of them beforehand.
+        follow (n_param, n_nuisance): How far the parameters move by each amount.
         cost: Cost of the residual.
         freedom: Real residuals behind it.
     """
 
-    doubts: tuple[Nuisance, ...]
+    nuisances: tuple[Nuisance, ...]
     slope: FloatArray
     curvature: FloatArray
     follow: FloatArray
@@ -48,26 +48,28 @@ class Scores:
     freedom: float
 
 
-def score(fitted: FittedModel, doubts: tuple[Nuisance, ...]) -> Scores:
-    """Holds doubts against what a fit leaves.
+def score(fitted: FittedModel, nuisances: tuple[Nuisance, ...]) -> Scores:
+    """Holds nuisances against what a fit leaves.
 
     Args:
         fitted: The fitted model in the configurations of the fit's own response.
-        doubts: Doubts that were listed for its robot.
+        nuisances: Nuisances that were listed for its robot.
     """
     problem, internal = fitted.problem, fitted.internal
     residual, derivative = problem.linear(internal)
-    columns = nuisance_columns(problem, internal, fitted.robot, fitted.options, doubts, all_rest=False)
+    columns = nuisance_columns(problem, internal, fitted.robot, fitted.options, nuisances, all_rest=False)
     own, added = _rows(fitted, derivative), _rows(fitted, columns)
     left = _rows(fitted, residual[..., None])[:, 0]
     prior = 0.5 / problem.parameters.prior_std**2
     cost, freedom = float(left @ left), float(problem.residual_kind.parts) * (problem.weight > 0).sum() - own.shape[1]
     # What errs alike over lines says less than it counts: it must not outweigh what is known beforehand.
-    known = max(0.5, CHANCE * cost / freedom) / (_WIDER * np.array([doubt.common_std for doubt in doubts])) ** 2
+    known = (
+        max(0.5, CHANCE * cost / freedom) / (_WIDER * np.array([nuisance.common_std for nuisance in nuisances])) ** 2
+    )
     mixed = own.T @ added
     follow = -np.linalg.lstsq(own.T @ own + np.diag(prior), mixed, rcond=1e-14)[0]
     return Scores(
-        doubts=doubts,
+        nuisances=nuisances,
         slope=added.T @ left + follow.T @ (own.T @ left - prior * internal),
         curvature=added.T @ added + mixed.T @ follow + np.diag(known),
         follow=follow,
@@ -77,10 +79,10 @@ def score(fitted: FittedModel, doubts: tuple[Nuisance, ...]) -> Scores:
 
 
 def gain(scores: Scores, chosen: Sequence[int]) -> tuple[float, FloatArray]:
-    """Cost that these doubts save together, and their amounts; zero for those whose amount would make no sense."""
+    """Cost that these nuisances save together, and their amounts; zero for those whose amount would make no sense."""
     amounts, kept = np.zeros(len(chosen)), np.arange(len(chosen))
     rows = np.array(chosen)
-    least, most = (np.array([getattr(scores.doubts[row], end) for row in chosen]) for end in ("least", "most"))
+    least, most = (np.array([getattr(scores.nuisances[row], end) for row in chosen]) for end in ("least", "most"))
     while kept.size:
         own = rows[kept]
         curvature = scores.curvature[np.ix_(own, own)]
@@ -159,7 +161,7 @@ _BACKLASH_STD, _MOST_BACKLASH = 0.1, 2.0  # mrad: a gear of good quality has som
 
 
 def candidates(robot: Robot, frf: Frf) -> tuple[Nuisance, ...]:
-    """Lists explanations of a misfit that are no doubts of a robot file.
+    """Lists explanations of a misfit that are no nuisances of a robot file.
 
     They widen no interval: ratios are exact or plainly wrong, and backlash leaves no linear spring to estimate.
 

@@ -93,7 +93,7 @@ def validate_elastic(
     options: ElasticOptions,
     delay_s: float,
     truth: dict[str, float] | None,
-    doubts: Sequence[Finding] = (),
+    findings: Sequence[Finding] = (),
     campaign: str = "validation",
 ) -> Validation:
     """Validates a fitted elastic model on responses that the fit did not see.
@@ -110,7 +110,7 @@ def validate_elastic(
         options: Options of the fit.
         delay_s: Nominal delay of the fit, hold excluded [s].
         truth: True values by parameter name, of a simulated robot.
-        doubts: Doubts about the fit, for the grade; those about these data are added.
+        findings: Findings about the fit, for the grade; those about these data are added.
         campaign: Name of the campaign that these data come from.
 
     Raises:
@@ -125,7 +125,7 @@ def validate_elastic(
     own = own_errors(fitted, costs.modelled)
     measures = measure(fitted, costs.modelled, options.weights.model_error)
     seen = _seen_already(solution, frf)
-    every = (*validation_findings(doubts, robot, solution.estimate, frf, campaign, delay_s), *seen)
+    every = (*validation_findings(findings, robot, solution.estimate, frf, campaign, delay_s), *seen)
     return Validation(
         outcome=_outcome(solution, measures, every, truth or {}, seen=bool(seen)),
         configurations=frf.configurations,
@@ -147,13 +147,13 @@ def validate_elastic(
 
 
 def _outcome(
-    solution: ElasticSolution, measures: Measures, doubts: Sequence[Finding], truth: dict[str, float], *, seen: bool
+    solution: ElasticSolution, measures: Measures, findings: Sequence[Finding], truth: dict[str, float], *, seen: bool
 ) -> Outcome:
     failures = measures.failures()
     return Outcome(
         ok=not failures,
         verdict=_verdict(measures, failures, seen=seen),
-        grade=grade_validation(solution, doubts, failures),
+        grade=grade_validation(solution, findings, failures),
         recovery=recover(solution.estimate, truth),
     )
 
@@ -198,7 +198,7 @@ def median_spring_half_width(estimate: Estimate) -> float | None:
 
 
 def _seen_already(solution: ElasticSolution, frf: Frf) -> tuple[Finding, ...]:
-    """A doubt where nothing was measured elsewhere than the fit's data, which tells nothing of other configurations."""
+    """A finding where nothing was measured elsewhere than the fit's data, which says nothing of others."""
     mine, theirs = frf.configurations, solution.responses.configurations
     near = np.abs(mine[:, None] - theirs[None]).max(axis=2, initial=0.0) < _SAME_CONFIGURATION_RAD
     if not near.any(axis=1).all():

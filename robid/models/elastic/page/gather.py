@@ -20,7 +20,7 @@ from robid.models.elastic.files import (
 )
 from robid.models.elastic.fit.model_error import ModelError
 from robid.models.elastic.fit.nuisance.kinds import list_nuisances
-from robid.models.elastic.fit.solution import ElasticSolution, NamedDoubts, Starts
+from robid.models.elastic.fit.solution import ElasticSolution, NuisanceEstimates, Starts
 from robid.models.elastic.judge.resonances import Measured, Repeat, ResonanceTable, pool_repeats
 from robid.models.elastic.settings import elastic_fit
 from robid.models.family import Shown
@@ -103,7 +103,7 @@ class ResonanceRow:
 
 
 @dataclass(frozen=True)
-class DoubtRow:
+class NuisanceRow:
     """Something that the robot file may have wrong.
 
     Attributes:
@@ -144,7 +144,7 @@ class FitContent:
         advice: What to do about it; empty when there is nothing to do.
         element_errors: The residuals against their covariance, or None where there is none.
         grade: How far to trust it; None where that is unknown.
-        file_doubts: What the robot file may have wrong.
+        nuisance_rows: What the robot file may have wrong.
         validation_campaign: Name of the validation campaign.
         validation_frf: Its frequency responses, or None.
         validation_model: The model's responses there, or None.
@@ -163,7 +163,7 @@ class FitContent:
     advice: str = ""
     element_errors: ElementErrors | None = None
     grade: Grade | None = None
-    file_doubts: tuple[DoubtRow, ...] = ()
+    nuisance_rows: tuple[NuisanceRow, ...] = ()
     validation_campaign: str = ""
     validation_frf: Frf | None = None
     validation_model: ComplexArray | None = None
@@ -275,7 +275,7 @@ def fit_content(shown: Shown) -> FitContent:
         status=estimate.status.replace("_", " "),
         advice=estimate.advice,
         element_errors=None if solution.model_error is None else _element_errors(solution.model_error),
-        file_doubts=() if solution.doubts is None else file_doubts(solution.doubts, limits, estimate.confidence),
+        nuisance_rows=() if solution.doubts is None else nuisance_rows(solution.doubts, limits, estimate.confidence),
         grade=grade,
     )
     if validation is None or settings.validate_on is None or shown.new is None:
@@ -290,23 +290,23 @@ def fit_content(shown: Shown) -> FitContent:
     )
 
 
-def file_doubts(
-    doubts: NamedDoubts, limits: Mapping[str, tuple[float, float]], confidence: float
-) -> tuple[DoubtRow, ...]:
-    """Turns what a fit says of its doubts into rows; no amount is told that makes no sense, as of a negative mass.
+def nuisance_rows(
+    nuisances: NuisanceEstimates, limits: Mapping[str, tuple[float, float]], confidence: float
+) -> tuple[NuisanceRow, ...]:
+    """Turns what a fit says of its nuisances into rows; no amount is told that makes no sense, as of a negative mass.
 
     Args:
-        doubts: What the fit says.
-        limits: Least and most amount of each doubt, by its name; those without any are told as they are.
+        nuisances: What the fit says.
+        limits: Least and most amount of each nuisance, by its name; those without any are told as they are.
         confidence: Level of the intervals.
     """
-    known = norm.ppf(0.5 + 0.5 * confidence) * np.hypot(doubts.prior_std, doubts.place_std)
+    known = norm.ppf(0.5 + 0.5 * confidence) * np.hypot(nuisances.prior_std, nuisances.place_std)
     told = [
         float(np.clip(value, *limits.get(name, (-np.inf, np.inf))))
-        for name, value in zip(doubts.names, doubts.value.tolist(), strict=True)
+        for name, value in zip(nuisances.names, nuisances.value.tolist(), strict=True)
     ]
-    columns = doubts.names, doubts.units, told, doubts.half_width.tolist(), known.tolist()
-    return tuple(DoubtRow(*row) for row in zip(*columns, strict=True))
+    columns = nuisances.names, nuisances.units, told, nuisances.half_width.tolist(), known.tolist()
+    return tuple(NuisanceRow(*row) for row in zip(*columns, strict=True))
 
 
 def _element_errors(error: ModelError) -> ElementErrors:
@@ -351,7 +351,9 @@ def _parameters(
     return tuple(
         replace(
             row,
-            note="; ".join(filter(None, (row.note, "known from one place" if alone[index] else ""))),
+            note="; ".join(
+                filter(None, (row.note, "determined by one cluster of configurations" if alone[index] else ""))
+            ),
             bootstrap=None if repeated is None else (float(repeated.lower[index]), float(repeated.upper[index])),
             realization_relative_std=None if realized is None else float(realized[index]),
         )

@@ -12,7 +12,7 @@ from rich.console import Group
 
 from robid.models.elastic.files import validation_from_artifact
 from robid.models.elastic.judge.validating import Validation
-from robid.models.elastic.page.gather import DoubtRow, FitContent, fit_content
+from robid.models.elastic.page.gather import FitContent, NuisanceRow, fit_content
 from robid.models.elastic.page.resonances import (
     repeat_summary,
     resonance_errors,
@@ -38,6 +38,7 @@ from robid.report.parameter_section import identified_phrase, parameter_numbers,
 from robid.report.parameters import misfit_sentence
 from robid.report.section import Folded, Notes, Part, Section, Table
 from robid.results.outcome import recovery_sentence
+from robid.robot.parameters import NUISANCE_KIND
 
 _FEW_MOTORS = 2
 _CONVENTIONS = "Stiffness and damping are arm side."
@@ -59,14 +60,14 @@ def headline(fit: FitContent) -> Headline:
             *cost_number(fit.estimation_costs, fit.validation_costs),
             *start_number(fit.starts),
         ),
-        findings=() if fit.grade is None else tuple(doubt.sentence for doubt in fit.grade.findings),
+        findings=() if fit.grade is None else tuple(finding.sentence for finding in fit.grade.findings),
         status=fit.status,
         advice=fit.advice,
     )
 
 
 def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]:
-    """Lays out a fit: its responses, parameters, doubts, resonances, costs and starts.
+    """Lays out a fit: its responses, parameters, nuisances, resonances, costs and starts.
 
     Args:
         fit: The fit.
@@ -75,7 +76,7 @@ def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]
     return (
         _response(fit, told),
         *parameter_section(fit.estimates, _conventions(fit)),
-        *doubt_section(fit.file_doubts, fit.estimates.level),
+        *nuisance_section(fit.nuisance_rows, fit.estimates.level),
         *resonance_section(fit.resonances, fit.frf, fit.estimates.level),
         *cost_section(fit.estimation_costs, fit.validation_costs, element_sentence(fit)),
         *start_section(fit.starts),
@@ -84,28 +85,28 @@ def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]
 
 def _conventions(fit: FitContent) -> str:
     """What values are to be understood as."""
-    kinds = {row.name.rpartition(".")[2] for row in fit.estimates.rows if row.kind == "doubt"}
+    kinds = {row.name.rpartition(".")[2] for row in fit.estimates.rows if row.kind == NUISANCE_KIND}
     more = [text for kind, text in (("load_damping", _OF_LOADS), ("hysteresis", _OF_BRISTLES)) if kind in kinds]
     return " ".join((_CONVENTIONS, *more))
 
 
-def doubt_section(rows: tuple[DoubtRow, ...], level: float) -> tuple[Section, ...]:
-    """Lays out what the data say of the robot file; nothing without doubts."""
+def nuisance_section(rows: tuple[NuisanceRow, ...], level: float) -> tuple[Section, ...]:
+    """Lays out what the data say of the robot file; nothing without nuisances."""
     if not rows:
         return ()
     off = [row for row in rows if row.is_off]
     lead = (
         f"Estimated with the parameters, from how far the robot file says that it may be off. {percent(level)} "
-        f"intervals exclude that it is right in {len(off)} of {len(rows)} doubts."
+        f"intervals exclude that it is right in {len(off)} of {len(rows)} nuisance parameters."
     )
-    parts: list[Part] = [_doubt_table(off)] if off else []
-    parts.append(Folded(f"All doubts, {len(rows)}", (_doubt_table(rows),)))
-    return (Section("What the robot file may have wrong", lead, tuple(parts), "file-doubts"),)
+    parts: list[Part] = [_nuisance_table(off)] if off else []
+    parts.append(Folded(f"All nuisance parameters, {len(rows)}", (_nuisance_table(rows),)))
+    return (Section("What the robot file may have wrong", lead, tuple(parts), "nuisance-parameters"),)
 
 
-def _doubt_table(rows: Sequence[DoubtRow]) -> Table:
+def _nuisance_table(rows: Sequence[NuisanceRow]) -> Table:
     return Table(
-        ("Doubt", "Off by", "±", "Known beforehand ±", "Unit"),
+        ("Nuisance parameter", "Off by", "±", "Known beforehand ±", "Unit"),
         tuple((row.name, *map(_written, (row.amount, row.half_width, row.known)), row.unit) for row in rows),
         caption="Off by: what is true less what the file says, to first order where no robot could be moved along.",
         styles=("name", "strong", "number", "number", "text"),
@@ -217,7 +218,7 @@ def _fit(fit: FitContent) -> dict[str, float]:
     distances = [abs(error) for error, _ in resonance_errors(fit.resonances)]
     if distances:
         found |= {"resonances.median_relative_error": median(distances), "resonances.count": len(distances)}
-    for row in fit.file_doubts:
+    for row in fit.nuisance_rows:
         found |= {f"doubts.{row.name}.amount": row.amount, f"doubts.{row.name}.half_width": row.half_width}
     return found | _modes(fit) | _recovery(fit)
 

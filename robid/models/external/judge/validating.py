@@ -74,7 +74,7 @@ def validate_external(
     Args:
         solution: What the fit found.
         shots: What was recorded anew.
-        findings: Doubts about the fit.
+        findings: Findings about the fit.
 
     Raises:
         DataError: If the shots are sampled otherwise than those of the fit, or none of its commands moves.
@@ -147,7 +147,7 @@ def _failures(agreed: Sequence[Agreement], bounds: Sequence[Bounds]) -> tuple[st
 
 
 def _outside(bounds: Sequence[Bounds], solution: ExternalSolution) -> tuple[Finding, ...]:
-    """Doubts intervals where far more samples lie outside the bounds than their level says."""
+    """Findings about intervals where far more samples lie outside the bounds than their level says."""
     confidence, worst = solution.estimate.confidence, min(bounds, key=lambda one: one.inside)
     excess = (1 - worst.inside) / (1 - confidence)
     if excess <= _OUTSIDE:

@@ -127,7 +127,7 @@ def validate_rigid(
         solution: What the fit found.
         shots: What was recorded anew.
         options: Options of the fit.
-        findings: Doubts about the fit, for the grade.
+        findings: Findings about the fit, for the grade.
         truth: True values by parameter name, of a simulated robot.
         simulate: Simulates the loop of each shot, where it is known.
 

@@ -156,7 +156,7 @@ def known_rotors(deviation):
 
 @pytest.mark.parametrize("deviation", [1e-5, 0.003, 0.05])
 def test_what_the_robot_file_knows_of_motor_inertias_counts_once(frf, deviation):
-    """In all configurations together, as in the fit; without any doubt it is as if they were fixed."""
+    """In all configurations together, as in the fit; without any nuisance it is as if they were fixed."""
     robot, noisy = known_rotors(deviation), louder(frf)
     problem, _ = set_up(robot, noisy, ElasticOptions(prior_decades=1e6), DELAY_S)
     covariance = sandwich(problem, np.zeros(len(problem.parameters.names)))[:8, :8]

@@ -23,8 +23,8 @@ def random_matrices(n_conf, n_row, seed):
 def total(matrices, counts, between=BETWEEN):
     """Information of numbers of visits by inverses alone."""
     used = np.flatnonzero(counts)
-    places = (np.linalg.inv(np.linalg.inv(counts[index] * matrices[index]) + np.diag(between**2)) for index in used)
-    return sum(places)
+    clusters = (np.linalg.inv(np.linalg.inv(counts[index] * matrices[index]) + np.diag(between**2)) for index in used)
+    return sum(clusters)
 
 
 def designed(matrices, names="abc", between=BETWEEN, **changes):
@@ -40,7 +40,7 @@ def worth(matrix):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_choice_promises_what_places_allow_and_its_bound_holds_for_every_other(seed):
+def test_a_choice_promises_what_clusters_allow_and_its_bound_holds_for_every_other(seed):
     matrices = random_matrices(9, 4, seed)
     design = designed(matrices, count=4)
     own = total(matrices, design.counts)
@@ -145,8 +145,8 @@ def test_a_lucky_variance_wins_no_longer():
     assert 0 not in designed(matrices, "ab", default, count=2).chosen
 
 
-def test_choices_by_variances_of_few_realizations_are_worth_more_where_places_may_differ():
-    """Truth by truth: variances from two degrees of freedom each, judged by the true ones and what places differ by."""
+def test_choices_by_variances_of_few_realizations_are_worth_more_where_clusters_may_differ():
+    """Truth by truth: variances from two degrees of freedom each, judged by the true ones and by differences."""
     generator, spread = np.random.default_rng(5), np.full(3, 0.02)
     worths = []
     for _ in range(30):
@@ -161,13 +161,13 @@ def test_choices_by_variances_of_few_realizations_are_worth_more_where_places_ma
 
 
 def sandwich(jacobian, variance, weight, chosen, precision, between):
-    """Covariance of a weighted fit by all its residuals' covariance, what differs between places in it."""
+    """Covariance of a weighted fit by all its residuals' covariance, what differs between clusters in it."""
     rows = jacobian[chosen].reshape(-1, jacobian.shape[-1])
     weights = weight[chosen].ravel()
     spread = np.zeros((rows.shape[0], rows.shape[0]))
     size = jacobian.shape[1]
-    for place, index in enumerate(chosen):
-        here = slice(place * size, (place + 1) * size)
+    for cluster, index in enumerate(chosen):
+        here = slice(cluster * size, (cluster + 1) * size)
         spread[here, here] = np.diag(variance[index]) + (jacobian[index] * between**2) @ jacobian[index].T
     gain = np.linalg.inv(rows.T * weights @ rows + np.diag(precision)) @ (rows.T * weights)
     known = np.linalg.inv(rows.T * weights @ rows + np.diag(precision)) * np.sqrt(precision)
@@ -175,7 +175,7 @@ def sandwich(jacobian, variance, weight, chosen, precision, between):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_fit_with_weights_of_its_own_errs_by_what_places_differ_by(seed):
+def test_a_fit_with_weights_of_its_own_errs_by_what_clusters_differ_by(seed):
     generator = np.random.default_rng(seed)
     jacobian = generator.normal(size=(8, 5, 5))
     variance, weight = generator.uniform(0.2, 5, (8, 5)), generator.uniform(0.5, 2, (8, 5))
@@ -221,7 +221,7 @@ def test_repeats_of_a_fit_with_its_own_weights_err_alike_in_their_place():
     np.testing.assert_allclose(np.linalg.inv(found[0]) @ found[1] @ np.linalg.inv(found[0]), expected, rtol=1e-8)
 
 
-def test_halves_are_judged_by_what_places_allow():
+def test_halves_are_judged_by_what_clusters_allow():
     matrices = random_matrices(8, 4, 11)
     design = designed(matrices, count=3)
     same = stability("realizations", [Trial(matrices, matrices)], design, DesignOptions(count=3), between=BETWEEN)

@@ -64,9 +64,9 @@ def test_an_output_that_schedules_must_stand_still_beside_its_range(moved, found
     own = frf()
     own.motion_rms = np.array([[9.0, 0.01], [9.0, moved], [9.0, 0.02]])
     own.configurations = np.zeros((3, 2))
-    doubts = list(findings_of_scheduling(own, LOADED, settings(scheduling=("tool",))))
-    assert [doubt.decisive for doubt in doubts] == found
-    assert all(f"tool moved by {moved / 2:.0%} (rms) of its range" in doubt.message for doubt in doubts)
+    findings = list(findings_of_scheduling(own, LOADED, settings(scheduling=("tool",))))
+    assert [finding.decisive for finding in findings] == found
+    assert all(f"tool moved by {moved / 2:.0%} (rms) of its range" in finding.message for finding in findings)
     assert not list(findings_of_scheduling(own, LOADED, settings(scheduling=("lift",))))
 
 
@@ -81,14 +81,14 @@ def test_saturated_signals_of_a_fit_are_doubted_and_those_it_does_not_read_are_n
     own.saturated_inputs, own.saturated_outputs = np.zeros((3, 2)), np.zeros((3, 2))
     own.saturated_inputs[1, 0] = own.saturated_outputs[2, 1] = share
     found = findings_of_signals(own, settings())
-    assert [doubt.message.partition(" saturates for")[0] for doubt in found] == [
+    assert [finding.message.partition(" saturates for")[0] for finding in found] == [
         "turn: torque",
         "tool: acceleration",
     ]
-    assert all((doubt.cause, doubt.decisive) == ("saturation", decisive) for doubt in found)
-    assert all(f"{100 * share:.2g} % of the time" in doubt.message for doubt in found)
-    (doubt,) = findings_of_signals(own, settings(inputs=("lift",)))
-    assert doubt.message.startswith("tool")
+    assert all((finding.cause, finding.decisive) == ("saturation", decisive) for finding in found)
+    assert all(f"{100 * share:.2g} % of the time" in finding.message for finding in found)
+    (finding,) = findings_of_signals(own, settings(inputs=("lift",)))
+    assert finding.message.startswith("tool")
     assert findings_of_signals(own, settings(inputs=("lift",), outputs=("turn",))) == ()
     own.saturated_inputs = own.saturated_outputs = None
     assert findings_of_signals(own, settings()) == ()

@@ -78,7 +78,7 @@ def heavier(robot, kg):
     return replace(robot, payload=replace(robot.payload, mass_kg=robot.payload.mass_kg + kg))
 
 
-def test_exact_data_give_no_doubt():
+def test_exact_data_give_no_finding():
     for frf in (exact(), relative(exact()), exact(configurations=CONFIGURATIONS[:1])):
         assert data_findings(two_joints(), frf) == ()
 
@@ -291,7 +291,7 @@ def test_a_delay_is_read_from_the_phases(samples):
     assert data_findings(robot, later(exact(), samples * 1e-3), samples * 1e-3) == ()
 
 
-def test_few_samples_of_delay_are_no_doubt():
+def test_few_samples_of_delay_are_no_finding():
     for samples in (0, 1, 2, 3):
         assert data_findings(two_joints(), later(exact(), samples * 1e-3)) == ()
 
@@ -336,7 +336,7 @@ def simulated(seed, *, friction=1.0, rms=8.0):
 
 
 @pytest.mark.parametrize(("seed", "friction", "rms"), [(1, 1.0, 8.0), (2, 2.5, 8.0), (3, 1.0, 1.0), (4, 0.0, 20.0)])
-def test_a_sound_simulated_arm_gives_no_doubt(seed, friction, rms):
+def test_a_sound_simulated_arm_gives_no_finding(seed, friction, rms):
     robot, frf = simulated(seed, friction=friction, rms=rms)
     assert data_findings(robot, frf) == ()
 

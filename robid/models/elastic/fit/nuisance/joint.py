@@ -1,4 +1,4 @@
-"""Parameters and doubts estimated together: the robot is as far off as they say, in each place of its own."""
+"""Parameters and nuisances estimated together: the robot is as far off as they say, in each cluster of its own."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.clusters.evidence import spread_over
 from robid.errors import DataError
 from robid.models.elastic.fit.nuisance.kinds import Compliance, RobotMove
-from robid.models.elastic.fit.nuisance.named import Basis, Listed, Named, linearise
+from robid.models.elastic.fit.nuisance.linear import Basis, LinearNuisances, NuisanceSet, linearise
+from robid.models.elastic.fit.nuisance.missing_springs import expected_cost
 from robid.models.elastic.fit.nuisance.off_robot import LEAST_COMPLIANCE, OffRobot, are_put_in, may_differ, put_in
-from robid.models.elastic.fit.nuisance.placed import expected_cost
 from robid.models.elastic.fit.nuisance.response import Scene, find_shifts, moves_matrices_alone, nuisance_columns
 from robid.results.levenberg import Normal, minimise
 from robid.robot.linearize import Shifts
@@ -22,44 +22,44 @@ from robid.robot.linearize import Shifts
 _STEPS = 60
 _ENOUGH, _ROUGHLY = 5e-4, 1e-2  # of the cost
 _SHARES = (0.01, 0.1, 1.0)
-_FARTHEST = 1.0  # of a logarithm, where it begins: what a fit without doubts ran away with says nothing
+_FARTHEST = 1.0  # of a logarithm, where it begins: what a fit without nuisances ran away with says nothing
 _LONGEST = 0.5  # of an internal parameter, in a step
-_LONGEST_STD = 2.0  # of a doubt's deviation
+_LONGEST_STD = 2.0  # of a nuisance's deviation
 _SURPRISING = 3.0  # deviations
 
 
 @dataclass(frozen=True)
 class Joint:
-    """Parameters and doubts that fit best together.
+    """Parameters and nuisances that fit best together.
 
     Attributes:
-        named: The doubts, linearised there.
+        linear: The nuisances, linearised there.
         cost: What is left, without what is known beforehand.
     """
 
-    named: Named
+    linear: LinearNuisances
     cost: float
 
     @property
     def explains(self) -> bool:
         """Whether no more is left than noise and assumed model error give."""
-        return self.cost <= expected_cost(self.named.problem)
+        return self.cost <= expected_cost(self.linear.problem)
 
     @property
     def lacks_springs(self) -> bool:
         """Whether a spring that the file lacks is softer than it is known to be beforehand."""
-        missing = np.array([isinstance(doubt.effect, Compliance) for doubt in self.named.doubts])
-        return bool((self.named.amounts > _SURPRISING * self.named.common_std)[missing].any())
+        missing = np.array([isinstance(nuisance.effect, Compliance) for nuisance in self.linear.nuisances])
+        return bool((self.linear.amounts > _SURPRISING * self.linear.common_std)[missing].any())
 
 
-def descend(listed: Listed, given: Basis, placed: Sequence[str] = ()) -> Joint:
-    """Estimates parameters and doubts together, places with what each adds to the doubts that differ between them.
+def descend(start: NuisanceSet, given: Basis, placed: Sequence[str] = ()) -> Joint:
+    """Estimates parameters and nuisances together, clusters with what each adds to those that differ between them.
 
     A robot's resonances are narrow: some percent of a spring, a mass or a bristle move them by more than their width,
     and their columns say nothing any more. So the robot is put together anew at each point.
 
     Args:
-        listed: The doubts, and where the descent begins.
+        start: The nuisances, and where the descent begins.
         given: What is taken for granted.
         placed: Names of springs that were put in place: where they were found says something, however far.
 
@@ -69,12 +69,12 @@ def descend(listed: Listed, given: Basis, placed: Sequence[str] = ()) -> Joint:
     Raises:
         DataError: If a robot near that does not rest.
     """
-    problem, space = listed.problem, Space.of(listed)
-    descent = Descent(listed, given, space)
-    near = np.clip(listed.point, -_FARTHEST, _FARTHEST)
+    problem, space = start.problem, Space.of(start)
+    descent = Descent(start, given, space)
+    near = np.clip(start.point, -_FARTHEST, _FARTHEST)
     found = np.isin([name.rpartition(".")[0] for name in problem.parameters.names], placed)
-    point = np.where(problem.parameters.logarithmic & ~found, near, listed.point)
-    explained = problem.cost(listed.point) <= expected_cost(problem)
+    point = np.where(problem.parameters.logarithmic & ~found, near, start.point)
+    explained = problem.cost(start.point) <= expected_cost(problem)
     best, cost = _lowest(descent, space, point, _SHARES[-1:] if explained else _SHARES)
     if cost > expected_cost(problem):
         with suppress(DataError):
@@ -82,14 +82,14 @@ def descend(listed: Listed, given: Basis, placed: Sequence[str] = ()) -> Joint:
                 (best, cost), _lowest(descent, space, np.zeros_like(point), _SHARES), key=lambda end: end[1]
             )
     state = space.state(best)
-    where = problem, listed.doubts, state.point, given, state.amounts, space.added(state)
+    where = problem, start.nuisances, state.point, given, state.amounts, space.added(state)
     shifts = descent.shifts if moves_matrices_alone(problem, state.point) else None
     return Joint(linearise(*where, all_rest=False, shifts=shifts), cost)
 
 
 def _lowest(descent: Descent, space: Space, point: FloatArray, shares: tuple[float, ...]) -> tuple[FloatArray, float]:
     """Where a descent from a point (n_param,) with growing weights ends, and the squares left there."""
-    now = space.internal(State(point, space.floor, np.zeros((space.places, space.differing.size))))
+    now = space.internal(State(point, space.floor, np.zeros((space.clusters, space.differing.size))))
     # With small weights what is known beforehand leads; narrow resonances, in whose reach a descent must be first,
     # count in full only at the end.
     for share in shares:
@@ -108,7 +108,7 @@ def _lowest(descent: Descent, space: Space, point: FloatArray, shares: tuple[flo
 
 @dataclass(frozen=True)
 class State:
-    """Internal parameters (n_param,), amounts (n_doubt,), and what places add (n_place, n_differing)."""
+    """Internal parameters (n_param,), amounts (n_nuisance,), and what clusters add (n_cluster, n_differing)."""
 
     point: FloatArray
     amounts: FloatArray
@@ -117,17 +117,17 @@ class State:
 
 @dataclass(frozen=True)
 class Space:
-    """Parameters, amounts and what places add as one vector, in units of the longest step.
+    """Parameters, amounts and what clusters add as one vector, in units of the longest step.
 
     Attributes:
         unit (n,): The units.
         precision (n,): Half of what is known beforehand of each, inverse variances in these units.
         lower (n,): Smallest values.
         upper (n,): Largest values.
-        floor (n_doubt,): Least amounts: springs that may be missing stay in the model, however stiff.
-        differing (n_differing,): Doubts to which places add something.
+        floor (n_nuisance,): Least amounts: springs that may be missing stay in the model, however stiff.
+        differing (n_differing,): Nuisances to which clusters add something.
         size: Number of parameters.
-        places: Number of places.
+        clusters: Number of clusters.
     """
 
     unit: FloatArray
@@ -137,21 +137,21 @@ class Space:
     floor: FloatArray
     differing: IntArray
     size: int
-    places: int
+    clusters: int
 
     @classmethod
-    def of(cls, listed: Listed) -> Space:
-        """Returns the space of doubts with their parameters."""
-        parameters, doubts = listed.problem.parameters, listed.doubts
-        missing = np.array([isinstance(doubt.effect, Compliance) for doubt in doubts])
+    def of(cls, start: NuisanceSet) -> Space:
+        """Returns the space of nuisances with their parameters."""
+        parameters, nuisances = start.problem.parameters, start.nuisances
+        missing = np.array([isinstance(nuisance.effect, Compliance) for nuisance in nuisances])
         floor = np.where(missing, 2 * LEAST_COMPLIANCE, 0.0)
-        differing = np.flatnonzero(listed.place_std)
+        differing = np.flatnonzero(start.cluster_std)
         # In units of the longest step, a step of one is as far as the linear model is trusted for each.
-        added = np.tile(listed.place_std[differing], len(listed.places))
-        std = np.concatenate([parameters.prior_std, listed.common_std, added])
-        unit = np.concatenate([np.full(listed.point.size, _LONGEST), _LONGEST_STD * std[listed.point.size :]])
-        least = np.maximum([doubt.least for doubt in doubts], np.where(missing, floor, -np.inf))
-        most = np.array([doubt.most for doubt in doubts])
+        added = np.tile(start.cluster_std[differing], len(start.clusters))
+        std = np.concatenate([parameters.prior_std, start.common_std, added])
+        unit = np.concatenate([np.full(start.point.size, _LONGEST), _LONGEST_STD * std[start.point.size :]])
+        least = np.maximum([nuisance.least for nuisance in nuisances], np.where(missing, floor, -np.inf))
+        most = np.array([nuisance.most for nuisance in nuisances])
         free = np.full(added.size, np.inf)
         return cls(
             unit=unit,
@@ -160,8 +160,8 @@ class Space:
             upper=np.concatenate([parameters.upper, most, free]) / unit,
             floor=floor,
             differing=differing,
-            size=listed.point.size,
-            places=len(listed.places),
+            size=start.point.size,
+            clusters=len(start.clusters),
         )
 
     def internal(self, state: State) -> FloatArray:
@@ -172,10 +172,10 @@ class Space:
         """Returns the state that a vector (n,) is."""
         values = internal * self.unit
         point, amounts, each = np.split(values, [self.size, self.size + self.floor.size])
-        return State(point, amounts, each.reshape(self.places, self.differing.size))
+        return State(point, amounts, each.reshape(self.clusters, self.differing.size))
 
     def added(self, state: State) -> FloatArray:
-        """What places add (n_place, n_doubt), zero for doubts that are the same in all."""
+        """What clusters add (n_cluster, n_nuisance), zero for nuisances that are the same in all."""
         added = np.zeros((len(state.each), self.floor.size))
         added[:, self.differing] = state.each
         return added
@@ -186,20 +186,20 @@ class Descent:
 
     Attributes:
         share: Weight of what is measured, 1 for that of the problem.
-        shifts: How the robot's matrices move with its doubts; None before the first derivative, or without moves.
+        shifts: How the robot's matrices move with its nuisances; None before the first derivative, or without moves.
     """
 
-    def __init__(self, listed: Listed, given: Basis, space: Space) -> None:
+    def __init__(self, start: NuisanceSet, given: Basis, space: Space) -> None:
         """Begins a descent.
 
         Args:
-            listed: The doubts.
+            start: The nuisances.
             given: What is taken for granted.
             space: What is estimated.
         """
-        self._listed, self._space = listed, space
+        self._start, self._space = start, space
         self._given = replace(given, options=replace(given.options, statics="updates"))
-        self._within, self._differing = are_put_in(listed.doubts), may_differ(listed.doubts)
+        self._within, self._differing = are_put_in(start.nuisances), may_differ(start.nuisances)
         self.share = 1.0
         self.shifts: Shifts | None = None
         self._columns: FloatArray = np.empty(0)
@@ -223,18 +223,18 @@ class Descent:
     def normal(self, internal: FloatArray) -> Normal:
         """The same with half its gradient and half its Gauss-Newton Hessian."""
         state, off = self._space.state(internal), self._off(internal)
-        self._columns = off.problem.rows(self._doubt_columns(state, off))
+        self._columns = off.problem.rows(self._nuisance_columns(state, off))
         left = self._left(internal, off)
         derivative = np.concatenate([off.problem.rows(off.problem.linear(state.point)[1]), self._columns], axis=-1)
-        places = self._listed.places
+        clusters = self._start.clusters
         whole = derivative.shape[-1]
         own = self._space.size + self._space.differing
         hessian, score = np.diag(self._space.precision), np.zeros(internal.size)
-        # Parameters and common amounts have rows in all places, what a place adds only in its own: the Hessian is an
-        # arrow, filled place by place. The residual is what is left, so its derivative has the other sign.
-        for number, place in enumerate(places):
-            rows = derivative[place].reshape(-1, whole)
-            inner, pull = self.share * (rows.T @ rows), self.share * (rows.T @ left[place].ravel())
+        # Parameters and common amounts have rows in all clusters, what one adds only in its own: the Hessian is an
+        # arrow, filled cluster by cluster. The residual is what is left, so its derivative has the other sign.
+        for number, cluster in enumerate(clusters):
+            rows = derivative[cluster].reshape(-1, whole)
+            inner, pull = self.share * (rows.T @ rows), self.share * (rows.T @ left[cluster].ravel())
             at = whole + number * own.size + np.arange(own.size)
             every, kept = np.concatenate([np.arange(whole), at]), np.concatenate([np.arange(whole), own])
             unit = self._space.unit[every]
@@ -246,10 +246,10 @@ class Descent:
     def _off(self, internal: FloatArray) -> OffRobot:
         if self._seen is None or not np.array_equal(self._seen[0], internal):
             state = self._space.state(internal)
-            listed, given = self._listed, self._given
-            each = spread_over(listed.places, self._space.added(state))
-            known = listed.problem, state.point, given.robot, given.options
-            self._seen = internal.copy(), put_in(*known, listed.doubts, state.amounts, each)
+            start, given = self._start, self._given
+            each = spread_over(start.clusters, self._space.added(state))
+            known = start.problem, state.point, given.robot, given.options
+            self._seen = internal.copy(), put_in(*known, start.nuisances, state.amounts, each)
         return self._seen[1]
 
     def _left(self, internal: FloatArray, off: OffRobot) -> FloatArray:
@@ -264,14 +264,14 @@ class Descent:
         # Amounts that no robot can be off by act by their columns, to first order around zero; the others are in the
         # robot.
         beside = state.amounts * ~self._within + added * ~self._differing
-        for place, amounts in zip(self._listed.places, beside, strict=True):
-            left[place] -= self._columns[place] @ amounts
+        for cluster, amounts in zip(self._start.clusters, beside, strict=True):
+            left[cluster] -= self._columns[cluster] @ amounts
         return left
 
-    def _doubt_columns(self, state: State, off: OffRobot) -> ComplexArray:
-        """Columns (n_conf, n_freq, n_out, n_in, n_doubt); how matrices move with a doubt is found once."""
+    def _nuisance_columns(self, state: State, off: OffRobot) -> ComplexArray:
+        """Columns (n_conf, n_freq, n_out, n_in, n_nuisance); how matrices move with a nuisance is found once."""
         arguments = off.problem, state.point, off.robot, off.options
-        moves = [doubt for doubt in self._listed.doubts if isinstance(doubt.effect, RobotMove)]
+        moves = [nuisance for nuisance in self._start.nuisances if isinstance(nuisance.effect, RobotMove)]
         if moves and self.shifts is None:
             self.shifts = find_shifts(Scene(*arguments), moves)
-        return nuisance_columns(*arguments, self._listed.doubts, all_rest=False, shifts=self.shifts)
+        return nuisance_columns(*arguments, self._start.nuisances, all_rest=False, shifts=self.shifts)

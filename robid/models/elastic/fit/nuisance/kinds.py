@@ -3,7 +3,7 @@
 A row (`Kind`) says what is off, how far off it may be, and what it does: another robot, another value of a parameter
 that no fit estimates, or a column of the response alone. Rows of one owner stand together; `LISTED` is what widens the
 intervals of every fit, `FREED` what a fit can estimate. One more kind is one more row here and, where its effect is a
-new one, a function in `nuisance.response`. Priors are stated in `robid.robot.doubts`.
+new one, a function in `nuisance.response`. Priors are stated in `robid.robot.nuisance`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from robid.models.elastic.fit.nuisance import moves
 from robid.models.elastic.fit.nuisance.moves import MM, PERCENT, Change, missing_springs
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.description import Inertial, Joint, Robot, Spring
-from robid.robot.doubts import Doubts
+from robid.robot.nuisance import NuisanceStd
 
 PRIOR_FACTOR = 10.0
 """How many times as far off as a nuisance parameter is one expected to be that a user frees."""
@@ -42,11 +42,11 @@ class Effect:
 
     Attributes:
         put_in: Whether a robot can be off by it; the others do to its response what their columns say.
-        by_place: Whether it may differ between places of one robot.
+        by_cluster: Whether it may differ between clusters of one robot.
     """
 
     put_in: ClassVar[bool] = True
-    by_place: ClassVar[bool] = False
+    by_cluster: ClassVar[bool] = False
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class MotorFriction(Effect):
         phase: Its direction in the complex plane: 1 as a spring's, 1j as that of a loss whatever the speed.
     """
 
-    by_place = True
+    by_cluster = True
     joint: int
     phase: complex
 
@@ -125,7 +125,7 @@ class GearShare(Effect):
         spring: Index of the gear.
     """
 
-    by_place = True
+    by_cluster = True
     spring: int
 
 
@@ -180,7 +180,7 @@ class SlipTorque(Effect):
 
 
 @dataclass(frozen=True)
-class DoubtfulRobot:
+class PerturbedRobot:
     """A robot whose rigid parameters are off along one of several independent directions.
 
     Attributes:
@@ -201,7 +201,7 @@ class RigidError(Effect):
     """
 
     put_in = False
-    off: DoubtfulRobot
+    off: PerturbedRobot
 
 
 @dataclass(frozen=True)
@@ -213,8 +213,8 @@ class Nuisance:
         title: The same for a sentence.
         cause: The likely cause that it stands for, of `robid.results.finding.CAUSES`, or what only a fit's wish frees.
         unit: Unit of its amounts.
-        common_std: Standard deviation of the amount that all places share.
-        place_std: Standard deviation of what each place adds to that.
+        common_std: Standard deviation of the amount that all clusters share.
+        cluster_std: Standard deviation of what each cluster adds to that.
         effect: What it does.
         least: Smallest amount that makes sense.
         most: Largest amount that makes sense.
@@ -227,7 +227,7 @@ class Nuisance:
     cause: str
     unit: str
     common_std: float
-    place_std: float
+    cluster_std: float
     effect: Effect
     least: float = -np.inf
     most: float = np.inf
@@ -273,7 +273,7 @@ class Kind:
         size: Amount of a prior of one.
         unit: Unit of the amounts.
         linear_unit: That of owners that slide, where it is another.
-        place: What each place adds, over the deviation.
+        cluster: What each cluster adds, over the deviation.
         least: Smallest amount that makes sense, over the size.
         most: Largest one.
         stated: Whether the size is what the file states.
@@ -288,7 +288,7 @@ class Kind:
     size: float | Callable[..., float] = PERCENT
     unit: str = "%"
     linear_unit: str = ""
-    place: float = 0.0
+    cluster: float = 0.0
     least: float = -np.inf
     most: float = np.inf
     stated: bool = False
@@ -304,7 +304,7 @@ class Kind:
         """
         size = self.size(robot, *owner.at) if callable(self.size) else self.size
         prior = float(getattr(owner.priors, self.prior)) if self.prior else 1.0
-        prior = prior or (float(getattr(Doubts(), self.prior)) if by_default else 0.0)
+        prior = prior or (float(getattr(NuisanceStd(), self.prior)) if by_default else 0.0)
         effect = self.effect(robot, *owner.at)
         if effect is None or not size * prior > 0:
             return None
@@ -314,7 +314,7 @@ class Kind:
             self.cause,
             self.linear_unit if owner.linear and self.linear_unit else self.unit,
             size * prior,
-            self.place * size * prior,
+            self.cluster * size * prior,
             effect,
             self.least * size,
             self.most * size,
@@ -329,7 +329,7 @@ Section: TypeAlias = tuple[Callable[[Robot], Iterable[Owner]], tuple[Kind, ...]]
 
 def _joints(robot: Robot, title: str = "{}") -> Iterator[Owner]:
     for index, joint in enumerate(robot.joints):
-        yield Owner(joint.name, title.format(joint.name), joint.doubts, (index,))
+        yield Owner(joint.name, title.format(joint.name), joint.nuisance_std, (index,))
 
 
 _links = partial(_joints, title="link {}")
@@ -342,21 +342,21 @@ def _rotors(robot: Robot) -> Iterator[Owner]:
 
 def _bases(robot: Robot) -> Iterator[Owner]:
     if robot.base is not None and any(spring.place == "base" for spring in robot.springs):
-        yield Owner("base", "the base", robot.doubts)
+        yield Owner("base", "the base", robot.nuisance_std)
 
 
 def _payloads(robot: Robot) -> Iterator[Owner]:
     if robot.payload.mass_kg > 0:
-        yield Owner("payload", "the payload", robot.doubts)
+        yield Owner("payload", "the payload", robot.nuisance_std)
 
 
 def _drives(robot: Robot) -> Iterator[Owner]:
-    yield Owner("", "", robot.doubts)
+    yield Owner("", "", robot.nuisance_std)
 
 
 def _springs(robot: Robot) -> Iterator[Owner]:
     for index, spring in enumerate(robot.springs):
-        priors = robot.doubts if spring.place in ("base", "payload") else robot.joints[spring.joint].doubts
+        priors = robot.nuisance_std if spring.place in ("base", "payload") else robot.joints[spring.joint].nuisance_std
         yield Owner(spring.name, spring.name, priors, (index,), linear=robot.is_linear(spring))
 
 
@@ -367,12 +367,12 @@ def _gears(robot: Robot) -> Iterator[Owner]:
 def _shafts(robot: Robot) -> Iterator[Owner]:
     for index, spring in enumerate(robot.springs):
         if spring.inertia_kgm2 > 0:
-            yield Owner(spring.name, spring.name, robot.joints[spring.joint].doubts, (index,))
+            yield Owner(spring.name, spring.name, robot.joints[spring.joint].nuisance_std, (index,))
 
 
 def _missing(robot: Robot) -> Iterator[Owner]:
     for index, spring in enumerate(missing_springs(robot)):
-        priors = robot.doubts if spring.place == "base" else robot.joints[spring.joint].doubts
+        priors = robot.nuisance_std if spring.place == "base" else robot.joints[spring.joint].nuisance_std
         yield Owner(spring.name, spring.name.replace("_", " "), priors, (index,))
 
 
@@ -386,7 +386,7 @@ def _couplings(robot: Robot) -> Iterator[Owner]:
             turning = joint.type == driven.type == "revolute" and other != index and not robot.rigid[index]
             if turning and (inside or driven.name in joint.couplings):
                 title = f"turn of {joint.name} by the motor of {driven.name}"
-                yield Owner(joint.name, title, joint.doubts, (index, other), driven.name)
+                yield Owner(joint.name, title, joint.nuisance_std, (index, other), driven.name)
 
 
 def _unbalanced(robot: Robot) -> Iterator[Owner]:
@@ -482,8 +482,8 @@ SHAFTS: Section = (_shafts, (Kind(
 ),))
 TORQUES: Section = (_joints, (Kind(
     "torque_constant", "torque constant of {}", "torque_constant", lambda _, index: TorqueScale(index),
-    # What temperature does differs between places.
-    "torque_relative_std", place=0.25, least=-1.0, most=1.0,
+    # What temperature does differs between clusters.
+    "torque_relative_std", cluster=0.25, least=-1.0, most=1.0,
 ),))
 DELAY: Section = (_drives, (Kind(
     "delay", "delay of the drives", "delay", lambda _: ValueOff("delay", 0),
@@ -500,14 +500,14 @@ COUPLINGS: Section = (_couplings, (Kind(
 ),))
 GEARS: Section = (_gears, (
     # What slips between early and late is a mixture of both. What never slips stiffens a spring without any loss,
-    # alike in all places: nothing tells it from the spring.
+    # alike in all clusters: nothing tells it from the spring.
     *(
         Kind(
             f"hysteresis_{when}", f"hysteresis of {{}} that slips {when}", "gear_nonlinearity",
             lambda _, index, slip=slip: Hysteresis(index, slip),
-            "loss_factor", place=place, least=0.0, most=1.0,
+            "loss_factor", cluster=cluster, least=0.0, most=1.0,
         )
-        for when, slip, place in (("early", 0.5, 1.0), ("late", 2.0, 1.0), ("never", _STICKS, 0.0))
+        for when, slip, cluster in (("early", 0.5, 1.0), ("late", 2.0, 1.0), ("never", _STICKS, 0.0))
     ),
     Kind(
         "load_stiffness", "stiffness of {} by its load", "gear_nonlinearity", lambda _, index: LoadStiffness(index),
@@ -518,16 +518,16 @@ ARM_FRICTION: Section = (_joints, (Kind(
     "arm_viscous", "viscous friction of {}'s arm", "arm_friction",
     # The arm of a rigid joint moves as its motor does, whose friction says it all.
     lambda robot, index: None if robot.rigid[index] else ValueOff("arm_viscous", index),
-    "arm_friction", unit=_OF_LINK, place=1.0, least=0.0, most=1.0, parameter="arm_viscous",
+    "arm_friction", unit=_OF_LINK, cluster=1.0, least=0.0, most=1.0, parameter="arm_viscous",
 ),))
 MOTOR_FRICTION: Section = (_joints, (Kind(
     "viscous", "viscous friction of {}'s motor", "friction", lambda _, index: ValueOff("viscous", index),
-    "friction", unit=_OF_ROTOR, place=1.0, least=-1.0, most=1.0, parameter="viscous",
+    "friction", unit=_OF_ROTOR, cluster=1.0, least=-1.0, most=1.0, parameter="viscous",
 ),))
 OTHER_FRICTION: Section = (_joints, tuple(
     Kind(
         ending, f"friction of {{}} {what}", "friction", lambda _, index, phase=phase: MotorFriction(index, phase),
-        "friction", unit=_OF_ROTOR, place=1.0, least=-1.0, most=1.0,
+        "friction", unit=_OF_ROTOR, cluster=1.0, least=-1.0, most=1.0,
     )
     for ending, what, phase in (
         ("friction_spring", "in phase with its angle", 1.0), ("friction_loss", "that loses energy", 1j),
@@ -578,11 +578,11 @@ FREED: tuple[Section, ...] = (PAYLOAD, LINKS, BASE, SHAFTS, COUPLINGS, TORQUES, 
 """What a fit can estimate, in the order of its parameters; the last two only where one does."""
 
 
-def list_nuisances(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulRobot] = ()) -> tuple[Nuisance, ...]:
+def list_nuisances(robot: Robot, options: ElasticOptions, rigid: Sequence[PerturbedRobot] = ()) -> tuple[Nuisance, ...]:
     """Lists the nuisance parameters of a robot file with the priors that it states.
 
     What the fit estimates is none: springs, dampers, rotor inertias, viscous friction, delay, cubic gears, nuisance
-    parameters that are freed and not fixed.
+    parameters that are estimated and not fixed.
 
     Args:
         robot: The robot that the fit starts from, with its campaign's payload.
@@ -590,11 +590,11 @@ def list_nuisances(robot: Robot, options: ElasticOptions, rigid: Sequence[Doubtf
         rigid: Robots that are off along the independent directions that a rigid fit leaves open, which take the place
             of the file's links.
     """
-    freed = {each.name for each in freed_nuisances(robot, options)}.difference(options.fixed)
-    return tuple(_left(_listed(robot, options, rigid), freed))
+    estimated = {each.name for each in estimated_nuisances(robot, options)}.difference(options.fixed)
+    return tuple(_left(_listed(robot, options, rigid), estimated))
 
 
-def _listed(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulRobot]) -> Iterator[Nuisance]:
+def _listed(robot: Robot, options: ElasticOptions, rigid: Sequence[PerturbedRobot]) -> Iterator[Nuisance]:
     for section in LISTED:
         if rigid and section is LINKS:
             for number, off in enumerate(rigid, start=1):
@@ -612,24 +612,24 @@ def _listed(robot: Robot, options: ElasticOptions, rigid: Sequence[DoubtfulRobot
                     yield found
 
 
-def _left(listed: Iterable[Nuisance], freed: set[str]) -> Iterator[Nuisance]:
+def _left(listed: Iterable[Nuisance], estimated: set[str]) -> Iterator[Nuisance]:
     for each in listed:
         gear = f"{each.name.rpartition('.')[0]}.{HYSTERESIS}"
-        left = left_of_freed(each) if each.name in freed else each
-        if left is not None and not (isinstance(each.effect, Hysteresis) and gear in freed):
+        left = left_of_estimated(each) if each.name in estimated else each
+        if left is not None and not (isinstance(each.effect, Hysteresis) and gear in estimated):
             yield left
 
 
-def left_of_freed(nuisance: Nuisance) -> Nuisance | None:
+def left_of_estimated(nuisance: Nuisance) -> Nuisance | None:
     """What is left once a fit estimates one: of a torque constant, masses that the same torques gave."""
     effect = nuisance.effect
     if not isinstance(effect, TorqueScale) or not effect.shared:
         return None
     name, title = f"{nuisance.name.rpartition('.')[0]}.mass_by_torque", f"mass by {nuisance.title}"
-    return replace(nuisance, name=name, title=title, cause="masses", place_std=0.0, effect=effect.heavier)
+    return replace(nuisance, name=name, title=title, cause="masses", cluster_std=0.0, effect=effect.heavier)
 
 
-def freeable_nuisances(robot: Robot) -> tuple[Nuisance, ...]:
+def estimable_nuisances(robot: Robot) -> tuple[Nuisance, ...]:
     """Lists all that a fit can estimate; what the file takes for granted is as far off as by default."""
     every = (
         kind.of(robot, owner, by_default=True) for owners, kinds in FREED for owner in owners(robot) for kind in kinds
@@ -637,16 +637,16 @@ def freeable_nuisances(robot: Robot) -> tuple[Nuisance, ...]:
     return tuple(each for each in every if each is not None)
 
 
-def freed_nuisances(robot: Robot, options: ElasticOptions) -> tuple[Nuisance, ...]:
+def estimated_nuisances(robot: Robot, options: ElasticOptions) -> tuple[Nuisance, ...]:
     """Lists those that a fit estimates, each as often as it is named.
 
     Args:
         robot: The robot that the fit starts from, with its campaign's payload.
         options: Options of the fit; what they name that the robot does not have is left out.
     """
-    if not options.freed:
+    if not options.estimated:
         return ()
-    return tuple(each for each in freeable_nuisances(robot) if any(names(each, name) for name in options.freed))
+    return tuple(each for each in estimable_nuisances(robot) if any(names(each, name) for name in options.estimated))
 
 
 def names(nuisance: Nuisance, name: str) -> bool:

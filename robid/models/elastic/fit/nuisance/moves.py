@@ -139,14 +139,14 @@ class FurtherSpring:
     title: str
 
 
-def with_freed_springs(robot: Robot, options: ElasticOptions) -> Robot:
+def with_estimated_springs(robot: Robot, options: ElasticOptions) -> Robot:
     """Returns a robot with the springs that a fit frees though the robot file lacks them.
 
     Args:
         robot: The robot file's robot.
-        options: Options of the fit; their names may end as those of the doubts do, on `.compliance`.
+        options: Options of the fit; their names may end as those of the nuisances do, on `.compliance`.
     """
-    wanted = {spring_of(name) for name in options.freed}
+    wanted = {spring_of(name) for name in options.estimated}
     more = [each.spring for each in further_springs(robot) if each.spring.name in wanted] if wanted else []
     return replace(robot, springs=(*robot.springs, *more)) if more else robot
 

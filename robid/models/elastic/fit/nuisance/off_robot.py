@@ -40,7 +40,7 @@ def extend_options(options: ElasticOptions, robot: Robot, springs: Sequence[Spri
         fixing: Whether springs and dampers that the fit does not estimate stay as they are. Free, they explain what a
             further spring does not; fixed, they stand in the way of a descent that has to go far.
     """
-    free = tuple(dict.fromkeys([*options.kinds, *BY_SPRING, *options.freed]))
+    free = tuple(dict.fromkeys([*options.kinds, *BY_SPRING, *options.estimated]))
     located = [name for spring in springs for name in _names_of(spring, robot, ("location",))]
     further = {spring.name for spring in springs}
     own = [spring.name for spring in robot.springs if spring.name not in further]
@@ -114,7 +114,7 @@ _PER_PARAMETER = ("names", "kind_of", "units", "logarithmic", "prior_std", "lowe
 
 @dataclass(frozen=True)
 class OffRobot:
-    """A robot that is off by its doubts.
+    """A robot that is off by its nuisances.
 
     Attributes:
         robot: The robot, springs that it has more after its own.
@@ -133,8 +133,8 @@ def are_put_in(nuisances: Sequence[Nuisance]) -> BoolArray:
 
 
 def may_differ(nuisances: Sequence[Nuisance]) -> BoolArray:
-    """Tells which of them (n_nuisance,) may differ between its places."""
-    return np.array([each.effect.by_place for each in nuisances], bool)
+    """Tells which of them (n_nuisance,) may differ between its clusters."""
+    return np.array([each.effect.by_cluster for each in nuisances], bool)
 
 
 def put_in(
@@ -142,20 +142,20 @@ def put_in(
     point: FloatArray,
     robot: Robot,
     options: ElasticOptions,
-    doubts: Sequence[Nuisance],
+    nuisances: Sequence[Nuisance],
     amounts: FloatArray,
     added: FloatArray | None = None,
 ) -> OffRobot:
-    """Puts doubts into a robot, which rests anew.
+    """Puts nuisances into a robot, which rests anew.
 
     Args:
         problem: The problem of the robot that is right.
         point (n_param,): Internal parameters.
-        robot: The robot that the doubts were listed for.
+        robot: The robot that the nuisances were listed for.
         options: Options of the fit.
-        doubts: The doubts.
-        amounts (n_doubt,): By how much it is off.
-        added (n_conf, n_doubt): What each configuration adds to doubts that may differ; nothing when not given.
+        nuisances: The nuisances.
+        amounts (n_nuisance,): By how much it is off.
+        added (n_conf, n_nuisance): What each configuration adds to nuisances that may differ; nothing when not given.
 
     Raises:
         DataError: If that robot does not rest.
@@ -164,28 +164,28 @@ def put_in(
     statics, further = options.statics, []
     # What changes masses and geometry is put into the description, and a spring that the file lacks joins its
     # springs; values, gears and friction follow below, where the model is linear.
-    for doubt, amount in zip(doubts, amounts.tolist(), strict=True):
-        if isinstance(doubt.effect, RobotMove) and amount:
-            robot = doubt.effect.moved(robot, amount)
-        elif isinstance(doubt.effect, Compliance) and amount >= LEAST_COMPLIANCE:
-            further.append(stiffened(doubt.effect.spring, PERCENT / amount))
+    for nuisance, amount in zip(nuisances, amounts.tolist(), strict=True):
+        if isinstance(nuisance.effect, RobotMove) and amount:
+            robot = nuisance.effect.moved(robot, amount)
+        elif isinstance(nuisance.effect, Compliance) and amount >= LEAST_COMPLIANCE:
+            further.append(stiffened(nuisance.effect.spring, PERCENT / amount))
     for spring in further:
         options = fix_options(options, robot, spring)
-    values = extended_values(_off_values(problem.parameters.parameters(point), doubts, amounts), further)
+    values = extended_values(_off_values(problem.parameters.parameters(point), nuisances, amounts), further)
     robot = replace(robot, springs=(*robot.springs, *further))
     options = replace(options, statics=statics)
     model = with_estimated_links(rest_model(robot, frf, options, float(values.delay[0]), values), problem)
     known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
-    nominal = _off_values(nominal_parameters(robot, model, delay_s), doubts, amounts)
+    nominal = _off_values(nominal_parameters(robot, model, delay_s), nuisances, amounts)
     own, free = problem.parameters, replace(options, bounds={})
     parameters = replace(
         map_parameters(robot, nominal, free, *known), element_scale=own.element_scale, lower=own.lower, upper=own.upper
     )
-    # Scales and bounds are those of the problem without doubts, so that its internal values mean the same.
+    # Scales and bounds are those of the problem without nuisances, so that its internal values mean the same.
     resting = replace(problem, model=model, parameters=parameters)
     off = amounts + (np.zeros((len(frf.configurations), 1)) if added is None else added)
     scene = Scene(resting, point, robot, options)
-    model = replace(model, added=_added(scene, doubts, off), clinging=_clinging(scene, doubts, off))
+    model = replace(model, added=_added(scene, nuisances, off), clinging=_clinging(scene, nuisances, off))
     return OffRobot(robot, options, replace(resting, model=model))
 
 

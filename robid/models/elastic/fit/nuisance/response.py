@@ -33,6 +33,7 @@ from robid.models.elastic.fit.rest_model import rest_model, spring_load
 from robid.robot.derivatives import jacobian, shifts_between
 from robid.robot.description import Robot, Spring
 from robid.robot.linearize import LinearModel, Shifts
+from robid.robot.parameters import NUISANCE_KIND
 from robid.robot.response import ElasticParameters, Response, response, with_values
 
 NO_LOAD_RAD = 1e-9
@@ -150,7 +151,7 @@ class Scene:
         """Derivatives (n_conf, n_freq, n_out, n_in, n_shift) of the log response along shifts of the matrices."""
         model = replace(self.response.model, shifts=shifts, effects=None)
         values = replace(self.values, doubt=shifts.amounts)
-        moved = jacobian(model, values, replace(self.response, model=model), ("doubt",))
+        moved = jacobian(model, values, replace(self.response, model=model), (NUISANCE_KIND,))
         return np.asarray(moved / self.response.sampled[..., None])
 
     def _response(self, model: LinearModel, values: ElasticParameters) -> Response:
@@ -167,7 +168,7 @@ def extended_values(values: ElasticParameters, springs: Sequence[Spring]) -> Ela
 def with_estimated_links(model: LinearModel, problem: Problem) -> LinearModel:
     """Returns the model of a robot that is off, links' own inertias that the fit estimates as the robot file has them.
 
-    What is off of these is estimated, and is nothing to doubt besides.
+    What is off of these is estimated, and is nothing to nuisance besides.
     """
     masks = dict(zip(problem.parameters.kinds, problem.parameters.masks, strict=True))
     estimated = masks.get("link_inertia", np.zeros(model.axial.size, bool))

@@ -13,7 +13,7 @@ from robid.models.elastic.fit.nuisance.kinds import (
     RobotMove,
     TorqueScale,
     ValueOff,
-    freeable_nuisances,
+    estimable_nuisances,
     names,
     slipping_name,
 )
@@ -29,22 +29,22 @@ _ALWAYS_WHOLE = ("payload",)
 
 
 def free_with(free: Sequence[str], more: Sequence[str]) -> tuple[str, ...]:
-    """Returns what `free` must say so that more is estimated too; the default kinds need not be named beside doubts."""
+    """Returns what `free` must say so that more is estimated; beside nuisances the default kinds need not be named."""
     kinds = set(ELASTIC)
     if tuple(free) == FREE and not kinds & set(more):
         return tuple(dict.fromkeys(more))
-    # Beside doubts alone the default kinds are free unsaid; a kind that is named would take their place.
+    # Beside nuisances alone the default kinds are free unsaid; a kind that is named would take their place.
     unsaid = FREE if free and not kinds & set(free) and kinds & set(more) else ()
     return tuple(dict.fromkeys((*unsaid, *free, *more)))
 
 
 def options_of(robot: Robot, options: ElasticOptions) -> ElasticOptions:
     """Returns the options of a fit for a robot that may carry another payload: of none, nothing is free."""
-    if robot.payload.mass_kg > 0 or not any(map(_is_of_payload, options.freed)):
+    if robot.payload.mass_kg > 0 or not any(map(_is_of_payload, options.estimated)):
         return options
     return replace(
         options,
-        free=(*options.kinds, *(name for name in options.freed if not _is_of_payload(name))),
+        free=(*options.kinds, *(name for name in options.estimated if not _is_of_payload(name))),
         fixed=tuple(name for name in options.fixed if not _is_of_payload(name)),
         tied={name: leader for name, leader in options.tied.items() if not _is_of_payload(name)},
         bounds={name: ends for name, ends in options.bounds.items() if not _is_of_payload(name)},
@@ -57,51 +57,53 @@ def _is_of_payload(name: str) -> bool:
 
 def unknown_names(robot: Robot, options: ElasticOptions) -> list[tuple[str, str]]:
     """Returns what options free that is no nuisance parameter of the robot and no spring, with what may be meant."""
-    if not options.freed:
+    if not options.estimated:
         return []
-    every = freeable_nuisances(robot)
-    unknown = [each for each in options.freed if not any(names(doubt, each) for doubt in every)]
+    every = estimable_nuisances(robot)
+    unknown = [each for each in options.estimated if not any(names(nuisance, each) for nuisance in every)]
     return [(each, _meant(robot, each, every)) for each in unknown if not is_spring(robot, each)]
 
 
 def _meant(robot: Robot, wrong: str, every: Sequence[Nuisance]) -> str:
     """The end of a sentence about an unknown name."""
-    causes = list(dict.fromkeys(doubt.cause for doubt in every))
+    causes = list(dict.fromkeys(nuisance.cause for nuisance in every))
     springs = [further.spring.name for further in further_springs(robot)]
-    known = [*ELASTIC, *causes, *(name for doubt in every for name in _groups(doubt)), *springs]
+    known = [*ELASTIC, *causes, *(name for nuisance in every for name in _groups(nuisance)), *springs]
     turned = ".".join(reversed(wrong.split(".")))
     close = [turned] if turned in known else difflib.get_close_matches(wrong, dict.fromkeys(known), n=3, cutoff=0.5)
     if close:
         return f"did you mean {' or '.join(f'`{name}`' for name in close)}?"
     shown = ", ".join(f"`{name}`" for name in (*ELASTIC, *causes, *springs[:1]))
-    return f"known are {shown}, and single doubts as `{every[0].name}`" if every else f"known are {shown}"
+    return f"known are {shown}, and single nuisances as `{every[0].name}`" if every else f"known are {shown}"
 
 
-def _groups(doubt: Nuisance) -> tuple[str, ...]:
+def _groups(nuisance: Nuisance) -> tuple[str, ...]:
     """All names that free one."""
-    head, dot, kind = doubt.name.partition(".")
-    return doubt.name, doubt.cause, f"{head}{dot}{kind.partition('_')[0]}"
+    head, dot, kind = nuisance.name.partition(".")
+    return nuisance.name, nuisance.cause, f"{head}{dot}{kind.partition('_')[0]}"
 
 
-def remedy(doubts: Sequence[Nuisance], *, swings_known: bool) -> tuple[str, ...]:
-    """Returns the names that free doubts of one cause: each, or their cause where they are many.
+def remedy(nuisances: Sequence[Nuisance], *, swings_known: bool) -> tuple[str, ...]:
+    """Returns the names that free nuisances of one cause: each, or their cause where they are many.
 
     Args:
-        doubts: What would explain a misfit, the one that explains most first.
-        swings_known: Whether the response tells how far the gears swing, without which no hysteresis can be freed.
+        nuisances: What would explain a misfit, the one that explains most first.
+        swings_known: Whether the response tells how far the gears swing, without which no hysteresis can be estimated.
     """
-    cause = doubts[0].cause
+    cause = nuisances[0].cause
     if cause in _KINDS:
         return (_KINDS[cause],)
-    effect = doubts[0].effect
+    effect = nuisances[0].effect
     if isinstance(effect, ValueOff) and cause != FIXED:
         return (effect.kind,)
     if cause == FIXED:
-        return tuple(dict.fromkeys(doubt.effect.kind for doubt in doubts if isinstance(doubt.effect, ValueOff)))
-    slipping = tuple(dict.fromkeys(filter(None, map(slipping_name, doubts))))
-    if slipping_name(doubts[0]) is not None and swings_known:
+        return tuple(
+            dict.fromkeys(nuisance.effect.kind for nuisance in nuisances if isinstance(nuisance.effect, ValueOff))
+        )
+    slipping = tuple(dict.fromkeys(filter(None, map(slipping_name, nuisances))))
+    if slipping_name(nuisances[0]) is not None and swings_known:
         return slipping if len(slipping) <= _FEW else (HYSTERESIS,)
-    if not all(isinstance(doubt.effect, RobotMove | TorqueScale) for doubt in doubts):
+    if not all(isinstance(nuisance.effect, RobotMove | TorqueScale) for nuisance in nuisances):
         return ()
-    many = len(doubts) > _FEW or cause in _ALWAYS_WHOLE
-    return (cause,) if many else tuple(doubt.name for doubt in doubts)
+    many = len(nuisances) > _FEW or cause in _ALWAYS_WHOLE
+    return (cause,) if many else tuple(nuisance.name for nuisance in nuisances)

@@ -7,7 +7,7 @@ import pytest
 
 from exact_systems import certain, exact_frf, two_joint_robot
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot
+from robid.models.elastic.fit.nuisance.kinds import PerturbedRobot
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.description import Inertial, Robot
 from robid.robot.inertia import remove
@@ -42,12 +42,12 @@ def frf():
 
 
 @pytest.mark.parametrize("elbow", [0.02, -0.02])
-def test_springs_of_a_robot_that_is_off_along_a_doubt_are_found_in_one_step(elbow):
+def test_springs_of_a_robot_that_is_off_along_a_nuisance_are_found_in_one_step(elbow):
     robot = certain(two_joint_robot())
     true = heavier(robot, elbow)
     frf = exact_frf(true, CONFIGURATIONS, FREQUENCY_HZ, declared_noise=0.001)
-    doubtful = [DoubtfulRobot(heavier(robot, 0.01), 0.1)]
-    found = fit_elastic(robot, frf, OPTIONS, 0.0, doubtful=doubtful).estimate
+    perturbed = [PerturbedRobot(heavier(robot, 0.01), 0.1)]
+    found = fit_elastic(robot, frf, OPTIONS, 0.0, perturbed=perturbed).estimate
     truth = np.array([spring.stiffness for spring in true.springs])
     before, after = (np.abs(each[: truth.size] / truth - 1) for each in (found.value, found.physical_value))
     assert before.max() > 0.01
@@ -58,8 +58,8 @@ def test_springs_of_a_robot_that_is_off_along_a_doubt_are_found_in_one_step(elbo
 def test_a_rotor_that_is_estimated_itself_hardly_depends_on_the_file(exact):
     robot = certain(two_joint_robot())
     own, other = (fit_elastic(one, exact, OPTIONS, 0.0).estimate for one in (robot, heavier(robot, rotor=0.02)))
-    doubtful = [DoubtfulRobot(heavier(robot, rotor=0.002), 0.1)]
-    found = fit_elastic(robot, exact, OPTIONS, 0.0, doubtful=doubtful).estimate
+    perturbed = [PerturbedRobot(heavier(robot, rotor=0.002), 0.1)]
+    found = fit_elastic(robot, exact, OPTIONS, 0.0, perturbed=perturbed).estimate
     grown = np.sqrt(np.maximum(np.diag(found.covariance - own.covariance), 0.0)) / own.value
     index = own.names.index("elbow.motor_inertia")
     assert other.nominal[index] == pytest.approx(1.02 * own.nominal[index])
@@ -70,8 +70,8 @@ def test_a_rotor_that_is_estimated_itself_hardly_depends_on_the_file(exact):
 
 def test_intervals_widen_and_say_why(frf):
     robot = certain(two_joint_robot())
-    doubtful = [DoubtfulRobot(heavier(robot, elbow=-0.01), -0.1), DoubtfulRobot(heavier(robot, rotor=0.01), 0.1)]
-    sure, unsure = (fit_elastic(robot, frf, OPTIONS, 0.0, doubtful=given).estimate for given in ((), doubtful))
+    perturbed = [PerturbedRobot(heavier(robot, elbow=-0.01), -0.1), PerturbedRobot(heavier(robot, rotor=0.01), 0.1)]
+    sure, unsure = (fit_elastic(robot, frf, OPTIONS, 0.0, perturbed=given).estimate for given in ((), perturbed))
     np.testing.assert_allclose(sure.value, unsure.value)
     wider = np.diag(unsure.covariance) / np.diag(sure.covariance)
     assert wider.min() > 0.97
@@ -91,7 +91,7 @@ def scaled(robot, factor):
             joint,
             link=heavier(joint.link),
             motor=replace(joint.motor, inertia_kgm2=factor * joint.motor.inertia_kgm2),
-            doubts=replace(joint.doubts, torque_relative_std=0.02),
+            nuisance_std=replace(joint.nuisance_std, torque_relative_std=0.02),
         )
         for joint in robot.joints
     )
@@ -108,9 +108,9 @@ def test_masses_that_the_same_torques_gave_do_not_tell_their_scale(more):
     frf = exact_frf(true, CONFIGURATIONS, FREQUENCY_HZ, declared_noise=0.001)
     frf = replace(frf, response=frf.response / factor, total_covariance=frf.total_covariance / factor**2)
     nominal = scaled(true, factor)
-    doubtful = [DoubtfulRobot(heavier(nominal, 0.001), 1.0)]
+    perturbed = [PerturbedRobot(heavier(nominal, 0.001), 1.0)]
     options = replace(OPTIONS, free=(*OPTIONS.free, *more))
-    found = fit_elastic(nominal, frf, options, 0.0, doubtful=doubtful).estimate
+    found = fit_elastic(nominal, frf, options, 0.0, perturbed=perturbed).estimate
     truth = np.array([spring.stiffness for spring in true.springs])
     np.testing.assert_allclose(found.value[: truth.size], factor * truth, rtol=2e-3)
     assert ((found.lower[: truth.size] <= truth) & (truth <= found.upper[: truth.size])).all()

@@ -63,8 +63,8 @@ def test_motion_that_the_model_cannot_have_is_doubted():
     frf = measured(softer(GANTRY))
     options = ElasticOptions(starts=1)
     solution = fit_elastic(robot, frf, options, DELAY_S)
-    (doubt,) = uncoupled_findings(fitted_model(robot, solution, frf, options, DELAY_S))
-    assert doubt.cause == "missing_spring"
-    assert "the torque of y moves z by 14 %" in doubt.message  # 2.55 over the root of 135 times 968, and as much back
-    assert doubt.strength == pytest.approx(13.5, abs=1)
+    (finding,) = uncoupled_findings(fitted_model(robot, solution, frf, options, DELAY_S))
+    assert finding.cause == "missing_spring"
+    assert "the torque of y moves z by 14 %" in finding.message  # 2.55 over the root of 135 times 968, and as much back
+    assert finding.strength == pytest.approx(13.5, abs=1)
     assert "missing_spring" in [each.cause for each in assess_fit(robot, solution, frf, options, DELAY_S).findings]

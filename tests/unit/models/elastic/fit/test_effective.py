@@ -1,4 +1,4 @@
-"""The values that places agree on, of springs that differ between places and of springs that do not."""
+"""The values that clusters agree on, of springs that differ between clusters and of springs that do not."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ from robid.models.elastic.fit.intervals import find_spreads
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.fit.parameters import map_parameters
-from robid.models.elastic.fit.physical import place_evidence, settle
+from robid.models.elastic.fit.physical import cluster_evidence, weigh_clusters
 from robid.models.elastic.fit.problem import make_problem
 from robid.models.elastic.fit.uncertainty import influence, score_covariance, structured_covariance
 from robid.robot.linearize import linearize, solve_statics
@@ -26,17 +26,17 @@ OPTIONS = ElasticOptions(weights=Weights("inflated"), free=("stiffness", "dampin
 SCATTER = 0.03
 
 
-def fitted(scatter, seed, n_place=8, amplitudes=1, options=OPTIONS, mean=1.0, frequency_hz=FREQUENCY_HZ):
-    """A fit of places whose springs differ, as its problem, its minimum and the estimator linearised there."""
+def fitted(scatter, seed, n_cluster=8, amplitudes=1, options=OPTIONS, mean=1.0, frequency_hz=FREQUENCY_HZ):
+    """A fit of clusters whose springs differ, as its problem, its minimum and the estimator linearised there."""
     generator = np.random.default_rng(seed)
-    configurations = generator.uniform(-1.4, 1.4, (n_place, 2))
+    configurations = generator.uniform(-1.4, 1.4, (n_cluster, 2))
     robots = [
         with_spring_factors(two_joint_robot(), factors)
-        for factors in mean * np.exp(scatter * generator.standard_normal((n_place, 4)))
+        for factors in mean * np.exp(scatter * generator.standard_normal((n_cluster, 4)))
     ]
     rows = [
-        averaged(exact_frf(robot, place[None], frequency_hz), 0.003, seed=1000 * seed + 10 * index + amplitude)
-        for index, (robot, place) in enumerate(zip(robots, configurations, strict=True))
+        averaged(exact_frf(robot, cluster[None], frequency_hz), 0.003, seed=1000 * seed + 10 * index + amplitude)
+        for index, (robot, cluster) in enumerate(zip(robots, configurations, strict=True))
         for amplitude in range(amplitudes)
     ]
     frf = join(rows, [str(index) for index in range(len(rows))])
@@ -63,13 +63,13 @@ def test_scores_of_all_configurations_have_the_sandwich_as_covariance():
     )
 
 
-def test_at_the_minimum_the_scores_of_all_places_and_what_is_known_are_in_balance():
+def test_at_the_minimum_the_scores_of_all_clusters_and_what_is_known_are_in_balance():
     problem, internal, found = fitted(SCATTER, 2, amplitudes=2)
-    evidence = place_evidence(problem, internal, score_covariance(problem, found))
+    evidence = cluster_evidence(problem, internal, score_covariance(problem, found))
     assert len(evidence.rows) == 8
     alike = replace(problem, model_error=np.zeros(()))
     # Where weights are the inverse of the covariance, bread and meat agree and the fit's own minimum stays.
-    bread = place_evidence(alike, internal, 2 * _bread(problem, internal))
+    bread = cluster_evidence(alike, internal, 2 * _bread(problem, internal))
     shift = pool(bread, np.zeros(internal.size)).shift
     assert (np.abs(shift) < 1e-3 * np.sqrt(np.diag(structured_covariance(problem, found)))).all()
 
@@ -83,7 +83,7 @@ def _bread(problem, internal):
 
 def test_without_differences_the_intervals_are_those_of_noise_and_assumed_error():
     problem, internal, found = fitted(0.0, 3)
-    effective = settle(problem, internal, found)
+    effective = weigh_clusters(problem, internal, found)
     own = springs(problem)
     std = np.sqrt(np.diag(structured_covariance(problem, found)))
     half = effective.pooled.reach(0.95)
@@ -96,7 +96,7 @@ def test_what_springs_differ_by_is_found_and_their_mean_is_held():
     held, between, narrow = [], [], []
     for seed in range(10, 35):
         problem, internal, found = fitted(SCATTER, seed)
-        effective = settle(problem, internal, found)
+        effective = weigh_clusters(problem, internal, found)
         own = springs(problem)
         held.append((np.abs(effective.values) <= effective.pooled.reach(0.95))[own])
         std = np.sqrt(np.diag(structured_covariance(problem, found)))
@@ -109,23 +109,23 @@ def test_what_springs_differ_by_is_found_and_their_mean_is_held():
 
 
 def test_amplitudes_of_one_place_are_one_place():
-    problem, internal, found = fitted(SCATTER, 5, n_place=4, amplitudes=3)
+    problem, internal, found = fitted(SCATTER, 5, n_cluster=4, amplitudes=3)
     # Three, and the little that is known of dampers beforehand.
-    assert (settle(problem, internal, found).pooled.degrees_of_freedom < 3.5).all()
+    assert (weigh_clusters(problem, internal, found).pooled.degrees_of_freedom < 3.5).all()
 
 
 @pytest.mark.parametrize("seed", [2, 3])
 def test_a_spring_at_infinity_leaves_the_others_their_intervals(seed):
-    # Few lines for many parameters: each place leaves some of their combinations all but unseen.
+    # Few lines for many parameters: each cluster leaves some of their combinations all but unseen.
     options = replace(OPTIONS, free=("stiffness", "damping", "motor_inertia"))
     rigid = np.array([1.0, 1.0, 1.0, 1e6])
     problem, internal, found = fitted(
         SCATTER, seed, options=options, mean=rigid, frequency_hz=np.geomspace(2.0, 60.0, 5)
     )
-    near = settle(problem, internal, found).pooled
+    near = weigh_clusters(problem, internal, found).pooled
     for stiff in (12.0, 8.0):
         point = np.where(np.array(problem.parameters.names) == "forearm.stiffness", stiff, internal)
-        far = settle(problem, point, influence(problem, point))
+        far = weigh_clusters(problem, point, influence(problem, point))
         assert (np.sqrt(far.pooled.between[:3]) < 2 * SCATTER).all()
         np.testing.assert_allclose(far.pooled.reach(0.95)[:3], near.reach(0.95)[:3], rtol=0.2)
         assert far.values[3] == stiff, "nothing says how stiff it is"
@@ -135,8 +135,8 @@ def spreads(problem, internal, found, excess=1.0):
     return find_spreads(problem, internal, found, excess, 0.95)
 
 
-def test_few_places_are_widened_by_the_misfit_instead():
-    problem, internal, found = fitted(0.0, 6, n_place=3, amplitudes=2)
+def test_few_clusters_are_widened_by_the_misfit_instead():
+    problem, internal, found = fitted(0.0, 6, n_cluster=3, amplitudes=2)
     sound, poor = (spreads(problem, internal, found, excess) for excess in (0.5, 4.0))
     np.testing.assert_allclose(poor.effective.std, 2 * sound.effective.std)
     np.testing.assert_array_equal(sound.effective.values, internal)
@@ -145,19 +145,19 @@ def test_few_places_are_widened_by_the_misfit_instead():
     assert poor.effective.rule == "noise and assumed model error, widened by the misfit"
 
 
-def test_from_four_places_on_their_differences_count_and_no_misfit():
-    problem, internal, found = fitted(0.0, 6, n_place=4)
+def test_from_four_clusters_on_their_differences_count_and_no_misfit():
+    problem, internal, found = fitted(0.0, 6, n_cluster=4)
     one, other = (spreads(problem, internal, found, excess) for excess in (1.0, 4.0))
     np.testing.assert_array_equal(one.effective.covariance, other.effective.covariance)
     assert one.between is not None
-    assert one.effective.rule == "noise and assumed model error, and what 4 places differ by"
+    assert one.effective.rule == "noise and assumed model error, and what 4 clusters differ by"
 
 
 @pytest.mark.parametrize("kind", ["user", "inflated"])
 def test_without_a_covariance_the_assumed_error_stands_in_for_noise(kind):
     true = with_spring_factors(two_joint_robot(), [1.3, 0.8, 1.2, 0.9], [0.7, 1.4, 1.2, 0.8])
-    places = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3], [0.2, 2.0]])
-    frf = exact_frf(true, places, FREQUENCY_HZ)
+    clusters = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3], [0.2, 2.0]])
+    frf = exact_frf(true, clusters, FREQUENCY_HZ)
     options = ElasticOptions(weights=Weights(kind=kind))
     estimate = fit_elastic(two_joint_robot(), frf, options, 0.0).estimate
     springs = np.array(estimate.kinds) == "stiffness"

@@ -10,12 +10,12 @@ from exact_systems import exact_frf, linear_axis, two_joint_robot, with_spring_f
 from robid.errors import DataError
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
 from robid.models.elastic.fit.gear_motion import bristle_table, mean_size
-from robid.models.elastic.fit.nuisance.kinds import freed_nuisances, list_nuisances
+from robid.models.elastic.fit.nuisance.kinds import estimated_nuisances, list_nuisances
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.fitted import fitted_model, poles
 from robid.robot.linearize import solve_statics
 from robid.robot.model import HYSTERESIS_SHARE, build_model
-from robid.robot.parameters import DOUBT
+from robid.robot.parameters import NUISANCE_KIND
 
 FREQUENCY_HZ = np.geomspace(1, 60, 30)
 PLACES = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3], [0.2, 2.0]])
@@ -72,9 +72,9 @@ def test_derivatives_by_the_kinds_of_gears_are_those_of_the_response():
     problem = set_up(two_joint_robot(), frf, ElasticOptions(free=("load_damping", "hysteresis")), DELAY_S)[0]
     kinds = np.array(problem.parameters.kind_of)
     point = np.random.default_rng(2).uniform(-0.2, 0.2, kinds.size)
-    point[kinds == DOUBT] = [0.5, 0.7, 0.3, -0.4]
+    point[kinds == NUISANCE_KIND] = [0.5, 0.7, 0.3, -0.4]
     derivative = problem.linear(point)[1]
-    for index in np.flatnonzero(np.isin(kinds, (DOUBT, "damping"))):
+    for index in np.flatnonzero(np.isin(kinds, (NUISANCE_KIND, "damping"))):
         step = 1e-4 * (np.arange(point.size) == index)
         ahead, behind = problem.linear(point + step)[0], problem.linear(point - step)[0]
         difference = -(ahead - behind) / 2e-4
@@ -119,7 +119,7 @@ def test_a_damper_whose_load_is_alike_everywhere_is_named_with_what_to_do():
     robot = replace(two_joint_robot(), gravity_m_s2=np.zeros(3))
     frf = with_torques(exact_frf(robot, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=0.003, seed=5))
     solution = fit_elastic(robot, frf, ElasticOptions(free=("gear_2.load_damping",)), DELAY_S)
-    told = [each for each in solution.estimate.undetermined if "hardly told from gear_2.damping" in each]
+    told = [each for each in solution.estimate.undetermined if "hardly distinguished from gear_2.damping" in each]
     assert len(told) == 1
     assert "measure some that load it otherwise, or leave it out of `free`" in told[0]
 
@@ -149,10 +149,10 @@ def test_hysteresis_without_a_known_swing_is_refused_and_growth_is_not():
         set_up(two_joint_robot(), frf, ElasticOptions(free=("hysteresis",)), DELAY_S)
 
 
-def test_hysteresis_that_a_fit_estimates_is_no_doubt_any_more():
+def test_hysteresis_that_a_fit_estimates_is_no_nuisance_any_more():
     robot, options = two_joint_robot(), ElasticOptions(free=("gear_1.hysteresis",))
-    assert [doubt.name for doubt in freed_nuisances(robot, options)] == ["gear_1.hysteresis"]
-    names = {doubt.name for doubt in list_nuisances(robot, options)}
+    assert [nuisance.name for nuisance in estimated_nuisances(robot, options)] == ["gear_1.hysteresis"]
+    names = {nuisance.name for nuisance in list_nuisances(robot, options)}
     assert {"gear_2.hysteresis_early", "gear_2.hysteresis_late"} <= names
     assert not any(name.startswith("gear_1.hysteresis") for name in names)
 

@@ -249,7 +249,7 @@ def test_what_differs_between_configurations_widens_the_intervals():
         alone.append(solution.realization_relative_std[springs] / solution.estimate.relative_std[springs])
     assert np.mean(held) > 0.85
     estimate, freedom = solution.estimate, solution.internal.degrees_of_freedom
-    differ = "what 10 places differ by, and 2 doubts of the robot file"
+    differ = "what 10 clusters of configurations differ by, and 2 nuisance parameters of the robot file"
     assert estimate.interval_rule == f"noise and assumed model error, {differ}"  # that of the physical one
     reach = t.ppf(0.975, freedom) * np.sqrt(np.diag(solution.internal.covariance))
     half = 0.5 * np.log(estimate.effective_upper / estimate.effective_lower)

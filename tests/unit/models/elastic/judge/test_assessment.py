@@ -92,13 +92,13 @@ def test_own_resonances_have_their_limit(stated, sound):
 def test_data_of_the_validation_are_named_and_blamed_before_what_does_not_decide(stated, sound, frf):
     payload = Finding("payload", "the payload +2 kg", decisive=False, strength=4.0)
     turned = replace(frf, response=frf.response * np.array([1.0, -1.0]))
-    doubts = validation_findings((payload,), stated, sound.estimate, turned, "monday")
-    assert [doubt.cause for doubt in doubts] == ["torque_sign", "payload"]
-    assert doubts[0].message.startswith("in campaign monday, ")
+    findings = validation_findings((payload,), stated, sound.estimate, turned, "monday")
+    assert [finding.cause for finding in findings] == ["torque_sign", "payload"]
+    assert findings[0].message.startswith("in campaign monday, ")
     assert validation_findings((payload,), stated, sound.estimate, frf, "monday") == (payload,)
     decided = Finding("angle_sign", "shoulder: its angle has the wrong sign", decisive=True, strength=2.0)
     assert [
-        doubt.cause for doubt in validation_findings((decided, payload), stated, sound.estimate, turned, "monday")
+        finding.cause for finding in validation_findings((decided, payload), stated, sound.estimate, turned, "monday")
     ] == [
         "angle_sign",
         "torque_sign",
@@ -109,7 +109,7 @@ def test_data_of_the_validation_are_named_and_blamed_before_what_does_not_decide
 def test_a_delay_that_is_declared_is_no_doubt_about_a_validation(stated, sound, frf):
     late_s = 0.04
     late = replace(frf, response=frf.response * np.exp(-2j * np.pi * FREQUENCY_HZ * late_s)[:, None, None])
-    assert [doubt.cause for doubt in validation_findings((), stated, sound.estimate, late, "monday", DELAY_S)] == [
+    assert [finding.cause for finding in validation_findings((), stated, sound.estimate, late, "monday", DELAY_S)] == [
         "delay"
     ]
     assert validation_findings((), stated, sound.estimate, late, "monday", DELAY_S + late_s) == ()
@@ -126,27 +126,29 @@ def balanced_arm(robot):
     return replace(found, mean_input=torque, mean_output=angle, motion_rms=np.full_like(angle, 0.3))
 
 
-def test_freeing_the_counterbalance_that_mean_torques_name_ends_their_doubt(stated):
+def test_freeing_the_counterbalance_that_mean_torques_name_ends_their_finding(stated):
     law = Friction(0.0, 0.03, 0.03, 1.0, 0.02)
     joints = tuple(replace(joint, motor=replace(joint.motor, friction=law)) for joint in stated.joints)
     robot = replace(stated, joints=joints)
     frf = balanced_arm(robot)
     plain = fit_elastic(robot, frf, OPTIONS, DELAY_S)
     seen = [
-        doubt for doubt in assess_fit(robot, plain, frf, OPTIONS, DELAY_S).findings if "mean torques" in doubt.message
+        finding
+        for finding in assess_fit(robot, plain, frf, OPTIONS, DELAY_S).findings
+        if "mean torques" in finding.message
     ]
-    assert [doubt.cause for doubt in seen] == ["counterbalance"]
+    assert [finding.cause for finding in seen] == ["counterbalance"]
     free = seen[0].message.partition("free: [")[2].partition("]")[0]
     options = replace(OPTIONS, free=(free,))
-    freed = fit_elastic(robot, frf, options, DELAY_S)
-    grade = assess_fit(robot, freed, frf, options, DELAY_S)
+    estimated = fit_elastic(robot, frf, options, DELAY_S)
+    grade = assess_fit(robot, estimated, frf, options, DELAY_S)
     assert (grade.value, grade.findings) == (1, ())
-    fitted = fitted_carrier(robot, freed.estimate)
+    fitted = fitted_carrier(robot, estimated.estimate)
     assert fitted.found.robot.joints[0].counterbalance.torque_nm(0.7) == pytest.approx(
         60 * np.sin(0.7) - 150 * np.cos(0.7), abs=9
     )
     assert fitted_carrier(robot, plain.estimate) is None
-    assert validation_findings((), robot, freed.estimate, frf, "monday", DELAY_S) == ()
+    assert validation_findings((), robot, estimated.estimate, frf, "monday", DELAY_S) == ()
     assert validation_findings((), robot, plain.estimate, frf, "monday", DELAY_S) != ()
 
 
@@ -177,24 +179,24 @@ WRONG = {
 
 
 @pytest.mark.parametrize("cause", WRONG)
-def test_what_a_fit_freed_is_what_mean_torques_are_held_against(stated, cause):
+def test_what_a_fit_estimated_is_what_mean_torques_are_held_against(stated, cause):
     change, scale = WRONG[cause]
     robot = rubbing(stated)
     frf = recorded(change(robot), scale)
     options = replace(OPTIONS, free=(cause,))
-    freed = fit_elastic(robot, frf, options, DELAY_S)
+    estimated = fit_elastic(robot, frf, options, DELAY_S)
     plain = fit_elastic(robot, frf, OPTIONS, DELAY_S)
-    told = [validation_findings((), robot, each.estimate, frf, "monday", DELAY_S) for each in (plain, freed)]
-    assert [doubt.cause for doubt in told[0]] == [cause]
+    told = [validation_findings((), robot, each.estimate, frf, "monday", DELAY_S) for each in (plain, estimated)]
+    assert [finding.cause for finding in told[0]] == [cause]
     assert told[1] == ()
-    # A freed payload vouches for itself alone: what the fit cannot have found is still seen.
+    # A estimated payload vouches for itself alone: what the fit cannot have found is still seen.
     heavier = recorded(WRONG["payload"][0](WRONG["payload"][0](change(robot))), scale)
-    assert [doubt.cause for doubt in validation_findings((), robot, freed.estimate, heavier, "monday", DELAY_S)] == [
-        "payload"
-    ]
+    assert [
+        finding.cause for finding in validation_findings((), robot, estimated.estimate, heavier, "monday", DELAY_S)
+    ] == ["payload"]
 
 
-def test_how_far_what_a_fit_freed_may_be_off_is_as_far_as_its_intervals_reach(stated):
+def test_how_far_what_a_fit_estimated_may_be_off_is_as_far_as_its_intervals_reach(stated):
     robot = rubbing(stated)
     options = replace(OPTIONS, free=("payload", "torque_constant"))
     estimate = fit_elastic(robot, recorded(robot), options, DELAY_S).estimate

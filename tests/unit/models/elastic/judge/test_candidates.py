@@ -10,7 +10,7 @@ from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.nuisance.kinds import list_nuisances
 from robid.models.elastic.fit.nuisance.response import Scene, column
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.judge.causes import _doubt, _wrong_ratio, explain
+from robid.models.elastic.judge.causes import _finding, _wrong_ratio, explain
 from robid.models.elastic.judge.fitted import fitted_model
 from robid.models.elastic.judge.ratios import Backlash, candidates, score, try_ratios, with_gear_ratio
 from robid.models.elastic.judge.reversals import try_signs, turned
@@ -51,7 +51,7 @@ def test_signs_that_are_wrong_are_named_and_right_again_once_turned(sound, frf, 
     found = explain(model)
     assert [each.cause for each in found] == [cause]  # nothing else is said of a fit to reversed data
     assert found[0].correct[0] == setting
-    assert _doubt(solution.estimate, found[0], found, OPTIONS).decisive
+    assert _finding(solution.estimate, found[0], found, OPTIONS).decisive
     again = fit_elastic(two_joint_robot(), turned(told, rows, columns), OPTIONS, DELAY_S)
     assert again.costs.total == pytest.approx(sound.costs.total)
     assert found[0].share == pytest.approx(1 - again.costs.total / solution.costs.total, abs=0.02)
@@ -99,9 +99,9 @@ def test_a_ratio_that_is_off_comes_first_and_its_setting_is_told(frf):
     found = explain(model)
     assert found[0].cause == "gear_ratio"
     assert found[0].what.startswith("a gear ratio of elbow of 100 instead of 110")
-    doubt = _doubt(solution.estimate, found[0], found, OPTIONS)
-    assert "(try `gear_ratio: " in doubt.message
-    assert "` for elbow in the robot file;" in doubt.message
+    finding = _finding(solution.estimate, found[0], found, OPTIONS)
+    assert "(try `gear_ratio: " in finding.message
+    assert "` for elbow in the robot file;" in finding.message
 
 
 def test_ratios_that_mean_angles_confirm_explain_nothing(frf):
@@ -135,10 +135,10 @@ def test_a_backlash_is_the_share_of_time_that_a_swinging_gear_is_in_its_gap(soun
     assert not column(Backlash(1), Scene(still.problem, still.internal, two_joint_robot(), OPTIONS)).any()
 
 
-def test_no_candidate_is_ever_a_doubt_that_widens_intervals(frf):
-    doubts = {each.name for each in list_nuisances(two_joint_robot(), OPTIONS)}
-    assert not doubts & {each.name for each in candidates(two_joint_robot(), frf)}
-    assert not [name for name in doubts if "backlash" in name or "gear_ratio" in name]
+def test_no_candidate_is_ever_a_nuisance_that_widens_intervals(frf):
+    nuisances = {each.name for each in list_nuisances(two_joint_robot(), OPTIONS)}
+    assert not nuisances & {each.name for each in candidates(two_joint_robot(), frf)}
+    assert not [name for name in nuisances if "backlash" in name or "gear_ratio" in name]
 
 
 def test_ratios_off_by_less_than_any_is_rounded_to_are_not_told(frf):

@@ -7,11 +7,11 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance.moves import with_freed_springs
+from robid.models.elastic.fit.nuisance.moves import with_estimated_springs
 from robid.models.elastic.fit.nuisance.wording import free_with
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.assessment import assess_fit
-from robid.models.elastic.judge.causes import _doubt, explain
+from robid.models.elastic.judge.causes import _finding, explain
 from robid.models.elastic.judge.fitted import fitted_model
 from robid.models.elastic.judge.ratios import Explanation
 from robid.robot.description import Inertial, Spring
@@ -134,7 +134,7 @@ def test_explanations_that_move_springs_little_or_explain_little_or_are_linear_f
 
     def decisive(cause="missing_spring", share=0.8, moved=0.3, leads=True):
         found = Explanation(cause, ("spring",), np.ones(1), ("MN m/rad",), share, moved * gear)
-        return _doubt(estimate, found, [found] if leads else [], OPTIONS).decisive
+        return _finding(estimate, found, [found] if leads else [], OPTIONS).decisive
 
     assert decisive()
     assert decisive(moved=-0.2)  # 22 % off
@@ -144,7 +144,7 @@ def test_explanations_that_move_springs_little_or_explain_little_or_are_linear_f
     assert not decisive(leads=False)
     unknown = replace(estimate, lower=0.5 * estimate.value, upper=1.5 * estimate.value)
     found = Explanation("missing_spring", ("spring",), np.ones(1), ("MN m/rad",), 0.8, 0.3 * gear)
-    assert not _doubt(unknown, found, [found], OPTIONS).decisive
+    assert not _finding(unknown, found, [found], OPTIONS).decisive
 
 
 def test_a_right_model_has_nothing_to_explain(true_arm):
@@ -175,8 +175,8 @@ def test_a_spring_that_is_fixed_and_off_is_to_be_fixed_no_more(kind, factor):
     grade = assess_fit(stated, solution, frf, options, DELAY_S)
     assert grade.causes[0] == "held_spring"
     assert f"(take `forearm.{kind}` out of `fixed`" in grade.messages[0]
-    freed = fit_elastic(stated, frf, OPTIONS, DELAY_S).costs
-    assert freed.total < 1.1 * freed.expected.sum() < 0.6 * solution.costs.total
+    estimated = fit_elastic(stated, frf, OPTIONS, DELAY_S).costs
+    assert estimated.total < 1.1 * estimated.expected.sum() < 0.6 * solution.costs.total
 
 
 @pytest.mark.parametrize("held", ["stiffness", "damping"])
@@ -189,8 +189,8 @@ def test_a_missing_spring_is_found_by_its_name_whatever_else_is_free(held):
     frf = measured(true)
     before, found = explained(stated, frf, options)
     assert found[0].free == ("bearing_shoulder_x",)
-    freed = replace(options, free=free_with(free, found[0].free))
-    solution = fit_elastic(with_freed_springs(stated, freed), frf, freed, DELAY_S)
+    estimated = replace(options, free=free_with(free, found[0].free))
+    solution = fit_elastic(with_estimated_springs(stated, estimated), frf, estimated, DELAY_S)
     assert solution.costs.total < 1.2 * solution.costs.expected.sum() < 0.05 * before.costs.total
     names = {name for name in solution.estimate.names if name.endswith(f".{held}")}
     assert names == {f"bearing_shoulder_x.{held}"}
@@ -218,7 +218,7 @@ def test_dampers_that_are_off_and_not_estimated_are_no_missing_spring():
     off = [replace(s, damping=f * s.damping) for s, f in zip(stated.springs, factors, strict=True)]
     frf = measured(replace(stated, springs=tuple(off)))
     grade = assess_fit(stated, fit_elastic(stated, frf, options, DELAY_S), frf, options, DELAY_S)
-    # Trials that freed all dampers beside a further spring called that one first.
+    # Trials that estimated all dampers beside a further spring called that one first.
     assert grade.causes[0] == "held_spring"
     assert "(try `free: [stiffness, viscous, delay, motor_inertia, damping]`" in grade.messages[0]
 

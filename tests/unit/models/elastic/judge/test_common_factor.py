@@ -31,7 +31,7 @@ def response():
 
 def named(robot, frf):
     estimate = fit_elastic(robot, frf, OPTIONS, 0.0).estimate
-    return [str(scale) for doubt in common_factor_findings(robot, frf, estimate) for scale in doubt.scales]
+    return [str(scale) for finding in common_factor_findings(robot, frf, estimate) for scale in finding.scales]
 
 
 def test_a_current_that_is_read_as_a_torque(response):

@@ -139,9 +139,9 @@ def test_three_places_are_not_trusted_until_the_remedy_is_followed(nominal, true
     few = fit_elastic(nominal, frf, OPTIONS, DELAY_S)
     grade = validate_elastic(nominal, few, fresh, OPTIONS, DELAY_S, None).outcome.grade
     assert grade.value == PREDICTS
-    assert "all was measured in 3 places" in grade.sentence
+    assert "all was measured in 3 clusters of configurations" in grade.sentence
     assert grade.sentence.endswith("measure 1 more configuration.")
-    assert validation.outcome.grade.sentence == "Trust."  # it is of the same places and one more
+    assert validation.outcome.grade.sentence == "Trust."  # it is of the same configurations and one more
     assert {"payload.mass", "gear_1.load_stiffness"} <= {*few.doubts.names}  # what was carried along is told
     assert (few.doubts.half_width > 0).all()
 

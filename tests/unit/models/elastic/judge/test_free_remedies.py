@@ -1,17 +1,17 @@
-"""What a sentence asks to free can be freed: names that the fit takes, and none where it would refuse."""
+"""What a sentence asks to free can be estimated: names that the fit takes, and none where it would refuse."""
 
 import pytest
 
 from exact_systems import two_joint_robot
-from robid.models.elastic.fit.nuisance.kinds import freed_nuisances, list_nuisances
+from robid.models.elastic.fit.nuisance.kinds import estimated_nuisances, list_nuisances
 from robid.models.elastic.fit.nuisance.wording import remedy
 from robid.models.elastic.fit.options import ElasticOptions
 
 NEVER = "gear_1.hysteresis_never"
 
 
-def doubts(*names, options=None):
-    every = {doubt.name: doubt for doubt in list_nuisances(two_joint_robot(), options or ElasticOptions())}
+def nuisances(*names, options=None):
+    every = {nuisance.name: nuisance for nuisance in list_nuisances(two_joint_robot(), options or ElasticOptions())}
     return [every[name] for name in names]
 
 
@@ -26,21 +26,21 @@ def doubts(*names, options=None):
         ([NEVER], ()),
     ],
 )
-def test_hysteresis_is_freed_by_gear(named, free):
-    found = remedy(doubts(*named), swings_known=True)
+def test_hysteresis_is_estimated_by_gear(named, free):
+    found = remedy(nuisances(*named), swings_known=True)
     assert found == free
-    assert remedy(doubts(*named), swings_known=False) == ()
-    assert len(freed_nuisances(two_joint_robot(), ElasticOptions(free=found))) == len(free)
+    assert remedy(nuisances(*named), swings_known=False) == ()
+    assert len(estimated_nuisances(two_joint_robot(), ElasticOptions(free=found))) == len(free)
 
 
-def test_springs_that_are_held_are_freed_as_kinds():
+def test_springs_that_are_held_are_estimated_as_kinds():
     without = ElasticOptions(free=("viscous", "stiffness"), fixed=("gear_1.stiffness",))
-    found = remedy(doubts("gear_2.damping", "gear_1.stiffness", options=without), swings_known=True)
+    found = remedy(nuisances("gear_2.damping", "gear_1.stiffness", options=without), swings_known=True)
     assert found == ("damping", "stiffness")
 
 
-def test_viscous_friction_is_freed_as_a_kind():
+def test_viscous_friction_is_estimated_as_a_kind():
     without = ElasticOptions(free=("stiffness", "damping"))
-    found = remedy(doubts("elbow.viscous", "elbow.friction_loss", options=without), swings_known=True)
+    found = remedy(nuisances("elbow.viscous", "elbow.friction_loss", options=without), swings_known=True)
     assert found == ("viscous",)
-    assert remedy(doubts("elbow.friction_loss"), swings_known=True) == ()
+    assert remedy(nuisances("elbow.friction_loss"), swings_known=True) == ()

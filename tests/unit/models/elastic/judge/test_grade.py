@@ -27,7 +27,7 @@ def sound():
 
 
 @pytest.mark.parametrize(
-    ("doubts", "failures", "value"),
+    ("findings", "failures", "value"),
     [
         ((), (), 2),
         ((FAINT,), (), 2),
@@ -37,11 +37,11 @@ def sound():
         ((DECISIVE, CLEAR), ("resonances are off",), 0),
     ],
 )
-def test_the_worst_reason_decides(sound, doubts, failures, value):
-    grade = grade_validation(sound, doubts, failures)
+def test_the_worst_reason_decides(sound, findings, failures, value):
+    grade = grade_validation(sound, findings, failures)
     assert grade.value == value
-    assert grade.findings == doubts
-    assert grade_fit(sound, doubts).value == min(value, 1) or failures
+    assert grade.findings == findings
+    assert grade_fit(sound, findings).value == min(value, 1) or failures
 
 
 def test_a_fit_alone_predicts_at_best(sound):
@@ -53,20 +53,20 @@ def test_a_fit_alone_predicts_at_best(sound):
 
 
 @pytest.mark.parametrize(
-    ("places", "told"),
+    ("clusters", "told"),
     [
-        (1, "all was measured in a single place, and fewer than 4 do not show"),
-        (3, "all was measured in 3 places, and fewer than 4 do not show"),
+        (1, "all was measured in a single cluster of configurations, and fewer than 4 do not show"),
+        (3, "all was measured in 3 clusters of configurations, and fewer than 4 do not show"),
         (4, ""),
     ],
 )
-def test_a_fit_of_fewer_than_four_places_is_not_trusted_and_says_how_many_are_missing(sound, places, told):
-    measured = replace(sound.responses, configurations=PLACES[np.arange(5) % places])
+def test_a_fit_of_fewer_than_four_clusters_is_not_trusted_and_says_how_many_are_missing(sound, clusters, told):
+    measured = replace(sound.responses, configurations=PLACES[np.arange(5) % clusters])
     grade = grade_validation(replace(sound, responses=measured), (), ())
     assert grade.value == (1 if told else 2)
     assert told in grade.sentence
     missing = {1: "measure 3 more configurations", 3: "measure 1 more configuration.", 4: "Trust."}
-    assert missing[places] in grade.sentence
+    assert missing[clusters] in grade.sentence
 
 
 def test_what_a_fit_cannot_be_used_for(sound):

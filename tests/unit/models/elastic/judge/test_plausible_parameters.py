@@ -43,37 +43,39 @@ def with_parameter(estimated, name, estimate, half_width):
     return replace(estimated, names=(*estimated.names, name), kinds=(*estimated.kinds, "friction"), **grown)
 
 
-def doubts(estimated):
-    return [(doubt.cause, doubt.decisive) for doubt in parameter_findings(two_joint_robot(), estimated, BAND_HZ, STEP)]
+def findings(estimated):
+    return [
+        (finding.cause, finding.decisive) for finding in parameter_findings(two_joint_robot(), estimated, BAND_HZ, STEP)
+    ]
 
 
-def test_a_sound_fit_gives_no_doubt(sound):
-    assert doubts(sound) == []
+def test_a_sound_fit_gives_no_finding(sound):
+    assert findings(sound) == []
 
 
-def test_zero_inside_the_interval_is_no_doubt(sound):
-    assert doubts(changed(sound, "elbow.viscous", -1e-3, 2e-3)) == []
-    assert doubts(changed(sound, "delay", -1e-3, 2e-3)) == []
-    assert doubts(with_parameter(sound, "elbow.level", -1.1, 0.3)) == []
+def test_zero_inside_the_interval_is_no_finding(sound):
+    assert findings(changed(sound, "elbow.viscous", -1e-3, 2e-3)) == []
+    assert findings(changed(sound, "delay", -1e-3, 2e-3)) == []
+    assert findings(with_parameter(sound, "elbow.level", -1.1, 0.3)) == []
 
 
 def test_negative_friction(sound):
-    assert doubts(changed(sound, "elbow.viscous", -1e-3, 2e-4)) == [("friction", False)]
+    assert findings(changed(sound, "elbow.viscous", -1e-3, 2e-4)) == [("friction", False)]
     told = parameter_findings(two_joint_robot(), changed(sound, "elbow.viscous", -1e-3, 2e-4), BAND_HZ, STEP)[0].message
     assert "try `arm_viscous` in `free`" in told
     freed = with_parameter(sound, "elbow.arm_viscous", 3.0, 0.3)
     told = parameter_findings(two_joint_robot(), changed(freed, "elbow.viscous", -1e-3, 2e-4), BAND_HZ, STEP)[0].message
     assert "arm_viscous" not in told
-    assert doubts(with_parameter(sound, "elbow.level", -1.5, 0.3)) == [("friction", True)]
-    assert doubts(with_parameter(sound, "elbow.torque_scale", -1.9, 0.3)) == [("torque_sign", True)]
+    assert findings(with_parameter(sound, "elbow.level", -1.5, 0.3)) == [("friction", True)]
+    assert findings(with_parameter(sound, "elbow.torque_scale", -1.9, 0.3)) == [("torque_sign", True)]
 
 
 def test_delays_of_a_few_samples_more_or_less_than_none(sound):
-    assert doubts(changed(sound, "delay", 3e-3, 1e-4)) == []  # three samples where one is declared
-    assert doubts(changed(sound, "delay", 6e-3, 1e-4)) == [("delay", False)]
-    assert doubts(changed(sound, "delay", 23e-3, 1e-4)) == [("delay", True)]  # more than half a turn at 60 Hz
-    assert doubts(changed(sound, "delay", -0.5e-3, 1e-4)) == [("delay", False)]
-    assert doubts(changed(sound, "delay", -3e-3, 1e-4)) == [("delay", True)]
+    assert findings(changed(sound, "delay", 3e-3, 1e-4)) == []  # three samples where one is declared
+    assert findings(changed(sound, "delay", 6e-3, 1e-4)) == [("delay", False)]
+    assert findings(changed(sound, "delay", 23e-3, 1e-4)) == [("delay", True)]  # more than half a turn at 60 Hz
+    assert findings(changed(sound, "delay", -0.5e-3, 1e-4)) == [("delay", False)]
+    assert findings(changed(sound, "delay", -3e-3, 1e-4)) == [("delay", True)]
 
 
 def test_a_delay_that_is_in_the_data_is_found():
@@ -81,18 +83,18 @@ def test_a_delay_that_is_in_the_data_is_found():
     frf = exact_frf(robot, CONFIGURATIONS, FREQUENCY_HZ, delay_s=6 * STEP, relative_noise=0.01)
     options = ElasticOptions(free=("stiffness", "damping", "delay"))
     found = parameter_findings(robot, fit_elastic(robot, frf, options, STEP).estimate, BAND_HZ, STEP)
-    assert [doubt.cause for doubt in found] == ["delay"]
+    assert [finding.cause for finding in found] == ["delay"]
     assert "6 samples where 1 are declared" in found[0].message
 
 
 def test_rotor_inertias(sound):
     stated = two_joint_robot().joints[0].motor.inertia_kgm2
     name = "shoulder.motor_inertia"
-    assert doubts(changed(sound, name, 1.1 * stated, 0.01 * stated)) == []  # two deviations of 5 %
-    assert doubts(changed(sound, name, 1.25 * stated, 0.15 * stated)) == []
-    assert doubts(changed(sound, name, 1.2 * stated, 0.01 * stated)) == [("rotor_inertia", False)]
-    assert doubts(changed(sound, name, 1.6 * stated, 0.1 * stated)) == [("rotor_inertia", False)]
-    assert doubts(changed(sound, name, 1e-7, 1e-5)) == [("rotor_inertia", True)]  # gone, whatever its interval says
+    assert findings(changed(sound, name, 1.1 * stated, 0.01 * stated)) == []  # two deviations of 5 %
+    assert findings(changed(sound, name, 1.25 * stated, 0.15 * stated)) == []
+    assert findings(changed(sound, name, 1.2 * stated, 0.01 * stated)) == [("rotor_inertia", False)]
+    assert findings(changed(sound, name, 1.6 * stated, 0.1 * stated)) == [("rotor_inertia", False)]
+    assert findings(changed(sound, name, 1e-7, 1e-5)) == [("rotor_inertia", True)]  # gone, whatever its interval says
 
 
 def test_friction_far_from_what_was_known_is_of_another_kind(sound):
@@ -108,35 +110,35 @@ def test_friction_far_from_what_was_known_is_of_another_kind(sound):
             upper=np.append(sound.upper, [lag + 0.1, scale + 0.01]),
             prior_relative_std=np.append(sound.prior_relative_std, [0.5, 0.02]),
         )
-        assert [doubt.cause for doubt in parameter_findings(two_joint_robot(), found, BAND_HZ, STEP)] == wanted
+        assert [finding.cause for finding in parameter_findings(two_joint_robot(), found, BAND_HZ, STEP)] == wanted
 
 
 def test_link_inertias_that_no_body_has(sound):
     # The shoulder's other inertias are 0.2 and 1.4 kg m^2: a body's third lies between 1.2 and 1.6.
     stated = sound.stated["shoulder.link_inertia"]
-    assert doubts(changed(sound, "shoulder.link_inertia", stated + 0.05, 0.01)) == []
-    assert doubts(changed(sound, "shoulder.link_inertia", stated + 4.0, 0.1)) == [("masses", False)]
-    assert doubts(changed(sound, "shoulder.link_inertia", 1e-7, 1e-6)) == [("masses", True)]
+    assert findings(changed(sound, "shoulder.link_inertia", stated + 0.05, 0.01)) == []
+    assert findings(changed(sound, "shoulder.link_inertia", stated + 4.0, 0.1)) == [("masses", False)]
+    assert findings(changed(sound, "shoulder.link_inertia", 1e-7, 1e-6)) == [("masses", True)]
 
 
 def test_springs_that_ran_away(sound):
     stated = sound.stated["gear_1.stiffness"]
-    assert doubts(changed(sound, "gear_1.stiffness", 5 * stated, stated)) == []
-    assert doubts(changed(sound, "gear_1.stiffness", 30 * stated, 1e3 * stated)) == [("model", False)]
-    assert doubts(changed(sound, "gear_1.stiffness", 1e-3 * stated, stated)) == [("model", True)]
+    assert findings(changed(sound, "gear_1.stiffness", 5 * stated, stated)) == []
+    assert findings(changed(sound, "gear_1.stiffness", 30 * stated, 1e3 * stated)) == [("model", False)]
+    assert findings(changed(sound, "gear_1.stiffness", 1e-3 * stated, stated)) == [("model", True)]
     far = changed(sound, "gear_1.stiffness", 30 * stated, 1e3 * stated)
     assert parameter_findings(two_joint_robot(), far, BAND_HZ, STEP, prior_decades=2.0) == ()
 
 
 def test_decisive_doubts_come_first(sound):
     both = changed(changed(sound, "delay", 6e-3, 1e-4), "shoulder.motor_inertia", 1e-7, 1e-8)
-    assert doubts(both) == [("rotor_inertia", True), ("delay", False)]
+    assert findings(both) == [("rotor_inertia", True), ("delay", False)]
 
 
 def test_half_a_sample_early_is_a_difference_that_is_none(sound):
     early = changed(sound, "delay", -0.5 * STEP, 1e-2 * STEP)
-    assert doubts(early) == [("delay", False)]
+    assert findings(early) == [("delay", False)]
     found = parameter_findings(two_joint_robot(), early, BAND_HZ, STEP, differenced=True)
-    assert [(doubt.cause, doubt.decisive) for doubt in found] == [("samples", False)]
+    assert [(finding.cause, finding.decisive) for finding in found] == [("samples", False)]
     other = changed(sound, "delay", -0.8 * STEP, 1e-2 * STEP)
     assert parameter_findings(two_joint_robot(), other, BAND_HZ, STEP, differenced=True)[0].cause == "delay"

@@ -67,14 +67,14 @@ def test_what_is_unstable_comes_to_rest_nowhere():
     assert "comes to rest at" not in messages
 
 
-def test_a_missing_pole_is_a_doubt():
+def test_a_missing_pole_is_a_finding():
     slow = linear(np.multiply(15.0, NUMERATOR), np.polymul(DENOMINATOR, [1.0, 15.0]), 3)
     found = held(fitted([slow]), [slow])
     assert found.outcome.grade.value < TRUST
     assert "what noise and a model error of 1% of the motion explain" in found.outcome.grade.sentence
 
 
-def test_a_delay_that_is_too_long_is_a_doubt():
+def test_a_delay_that_is_too_long_is_a_finding():
     options = replace(KNOWN, delay_samples=5)
     found = held(fitted([SOUND], options=options), [SOUND], options)
     assert found.outcome.grade.value < TRUST
@@ -221,7 +221,7 @@ def test_what_the_validation_does_not_move_is_told_and_nothing_at_all_refused(so
         validate_external(sound, [replace(shot_of([SOUND], NEW_BAND), sampling_period_s=PERIOD_S / 3)])
 
 
-def test_an_order_that_ends_where_the_search_does_is_a_doubt():
+def test_an_order_that_ends_where_the_search_does_is_a_finding():
     late = linear(np.multiply(60.0, NUMERATOR), np.polymul(DENOMINATOR, [1.0, 60.0]), 3)
     for options, told in (
         (ExternalOptions(delay_samples=3, max_poles=2), True),
@@ -229,5 +229,5 @@ def test_an_order_that_ends_where_the_search_does_is_a_doubt():
         (ExternalOptions(delay_samples=3, max_poles=2, poles=2), False),
         (ExternalOptions(delay_samples=3, max_poles=2, rule="sufficient"), False),
     ):
-        doubts = solution_findings(fitted([late], options=options), options)
-        assert any("took all of `max_poles`" in doubt.message for doubt in doubts) == told
+        findings = solution_findings(fitted([late], options=options), options)
+        assert any("took all of `max_poles`" in finding.message for finding in findings) == told

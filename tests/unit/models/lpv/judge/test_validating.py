@@ -61,7 +61,7 @@ def test_what_only_chooses_the_structure_must_be_met_too(solution, excess, grade
 
 
 @pytest.mark.parametrize(("ratio", "grade"), [(1.5, 2), (5.0, 1)])
-def test_errors_beyond_their_deviations_put_single_poles_in_doubt(solution, ratio, grade):
+def test_errors_beyond_their_deviations_put_single_poles_in_finding(solution, ratio, grade):
     agreement = solution.own.agreement
     far = replace(agreement, error_ratio=np.full_like(agreement.error_ratio, ratio))
     alone = assess_lpv(replace(solution, own=replace(solution.own, agreement=far)))

@@ -41,7 +41,7 @@ def _with_gear(robot, joint, factor):
     return replace(robot, joints=tuple(joints))
 
 
-def _doubts(robot, shots, options=OPTIONS):
+def _finding(robot, shots, options=OPTIONS):
     return assess_rigid(fit_rigid(robot, shots, options)).findings
 
 
@@ -65,12 +65,12 @@ def _units(robot, shot):
 
 
 def _sizes(robot, shots):
-    return [doubt for doubt in _doubts(robot, shots) if doubt.cause in ("masses", "gear_ratio", "zero")]
+    return [finding for finding in _finding(robot, shots) if finding.cause in ("masses", "gear_ratio", "zero")]
 
 
 @pytest.mark.parametrize("factors", [(1, 1, 1), (1.3, 0.7, 1.3), (0.7, 0.7, 0.7), (1.3, 1.3, 0.7)])
 def test_a_sound_log_raises_no_doubt_although_masses_of_the_robot_file_are_off(robot, shot, factors):
-    assert _doubts(with_masses(robot, factors), [shot]) == ()
+    assert _finding(with_masses(robot, factors), [shot]) == ()
 
 
 @pytest.mark.parametrize("factors", [(1, 1, 1), (2, 0.5, 2), (0.4, 0.4, 0.4), (2.5, 2.5, 0.5)])
@@ -92,8 +92,8 @@ def test_a_sound_log_accuses_no_units_although_the_robot_file_is_rough(robot, sh
 )
 def test_units_that_are_off_are_named_and_nothing_is_to_be_used(robot, shot, change, scale):
     (key, factor), *_ = change.items()
-    doubt, *more = _units(robot, replace(shot, **{key: factor * getattr(shot, key)}))
-    assert (doubt.cause, doubt.decisive, doubt.scales[0], more) == ("units", True, scale, [])
+    finding, *more = _units(robot, replace(shot, **{key: factor * getattr(shot, key)}))
+    assert (finding.cause, finding.decisive, finding.scales[0], more) == ("units", True, scale, [])
 
 
 @pytest.mark.parametrize(
@@ -115,12 +115,12 @@ def test_currents_say_nothing_of_sizes(robot, shot):
 def test_a_motion_that_excites_too_little_names_what_suffers(robot):
     poor = shot_along(robot, fourier_motion(robot, N_SAMPLE, share=0.01))
     solution = fit_rigid(robot, [poor], OPTIONS)
-    doubt = next(one for one in assess_rigid(solution).findings if one.cause == "excitation")
+    finding = next(one for one in assess_rigid(solution).findings if one.cause == "excitation")
     lost = [
         name for name, known in zip(solution.estimate.names, solution.estimate.identifiable, strict=True) if not known
     ]
     assert lost
-    assert "joint_0.ZZ, joint_0.MX" in doubt.message
+    assert "joint_0.ZZ, joint_0.MX" in finding.message
     assert any("not told from zero: joint_0.ZZ" in told for told in solution.estimate.undetermined)
 
 
@@ -201,7 +201,7 @@ def test_a_validation_that_repeats_the_fits_motion_cannot_generalise(robot, shot
     same = validate_rigid(robot, solution, [again], OPTIONS)
     assert same.same_motion
     assert "on the motion of its fit" in same.outcome.verdict
-    assert any("says nothing of other motions" in doubt.message for doubt in same.outcome.grade.findings)
+    assert any("says nothing of other motions" in finding.message for finding in same.outcome.grade.findings)
     other = validate_rigid(robot, solution, [shot_along(robot, fourier_motion(robot, N_SAMPLE, seed=8))], OPTIONS)
     assert not other.same_motion
     assert other.outcome.ok
@@ -216,7 +216,7 @@ def test_a_validation_that_repeats_the_fits_motion_cannot_generalise(robot, shot
 @pytest.mark.parametrize("joint", [0, 2])
 def test_a_torque_with_the_wrong_sign_is_to_blame_first(robot, shot, joint):
     sign = np.where(np.arange(3) == joint, -1.0, 1.0)
-    first = _doubts(robot, [replace(shot, torque=sign * shot.torque)])[0]
+    first = _finding(robot, [replace(shot, torque=sign * shot.torque)])[0]
     assert (first.cause, first.decisive) == ("torque_sign", True)
 
 
@@ -239,7 +239,7 @@ def test_a_validation_without_rows_of_a_motor_tells_nothing_of_it(robot, shot):
     found = validate_rigid(robot, solution, [replace(other, position=slow)], dropping)
     assert np.isnan(found.relative_error[1])
     assert found.outcome.grade.value < 2
-    assert any("too few to tell" in doubt.message for doubt in found.outcome.grade.findings)
+    assert any("too few to tell" in finding.message for finding in found.outcome.grade.findings)
     with pytest.raises(DataError, match="D191") as caught:
         validate_rigid(robot, solution, [replace(other, position=0 * other.position)], dropping)
     assert "drop_below_rad_s" in caught.value.remedy
@@ -272,10 +272,10 @@ def test_an_angle_that_counts_another_joints_too_is_named(robot, shot, joint, ot
     ratio = robot.gear_ratio
     position = shot.position.copy()
     position[:, joint] += sign * ratio[joint] / ratio[other] * position[:, other]
-    doubt, *more = sum_findings(robot, [replace(shot, position=position)], OPTIONS)
-    assert (doubt.cause, doubt.decisive, more) == ("gear_coupling", True, [])
-    assert f"<joint_{joint}> " in doubt.message
-    assert f"{abs(ratio[joint] / ratio[other]):.6g}*<joint_{other}>" in doubt.message
+    finding, *more = sum_findings(robot, [replace(shot, position=position)], OPTIONS)
+    assert (finding.cause, finding.decisive, more) == ("gear_coupling", True, [])
+    assert f"<joint_{joint}> " in finding.message
+    assert f"{abs(ratio[joint] / ratio[other]):.6g}*<joint_{other}>" in finding.message
 
 
 def test_a_coupling_that_only_the_logged_angle_has_is_named(robot, shot):
@@ -285,9 +285,9 @@ def test_a_coupling_that_only_the_logged_angle_has_is_named(robot, shot):
     position = shot.position.copy()
     position[:, 2] -= turns * robot.gear_ratio[2] * position[:, 1]
     coupled = replace(robot, joints=tuple(joints))
-    doubt, *_ = sum_findings(coupled, [replace(shot, position=position)], OPTIONS)
-    assert doubt.cause == "gear_coupling"
-    assert "leave `couplings` out" in doubt.message
+    finding, *_ = sum_findings(coupled, [replace(shot, position=position)], OPTIONS)
+    assert finding.cause == "gear_coupling"
+    assert "leave `couplings` out" in finding.message
 
 
 @pytest.mark.parametrize("factors", [(1, 1, 1), (2, 0.5, 2)])

@@ -1,4 +1,4 @@
-"""Doubts that are freed: known truth returns, names are checked, derivatives are those of the response."""
+"""Nuisances that are estimated: known truth returns, names are checked, derivatives are those of the response."""
 
 from dataclasses import replace
 
@@ -10,19 +10,19 @@ from robid.errors import DataError, SettingsError
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
 from robid.models.elastic.fit.nuisance.kinds import (
     PRIOR_FACTOR,
-    freeable_nuisances,
-    freed_nuisances,
+    estimable_nuisances,
+    estimated_nuisances,
     list_nuisances,
     moved_robot,
 )
-from robid.models.elastic.fit.nuisance.moves import further_springs, with_freed_springs
+from robid.models.elastic.fit.nuisance.moves import further_springs, with_estimated_springs
 from robid.models.elastic.fit.nuisance.wording import free_with
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import fitted_robot
 from robid.models.elastic.judge.fitted import fitted_model
 from robid.robot.description import HarmonicBalance, Inertial
-from robid.robot.doubts import Doubts
-from robid.robot.parameters import DOUBT, FREE
+from robid.robot.nuisance import NuisanceStd
+from robid.robot.parameters import FREE, NUISANCE_KIND
 
 FREQUENCY_HZ = np.geomspace(1, 60, 30)
 PLACES = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3], [0.2, 2.0]])
@@ -47,13 +47,13 @@ def freeing(*names):
     return ElasticOptions(free=names)
 
 
-def test_doubts_alone_come_beside_the_default_kinds_and_kinds_replace_them():
-    assert (freeing("payload").kinds, freeing("payload").freed) == (FREE, ("payload",))
+def test_nuisance_alone_come_beside_the_default_kinds_and_kinds_replace_them():
+    assert (freeing("payload").kinds, freeing("payload").estimated) == (FREE, ("payload",))
     assert freeing("damping", "payload", "stiffness").kinds == ("damping", "stiffness")
-    assert ElasticOptions().freed == ()
+    assert ElasticOptions().estimated == ()
 
 
-def test_what_is_freed_and_fixed_all_the_same_stays_a_doubt():
+def test_what_is_estimated_and_fixed_all_the_same_stays_a_nuisance():
     options = replace(freeing("payload"), fixed=("payload.mass",))
     assert [d.name for d in list_nuisances(two_joint_robot(), options) if d.cause == "payload"] == ["payload.mass"]
 
@@ -62,12 +62,12 @@ def test_what_is_freed_and_fixed_all_the_same_stays_a_doubt():
 @pytest.mark.parametrize("more", [["masses"], ["arm_viscous"], ["payload.mass", "cubic"]])
 def test_freeing_more_leaves_nothing_out_that_was_estimated(free, more):
     before, after = freeing(*free), freeing(*free_with(free, more))
-    assert {*before.kinds, *before.freed, *more} == {*after.kinds, *after.freed}
+    assert {*before.kinds, *before.estimated, *more} == {*after.kinds, *after.estimated}
 
 
-def test_a_name_frees_a_doubt_its_component_or_its_whole_cause():
+def test_a_name_frees_a_nuisance_its_component_or_its_whole_cause():
     def found(name):
-        return [doubt.name for doubt in freed_nuisances(two_joint_robot(), freeing(name))]
+        return [nuisance.name for nuisance in estimated_nuisances(two_joint_robot(), freeing(name))]
 
     assert found("payload.mass") == ["payload.mass"]
     assert found("elbow.com") == ["elbow.com_x", "elbow.com_y", "elbow.com_z"]
@@ -75,26 +75,26 @@ def test_a_name_frees_a_doubt_its_component_or_its_whole_cause():
     assert {name.partition(".")[0] for name in found("masses")} == {"shoulder", "elbow"}
 
 
-def test_what_a_file_takes_for_granted_can_be_freed_and_what_is_freed_is_no_doubt_any_more():
-    sure = replace(two_joint_robot(), doubts=Doubts(payload_relative_std=0.0))
-    assert "payload.mass" not in [doubt.name for doubt in list_nuisances(sure, ElasticOptions())]
-    freed = freed_nuisances(sure, freeing("payload.mass"))
-    assert freed[0].common_std == pytest.approx(0.02 * 4.0)
-    listed = {doubt.name for doubt in list_nuisances(two_joint_robot(), freeing("payload.mass"))}
+def test_what_a_file_takes_for_granted_can_be_estimated_and_what_is_estimated_is_no_nuisance_any_more():
+    sure = replace(two_joint_robot(), nuisance_std=NuisanceStd(payload_relative_std=0.0))
+    assert "payload.mass" not in [nuisance.name for nuisance in list_nuisances(sure, ElasticOptions())]
+    estimated = estimated_nuisances(sure, freeing("payload.mass"))
+    assert estimated[0].common_std == pytest.approx(0.02 * 4.0)
+    listed = {nuisance.name for nuisance in list_nuisances(two_joint_robot(), freeing("payload.mass"))}
     assert "payload.mass" not in listed
     assert "payload.inertia" in listed
 
 
 @pytest.mark.parametrize("names", [("payload.mass",), ("elbow.mass", "elbow.com_x", "elbow.torque_constant")])
-def test_derivatives_by_doubts_are_those_of_the_response(true_arm, names):
+def test_derivatives_by_nuisance_are_those_of_the_response(true_arm, names):
     robot, options = two_joint_robot(), freeing(*names)
     problem = set_up(robot, measured(true_arm), options, DELAY_S)[0]
     parameters = problem.parameters
-    doubts = [index for index, kind in enumerate(parameters.kind_of) if kind == DOUBT]
-    assert len(doubts) == len(names)
+    nuisances = [index for index, kind in enumerate(parameters.kind_of) if kind == NUISANCE_KIND]
+    assert len(nuisances) == len(names)
     point = np.random.default_rng(2).uniform(-0.2, 0.2, len(parameters.names))
     error, derivative = problem.linear(point)
-    for index in doubts:
+    for index in nuisances:
         step = 1e-4 * (np.arange(point.size) == index)
         ahead, behind = problem.linear(point + step)[0], problem.linear(point - step)[0]
         difference = -(ahead - behind) / 2e-4
@@ -105,10 +105,10 @@ def test_derivatives_by_doubts_are_those_of_the_response(true_arm, names):
 def test_the_model_follows_a_robot_that_is_off(true_arm):
     robot, options = two_joint_robot(), freeing("payload.mass")
     problem = set_up(robot, measured(true_arm), options, DELAY_S)[0]
-    doubt = freed_nuisances(robot, options)[0]
+    nuisance = estimated_nuisances(robot, options)[0]
     internal = np.zeros(len(problem.parameters.names))
     internal[problem.parameters.names.index("payload.mass")] = 2.0
-    heavier = moved_robot(robot, [doubt], np.array([2 * doubt.common_std]))
+    heavier = moved_robot(robot, [nuisance], np.array([2 * nuisance.common_std]))
     assert heavier.payload.mass_kg == pytest.approx(4.0 * 1.04)
     stiff = set_up(heavier, measured(true_arm), ElasticOptions(), DELAY_S)[0]
     there = stiff.model_response(np.zeros(len(stiff.parameters.names)))
@@ -125,7 +125,7 @@ def test_a_payload_that_is_off_returns_and_the_springs_with_it(true_arm):
     solution = fit_elastic(robot, frf, options, DELAY_S)
     estimate = solution.estimate
     index = estimate.names.index("payload.mass")
-    assert (estimate.nominal[index], estimate.units[index], estimate.kinds[index]) == (4.0, "kg", DOUBT)
+    assert (estimate.nominal[index], estimate.units[index], estimate.kinds[index]) == (4.0, "kg", NUISANCE_KIND)
     assert estimate.lower[index] < 4.4 < estimate.upper[index]
     assert estimate.upper[index] - estimate.lower[index] < 0.4
     assert estimate.prior_relative_std[index] == pytest.approx(PRIOR_FACTOR * 0.02)
@@ -161,16 +161,16 @@ def test_going_on_from_a_minimum_ends_where_a_fit_of_its_own_does(true_arm):
     np.testing.assert_allclose(ends[1].estimate.value, ends[0].estimate.value, rtol=1e-4, atol=1e-9)
 
 
-def test_a_spring_that_the_file_lacks_is_fitted_where_it_is_freed(true_arm):
+def test_a_spring_that_the_file_lacks_is_fitted_where_it_is_estimated(true_arm):
     stated = two_joint_robot()
     stated = replace(stated, springs=tuple(spring for spring in stated.springs if spring.name != "bearing_1"))
     options = freeing("bearing_shoulder_x.compliance")
-    robot = with_freed_springs(stated, options)
+    robot = with_estimated_springs(stated, options)
     assert [spring.name for spring in robot.springs[len(stated.springs) :]] == ["bearing_shoulder_x"]
     solution = fit_elastic(robot, measured(true_arm), options, DELAY_S)
     found = solution.estimate.found["bearing_shoulder_x.stiffness"]
     assert found == pytest.approx(3.6e4, rel=0.01)
-    assert with_freed_springs(stated, ElasticOptions()) is stated
+    assert with_estimated_springs(stated, ElasticOptions()) is stated
     assert all(" " not in further.spring.name for further in further_springs(stated))
 
 
@@ -185,10 +185,10 @@ def test_an_unknown_name_is_one_message_with_close_names(true_arm, wrong, meant)
     assert str(caught.value).count("S056") == 1
 
 
-def test_every_doubt_has_a_name_that_frees_it_alone():
-    every = freeable_nuisances(two_joint_robot())
-    for doubt in every:
-        assert [each.name for each in freed_nuisances(two_joint_robot(), freeing(doubt.name))] == [doubt.name]
+def test_every_nuisance_has_a_name_that_frees_it_alone():
+    every = estimable_nuisances(two_joint_robot())
+    for nuisance in every:
+        assert [each.name for each in estimated_nuisances(two_joint_robot(), freeing(nuisance.name))] == [nuisance.name]
 
 
 WAVES_NM = np.array([60.0, -150.0])
@@ -224,7 +224,7 @@ def test_a_counterbalance_that_the_file_lacks_returns_and_moves_the_robot(true_a
 
 def test_a_file_that_states_a_counterbalance_is_refused_as_before(true_arm):
     stated = with_balance(two_joint_robot(), WAVES_NM)
-    assert not any(doubt.cause == "counterbalance" for doubt in freeable_nuisances(stated))
+    assert not any(nuisance.cause == "counterbalance" for nuisance in estimable_nuisances(stated))
     for options in (ElasticOptions(), freeing("payload.mass")):
         with pytest.raises(DataError, match="does not know the counterbalance of `shoulder`"):
             set_up(stated, measured(true_arm), options, DELAY_S)

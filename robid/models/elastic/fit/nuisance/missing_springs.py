@@ -9,11 +9,11 @@ from itertools import combinations
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.clusters.evidence import group_places
+from robid.clusters.evidence import group_clusters
 from robid.errors import DataError
 from robid.models.elastic.fit.nuisance.kinds import Compliance, Nuisance
+from robid.models.elastic.fit.nuisance.linear import LinearNuisances
 from robid.models.elastic.fit.nuisance.moves import stiffened
-from robid.models.elastic.fit.nuisance.named import Named
 from robid.models.elastic.fit.nuisance.off_robot import (
     carry_over,
     extend_options,
@@ -29,8 +29,8 @@ from robid.models.elastic.fit.solution import Spread
 from robid.robot.description import Robot, Spring
 
 _MOST = 6
-_TELLING = 0.1  # of the cost that other doubts leave
-_AGREEING = 0.75  # of the places
+_TELLING = 0.1  # of the cost that other nuisances leave
+_AGREEING = 0.75  # of the clusters
 _RIGID = 20.0  # times the gear: as good as not there
 _SHARED = 2.0  # times a gear that stood for two springs in series
 _RAN_AWAY = 1.0  # of an internal parameter: further than a file is off
@@ -41,7 +41,7 @@ _EXCLUDED = 1.05  # of the cost: half of what calls for a spring
 
 
 @dataclass(frozen=True)
-class SettledSprings:
+class AddedSprings:
     """A fit's problem with the springs in place that its data call for.
 
     Attributes:
@@ -64,35 +64,35 @@ class SettledSprings:
         return self.problem.cost(self.internal)
 
 
-def settle_springs(
+def add_missing_springs(
     problem: Problem,
     internal: FloatArray,
     robot: Robot,
     options: ElasticOptions,
-    doubts: Sequence[Nuisance],
+    nuisances: Sequence[Nuisance],
     columns: ComplexArray,
-) -> SettledSprings:
-    """Puts springs in place whose lack leaves more than noise and model error; the others stay doubts.
+) -> AddedSprings:
+    """Puts springs in place whose lack leaves more than noise and model error; the others stay nuisances.
 
     A column says nothing of a spring as soft as a gear, so each is tried, and each pair of a joint: put in place and
-    fitted along for some steps. What leaves least, after all other doubts have followed, stays where that saves a
-    telling share of the cost in most places; then the next.
+    fitted along for some steps. What leaves least, after all other nuisances have followed, stays where that saves a
+    telling share of the cost in most clusters; then the next.
 
     Args:
         problem: The fit's problem.
         internal (n_param,): Its minimum.
-        robot: The robot that the doubts were listed for.
+        robot: The robot that the nuisances were listed for.
         options: Options of the fit.
-        doubts: All doubts.
-        columns (n_conf, n_freq, n_out, n_in, n_doubt): What `nuisance_columns` found for them there.
+        nuisances: All nuisances.
+        columns (n_conf, n_freq, n_out, n_in, n_nuisance): What `nuisance_columns` found for them there.
 
     Returns:
         The problem at its new minimum; the same as before where no spring is called for.
     """
-    missing = np.array([isinstance(doubt.effect, Compliance) for doubt in doubts], bool)
-    beside = columns[..., ~missing], np.array([doubt.common_std for doubt in doubts])[~missing]
-    listed = [doubt.effect.spring for doubt in doubts if isinstance(doubt.effect, Compliance)]
-    now = before = SettledSprings(problem, internal, robot, options)
+    missing = np.array([isinstance(nuisance.effect, Compliance) for nuisance in nuisances], bool)
+    beside = columns[..., ~missing], np.array([nuisance.common_std for nuisance in nuisances])[~missing]
+    listed = [nuisance.effect.spring for nuisance in nuisances if isinstance(nuisance.effect, Compliance)]
+    now = before = AddedSprings(problem, internal, robot, options)
     left = listed
     cost, expected = cost_beside(now, *beside), expected_cost(problem)
     while left and len(now.springs) < _MOST and cost > expected:
@@ -107,8 +107,8 @@ def settle_springs(
 
 
 def _pruned(
-    before: SettledSprings, found: SettledSprings, listed: Sequence[Spring], beside: tuple[ComplexArray, FloatArray]
-) -> SettledSprings:
+    before: AddedSprings, found: AddedSprings, listed: Sequence[Spring], beside: tuple[ComplexArray, FloatArray]
+) -> AddedSprings:
     """The fit without those springs of pairs that no longer matter since others are in place."""
     cost = cost_beside(found, *beside)
     for name in found.springs:
@@ -125,13 +125,13 @@ def expected_cost(problem: Problem) -> float:
     return 0.5 * problem.residual_kind.parts * float((problem.weight > 0).sum())
 
 
-def cost_beside(now: SettledSprings, columns: ComplexArray, std: FloatArray) -> float:
-    """Returns the cost that parameters and other doubts, with what is known of them, leave after one linear step.
+def cost_beside(now: AddedSprings, columns: ComplexArray, std: FloatArray) -> float:
+    """Returns the cost that parameters and other nuisances, with what is known of them, leave after one linear step.
 
     Args:
         now: The fit.
-        columns (n_conf, n_freq, n_out, n_in, n_doubt): The other doubts' columns.
-        std (n_doubt,): Their deviations.
+        columns (n_conf, n_freq, n_out, n_in, n_nuisance): The other nuisances' columns.
+        std (n_nuisance,): Their deviations.
     """
     error, derivative = now.problem.linear(now.internal)
     every = np.concatenate([derivative, columns], axis=-1)
@@ -147,7 +147,7 @@ def cost_beside(now: SettledSprings, columns: ComplexArray, std: FloatArray) -> 
     return float(((left - rows @ step) ** 2).sum())
 
 
-def _best_trials(now: SettledSprings, springs: Sequence[Spring]) -> list[SettledSprings]:
+def _best_trials(now: AddedSprings, springs: Sequence[Spring]) -> list[AddedSprings]:
     """The few springs, or pairs of a joint, that fit best in place; none that is as good as rigid."""
     pairs = [pair for pair in combinations(springs, 2) if pair[0].joint == pair[1].joint]
     candidates = [*((spring,) for spring in springs), *pairs]
@@ -159,8 +159,8 @@ def _best_trials(now: SettledSprings, springs: Sequence[Spring]) -> list[Settled
 
 
 def _put_in_place(
-    now: SettledSprings, springs: Sequence[Spring], near: SettledSprings | None = None
-) -> SettledSprings | None:
+    now: AddedSprings, springs: Sequence[Spring], near: AddedSprings | None = None
+) -> AddedSprings | None:
     """The fit some steps on with further springs, from near another one; None where the robot does not rest so."""
     robot = replace(now.robot, springs=(*now.robot.springs, *springs))
     options = extend_options(now.options, robot, springs, fixing=False)
@@ -174,7 +174,7 @@ def _put_in_place(
     ends = [optimise(still, start[:count], max_iterations=_FIRST_STEPS) for start in starts]
     best = min(ends, key=lambda end: end.cost).parameters
     names = (*now.springs, *(spring.name for spring in springs))
-    return SettledSprings(problem, np.concatenate([best, starts[0][count:]]), robot, options, names)
+    return AddedSprings(problem, np.concatenate([best, starts[0][count:]]), robot, options, names)
 
 
 def _starts(problem: Problem, start: FloatArray, robot: Robot, springs: Sequence[Spring]) -> Iterator[FloatArray]:
@@ -190,11 +190,11 @@ def _starts(problem: Problem, start: FloatArray, robot: Robot, springs: Sequence
     yield start + np.log(_SHARED) * np.isin(names, [f"{gear}.stiffness" for gear in gears])
 
 
-def _descended(now: SettledSprings, steps: int) -> SettledSprings:
+def _descended(now: AddedSprings, steps: int) -> AddedSprings:
     return replace(now, internal=optimise(now.problem, now.internal, max_iterations=steps).parameters)
 
 
-def _anew(now: SettledSprings) -> SettledSprings:
+def _anew(now: AddedSprings) -> AddedSprings:
     """The same springs, the others fitted from the robot file's values on where that ends lower.
 
     What a fit without them ran away with does not come back by itself.
@@ -206,22 +206,22 @@ def _anew(now: SettledSprings) -> SettledSprings:
     return replace(now, internal=end.parameters) if end.cost < now.cost else now
 
 
-def _stiffest(now: SettledSprings, springs: Sequence[str]) -> float:
+def _stiffest(now: AddedSprings, springs: Sequence[str]) -> float:
     """Largest stiffness of some springs over what each was listed with, its gear's."""
     at = [now.problem.parameters.names.index(f"{name}.stiffness") for name in springs]
     return float(np.exp(np.clip(now.internal[at], -50.0, 50.0)).max())
 
 
-def _agree(before: SettledSprings, after: SettledSprings) -> bool:
-    """Whether a spring helps in most places."""
+def _agree(before: AddedSprings, after: AddedSprings) -> bool:
+    """Whether a spring helps in most clusters."""
     costs = [each.problem.configuration_cost(each.problem.model_response(each.internal), each.internal)
              for each in (before, after)]  # fmt: skip
-    places = group_places(before.problem.frf.configurations)
-    helped = [costs[1][place].sum() < costs[0][place].sum() for place in places]
+    clusters = group_clusters(before.problem.frf.configurations)
+    helped = [costs[1][cluster].sum() < costs[0][cluster].sum() for cluster in clusters]
     return float(np.mean(helped)) >= _AGREEING
 
 
-def _rested(now: SettledSprings) -> SettledSprings:
+def _rested(now: AddedSprings) -> AddedSprings:
     """The same where the robot rests with the springs found."""
     values = now.problem.parameters.parameters(now.internal)
     try:
@@ -236,7 +236,7 @@ class UnexcludedSpring:
     """A spring that the data neither call for nor exclude.
 
     Attributes:
-        name: Name of its doubt.
+        name: Name of its nuisance.
         std: Compliance that it may well have, in percent of its gear's.
         shift (n_param,): What a spring of this compliance does to the internal parameters.
     """
@@ -246,7 +246,7 @@ class UnexcludedSpring:
     shift: FloatArray
 
 
-def unexcluded_springs(found: SettledSprings, named: Named) -> tuple[UnexcludedSpring, ...]:
+def unexcluded_springs(found: AddedSprings, linear: LinearNuisances) -> tuple[UnexcludedSpring, ...]:
     """Tries for each spring still missing whether it could be there, as soft as those that were put in place.
 
     One that others can stand for costs next to nothing, whatever its compliance: it does not save the share that a
@@ -254,25 +254,25 @@ def unexcluded_springs(found: SettledSprings, named: Named) -> tuple[UnexcludedS
 
     Args:
         found: The springs put in place.
-        named: The doubts with them.
+        linear: The nuisances with them.
     """
     placed = [found.problem.parameters.names.index(f"{spring}.stiffness") for spring in found.springs]
     # A spring's stiffness is a logarithm over its gear's: exp(-x) is its compliance over that of the gear.
     softness = _PERCENT * np.exp(-np.maximum(found.internal[placed], 0.0))
     std = float(np.sqrt(np.mean(softness**2)))
-    missing = np.array([isinstance(doubt.effect, Compliance) for doubt in named.doubts], bool)
-    beside = named.columns[..., ~missing], named.common_std[~missing]
+    missing = np.array([isinstance(nuisance.effect, Compliance) for nuisance in linear.nuisances], bool)
+    beside = linear.columns[..., ~missing], linear.common_std[~missing]
     most = _EXCLUDED * cost_beside(found, *beside)
     unexcluded = []
-    for doubt in named.doubts:
-        if isinstance(doubt.effect, Compliance):
-            there = _with_one(found, stiffened(doubt.effect.spring, _PERCENT / std))
+    for nuisance in linear.nuisances:
+        if isinstance(nuisance.effect, Compliance):
+            there = _with_one(found, stiffened(nuisance.effect.spring, _PERCENT / std))
             if there is not None and cost_beside(there, *beside) <= most:
-                unexcluded.append(UnexcludedSpring(doubt.name, std, there.internal - found.internal))
+                unexcluded.append(UnexcludedSpring(nuisance.name, std, there.internal - found.internal))
     return tuple(unexcluded)
 
 
-def _with_one(found: SettledSprings, spring: Spring) -> SettledSprings | None:
+def _with_one(found: AddedSprings, spring: Spring) -> AddedSprings | None:
     """The fit with one spring more, which stays as it is; None where the robot does not rest so."""
     robot = replace(found.robot, springs=(*found.robot.springs, spring))
     options = fix_options(found.options, found.robot, spring)
@@ -284,30 +284,30 @@ def _with_one(found: SettledSprings, spring: Spring) -> SettledSprings | None:
     count = start.size - problem.parameters.n_friction
     still = optimise(freeze_friction(problem, start), start[:count], max_iterations=_FIRST_STEPS)
     near = np.concatenate([still.parameters, start[count:]])
-    return SettledSprings(problem, optimise(problem, near, max_iterations=_STEPS).parameters, robot, options)
+    return AddedSprings(problem, optimise(problem, near, max_iterations=_STEPS).parameters, robot, options)
 
 
-def leave_room(told: Spread, spring: UnexcludedSpring, row: int) -> Spread:
+def leave_room(estimate: Spread, spring: UnexcludedSpring, row: int) -> Spread:
     """Mixes what the data say of a spring's compliance, to equal parts, with what was known of it beforehand.
 
-    Where others can stand for it, an error that no doubt names moves what the data say by many of their deviations.
+    Where others can stand for it, an error that no nuisance names moves what the data say by many of their deviations.
 
     Args:
-        told: Parameters and doubts, this one estimated along.
+        estimate: Parameters and nuisances, this one estimated along.
         spring: The spring.
-        row: Its place among them.
+        row: Its index among them.
 
     Returns:
         Mean and covariance of the mixture: beforehand, the compliance is half of a normal distribution. Degrees of
         freedom are Satterthwaite's, what is added having infinitely many.
     """
-    direction = np.zeros(told.values.size)
+    direction = np.zeros(estimate.values.size)
     direction[: spring.shift.size], direction[row] = spring.shift / spring.std, 1.0
-    apart = _HALF_MEAN * spring.std - told.values[row]
-    own = np.diag(told.covariance)
+    apart = _HALF_MEAN * spring.std - estimate.values[row]
+    own = np.diag(estimate.covariance)
     # Of a mixture of equal parts, the mean is the middle of both means, the variance the mean of both and a quarter of
     # their squared distance. It is added along what the spring does to all parameters.
     added = 0.5 * (_HALF_VARIANCE * spring.std**2 - own[row]) + 0.25 * apart**2
-    covariance = told.covariance + max(added, 0.0) * np.outer(direction, direction)
+    covariance = estimate.covariance + max(added, 0.0) * np.outer(direction, direction)
     grown = np.divide(np.diag(covariance), own, out=np.ones_like(own), where=own > 0)
-    return Spread(told.values + 0.5 * apart * direction, covariance, told.degrees_of_freedom * grown**2)
+    return Spread(estimate.values + 0.5 * apart * direction, covariance, estimate.degrees_of_freedom * grown**2)

@@ -1,4 +1,4 @@
-"""Places that differ: linear systems of known truth, written out densely, for tests of the statistics of places."""
+"""Clusters that differ: linear systems of known truth, written out densely, for tests of the statistics of clusters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from robid.clusters.evidence import Evidence
 
 @dataclass(frozen=True)
 class Dense:
-    """All rows of all places as one linear model `y = X theta + e`, and its parts."""
+    """All rows of all clusters as one linear model `y = X theta + e`, and its parts."""
 
     derivative: np.ndarray
     measured: np.ndarray
 
     @property
     def evidence(self) -> Evidence:
-        """What each place says, around zero, nothing known beforehand."""
+        """What each cluster says, around zero, nothing known beforehand."""
         n_param = self.derivative.shape[-1]
         return Evidence(self.derivative, self.measured, np.zeros((n_param, n_param)), np.zeros(n_param))
 
@@ -32,21 +32,21 @@ class Dense:
         return self.derivative.reshape(-1, self.derivative.shape[-1])
 
 
-def dense_places(n_place: int, n_row: int, deviation: np.ndarray, seed: int, alike: bool = False) -> Dense:
-    """Draws places whose parameters differ by a deviation (n_param,) about zero, measured with noise of one."""
+def dense_clusters(n_cluster: int, n_row: int, deviation: np.ndarray, seed: int, alike: bool = False) -> Dense:
+    """Draws clusters whose parameters differ by a deviation (n_param,) about zero, measured with noise of one."""
     generator = np.random.default_rng(seed)
     n_param = deviation.size
-    derivative = generator.standard_normal((1 if alike else n_place, n_row, n_param))
-    derivative = np.repeat(derivative, n_place, axis=0) if alike else derivative
-    own = deviation * generator.standard_normal((n_place, n_param))
-    measured = (derivative @ own[..., None])[..., 0] + generator.standard_normal((n_place, n_row))
+    derivative = generator.standard_normal((1 if alike else n_cluster, n_row, n_param))
+    derivative = np.repeat(derivative, n_cluster, axis=0) if alike else derivative
+    own = deviation * generator.standard_normal((n_cluster, n_param))
+    measured = (derivative @ own[..., None])[..., 0] + generator.standard_normal((n_cluster, n_row))
     return Dense(derivative, measured)
 
 
 def gather(
     residual: np.ndarray,
     derivative: np.ndarray,
-    places: Sequence[Sequence[int]],
+    clusters: Sequence[Sequence[int]],
     precision: np.ndarray,
     pull: np.ndarray,
 ) -> Evidence:
@@ -56,12 +56,12 @@ def gather(
         residual (n_conf, ...): Measured minus modelled, over the deviation of its noise; `E|r|^2 = 1` for circular
             complex ones.
         derivative (n_conf, ..., n_param): Derivative of the model, weighted alike.
-        places: Indices of the configurations of each place.
+        clusters: Indices of the configurations of each cluster.
         precision (n_param, n_param): What is known beforehand, an inverse covariance.
         pull (n_param,): `precision` times how far that lies from the point.
     """
     n_param = derivative.shape[-1]
-    found = [_compressed(residual[list(place)], derivative[list(place)], n_param) for place in places]
+    found = [_compressed(residual[list(cluster)], derivative[list(cluster)], n_param) for cluster in clusters]
     return Evidence(np.array([rows for rows, _ in found]), np.array([left for _, left in found]), precision, pull)
 
 

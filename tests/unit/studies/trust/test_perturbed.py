@@ -1,4 +1,4 @@
-"""Robots that are off by what they are doubted for: exact responses against the doubts' own derivatives."""
+"""Robots that are off by what they are doubted for: exact responses against the nuisances' own derivatives."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +12,7 @@ from robid.models.elastic.fit.nuisance.kinds import Hysteresis, list_nuisances
 from robid.models.elastic.fit.nuisance.response import Scene, column
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.known import load_experiment
-from robid.studies.trust.linear import Doubted, as_file, doubted_responses, draw_doubted, load_shares
+from robid.studies.trust.linear import Perturbed, as_file, draw_perturbed, load_shares, perturbed_responses
 
 CONFIGS = Path(__file__).parents[4] / "configs"
 OPTIONS = ElasticOptions(free=("stiffness", "damping"))
@@ -22,7 +22,7 @@ SAMPLING = 1e-3, 2e-3
 
 
 def responses(off, robot=None):
-    return doubted_responses(robot or two_joint_robot(), off, PLACES, FREQUENCY_HZ, SAMPLING)
+    return perturbed_responses(robot or two_joint_robot(), off, PLACES, FREQUENCY_HZ, SAMPLING)
 
 
 def off_by(index, amount):
@@ -38,42 +38,42 @@ def test_a_robot_that_is_as_its_file_has_its_response():
     np.testing.assert_allclose(responses(as_file(robot, OPTIONS, len(PLACES))), exact, rtol=1e-10)
 
 
-def test_small_amounts_do_what_the_doubts_derivatives_say():
+def test_small_amounts_do_what_the_nuisance_derivatives_say():
     robot = two_joint_robot()
     frf = exact_frf(robot, PLACES, FREQUENCY_HZ, delay_s=SAMPLING[1], declared_noise=1e-3)
     problem = set_up(robot, frf, OPTIONS, SAMPLING[1])[0]
     scene = Scene(problem, np.zeros(len(problem.parameters.names)), robot, OPTIONS)
-    doubts, nothing = list_nuisances(robot, OPTIONS), responses(as_file(robot, OPTIONS, len(PLACES)))
-    assert any(isinstance(doubt.effect, Hysteresis) for doubt in doubts)
-    assert {doubt.cause for doubt in doubts} >= {"payload", "masses", "torque_constant", "missing_spring"}
-    for index in range(len(doubts)):
-        step = 1e-3 * doubts[index].common_std
+    nuisances, nothing = list_nuisances(robot, OPTIONS), responses(as_file(robot, OPTIONS, len(PLACES)))
+    assert any(isinstance(nuisance.effect, Hysteresis) for nuisance in nuisances)
+    assert {nuisance.cause for nuisance in nuisances} >= {"payload", "masses", "torque_constant", "missing_spring"}
+    for index in range(len(nuisances)):
+        step = 1e-3 * nuisances[index].common_std
         found = np.log(responses(off_by(index, step)) / nothing) / step
-        wanted = column(doubts[index].effect, scene)
-        assert np.linalg.norm(found - wanted) < 0.02 * np.linalg.norm(wanted), doubts[index].name
+        wanted = column(nuisances[index].effect, scene)
+        assert np.linalg.norm(found - wanted) < 0.02 * np.linalg.norm(wanted), nuisances[index].name
 
 
 def test_amounts_are_drawn_from_their_priors():
     robot = two_joint_robot()
-    drawn = [draw_doubted(robot, OPTIONS, 40, seed) for seed in range(150)]
-    doubts, amounts = drawn[0].doubts, np.array([one.amounts for one in drawn])
-    np.testing.assert_array_equal(amounts[3], draw_doubted(robot, OPTIONS, 40, 3).amounts)
-    for doubt, own in zip(doubts, amounts.transpose(1, 0, 2), strict=True):
-        if doubt.least == 0:
+    drawn = [draw_perturbed(robot, OPTIONS, 40, seed) for seed in range(150)]
+    nuisances, amounts = drawn[0].nuisances, np.array([one.amounts for one in drawn])
+    np.testing.assert_array_equal(amounts[3], draw_perturbed(robot, OPTIONS, 40, 3).amounts)
+    for nuisance, own in zip(nuisances, amounts.transpose(1, 0, 2), strict=True):
+        if nuisance.least == 0:
             assert (own >= 0).all()
             continue
-        total = np.hypot(doubt.common_std, doubt.place_std)
-        assert np.sqrt(np.mean(own**2)) == pytest.approx(total, rel=0.25), doubt.name
-        assert own.std(axis=1).mean() == pytest.approx(doubt.place_std, rel=0.1, abs=1e-12), doubt.name
+        total = np.hypot(nuisance.common_std, nuisance.cluster_std)
+        assert np.sqrt(np.mean(own**2)) == pytest.approx(total, rel=0.25), nuisance.name
+        assert own.std(axis=1).mean() == pytest.approx(nuisance.cluster_std, rel=0.1, abs=1e-12), nuisance.name
 
 
 def test_every_place_has_its_own_torque_constants():
-    doubts = list_nuisances(two_joint_robot(), OPTIONS)
-    index = [doubt.name for doubt in doubts].index("elbow.torque_constant")
+    nuisances = list_nuisances(two_joint_robot(), OPTIONS)
+    index = [nuisance.name for nuisance in nuisances].index("elbow.torque_constant")
     plain = as_file(two_joint_robot(), OPTIONS, len(PLACES))
     amounts = plain.amounts.copy()
     amounts[index] = [0.0, 5.0, -20.0]
-    ratio = responses(Doubted(doubts, amounts)) / responses(plain)
+    ratio = responses(Perturbed(nuisances, amounts)) / responses(plain)
     np.testing.assert_allclose(ratio[..., 0], 1.0)
     np.testing.assert_allclose(ratio[:, 0, 0, 1], 1 / np.array([1.0, 1.05, 0.8]))
 

@@ -7,36 +7,36 @@ from dataclasses import fields, replace
 from typing import Any
 
 from robid.errors import SettingsError
-from robid.models.elastic.fit.nuisance.kinds import freeable_nuisances, freed_nuisances
-from robid.models.elastic.fit.nuisance.moves import with_freed_springs
+from robid.models.elastic.fit.nuisance.kinds import estimable_nuisances, estimated_nuisances
+from robid.models.elastic.fit.nuisance.moves import with_estimated_springs
 from robid.models.elastic.fit.nuisance.wording import free_with, unknown_names
 from robid.models.elastic.fit.options import BY_SPRING, estimable_names, free_problem, spring_of
 from robid.models.elastic.settings import ElasticFit, elastic_fit
 from robid.robot.description import Robot
-from robid.robot.parameters import DOUBT
+from robid.robot.parameters import NUISANCE_KIND
 from robid.settings.experiment import Experiment
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
 
 
-def freed_problems(experiment: Experiment, fit: ElasticFit, robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
+def free_problems(experiment: Experiment, fit: ElasticFit, robot: RobotFile) -> Iterator[tuple[FieldPath, str]]:
     """Yields what is wrong with what a fit frees by name: what the robot does not have, and what is free anyway."""
     start = _robot(experiment, fit, robot)
     for name, meant in unknown_names(start, fit.options()):
         yield ("free", fit.free.index(name)), free_problem(name, meant)
-    for name in fit.freed:
+    for name in fit.estimated:
         if _is_free_anyway(start, fit, name):
             message = f"S058 stiffness and damping of `{spring_of(name)}` are free anyway; {_more(start, name)}"
             yield ("free", fit.free.index(name)), message
 
 
-def freed_names(experiment: Experiment, fit: ElasticFit, robot: RobotFile) -> dict[str, str]:
-    """Returns every parameter that freed doubts and springs add, with its kind."""
+def names_from_free(experiment: Experiment, fit: ElasticFit, robot: RobotFile) -> dict[str, str]:
+    """Returns every parameter that estimated nuisances and springs add, with its kind."""
     start, options = _robot(experiment, fit, robot), fit.options()
-    every = estimable_names(with_freed_springs(start, options), options)
+    every = estimable_names(with_estimated_springs(start, options), options)
     of_springs = {name: kind for kind, names in every.items() for name in names if name is not None}
-    return of_springs | {doubt.name: DOUBT for doubt in freed_nuisances(start, options)}
+    return of_springs | {nuisance.name: NUISANCE_KIND for nuisance in estimated_nuisances(start, options)}
 
 
 def free_too(loaded: LoadedExperiment, name: str, more: Sequence[str]) -> LoadedExperiment:
@@ -55,15 +55,15 @@ def free_too(loaded: LoadedExperiment, name: str, more: Sequence[str]) -> Loaded
     tried = ElasticFit(**{"from": values.pop("reads"), **values, "free": free_with(fit.free, more)})
     unknown = [free_problem(*each) for each in unknown_names(start, tried.options())]
     if unknown:
-        raise SettingsError("; ".join(unknown), where="--try", remedy="name what can be freed, as in `free`")
+        raise SettingsError("; ".join(unknown), where="--try", remedy="name what can be estimated, as in `free`")
     fits = {**loaded.experiment.fits, name: tried}
     return replace(loaded, experiment=loaded.experiment.model_copy(update={"fits": fits}))
 
 
 def _is_estimated(robot: Robot, fit: ElasticFit, name: str) -> bool:
     options = fit.options()
-    doubts = {doubt.name for doubt in freed_nuisances(robot, replace(options, free=(name,)))}
-    known = doubts and doubts <= {doubt.name for doubt in freed_nuisances(robot, options)}
+    nuisances = {nuisance.name for nuisance in estimated_nuisances(robot, replace(options, free=(name,)))}
+    known = nuisances and nuisances <= {nuisance.name for nuisance in estimated_nuisances(robot, options)}
     return name in (*fit.free, *fit.kinds) or bool(known) or _is_free_anyway(robot, fit, name)
 
 
@@ -73,9 +73,11 @@ def _is_free_anyway(robot: Robot, fit: ElasticFit, name: str) -> bool:
 
 
 def _more(robot: Robot, name: str) -> str:
-    """What else of a spring can be freed, as the end of a sentence."""
-    doubts = [doubt.name for doubt in freeable_nuisances(robot) if doubt.name.startswith(f"{spring_of(name)}.")]
-    other = f", or name what else is meant: {', '.join(f'`{each}`' for each in doubts)}" if doubts else ""
+    """What else of a spring can be estimated, as the end of a sentence."""
+    nuisances = [
+        nuisance.name for nuisance in estimable_nuisances(robot) if nuisance.name.startswith(f"{spring_of(name)}.")
+    ]
+    other = f", or name what else is meant: {', '.join(f'`{each}`' for each in nuisances)}" if nuisances else ""
     return f"leave it out{other}"
 
 

@@ -1,4 +1,4 @@
-"""Columns of doubted drives, gears and missing springs against responses of robots that are built anew."""
+"""Columns of uncertain drives, gears and missing springs against responses of robots that are built anew."""
 
 from dataclasses import replace
 
@@ -43,9 +43,9 @@ def scene_of(robot, frf, options=None):
 def columns_of(robot, frf=None, options=None, places=PLACES):
     options = options or ElasticOptions()
     scene = scene_of(robot, measured(robot, places) if frf is None else frf, options)
-    doubts = list_nuisances(robot, options)
-    found = nuisance_columns(scene.problem, scene.internal, robot, options, doubts)
-    return {doubt.name: found[..., index] for index, doubt in enumerate(doubts)}
+    nuisances = list_nuisances(robot, options)
+    found = nuisance_columns(scene.problem, scene.internal, robot, options, nuisances)
+    return {nuisance.name: found[..., index] for index, nuisance in enumerate(nuisances)}
 
 
 def close(found, wanted, share=1e-5):
@@ -95,9 +95,11 @@ def test_a_coupling_s_column_is_what_another_coupling_does():
     close(found, log_ratio(coupled(-0.02), coupled(0.02)) / 0.04)
 
 
-def test_arms_with_a_wrist_doubt_its_couplings_and_others_only_those_they_state():
+def test_arms_with_a_wrist_nuisance_its_couplings_and_others_only_those_they_state():
     def couplings(robot):
-        return {doubt.name for doubt in list_nuisances(robot, ElasticOptions()) if doubt.cause == "gear_coupling"}
+        return {
+            nuisance.name for nuisance in list_nuisances(robot, ElasticOptions()) if nuisance.cause == "gear_coupling"
+        }
 
     robot = two_joint_robot()
     assert couplings(robot) == set()
@@ -108,7 +110,7 @@ def test_arms_with_a_wrist_doubt_its_couplings_and_others_only_those_they_state(
     assert couplings(replace(arm, springs=springs[:4])) == set()  # rigid joints have none
 
 
-def test_viscous_friction_of_arms_is_a_doubt_where_it_is_not_estimated():
+def test_viscous_friction_of_arms_is_a_nuisance_where_it_is_not_estimated():
     robot = two_joint_robot()
     found = columns_of(robot)["elbow.arm_viscous"]
     scene = scene_of(robot, measured(robot))
@@ -116,12 +118,12 @@ def test_viscous_friction_of_arms_is_a_doubt_where_it_is_not_estimated():
     wanted = log_ratio(robot, with_arm_friction(robot, 0.0, 1e-4 * percent)) / 1e-4
     close(found, wanted)
     free = ElasticOptions(free=("stiffness", "arm_viscous"), fixed=("shoulder.arm_viscous",))
-    names = {doubt.name for doubt in list_nuisances(robot, free)}
+    names = {nuisance.name for nuisance in list_nuisances(robot, free)}
     assert "elbow.arm_viscous" not in names
     assert {"shoulder.arm_viscous", "elbow.motor_inertia"} <= names
 
 
-def test_rotors_are_doubts_where_they_are_not_estimated():
+def test_rotors_are_nuisance_where_they_are_not_estimated():
     robot = two_joint_robot()
     found = columns_of(robot, options=ElasticOptions(free=("stiffness", "damping")))["elbow.motor_inertia"]
 
@@ -130,7 +132,7 @@ def test_rotors_are_doubts_where_they_are_not_estimated():
         return replace(robot, joints=(robot.joints[0], replace(robot.joints[1], motor=motor)))
 
     close(found, log_ratio(heavier(-1e-4), heavier(1e-4)) / 0.02)
-    assert not [doubt for doubt in list_nuisances(robot, ElasticOptions()) if doubt.cause == "rotor_inertia"]
+    assert not [nuisance for nuisance in list_nuisances(robot, ElasticOptions()) if nuisance.cause == "rotor_inertia"]
 
 
 def rubbing(robot, joint, viscous):
@@ -142,18 +144,18 @@ def rubbing(robot, joint, viscous):
     return replace(robot, joints=tuple(joints))
 
 
-def test_viscous_friction_of_motors_is_a_doubt_where_it_is_not_estimated():
+def test_viscous_friction_of_motors_is_a_nuisance_where_it_is_not_estimated():
     robot, without = two_joint_robot(), ElasticOptions(free=("stiffness", "damping"))
     found = columns_of(robot, options=without)["elbow.viscous"]
     percent = 2 * np.pi * 10 * robot.joints[1].motor.inertia_kgm2 / 100
     close(found, log_ratio(rubbing(robot, 1, -1e-2 * percent), rubbing(robot, 1, 1e-2 * percent)) / 2e-2)
     fixed = ElasticOptions(fixed=("shoulder.viscous",))
-    names = {doubt.name for doubt in list_nuisances(robot, fixed)}
+    names = {nuisance.name for nuisance in list_nuisances(robot, fixed)}
     assert "shoulder.viscous" in names
     assert "elbow.viscous" not in names
 
 
-def test_springs_and_dampers_are_doubts_where_they_are_not_estimated():
+def test_springs_and_dampers_are_nuisance_where_they_are_not_estimated():
     robot, options = two_joint_robot(), ElasticOptions(free=("damping",), fixed=("gear_2.damping",))
     found = columns_of(robot, options=replace(options, statics="every_iterate"))
 
@@ -179,7 +181,7 @@ def test_nothing_tells_a_factor_of_all_torques(robot, free):
     robot = with_arm_friction(robot, *(3.0 for _ in robot.joints))
     options = ElasticOptions(free=free, statics="every_iterate")
     places = PLACES[:, : len(robot.joints)]
-    scene, doubts = scene_of(robot, measured(robot, places), options), list_nuisances(robot, options)
+    scene, nuisances = scene_of(robot, measured(robot, places), options), list_nuisances(robot, options)
     parameters, values = scene.problem.parameters, scene.values
     grown = {"payload.mass": robot.payload.mass_kg, "base.mass": 100.0}
     grown |= {f"{spring.name}.inertia": 100.0 for spring in robot.springs if spring.place == "shaft"}
@@ -189,10 +191,10 @@ def test_nothing_tells_a_factor_of_all_torques(robot, free):
         grown |= {f"{name}.viscous": values.viscous[index] / turn[0]}
         grown |= {f"{name}.arm_viscous": values.arm_viscous[index] / turn[1]}
     grown |= {f"{spring.name}.{kind}": 100.0 for spring in robot.springs for kind in ("stiffness", "damping")}
-    along = np.array([grown.get(doubt.name, 0.0) for doubt in doubts])
+    along = np.array([grown.get(nuisance.name, 0.0) for nuisance in nuisances])
     own = np.where(parameters.logarithmic, 1.0, parameters.nominal_values() / parameters.scale)
     own = scene.problem.linear(scene.internal)[1] @ own
-    columns = nuisance_columns(scene.problem, scene.internal, robot, options, doubts)
+    columns = nuisance_columns(scene.problem, scene.internal, robot, options, nuisances)
     assert np.abs(own + columns @ along).max() < 1e-4 * np.abs(own).max()
 
 
@@ -279,7 +281,7 @@ def test_stiffness_by_load_leaves_the_mean_load_alone_and_is_nothing_where_loads
 
 
 @pytest.mark.parametrize("robot", [two_mass_robot(), ball_screw()], ids=["two masses", "ball screw"])
-def test_simple_drives_have_doubts_too(robot):
+def test_simple_drives_have_nuisance_too(robot):
     frf = measured(robot, np.zeros((2, 1)) + 0.1)
     found = columns_of(robot, frf)
     assert all(np.isfinite(column).all() for column in found.values())

@@ -7,14 +7,19 @@ import pytest
 
 from exact_systems import certain, exact_frf, two_joint_robot, with_spring_factors, without_spring
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
-from robid.models.elastic.fit.nuisance.named import Basis, name_doubts
-from robid.models.elastic.fit.nuisance.placed import UnexcludedSpring, leave_room, settle_springs, unexcluded_springs
+from robid.models.elastic.fit.nuisance.linear import Basis, list_linearised
+from robid.models.elastic.fit.nuisance.missing_springs import (
+    UnexcludedSpring,
+    add_missing_springs,
+    leave_room,
+    unexcluded_springs,
+)
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.physical import find_physical
 from robid.models.elastic.fit.solution import Spread
 from robid.robot.description import Inertial, Spring
-from robid.robot.doubts import Doubts
+from robid.robot.nuisance import NuisanceStd
 
 FREQUENCY_HZ = np.geomspace(1, 60, 40)
 PLACES = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3], [0.2, 2.0]])
@@ -26,14 +31,14 @@ GEAR, SOFTNESS = 2e4, 0.25
 def wrist(between_kg):
     """Two crossing axes: a bearing of the second about its y lies in line with the first gear, one link between them.
 
-    Only compliances are doubted.
+    Only compliances are uncertain.
     """
     robot = certain(two_joint_robot())
     first = Inertial(between_kg, np.zeros(3), 2e-3 * between_kg * np.eye(3))
     shoulder, elbow = robot.joints
     elbow = replace(elbow, position_m=np.array([0.0, 0.0, 0.25]), rotation=TURN)
-    doubted = replace(elbow.doubts, compliance=Doubts().compliance)
-    joints = replace(shoulder, link=first, doubts=doubted), replace(elbow, doubts=doubted)
+    uncertain = replace(elbow.nuisance_std, compliance=NuisanceStd().compliance)
+    joints = replace(shoulder, link=first, nuisance_std=uncertain), replace(elbow, nuisance_std=uncertain)
     springs = [replace(s, stiffness=GEAR) if s.place == "transmission" else s for s in robot.springs]
     return replace(robot, joints=joints, springs=tuple(springs))
 
@@ -58,9 +63,9 @@ def looked_for(between_kg):
     stated, frf = without_spring(wrist(between_kg), "bearing_1"), measured(between_kg)
     problem, _ = set_up(stated, frf, OPTIONS, DELAY_S)
     best = optimise(problem, np.zeros(len(problem.parameters.names))).parameters
-    named = name_doubts(problem, (best,), Basis(stated, OPTIONS))
-    found = settle_springs(named.problem, best, stated, OPTIONS, named.doubts, named.columns)
-    with_them = name_doubts(found.problem, (found.internal,), Basis(found.robot, found.options))
+    linear = list_linearised(problem, (best,), Basis(stated, OPTIONS))
+    found = add_missing_springs(linear.problem, best, stated, OPTIONS, linear.nuisances, linear.columns)
+    with_them = list_linearised(found.problem, (found.internal,), Basis(found.robot, found.options))
     return found, unexcluded_springs(found, with_them)
 
 
@@ -115,17 +120,17 @@ def without_rest(stated, frf):
 
 def test_a_missing_bearing_is_looked_for_where_the_robot_does_not_rest():
     true = with_bearings(wrist(60.0), SOFTNESS, SOFTNESS)
-    names, (found, doubts) = without_rest(without_spring(wrist(60.0), "bearing_1"), measured_in(true))
+    names, (found, nuisances) = without_rest(without_spring(wrist(60.0), "bearing_1"), measured_in(true))
     assert names == ("gear_1.stiffness", "gear_2.stiffness", "forearm.stiffness")
     std = np.sqrt(np.diag(found.covariance))[:3]
     assert (np.abs(found.values[:3]) < 2.5 * std).all()
     assert (std < [0.1, 0.02, 0.02]).all()
-    assert doubts.names[0] == "bearing_shoulder_x.compliance"
+    assert nuisances.names[0] == "bearing_shoulder_x.compliance"
 
 
 def test_a_robot_that_its_file_explains_is_found_where_the_fit_does_not_rest():
-    _, (found, doubts) = without_rest(wrist(60.0), measured_in(wrist(60.0)))
-    assert doubts.names[0] != "bearing_shoulder_x.compliance"
+    _, (found, nuisances) = without_rest(wrist(60.0), measured_in(wrist(60.0)))
+    assert nuisances.names[0] != "bearing_shoulder_x.compliance"
     np.testing.assert_allclose(found.values[:4], 0.0, atol=0.03)
 
 

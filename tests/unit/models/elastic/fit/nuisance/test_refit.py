@@ -8,7 +8,7 @@ import pytest
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors, without_spring
 from robid.models.elastic.fit.fitting import set_up
 from robid.models.elastic.fit.nuisance.kinds import list_nuisances
-from robid.models.elastic.fit.nuisance.placed import expected_cost, settle_springs
+from robid.models.elastic.fit.nuisance.missing_springs import add_missing_springs, expected_cost
 from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.options import ElasticOptions
@@ -24,9 +24,9 @@ def settled(stated, true, seed=5, options=OPTIONS):
     frf = exact_frf(true, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=0.003, seed=seed)
     problem, _ = set_up(stated, frf, options, DELAY_S)
     best = optimise(problem, np.zeros(len(problem.parameters.names))).parameters
-    doubts = list_nuisances(stated, options)
-    columns = nuisance_columns(problem, best, stated, options, doubts)
-    return problem, best, settle_springs(problem, best, stated, options, doubts, columns)
+    nuisances = list_nuisances(stated, options)
+    columns = nuisance_columns(problem, best, stated, options, nuisances)
+    return problem, best, add_missing_springs(problem, best, stated, options, nuisances, columns)
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,9 @@ def test_a_bearing_that_the_file_lacks_is_put_in_place_and_the_gears_are_right_a
     before = problem.parameters.values(best)[problem.parameters.names.index("gear_1.stiffness")]
     assert abs(before / 2.6e4 - 1) > 0.005
     assert found.robot.springs[-1].name == "bearing_shoulder_x"
-    assert "bearing_shoulder_x.compliance" not in {doubt.name for doubt in list_nuisances(found.robot, found.options)}
+    assert "bearing_shoulder_x.compliance" not in {
+        nuisance.name for nuisance in list_nuisances(found.robot, found.options)
+    }
 
 
 def test_two_missing_bearings_are_both_put_in_place(true_arm):

@@ -1,4 +1,4 @@
-"""Columns of doubted masses and torque constants against responses of robots that are built anew."""
+"""Columns of uncertain masses and torque constants against responses of robots that are built anew."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 from exact_systems import arm_on_rail, exact_frf, springs_everywhere, two_joint_robot, with_spring_factors
 from robid.models.elastic.fit.fitting import set_up
-from robid.models.elastic.fit.nuisance.kinds import DoubtfulRobot, list_nuisances
+from robid.models.elastic.fit.nuisance.kinds import PerturbedRobot, list_nuisances
 from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.description import Inertial
@@ -23,14 +23,14 @@ def measured(robot, places):
     return exact_frf(robot, np.array(places), FREQUENCY_HZ, delay_s=DELAY_S, declared_noise=0.01)
 
 
-def columns_of(robot, frf, options, doubts=None):
+def columns_of(robot, frf, options, nuisances=None):
     """Columns by name, where all springs are 1.3 times and all dampers 0.7 times as large as the file says."""
     problem, _ = set_up(robot, frf, options, DELAY_S)
     kinds = np.array(problem.parameters.kind_of)
     internal = np.log(FACTORS[0]) * (kinds == "stiffness") + np.log(FACTORS[1]) * (kinds == "damping")
-    listed = list_nuisances(robot, ElasticOptions()) if doubts is None else doubts
+    listed = list_nuisances(robot, ElasticOptions()) if nuisances is None else nuisances
     found = nuisance_columns(problem, internal, robot, options, listed)
-    return {doubt.name: found[..., index] for index, doubt in enumerate(listed)}
+    return {nuisance.name: found[..., index] for index, nuisance in enumerate(listed)}
 
 
 def difference(change, places, step):
@@ -76,7 +76,7 @@ def changes_of_base(robot):
 
 
 def changes(robot):
-    """What each doubt means, by name: a robot of an amount in the doubt's unit."""
+    """What each nuisance means, by name: a robot of an amount in the nuisance's unit."""
     load, found = robot.payload, {}
     found["payload.mass"] = lambda kg: replace(robot, payload=heavier(load, kg / load.mass_kg))
     found["payload.inertia"] = lambda share: with_payload(robot, inertia_kgm2=load.inertia_kgm2 * (1 + share / 100))
@@ -103,10 +103,10 @@ def changes(robot):
 def test_masses_move_the_response_as_robots_built_anew_do(name):
     robot = ROBOTS[name]()
     found = columns_of(robot, measured(robot, PLACES[name]), ElasticOptions())
-    for doubt, change in changes(robot).items():
+    for nuisance, change in changes(robot).items():
         wanted = difference(change, PLACES[name], 0.02)
         scale = np.abs(wanted).max()
-        np.testing.assert_allclose(found[doubt], wanted, rtol=0, atol=1e-6 * scale + 1e-9, err_msg=doubt)
+        np.testing.assert_allclose(found[nuisance], wanted, rtol=0, atol=1e-6 * scale + 1e-9, err_msg=nuisance)
 
 
 @pytest.mark.parametrize("options", [
@@ -118,8 +118,8 @@ def test_columns_have_the_sign_and_scale_of_the_problem_s_own(options):
     frf = measured(robot, places)
     problem, _ = set_up(robot, frf, options, DELAY_S)
     here = np.zeros(len(problem.parameters.names))
-    doubts = [doubt for doubt in list_nuisances(robot, ElasticOptions()) if doubt.name == "elbow.mass"]
-    found = nuisance_columns(problem, here, robot, options, doubts)[..., 0]
+    nuisances = [nuisance for nuisance in list_nuisances(robot, ElasticOptions()) if nuisance.name == "elbow.mass"]
+    found = nuisance_columns(problem, here, robot, options, nuisances)[..., 0]
     ahead, behind = (
         set_up(with_link(robot, 1, lambda body, share=share: heavier(body, share)), frf, options, DELAY_S)[0]
         for share in (1e-4, -1e-4)
@@ -146,8 +146,8 @@ def test_gears_that_stiffen_are_bent_further_by_what_is_heavier():
     options = ElasticOptions(free=("stiffness", "damping", "cubic"))
     problem, _ = set_up(robot, frf, options, DELAY_S)
     here = np.zeros(len(problem.parameters.names))
-    doubts = [doubt for doubt in list_nuisances(robot, options) if doubt.name == "payload.mass"]
-    found = nuisance_columns(problem, here, robot, options, doubts)[..., 0]
+    nuisances = [nuisance for nuisance in list_nuisances(robot, options) if nuisance.name == "payload.mass"]
+    found = nuisance_columns(problem, here, robot, options, nuisances)[..., 0]
     ahead, behind = (
         set_up(changes(robot)["payload.mass"](kg), frf, options, DELAY_S)[0].model_response(here)
         for kg in (1e-3, -1e-3)
@@ -168,35 +168,37 @@ def test_torque_constants_scale_the_response_to_their_motor_s_torque():
     assert np.abs(found["elbow.torque_constant"]).max() > 0.009
 
 
-def test_priors_are_the_robot_file_s_and_zero_switches_a_doubt_off():
+def test_priors_are_the_robot_file_s_and_zero_switches_a_nuisance_off():
     robot = two_joint_robot()
-    doubts = {doubt.name: doubt for doubt in list_nuisances(robot, ElasticOptions())}
-    assert doubts["shoulder.mass"].common_std == pytest.approx(5.0)
-    assert doubts["payload.mass"].common_std == pytest.approx(0.02 * robot.payload.mass_kg)
-    assert doubts["payload.com_x"].common_std == pytest.approx(10.0)
-    assert doubts["elbow.torque_constant"].common_std == pytest.approx(2.0)
-    elbow = replace(robot.joints[1], doubts=replace(robot.doubts, mass_relative_std=0.0, com_m=0.02))
+    nuisances = {nuisance.name: nuisance for nuisance in list_nuisances(robot, ElasticOptions())}
+    assert nuisances["shoulder.mass"].common_std == pytest.approx(5.0)
+    assert nuisances["payload.mass"].common_std == pytest.approx(0.02 * robot.payload.mass_kg)
+    assert nuisances["payload.com_x"].common_std == pytest.approx(10.0)
+    assert nuisances["elbow.torque_constant"].common_std == pytest.approx(2.0)
+    elbow = replace(robot.joints[1], nuisance_std=replace(robot.nuisance_std, mass_relative_std=0.0, com_m=0.02))
     other = replace(
         robot,
         joints=(robot.joints[0], elbow),
-        doubts=replace(robot.doubts, payload_com_m=0.0, payload_relative_std=0.1),
+        nuisance_std=replace(robot.nuisance_std, payload_com_m=0.0, payload_relative_std=0.1),
     )
-    changed = {doubt.name: doubt for doubt in list_nuisances(other, ElasticOptions())}
+    changed = {nuisance.name: nuisance for nuisance in list_nuisances(other, ElasticOptions())}
     gone = {"elbow.mass", "payload.com_x", "payload.com_y", "payload.com_z"}
-    assert set(doubts) - set(changed) == gone
+    assert set(nuisances) - set(changed) == gone
     assert changed["elbow.com_y"].common_std == pytest.approx(20.0)
     assert changed["payload.mass"].common_std == pytest.approx(0.1 * robot.payload.mass_kg)
     bare = replace(robot, payload=Inertial(0.0, np.zeros(3), np.zeros((3, 3))))
-    assert not [doubt.name for doubt in list_nuisances(bare, ElasticOptions()) if doubt.name.startswith("payload")]
+    assert not [
+        nuisance.name for nuisance in list_nuisances(bare, ElasticOptions()) if nuisance.name.startswith("payload")
+    ]
 
 
 def test_a_rigid_fit_s_directions_take_the_place_of_links():
     robot, places = two_joint_robot(), PLACES["two_joints"]
     off = with_link(robot, 0, lambda body: heavier(body, 1e-4))
-    doubts = list_nuisances(robot, ElasticOptions(), [DoubtfulRobot(off, 0.01)])
-    assert [doubt.name for doubt in doubts if doubt.cause == "masses"] == ["rigid.1"]
+    nuisances = list_nuisances(robot, ElasticOptions(), [PerturbedRobot(off, 0.01)])
+    assert [nuisance.name for nuisance in nuisances if nuisance.cause == "masses"] == ["rigid.1"]
     frf = measured(robot, places)
     file = columns_of(robot, frf, ElasticOptions())
-    found = columns_of(robot, frf, ElasticOptions(), doubts)
+    found = columns_of(robot, frf, ElasticOptions(), nuisances)
     wanted = file["shoulder.mass"]  # a deviation is a percent
     np.testing.assert_allclose(found["rigid.1"], wanted, atol=2e-3 * np.abs(wanted).max())

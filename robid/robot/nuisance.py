@@ -1,4 +1,4 @@
-"""How far the values of a robot file may be off: standard deviations of what no data sheet states."""
+"""Nuisance parameters, what a robot file may have wrong: their standard deviations, as no data sheet states them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from robid.arrays import option
 
 
 @dataclass(frozen=True)
-class Doubts:
+class NuisanceStd:
     """Standard deviations of what a robot file may have wrong; zero for what is taken for granted."""
 
     mass_relative_std: float = option(0.05, "Of a link's mass, its inertia with it, relative.", ge=0)
