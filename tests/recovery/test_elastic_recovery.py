@@ -105,8 +105,8 @@ def test_with_noise_within_the_predicted_deviations():
     "options",
     [
         ElasticOptions(weights=Weights("optimal")),
-        ElasticOptions(weights=Weights("user")),
-        ElasticOptions(estimator="nls", weights=Weights("optimal")),
+        pytest.param(ElasticOptions(weights=Weights("user")), marks=pytest.mark.slow),
+        pytest.param(ElasticOptions(estimator="nls", weights=Weights("optimal")), marks=pytest.mark.slow),
     ],
     ids=["logarithmic, optimal", "logarithmic, user", "plain, optimal"],
 )

@@ -30,7 +30,7 @@ def robot_of(name):
     return load_robot(ROBOTS / f"{name}.yaml").to_robot()
 
 
-@pytest.mark.parametrize("name", ["kr300", "ur5e"])
+@pytest.mark.parametrize("name", [pytest.param("kr300", marks=pytest.mark.slow), "ur5e"])
 def test_a_payload_that_is_off_by_a_thirtieth_is_named_and_found(name):
     stated = robot_of(name)
     load = stated.payload
@@ -45,7 +45,7 @@ def test_a_payload_that_is_off_by_a_thirtieth_is_named_and_found(name):
     assert after.estimate.found["payload.mass"] == pytest.approx(heavier.mass_kg, rel=0.003)
 
 
-@pytest.mark.parametrize(("name", "joint"), [("kr300", 1), ("ur5e", 4)])
+@pytest.mark.parametrize(("name", "joint"), [("kr300", 1), pytest.param("ur5e", 4, marks=pytest.mark.slow)])
 def test_a_gear_ratio_that_is_off_by_a_tenth_is_named_and_found(name, joint):
     robot = robot_of(name)
     right = robot.joints[joint].motor.gear_ratio
@@ -62,7 +62,7 @@ def test_a_gear_ratio_that_is_off_by_a_tenth_is_named_and_found(name, joint):
     assert 1 - after.costs.total / before.costs.total > first.share - 0.05
 
 
-@pytest.mark.parametrize(("name", "joint"), [("kr300", 1), ("ur5e", 3)])
+@pytest.mark.parametrize(("name", "joint"), [pytest.param("kr300", 1, marks=pytest.mark.slow), ("ur5e", 3)])
 def test_a_torque_that_is_reversed_is_named_alone(name, joint):
     robot = robot_of(name)
     frf = exact_frf(robot, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=2e-3)

@@ -27,7 +27,7 @@ TIMED = ("csv TwinCAT", "tdms", "mdf")
 """Formats in which every channel has times of its own, a millisecond apart."""
 STAGES = ("design-excitation", "simulate-or-acquire", "estimate-frf")
 EXACT, SHARE = 1e-6, 0.9
-FAST, SLOW = 30, 300
+FAST, SLOW = 12, 300
 
 
 @st.composite

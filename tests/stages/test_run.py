@@ -304,7 +304,9 @@ def test_a_fit_that_has_not_converged_is_saved_and_exits_5(shop):
     assert shop.states()["fits/elastic/validation.h5"][0] == "missing"
 
 
-@pytest.mark.parametrize("places", ["{list_deg: [[-99.6, 82.8], [13.9, -46.1]]}", "{from: best}"])
+@pytest.mark.parametrize(
+    "places", [pytest.param("{list_deg: [[-99.6, 82.8], [13.9, -46.1]]}", marks=pytest.mark.slow), "{from: best}"]
+)
 def test_a_cubic_gear_is_fitted_to_two_amplitudes(shop, places):
     shop.change("friction: lugre}", "stiffening_1_rad2: 2.0e+4}")
     shop.change("compensation: nominal", "compensation: none")

@@ -138,7 +138,9 @@ def test_processes_give_the_same_content(done):
     assert done.contents(done.folder / "other") == done.contents()
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)])
+@pytest.mark.parametrize(
+    ("number", "code"), [pytest.param(signal.SIGKILL, -signal.SIGKILL, marks=pytest.mark.slow), (signal.SIGINT, 130)]
+)
 def test_a_stopped_study_goes_on(study, number, code):
     study.change("periods: 2", "periods: 8", "study.yaml")
     command = [sys.executable, "-m", "robid", "study", "study.yaml"]

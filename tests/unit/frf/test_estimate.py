@@ -113,8 +113,10 @@ def test_covariance_against_monte_carlo(realizations, periods):
     np.testing.assert_allclose(frf.element_variance()[0, 2, 1, 0], frf.full_covariance(0)[2, 1, 1].real, rtol=1e-12)
 
 
-@pytest.mark.parametrize(("realizations", "periods"), [(4, 1), (1, 4)])
-@pytest.mark.parametrize("pooled", [1, 3])
+@pytest.mark.parametrize(
+    ("pooled", "realizations", "periods"),
+    [(3, 4, 1), (1, 1, 4), *(pytest.param(*each, marks=pytest.mark.slow) for each in ((1, 4, 1), (3, 1, 4)))],
+)
 def test_degrees_of_freedom_are_those_of_the_scatter(realizations, periods, pooled):
     draws = []
     for seed in range(500):

@@ -118,6 +118,7 @@ def held(frf, true, options):
     return (estimate.lower[row] < value) & (value < estimate.upper[row])
 
 
+@pytest.mark.slow
 def test_physical_intervals_hold_springs_of_robots_off_by_their_nuisances():
     inside = [held(*drawn(seed), OPTIONS) for seed in range(10, 13)]
     assert np.mean(inside) >= 0.85

@@ -85,7 +85,7 @@ def frf_hold():
     return np.sinc(half / np.pi) * np.exp(-1j * half)
 
 
-@pytest.mark.parametrize("statics", ["updates", "every_iterate"])
+@pytest.mark.parametrize("statics", ["updates", pytest.param("every_iterate", marks=pytest.mark.slow)])
 def test_cubic_gears_come_back_from_two_amplitudes(statics):
     nominal = floor_standing()
     true = stiffened(with_spring_factors(nominal, 1.2, 0.9), 200.0, 100.0)

@@ -11,7 +11,9 @@ FREQUENCY_HZ = np.unique(np.round(np.geomspace(1, 60, 40), 1))
 PLACES = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2]])
 
 
-@pytest.mark.parametrize("kind", ["inflated", "optimal", "user"])
+@pytest.mark.parametrize(
+    "kind", ["inflated", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("optimal", "user"))]
+)
 def test_weights_that_are_not_the_noises_own_blame_no_right_model(kind):
     """Couplings have a hundred times the noise of the motors' own responses here: their noise moves the parameters."""
     arm = with_spring_factors(two_joint_robot(), [1.3, 0.8, 1.2, 0.9], [0.7, 1.4, 1.2, 0.8])
