@@ -42,7 +42,7 @@ def sure():
     )
 
 
-@pytest.fixture(scope="module", params=[3, 4])
+@pytest.fixture(scope="module", params=[3, pytest.param(4, marks=pytest.mark.slow)])
 def shares(request):
     """Share of the intervals of springs that hold the truth, masses taken for granted and uncertain."""
     true, held = sure(), {"granted": [], "uncertain": []}

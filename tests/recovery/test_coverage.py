@@ -66,7 +66,7 @@ def hits(case, runs, noise, bootstrap=0, common=0.0):
     return {name: np.array(rows) for name, rows in held.items()}
 
 
-@pytest.mark.parametrize("configurations", [1, 3])
+@pytest.mark.parametrize("configurations", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_intervals_hold_the_truth(configurations):
     # Four realizations of one configuration leave three degrees of freedom, which the bootstrap has to know.
     held = hits(two_mass_case(configurations), 50, 3e-3, bootstrap=40)

@@ -35,7 +35,10 @@ def tables(frfs):
     return [tabulate_resonances(DRIVE, solution, frf, OPTIONS, 0.0) for frf in frfs]
 
 
-@pytest.mark.parametrize(("realizations", "dry_nm"), [(1, 0.1), (2, 0.1), (4, 0.1), (1, 0.3)])
+@pytest.mark.parametrize(
+    ("realizations", "dry_nm"),
+    [(1, 0.1), *(pytest.param(*each, marks=pytest.mark.slow) for each in ((2, 0.1), (4, 0.1), (1, 0.3)))],
+)
 def test_an_interval_holds_the_mean_of_all_measurements_about_as_often_as_it_says(realizations, dry_nm):
     """With friction: a share of the torque is dry friction, whose distortion differs with the signal's phases."""
     found = tables(responses(realizations=realizations, dry_nm=dry_nm, seed=21))

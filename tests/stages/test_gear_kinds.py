@@ -78,6 +78,7 @@ def test_hysteresis_returns_and_the_springs_with_it(slipping):
         assert value == pytest.approx(HYSTERESIS_NM, rel=0.3)
 
 
+@pytest.mark.slow
 def test_the_hysteresis_that_is_named_can_be_followed_and_keeps_its_promise(tmp_path, workshop, monkeypatch):
     shop = workshop(tmp_path, monkeypatch)
     _, plain = measured(shop, "hysteresis_nm: 15")

@@ -131,7 +131,7 @@ def splines(written, points):
 @pytest.mark.parametrize(
     ("basis", "names", "functions"),
     [
-        ("degree: 1", ["p1", "p2"], powers),
+        pytest.param("degree: 1", ["p1", "p2"], powers, marks=pytest.mark.slow),
         ("kind: splines, degree: 1, pieces: 1", ["spline 1,2", "spline 2,1", "spline 2,2"], splines),
     ],
 )

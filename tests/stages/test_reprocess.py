@@ -178,7 +178,7 @@ def test_an_interrupt_keeps_what_is_finished_and_tables_the_rest_as_pending(floo
     assert {path.name for path in floor.rows.iterdir()} == set(FACTORS)
 
 
-@pytest.mark.parametrize("backend", ["processes", "dask"])
+@pytest.mark.parametrize("backend", ["processes", pytest.param("dask", marks=pytest.mark.slow)])
 def test_other_backends_give_what_serial_gives_and_keep_what_they_are_told(done, finished, backend):
     shutil.rmtree(done.rows)
     answer = done.shop.robid("reprocess", MANIFEST, "fleet.yaml", "--workers", "2", "--backend", backend, "--keep")

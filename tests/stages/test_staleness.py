@@ -76,7 +76,13 @@ def test_a_change_makes_exactly_what_depends_on_it_stale(done, file, old, new, s
         assert "settings changed: " in reasons
 
 
-@pytest.mark.parametrize("case", [case for case in CASES if case[0] == "arm.yaml"])
+ROBOT_CASES = [case for case in CASES if case[0] == "arm.yaml"]
+QUICK = ("relative_std: 0.1", "coulomb_nm: 0.2,", "two-joint arm\n")
+
+
+@pytest.mark.parametrize(
+    "case", [case if case[1] in QUICK else pytest.param(case, marks=pytest.mark.slow) for case in ROBOT_CASES]
+)
 def test_what_stays_fresh_would_come_out_the_same(done, case):
     file, old, new, stale, _ = case
     done.change(old, new, file)

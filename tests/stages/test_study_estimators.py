@@ -52,6 +52,7 @@ def test_models_are_scored_and_a_lost_task_is_done_again(study):
     assert {path for path, at in kept.items() if path.stat().st_mtime_ns != at} == {lost}
 
 
+@pytest.mark.slow
 def test_more_starts_leave_the_first_ones_as_they_are(study):
     study.change("  wide: [lls15u]\n", "  plain: false\n", "estimators.yaml")
     assert study.robid("study", "estimators.yaml").code == 0

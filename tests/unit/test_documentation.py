@@ -1,5 +1,6 @@
 """What the documentation promises: examples load, commands parse, links lead somewhere, tables are the schemas'."""
 
+import functools
 import re
 import shlex
 import subprocess
@@ -51,6 +52,7 @@ def written(text):
     return {*re.findall(r"^# (\w+\.yaml)$", code, re.MULTILINE), *re.findall(r"--(?:propose|output) (\S+)", code)}
 
 
+@functools.cache
 def outputs_of(example):
     loaded = load_experiment(example)
     return {f"runs/{loaded.experiment.name}/{path}" for node in graph(loaded) for path in node.plan.outputs}

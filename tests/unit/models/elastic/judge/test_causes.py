@@ -179,7 +179,7 @@ def test_a_spring_that_is_fixed_and_off_is_to_be_fixed_no_more(kind, factor):
     assert estimated.total < 1.1 * estimated.expected.sum() < 0.6 * solution.costs.total
 
 
-@pytest.mark.parametrize("held", ["stiffness", "damping"])
+@pytest.mark.parametrize("held", ["stiffness", pytest.param("damping", marks=pytest.mark.slow)])
 def test_a_missing_spring_is_found_by_its_name_whatever_else_is_free(held):
     free = tuple(kind for kind in FREE if kind != held)
     stated, options = without(two_joint_robot(), "bearing_1"), replace(OPTIONS, free=free)

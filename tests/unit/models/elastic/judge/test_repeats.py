@@ -98,6 +98,7 @@ def test_poles_that_one_campaign_alone_has_are_not_pooled():
     assert found.pole_upper_hz[0] - found.pole_lower_hz[0] == pytest.approx(2 * HALF_HZ)
 
 
+@pytest.mark.slow
 def test_the_pooled_interval_holds_another_campaigns_resonance_about_as_often_as_it_says():
     """Couplings that are 1 % stiffer or softer from day to day, each measured with little noise."""
     generator = np.random.default_rng(9)

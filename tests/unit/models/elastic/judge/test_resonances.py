@@ -255,6 +255,7 @@ def test_deviation_of_a_mode_is_that_of_moved_parameters(kinds):
         np.testing.assert_allclose(found, wanted, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_interval_of_the_model_holds_its_truth_about_as_often_as_it_says():
     held = []
     for seed in range(40):

@@ -95,7 +95,7 @@ def test_the_physical_interval_holds_the_gear_that_the_data_do_not_tell():
     assert 0.5 * true < estimate.lower[row] < in_line < true < estimate.upper[row] < 2 * true
 
 
-@pytest.mark.parametrize("seed", [2, 4, 6, 10])
+@pytest.mark.parametrize("seed", [2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (4, 6, 10))])
 def test_what_ran_away_for_lack_of_a_bearing_comes_back(seed):
     generator = np.random.default_rng(seed)
     between_kg = float(np.exp(generator.uniform(-7, 3)))
