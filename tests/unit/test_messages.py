@@ -1,6 +1,7 @@
 """Every message that a user can cause has a code that no other one has, at the place where it is written."""
 
 import ast
+import functools
 import re
 from collections import Counter
 from pathlib import Path
@@ -10,9 +11,15 @@ import pytest
 from robid.errors import ArtifactError, BackendError, DataError, SettingsError, codes_in
 from robid.results.finding import CAUSES
 
-SOURCES = {file: ast.parse(file.read_text()) for file in sorted((Path(__file__).parents[2] / "robid").rglob("*.py"))}
 LETTERS = {"SettingsError": "S", "ArtifactError": "A", "DataError": "D", "BackendError": "B", "WorkerError": "B"}
 CODED = re.compile(r"([SDAB]\d{3}) \S")
+
+
+@functools.cache
+def sources():
+    """Every file of the package and its syntax tree."""
+    files = sorted((Path(__file__).parents[2] / "robid").rglob("*.py"))
+    return [(file, ast.parse(file.read_text())) for file in files]
 
 
 def literals(tree):
@@ -26,7 +33,7 @@ def literals(tree):
 
 
 def test_no_two_messages_share_a_code():
-    found = Counter(match[1] for tree in SOURCES.values() for _, text in literals(tree) if (match := CODED.match(text)))
+    found = Counter(match[1] for _, tree in sources() for _, text in literals(tree) if (match := CODED.match(text)))
     found.update(code for words in CAUSES.values() for code in codes_in(words))
     assert len(found) > 600
     assert not [code for code, count in found.items() if count > 1]
@@ -34,7 +41,7 @@ def test_no_two_messages_share_a_code():
 
 def test_every_error_that_is_raised_with_its_own_words_has_a_code_of_its_letter():
     wrong = []
-    for file, tree in SOURCES.items():
+    for file, tree in sources():
         for node in ast.walk(tree):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in LETTERS and node.args:
                 texts = dict(literals(node.args[0]))
