@@ -14,6 +14,7 @@ Format history:
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
@@ -234,7 +235,10 @@ def _read_header(path: Path, kind: Kind | None, _: tuple[object, ...]) -> Header
 def _identity(path: Path) -> tuple[object, ...]:
     """What the system says of a file; it differs when the file was written again."""
     try:
-        status = path.stat()
+        with path.open(
+            "rb"
+        ) as file:  # a network's file system looks again when a file is opened, not when asked for it
+            status = os.fstat(file.fileno())
     except OSError:
         return ()
     return str(path), status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns

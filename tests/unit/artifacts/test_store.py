@@ -4,6 +4,7 @@ import math
 import os
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -227,6 +228,22 @@ def test_a_changed_value_is_refused(tmp_path: Path) -> None:
     write_artifact(path, _thing())
     with h5py.File(path, "r+") as file:
         file["response"][0, 0] = 99
+    with pytest.raises(ArtifactError, match="does not match its hash"):
+        read_artifact(path, KIND)
+
+
+def test_what_is_changed_or_replaced_after_it_was_read_is_read_again(tmp_path: Path) -> None:
+    path = tmp_path / "thing.h5"
+    write_artifact(path, _thing())
+    first = read_header(path, KIND)
+    read_artifact(path, KIND).datasets["deep/names"].values[0] = "another"
+    assert read_artifact(path, KIND).datasets["deep/names"].values[0] == "q1", "each reader has arrays of its own"
+    write_artifact(path, _thing(attributes={"period_s": 0.2}))
+    assert read_header(path, KIND) != first
+    assert read_artifact(path, KIND).attributes == {"period_s": 0.2}
+    time.sleep(0.02)  # times of files go by ticks of some milliseconds
+    with h5py.File(path, "r+") as file:
+        file["attributes"].attrs["period_s"] = 0.3
     with pytest.raises(ArtifactError, match="does not match its hash"):
         read_artifact(path, KIND)
 
