@@ -29,17 +29,11 @@ class BetweenOptions:
 
 @dataclass(frozen=True)
 class Between:
-    """How much parameters differ between clusters.
+    """How much parameters differ between clusters."""
 
-    Attributes:
-        variance (n_param,): Of each parameter between clusters; 0 where noise explains the differences.
-        deviance: -2 times the restricted log-likelihood there, but for a constant.
-        converged: Whether the search ended by itself.
-    """
-
-    variance: FloatArray
-    deviance: float
-    converged: bool
+    variance: FloatArray  # (n_param,) Of each parameter between clusters; 0 where noise explains the differences
+    deviance: float  # -2 times the restricted log-likelihood there, but for a constant
+    converged: bool  # Whether the search ended by itself
 
 
 @dataclass(frozen=True)
@@ -47,22 +41,14 @@ class Search:
     """Evidence with all that does not change while some variances are sought.
 
     The rows of each cluster are turned so that what is sought is in the first ones alone.
-
-    Attributes:
-        rows (n_cluster, n_sought, n_param): Derivatives of these rows, what is known of differences taken out.
-        target (n_cluster, n_sought): What is left of them.
-        sought (n_sought,): Which parameters' variances are sought.
-        information (n_param, n_param): Of all other rows, and what is known beforehand.
-        slope (n_param,): Of these too.
-        deviance: Their share of -2 times the log-likelihood.
     """
 
-    rows: FloatArray
-    target: FloatArray
-    sought: IntArray
-    information: FloatArray
-    slope: FloatArray
-    deviance: float
+    rows: FloatArray  # (n_cluster, n_sought, n_param) Derivatives of these rows, what is known of differences taken out
+    target: FloatArray  # (n_cluster, n_sought) What is left of them
+    sought: IntArray  # (n_sought,) Which parameters' variances are sought
+    information: FloatArray  # (n_param, n_param) Of all other rows, and what is known beforehand
+    slope: FloatArray  # (n_param,) Of these too
+    deviance: float  # Their share of -2 times the log-likelihood
 
     def at(self, variance: FloatArray) -> tuple[float, FloatArray]:
         """Returns the restricted deviance and its derivative (n_sought,) by the variances that are sought."""
@@ -269,23 +255,17 @@ ALONE = 0.9
 
 @dataclass(frozen=True)
 class Pooled:
-    """The parameters of all clusters together.
+    """The parameters of all clusters together."""
 
-    Attributes:
-        shift (n_param,): How far they lie from the point of the evidence.
-        between (n_param,): Variance of each between clusters.
-        assumed (n_param, n_param): Covariance, were noise and variances between clusters as assumed: `(sum K_c)^-1`.
-        covariance (n_param, n_param): The same by what the clusters really differ, whatever they differ by.
-        degrees_of_freedom (n_param,): Of Student's distribution, whose quantile times the deviation is an interval.
-        dependence (n_param,): Share of the information about each that a single cluster gives; near 1 other clusters
-            do not test it, and its interval rests on that cluster alone.
-    """
-
-    shift: FloatArray
-    between: FloatArray
+    shift: FloatArray  # (n_param,) How far they lie from the point of the evidence
+    between: FloatArray  # (n_param,) Variance of each between clusters
+    # (n_param, n_param) Covariance, were noise and variances between clusters as assumed: `(sum K_c)^-1`
     assumed: FloatArray
-    covariance: FloatArray
+    covariance: FloatArray  # (n_param, n_param) The same by what the clusters really differ, whatever they differ by
+    # (n_param,) Of Student's distribution, whose quantile times the deviation is an interval
     degrees_of_freedom: FloatArray
+    # (n_param,) Share of the information about each that a single cluster gives; near 1 other clusters do not test it,
+    # and its interval rests on that cluster alone
     dependence: FloatArray
 
     def spread(self, confidence: float) -> tuple[FloatArray, FloatArray]:

@@ -17,15 +17,11 @@ from robid.signals.record import Record
 
 @dataclass(frozen=True)
 class BlockEstimate:
-    """A response and its first-order error.
+    """A response and its first-order error."""
 
-    Attributes:
-        response (n_freq, n_out, n_in): The response.
-        weights (n_real, n_freq, n_exp, n_in): W of the error `sum_m V_m W_m` that output residuals
-            V_m (n_out, n_exp) of block m cause.
-    """
-
-    response: ComplexArray
+    response: ComplexArray  # (n_freq, n_out, n_in) The response
+    # (n_real, n_freq, n_exp, n_in) W of the error `sum_m V_m W_m` that output residuals V_m (n_out, n_exp) of block m
+    # cause
     weights: ComplexArray
 
     @property

@@ -75,16 +75,9 @@ def recovery_sentence(recovery: Recovery) -> str:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Whether a model held on data that its fit never saw.
+    """Whether a model held on data that its fit never saw."""
 
-    Attributes:
-        ok: Whether the model may be used on data like these.
-        verdict: The same in words, to follow "the model".
-        grade: How far to trust the model.
-        recovery: Its parameters against the true ones; empty for a real robot.
-    """
-
-    ok: bool
-    verdict: str
-    grade: Grade
-    recovery: Recovery
+    ok: bool  # Whether the model may be used on data like these
+    verdict: str  # The same in words, to follow "the model"
+    grade: Grade  # How far to trust the model
+    recovery: Recovery  # Its parameters against the true ones; empty for a real robot

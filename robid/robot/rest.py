@@ -14,75 +14,48 @@ _NEWTON_TOLERANCE = 1e-13
 
 @dataclass(frozen=True)
 class MatrixSlopes:
-    """First derivatives of the linearised matrices along some moves.
+    """First derivatives of the linearised matrices along some moves."""
 
-    Attributes:
-        mass (n_conf, n_move, n, n): Of the whole inertia matrix.
-        gravity_stiffness (n_conf, n_move, n, n): Of the symmetrised gradient of gravity.
-        output (n_conf, n_move, n_out, n): Of the outputs.
-        tilt (n_conf, n_move, n_out, n): Of gravity's part of the outputs.
-    """
-
-    mass: FloatArray
-    gravity_stiffness: FloatArray
-    output: FloatArray
-    tilt: FloatArray
+    mass: FloatArray  # (n_conf, n_move, n, n) Of the whole inertia matrix
+    gravity_stiffness: FloatArray  # (n_conf, n_move, n, n) Of the symmetrised gradient of gravity
+    output: FloatArray  # (n_conf, n_move, n_out, n) Of the outputs
+    tilt: FloatArray  # (n_conf, n_move, n_out, n) Of gravity's part of the outputs
 
 
 @dataclass(frozen=True)
 class Moves(MatrixSlopes):
-    """Derivatives along the spring deflections, then along spring locations.
+    """Derivatives along the spring deflections, then along spring locations."""
 
-    Attributes:
-        torque (n_conf, n_location, n_spring): Of gravity's torque on the springs, deflections held, along locations.
-        located (n_location,): Which elements of the flattened locations these are.
-    """
-
+    # (n_conf, n_location, n_spring) Of gravity's torque on the springs, deflections held, along locations
     torque: FloatArray
-    located: IntArray
+    located: IntArray  # (n_location,) Which elements of the flattened locations these are
 
 
 @dataclass(frozen=True)
 class Rest:
-    """Where the springs rest and what they carry, around which everything is expanded.
+    """Where the springs rest and what they carry, around which everything is expanded."""
 
-    Attributes:
-        deflection (n_conf, n_spring): Spring deflections at rest [rad].
-        torque (n_conf, n_spring): Torque of gravity on each deflection there [N m].
-        gradient (n_conf, n_spring, n_spring): Its derivative with respect to the deflections [N m/rad].
-        location (3 n_spring,): Locations of the springs, in their joints' frames [m].
-        power (n_conf, n_line, n_spring): Mean square torque that the excitation sends through each spring [(N m)^2].
-        omega (n_line,): Angular frequencies of these [rad/s].
-        shape (n_conf, n_spring): The swing's effect on the slope over that of a normal signal: `E[x^4] / (3 E[x^2]^2)`,
-            less what mixes back from lines that are not excited.
-        factor (n_conf, n_spring): What the joints' positions multiply the linear and cubic coefficients by.
-        moves: How the linearised matrices move; None where they are taken as constant.
-    """
-
-    deflection: FloatArray
-    torque: FloatArray
-    gradient: FloatArray
-    location: FloatArray
+    deflection: FloatArray  # (n_conf, n_spring) Spring deflections at rest [rad]
+    torque: FloatArray  # (n_conf, n_spring) Torque of gravity on each deflection there [N m]
+    gradient: FloatArray  # (n_conf, n_spring, n_spring) Its derivative with respect to the deflections [N m/rad]
+    location: FloatArray  # (3 n_spring,) Locations of the springs, in their joints' frames [m]
+    # (n_conf, n_line, n_spring) Mean square torque that the excitation sends through each spring [(N m)^2]
     power: FloatArray
-    omega: FloatArray
+    omega: FloatArray  # (n_line,) Angular frequencies of these [rad/s]
+    # (n_conf, n_spring) The swing's effect on the slope over that of a normal signal: `E[x^4] / (3 E[x^2]^2)`, less
+    # what mixes back from lines that are not excited
     shape: FloatArray
-    factor: FloatArray
-    moves: Moves | None = None
+    factor: FloatArray  # (n_conf, n_spring) What the joints' positions multiply the linear and cubic coefficients by
+    moves: Moves | None = None  # How the linearised matrices move; None where they are taken as constant
 
 
 @dataclass(frozen=True)
 class Springs:
-    """The springs of every configuration as the linear model sees them.
+    """The springs of every configuration as the linear model sees them."""
 
-    Attributes:
-        stiffness (n_conf, n_spring): Expected slopes [N m/rad].
-        deflection (n_conf, n_spring): Mean deflections [rad].
-        displacement (n_conf, n_move): Distance from where `Moves` was taken [rad, m]; n_move is 0 without it.
-    """
-
-    stiffness: FloatArray
-    deflection: FloatArray
-    displacement: FloatArray
+    stiffness: FloatArray  # (n_conf, n_spring) Expected slopes [N m/rad]
+    deflection: FloatArray  # (n_conf, n_spring) Mean deflections [rad]
+    displacement: FloatArray  # (n_conf, n_move) Distance from where `Moves` was taken [rad, m]; n_move is 0 without it
 
 
 @dataclass(frozen=True)
@@ -104,30 +77,19 @@ class SpringValues:
 
 @dataclass(frozen=True)
 class SpringSlopes:
-    """Derivatives of `Springs` with respect to one kind of parameter.
+    """Derivatives of `Springs` with respect to one kind of parameter."""
 
-    Attributes:
-        stiffness (n_conf, n_spring, n_element): Of the expected slopes.
-        displacement (n_conf, n_move, n_element): Of the displacements.
-    """
-
-    stiffness: FloatArray
-    displacement: FloatArray
+    stiffness: FloatArray  # (n_conf, n_spring, n_element) Of the expected slopes
+    displacement: FloatArray  # (n_conf, n_move, n_element) Of the displacements
 
 
 @dataclass(frozen=True)
 class Swing:
-    """Mean square `v` of the deflections about their mean, with derivatives; (n_conf, n_spring) each.
+    """Mean square `v` of the deflections about their mean, with derivatives; (n_conf, n_spring) each."""
 
-    Attributes:
-        variance: The mean square [rad^2].
-        by_stiffness: Its derivative with respect to the expected slope.
-        by_damping: Its derivative with respect to the damping.
-    """
-
-    variance: FloatArray
-    by_stiffness: FloatArray
-    by_damping: FloatArray
+    variance: FloatArray  # The mean square [rad^2]
+    by_stiffness: FloatArray  # Its derivative with respect to the expected slope
+    by_damping: FloatArray  # Its derivative with respect to the damping
 
 
 def settle_springs(rest: Rest, values: SpringValues) -> Springs:

@@ -45,25 +45,15 @@ _VALUES = {name: {"estimate": "value", **_OF_PHYSICAL}.get(name, name) for name 
 
 @dataclass(frozen=True)
 class FittedExport:
-    """A fit, its data, and what they stand for.
+    """A fit, its data, and what they stand for."""
 
-    Attributes:
-        loaded: The experiment.
-        name: Name of the fit.
-        nominal: The robot that it started from.
-        date: When it was made.
-        solution: What it found.
-        frf: The response that it was fitted to, in its configurations.
-        chosen: Index of each of them in the campaign.
-    """
-
-    loaded: LoadedExperiment
-    name: str
-    nominal: Robot
-    date: str
-    solution: ElasticSolution
-    frf: Frf
-    chosen: tuple[int, ...]
+    loaded: LoadedExperiment  # The experiment
+    name: str  # Name of the fit
+    nominal: Robot  # The robot that it started from
+    date: str  # When it was made
+    solution: ElasticSolution  # What it found
+    frf: Frf  # The response that it was fitted to, in its configurations
+    chosen: tuple[int, ...]  # Index of each of them in the campaign
 
     @cached_property
     def robot(self) -> Robot:

@@ -32,21 +32,13 @@ _SHOWN = 4
 
 @dataclass(frozen=True)
 class Angles:
-    """What mean angles say.
+    """What mean angles say."""
 
-    Attributes:
-        findings: Strongest first.
-        notes: What is no fault, but worth to know.
-        sign (n_motor,): 1 or -1 where the angles tell a motor's sign, 0 where they do not.
-        ratio_fits (n_motor,): Which motors' gear ratios nothing contradicts.
-        placed: Whether nothing says that the robot stood elsewhere than stated.
-    """
-
-    findings: tuple[Finding, ...]
-    notes: tuple[str, ...]
-    sign: FloatArray
-    ratio_fits: BoolArray
-    placed: bool
+    findings: tuple[Finding, ...]  # Strongest first
+    notes: tuple[str, ...]  # What is no fault, but worth to know
+    sign: FloatArray  # (n_motor,) 1 or -1 where the angles tell a motor's sign, 0 where they do not
+    ratio_fits: BoolArray  # (n_motor,) Which motors' gear ratios nothing contradicts
+    placed: bool  # Whether nothing says that the robot stood elsewhere than stated
 
 
 @dataclass(frozen=True)

@@ -60,40 +60,26 @@ _FORCES = {"N m": "N", "N m s/rad": "N s/m"}  # Units of what acts on a motor, w
 
 @dataclass(frozen=True)
 class DriveMotion:
-    """Motion of what a torque acts on: a motor, or the arm of a joint.
+    """Motion of what a torque acts on: a motor, or the arm of a joint."""
 
-    Attributes:
-        position (n_sample,): Position [rad, or m].
-        velocity (n_sample,): Speed.
-        acceleration (n_sample,): Acceleration.
-        sense (n_sample,): Sign of the speed that friction feels, or a smooth one between -1 and 1.
-        torque (n_sample,): Torque of the motor; zero where nothing asks for it [N m].
-    """
-
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    sense: FloatArray
-    torque: FloatArray
+    position: FloatArray  # (n_sample,) Position [rad, or m]
+    velocity: FloatArray  # (n_sample,) Speed
+    acceleration: FloatArray  # (n_sample,) Acceleration
+    sense: FloatArray  # (n_sample,) Sign of the speed that friction feels, or a smooth one between -1 and 1
+    torque: FloatArray  # (n_sample,) Torque of the motor; zero where nothing asks for it [N m]
 
 
 @dataclass(frozen=True)
 class DriveTerm:
-    """A torque that one parameter gives.
-
-    Attributes:
-        component: What its name says beside the joint.
-        row (n_joint,): Motion of what it acts on per motor angle; the motors feel it by the same factors.
-        effect: Its torque per unit of the parameter, (n_sample,).
-    """
+    """A torque that one parameter gives."""
 
     owner: str
-    component: str
+    component: str  # What its name says beside the joint
     kind: RigidKind
     unit: str
     nominal: float
-    row: FloatArray
-    effect: Callable[[DriveMotion], FloatArray]
+    row: FloatArray  # (n_joint,) Motion of what it acts on per motor angle; the motors feel it by the same factors
+    effect: Callable[[DriveMotion], FloatArray]  # Its torque per unit of the parameter, (n_sample,)
 
     @property
     def name(self) -> str:

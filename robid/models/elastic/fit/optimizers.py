@@ -166,17 +166,13 @@ class Strategy:
     the others where they are, halfway back, or at their start, until none is lost, and what pays is kept. A
     damper that is lost alone and again is too small to show, even at the best minimum. Last comes everything on
     all lines. No stage looks at the robot file's values, but for what is known beforehand.
-
-    Attributes:
-        problem: What is minimised in the end.
-        coarse: Fewer lines, without cubic coefficients and locations, which are slow; None for `plain`. Viscous
-            friction, delay and the torques' coefficients are there, for their errors can hide what is sought.
-        options: Options of the fit.
     """
 
-    problem: Problem
+    problem: Problem  # What is minimised in the end
+    # Fewer lines, without cubic coefficients and locations, which are slow; None for `plain`. Viscous friction, delay
+    # and the torques' coefficients are there, for their errors can hide what is sought.
     coarse: Problem | None
-    options: ElasticOptions
+    options: ElasticOptions  # Options of the fit
 
     def descend(self, start: FloatArray, *, straight_too: bool = False) -> Minimum:
         """Finds the minimum that belongs to a start (n_param,), the better one if the straight way is tried too."""

@@ -31,18 +31,13 @@ _ARRIVED = 1e-2  # of a deviation
 
 @dataclass(frozen=True)
 class ClusterEstimate:
-    """What clusters agree on.
+    """What clusters agree on."""
 
-    Attributes:
-        values (n_param,): Internal parameters, each cluster weighed by what noise and differences between them leave of
-            its information.
-        amounts (n_nuisance,): Amounts of the nuisances.
-        pooled: How far both may be off, parameters first.
-    """
-
+    # (n_param,) Internal parameters, each cluster weighed by what noise and differences between them leave of its
+    # information
     values: FloatArray
-    amounts: FloatArray
-    pooled: Pooled
+    amounts: FloatArray  # (n_nuisance,) Amounts of the nuisances
+    pooled: Pooled  # How far both may be off, parameters first
 
 
 def cluster_evidence(

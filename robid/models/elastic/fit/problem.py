@@ -173,25 +173,16 @@ def _project(rows: ComplexArray, target: ComplexArray | FloatArray, real: bool) 
 
 @dataclass(frozen=True)
 class Problem:
-    """Measured against parametric response.
+    """Measured against parametric response."""
 
-    Attributes:
-        frf: Measured response.
-        model: Linearised robot in the same configurations.
-        parameters: What is estimated.
-        residual_kind: How measured and modelled response are compared.
-        weight (n_conf, n_freq, n_out, n_in): Weight of each squared residual.
-        model_error: Relative model error that the weights assume: one number or (n_conf, 1, n_out, n_in).
-        whitening (n_conf, n_freq, n_element, n_element): What multiplies the residuals of a line, rows of the
-            response one after the other, where errors of its elements are correlated; None for `weight` alone.
-    """
-
-    frf: Frf
-    model: LinearModel
-    parameters: ParameterMap
-    residual_kind: Residual
-    weight: FloatArray
-    model_error: FloatArray
+    frf: Frf  # Measured response
+    model: LinearModel  # Linearised robot in the same configurations
+    parameters: ParameterMap  # What is estimated
+    residual_kind: Residual  # How measured and modelled response are compared
+    weight: FloatArray  # (n_conf, n_freq, n_out, n_in) Weight of each squared residual
+    model_error: FloatArray  # Relative model error that the weights assume: one number or (n_conf, 1, n_out, n_in)
+    # (n_conf, n_freq, n_element, n_element) What multiplies the residuals of a line, rows of the response one after the
+    # other, where errors of its elements are correlated; None for `weight` alone
     whitening: ComplexArray | None = None
 
     @cached_property

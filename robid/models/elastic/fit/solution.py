@@ -38,19 +38,13 @@ class Internal:
 
 @dataclass(frozen=True)
 class Costs:
-    """Costs at the minimum.
+    """Costs at the minimum."""
 
-    Attributes:
-        total: Cost at the minimum.
-        dropped: Response elements below 10 dB that the logarithm dropped.
-        told: Response elements that their lines tell of, those included.
-    """
-
-    total: float
+    total: float  # Cost at the minimum
     configuration: Annotated[FloatArray, Quantity("1", "configuration", "Cost of each configuration")]
     expected: Annotated[FloatArray, Quantity("1", "configuration", "Cost that the response's covariance alone gives")]
-    dropped: int
-    told: int
+    dropped: int  # Response elements below 10 dB that the logarithm dropped
+    told: int  # Response elements that their lines tell of, those included
 
 
 @dataclass(frozen=True)
@@ -131,21 +125,13 @@ LEARNT_SHARE = 0.5
 
 @dataclass(frozen=True)
 class Spread:
-    """Internal parameters and how far they may be off.
+    """Internal parameters and how far they may be off."""
 
-    Attributes:
-        values (n_param,): Middle of their intervals.
-        covariance (n_param, n_param): Their covariance, without any quantile.
-        degrees_of_freedom (n_param,): What the quantile of each interval follows, infinite for the normal one.
-        rule: What set the width, in words.
-        beside: The same from where data say as good as the same; intervals hold both.
-    """
-
-    values: FloatArray
-    covariance: FloatArray
-    degrees_of_freedom: FloatArray
-    rule: str = ""
-    beside: Spread | None = None
+    values: FloatArray  # (n_param,) Middle of their intervals
+    covariance: FloatArray  # (n_param, n_param) Their covariance, without any quantile
+    degrees_of_freedom: FloatArray  # (n_param,) What the quantile of each interval follows, infinite for the normal one
+    rule: str = ""  # What set the width, in words
+    beside: Spread | None = None  # The same from where data say as good as the same; intervals hold both
 
     @property
     def std(self) -> FloatArray:

@@ -21,20 +21,15 @@ class Influence:
     """How errors of the response's elements move the internal parameters, to first order.
 
     An error `e` of the response moves the parameters by `inverse Re(sum conj(gain) e)`.
-
-    Attributes:
-        gain (n_conf, n_freq, n_out, n_in, n_param): Weighted derivative over the residual's divisor of the response.
-        weighted (n_conf, n_freq, n_out, n_in, n_param): Weighted derivative of the residual.
-        inverse (n_param, n_param): Inverse of half the Gauss-Newton Hessian, what is known beforehand included.
-        prior (n_param,): What is known beforehand, as it adds to half the Hessian's diagonal.
-        leverage (n_conf, n_freq, n_out, n_in): Share of each residual that the fit takes away.
     """
 
+    # (n_conf, n_freq, n_out, n_in, n_param) Weighted derivative over the residual's divisor of the response
     gain: ComplexArray
-    weighted: ComplexArray
+    weighted: ComplexArray  # (n_conf, n_freq, n_out, n_in, n_param) Weighted derivative of the residual
+    # (n_param, n_param) Inverse of half the Gauss-Newton Hessian, what is known beforehand included
     inverse: FloatArray
-    prior: FloatArray
-    leverage: FloatArray
+    prior: FloatArray  # (n_param,) What is known beforehand, as it adds to half the Hessian's diagonal
+    leverage: FloatArray  # (n_conf, n_freq, n_out, n_in) Share of each residual that the fit takes away
 
     def shifts(self, errors: ComplexArray) -> FloatArray:
         """Moves (n_conf, ..., n_param) by errors (n_conf, ..., n_freq, n_out, n_in), each configuration's alone."""
@@ -240,17 +235,11 @@ _CHUNK = 10
 
 @dataclass(frozen=True)
 class Bootstrap:
-    """Spread of repeated fits, in internal values.
+    """Spread of repeated fits, in internal values."""
 
-    Attributes:
-        std (n_param,): Standard deviation of the replicates.
-        lower (n_param,): Lower end of the percentile interval.
-        upper (n_param,): Upper end.
-    """
-
-    std: FloatArray
-    lower: FloatArray
-    upper: FloatArray
+    std: FloatArray  # (n_param,) Standard deviation of the replicates
+    lower: FloatArray  # (n_param,) Lower end of the percentile interval
+    upper: FloatArray  # (n_param,) Upper end
 
 
 @dataclass(frozen=True)

@@ -103,15 +103,10 @@ def error_ratios(fitted: FittedModel, modelled: ComplexArray, assumed: float) ->
 
 @dataclass(frozen=True)
 class OwnErrors:
-    """Errors of the motors' own responses; NaN where an element has no weight.
+    """Errors of the motors' own responses; NaN where an element has no weight."""
 
-    Attributes:
-        decibel (n_conf, n_freq, n_in): Of the magnitude [dB].
-        degrees (n_conf, n_freq, n_in): Of the phase [deg].
-    """
-
-    decibel: FloatArray
-    degrees: FloatArray
+    decibel: FloatArray  # (n_conf, n_freq, n_in) Of the magnitude [dB]
+    degrees: FloatArray  # (n_conf, n_freq, n_in) Of the phase [deg]
 
     @property
     def by_configuration(self) -> FloatArray:

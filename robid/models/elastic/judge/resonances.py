@@ -240,36 +240,22 @@ def _table(rows: list[_Row], half: FloatArray) -> ResonanceTable:
 
 @dataclass(frozen=True)
 class Measured:
-    """Resonances of some configurations, and the campaign that measured each.
+    """Resonances of some configurations, and the campaign that measured each."""
 
-    Attributes:
-        table: The resonances.
-        configurations (n_conf, n_joint): Positions of the joints [rad, or m].
-        campaigns: Name of each configuration's campaign.
-    """
-
-    table: ResonanceTable
-    configurations: FloatArray
-    campaigns: tuple[str, ...]
+    table: ResonanceTable  # The resonances
+    configurations: FloatArray  # (n_conf, n_joint) Positions of the joints [rad, or m]
+    campaigns: tuple[str, ...]  # Name of each configuration's campaign
 
 
 @dataclass(frozen=True)
 class Repeat:
-    """One resonance in several measurements of one robot configuration.
+    """One resonance in several measurements of one robot configuration."""
 
-    Attributes:
-        row: Its first row in the own table.
-        campaigns: Campaign of each measurement that shows it.
-        peaks_hz (n,): Where each has its peak, or dip [Hz].
-        mean_hz (2,): Mean peak, and mean pole or zero; NaN where fewer than two measurements have one [Hz].
-        half_hz (2,): Half width about it of the interval that holds another measurement's [Hz].
-    """
-
-    row: int
-    campaigns: tuple[str, ...]
-    peaks_hz: FloatArray
-    mean_hz: FloatArray
-    half_hz: FloatArray
+    row: int  # Its first row in the own table
+    campaigns: tuple[str, ...]  # Campaign of each measurement that shows it
+    peaks_hz: FloatArray  # (n,) Where each has its peak, or dip [Hz]
+    mean_hz: FloatArray  # (2,) Mean peak, and mean pole or zero; NaN where fewer than two measurements have one [Hz]
+    half_hz: FloatArray  # (2,) Half width about it of the interval that holds another measurement's [Hz]
 
 
 def pool_repeats(

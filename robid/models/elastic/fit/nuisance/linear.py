@@ -26,20 +26,14 @@ _KNOWN_TORQUE = "N m"
 
 @dataclass(frozen=True)
 class NuisanceSet:
-    """What the robot file may have wrong.
+    """What the robot file may have wrong."""
 
-    Attributes:
-        nuisances: The nuisances.
-        problem: The fit's problem, whose robot rests anew for all values: a spring must give under gravity as a link
-            weighs, or what acts alike seems to be told apart.
-        point (n_param,): Internal parameters.
-        rigid: Whether a rigid fit says how far masses may be off.
-    """
-
-    nuisances: tuple[Nuisance, ...]
+    nuisances: tuple[Nuisance, ...]  # The nuisances
+    # The fit's problem, whose robot rests anew for all values: a spring must give under gravity as a link weighs, or
+    # what acts alike seems to be told apart
     problem: Problem
-    point: FloatArray
-    rigid: bool
+    point: FloatArray  # (n_param,) Internal parameters
+    rigid: bool  # Whether a rigid fit says how far masses may be off
 
     @cached_property
     def clusters(self) -> list[list[int]]:
@@ -59,17 +53,14 @@ class NuisanceSet:
 
 @dataclass(frozen=True)
 class LinearNuisances(NuisanceSet):
-    """Nuisances with what they do to the residual, linearised at the point.
+    """Nuisances with what they do to the residual, linearised at the point."""
 
-    Attributes:
-        amounts (n_nuisance,): By how much all is off where it is linearised; so is the problem's robot, along those
-            that can be put into one.
-        columns (n_conf, n_freq, n_out, n_in, n_nuisance): Negative derivatives of the residual by their amounts.
-        added (n_cluster, n_nuisance): What each cluster adds to the amounts there; the problem's gears have it already.
-    """
-
+    # (n_nuisance,) By how much all is off where it is linearised; so is the problem's robot, along those that can be
+    # put into one
     amounts: FloatArray
+    # (n_conf, n_freq, n_out, n_in, n_nuisance) Negative derivatives of the residual by their amounts
     columns: ComplexArray
+    # (n_cluster, n_nuisance) What each cluster adds to the amounts there; the problem's gears have it already
     added: FloatArray
 
     @property
@@ -95,18 +86,13 @@ class LinearNuisances(NuisanceSet):
 
 @dataclass(frozen=True)
 class Basis:
-    """What a fit takes for granted, beside its parameters.
+    """What a fit takes for granted, beside its parameters."""
 
-    Attributes:
-        robot: The robot that the fit started from.
-        options: Options of the fit.
-        perturbed: Robots that are off along independent directions that a rigid fit leaves open.
-        rested: Whether the fit ended where its robot rests; where it did not, only a missing spring may say why.
-    """
-
-    robot: Robot
-    options: ElasticOptions
+    robot: Robot  # The robot that the fit started from
+    options: ElasticOptions  # Options of the fit
+    # Robots that are off along independent directions that a rigid fit leaves open
     perturbed: Sequence[PerturbedRobot] = ()
+    # Whether the fit ended where its robot rests; where it did not, only a missing spring may say why
     rested: bool = True
 
 

@@ -45,19 +45,12 @@ _STEP, _RIGID = 1e-3, 1e11  # percent of a gear's compliance; times its stiffnes
 
 @dataclass(frozen=True)
 class Scene:
-    """A problem at some values of its parameters, with the robot behind it.
+    """A problem at some values of its parameters, with the robot behind it."""
 
-    Attributes:
-        problem: The problem.
-        internal (n_param,): Internal parameters.
-        robot: The robot file's robot.
-        options: Options of the fit.
-    """
-
-    problem: Problem
-    internal: FloatArray
-    robot: Robot
-    options: ElasticOptions
+    problem: Problem  # The problem
+    internal: FloatArray  # (n_param,) Internal parameters
+    robot: Robot  # The robot file's robot
+    options: ElasticOptions  # Options of the fit
 
     @cached_property
     def values(self) -> ElasticParameters:
