@@ -128,11 +128,6 @@ _NOTHING = 1e-12  # Power of a line, relative to the usual one, below which not 
 def solvable_lines(record: Record, blocks: Blocks, estimator: str) -> BoolArray:
     """Finds the lines (n_freq,) whose experiments excite every input, in the torque or in the reference if needed.
 
-    Args:
-        record: The record that they are from.
-        blocks: Its spectra at the excited lines.
-        estimator: The estimator that averages them.
-
     Raises:
         DataError: If there are too few experiments, or too few such lines, with the worst frequency.
     """

@@ -116,11 +116,6 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
     the transient of each experiment (`local` only). Where the reference was recorded, inputs and outputs are both
     fitted to it and the response is their ratio, as the loop is closed. The covariance is of first order in the noise.
 
-    Args:
-        blocks: Spectra at the windows' bins.
-        windows: Neighbours of each line.
-        options: Estimator and orders.
-
     Raises:
         DataError: If the bins around hardly any line determine the model.
 

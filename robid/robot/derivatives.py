@@ -183,14 +183,7 @@ def _columns(
 def loaded_slopes(
     model: LinearModel, parameters: ElasticParameters, springs: Springs, kinds: tuple[str, ...]
 ) -> dict[str, SpringSlopes]:
-    """How springs move with each kind of parameter; none where they are linear and rest where they are.
-
-    Args:
-        model: Linearised robot.
-        parameters: Parameter values.
-        springs: Its springs there.
-        kinds: Kinds whose derivatives are asked for.
-    """
+    """How springs move with each kind of parameter; none where they are linear and rest where they are."""
     # Linear springs at fixed rest: nothing passes through the rest.
     constant = not parameters.cubic.any() and model.rest.moves is None
     if constant and {"cubic", "location"}.isdisjoint(kinds):

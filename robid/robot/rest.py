@@ -101,10 +101,6 @@ def settle_springs(rest: Rest, values: SpringValues) -> Springs:
     through it is measured, so `v` is its power over the squared dynamic stiffness of spring and damper. Gravity is
     linear about the rest that it was taken at.
 
-    Args:
-        rest: What the springs carry.
-        values: Parameter values.
-
     Source:
         docs/methods, sec. 1 (Linearisation), for signals that need not be normal.
     """
@@ -130,13 +126,7 @@ def settle_springs(rest: Rest, values: SpringValues) -> Springs:
 
 
 def spring_slopes(rest: Rest, values: SpringValues, springs: Springs) -> dict[str, SpringSlopes]:
-    """Derivatives of the springs by kind: `stiffness`, `damping`, `cubic`, `location`.
-
-    Args:
-        rest: What the springs carry.
-        values: Parameter values.
-        springs: What `settle_springs` found for them.
-    """
+    """Derivatives of the springs by kind: `stiffness`, `damping`, `cubic`, `location`."""
     values = _here(rest, values)
     d, k1 = springs.deflection, values.stiffness
     n = d.shape[1]

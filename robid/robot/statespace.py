@@ -41,14 +41,6 @@ def state_space(
 
     States are motor angles, spring deflections and their rates; outputs the angles, then speeds, then accelerations.
 
-    Args:
-        model: Linearised robot.
-        parameters: Parameter values.
-        configuration: Which of the model's configurations.
-        motors: Name of each motor.
-        springs: Name of each spring.
-        outputs: Name of each output angle of the model.
-
     Source:
         docs/methods, sec. 1 (Linearisation), in spring coordinates.
     """

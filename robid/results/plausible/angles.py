@@ -63,10 +63,6 @@ def judge_angles(robot: Robot, evidence: Evidence) -> Angles:
     What explains all of them is looked for in this order: the configurations as stated, others of the stated ones,
     a slope of each motor (its gear ratio or sign), and the same with a constant offset of each motor, as encoders
     without a reference have it. Angles that stay near zero wherever the robot stands are relative: nobody is accused.
-
-    Args:
-        robot: The robot file's.
-        evidence: What the campaign shows.
     """
     n_motor = len(evidence.names)
     sign, fits = np.zeros(n_motor), np.ones(n_motor, bool)

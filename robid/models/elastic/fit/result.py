@@ -56,12 +56,7 @@ class _Found:
 
 
 def undetermined_gears(problem: Problem, estimate: Estimate) -> tuple[str, ...]:
-    """Says what of load-dependent damping and hysteresis stays open, a sentence each without its full stop.
-
-    Args:
-        problem: The problem at its minimum.
-        estimate: What the fit found.
-    """
+    """Says what of load-dependent damping and hysteresis stays open, a sentence each without its full stop."""
     effects = problem.model.effects
     if effects is None:
         return ()

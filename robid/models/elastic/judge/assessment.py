@@ -39,9 +39,6 @@ def uncoupled_findings(fitted: FittedModel) -> tuple[Finding, ...]:
     """A finding where a model lets no torque of one motor move another where the data show that it does.
 
     No logarithm compares a response with zero, so no residual tells of it.
-
-    Args:
-        fitted: The model and the response.
     """
     problem, frf = fitted.problem, fitted.problem.frf
     never = problem.model_response(fitted.internal) == 0
@@ -80,11 +77,6 @@ def common_factor_findings(robot: Robot, frf: Frf, estimate: Estimate) -> tuple[
 
     With `x` the logarithms of estimates over the file's values, their scatter about the factor's is held against that
     about zero: a ratio of likelihoods of normal variates of unknown variance, `n log(s_0/s_F)`.
-
-    Args:
-        robot: The robot file that the fit started from.
-        frf: The response that it was fitted to.
-        estimate: What the fit found.
     """
     ratios, evidence = _log_ratios(estimate), gather_evidence(frf)
     if ratios is None or not evidence.belongs_to(robot) or evidence.torque_unit != "N m":

@@ -156,13 +156,7 @@ class Modes:
 
 
 def poles(model: LinearModel, parameters: ElasticParameters, configuration: int) -> Modes:
-    """Returns the oscillating modes with free motors.
-
-    Args:
-        model: Linearised robot.
-        parameters: Parameter values.
-        configuration: Index of the configuration.
-    """
+    """Returns the oscillating modes with free motors."""
     return _modes(model, parameters, configuration, None)
 
 
@@ -171,12 +165,6 @@ def zeros(model: LinearModel, parameters: ElasticParameters, configuration: int,
 
     They are the modes with that motor locked: its row and column leave the equations of motion, as the
     numerator of a diagonal element of an inverse matrix is the minor without that row and column.
-
-    Args:
-        model: Linearised robot.
-        parameters: Parameter values.
-        configuration: Index of the configuration.
-        motor: Index of the motor.
     """
     return _modes(model, parameters, configuration, motor)
 

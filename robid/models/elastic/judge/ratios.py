@@ -144,10 +144,6 @@ def candidates(robot: Robot, frf: Frf) -> tuple[Nuisance, ...]:
     """Lists explanations of a misfit that are no nuisances of a robot file.
 
     They widen no interval: ratios are exact or plainly wrong, and backlash leaves no linear spring to estimate.
-
-    Args:
-        robot: The robot file that the fit started from.
-        frf: The response that it was fitted to.
     """
     return (*_gear_ratios(robot, frf), *_backlashes(robot))
 

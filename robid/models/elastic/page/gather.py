@@ -117,12 +117,7 @@ class FitContent:
 
 
 def resonance_rows(shown: Shown, confidence: float) -> tuple[ResonanceRow, ...]:
-    """Returns the resonances of a fit's own data, their intervals widened to what further campaigns scatter.
-
-    Args:
-        shown: The fit, and the others of the run.
-        confidence: Level of the intervals.
-    """
+    """Returns the resonances of a fit's own data, their intervals widened to what further campaigns scatter."""
     own = _fitted(shown)
     others = [*_validated(shown), *(each for other in shown.beside for each in (_fitted(other), *_validated(other)))]
     table, repeats = pool_repeats(own, [each for each in others if _same_payload(shown, own, each)], confidence)

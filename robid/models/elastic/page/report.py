@@ -67,12 +67,7 @@ def headline(fit: FitContent) -> Headline:
 
 
 def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]:
-    """Lays out a fit: its responses, parameters, nuisances, resonances, costs and starts.
-
-    Args:
-        fit: The fit.
-        told: What the page warns of anyway.
-    """
+    """Lays out a fit: its responses, parameters, nuisances, resonances, costs and starts."""
     return (
         _response(fit, told),
         *parameter_section(fit.estimates, _conventions(fit)),
@@ -285,13 +280,7 @@ def compare(every: Sequence[Shown]) -> dict[str, float]:
 
 
 def fit_report(fit: FitContent, validation: Validation | None = None, told: tuple[str, ...] = ()) -> FitReport:
-    """Puts together all that is shown of a fit.
-
-    Args:
-        fit: The fit.
-        validation: Its validation, if any.
-        told: What the page warns of anyway.
-    """
+    """Puts together all that is shown of a fit."""
     return FitReport(
         headline=headline(fit),
         verdict=_verdict(fit, validation),

@@ -237,10 +237,6 @@ def unexcluded_springs(found: AddedSprings, linear: LinearNuisances) -> tuple[Un
 
     One that others can stand for costs next to nothing, whatever its compliance: it does not save the share that a
     spring must save to be called for, and still it may be there.
-
-    Args:
-        found: The springs put in place.
-        linear: The nuisances with them.
     """
     placed = [found.problem.parameters.names.index(f"{spring}.stiffness") for spring in found.springs]
     # A spring's stiffness is a logarithm over its gear's: exp(-x) is its compliance over that of the gear.
