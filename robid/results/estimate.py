@@ -53,8 +53,8 @@ class Estimate:
         status: How the fit ended: `converged`, `iteration_limit` or `stalled`.
         advice: What to try next; empty when all is well.
         tied: Parameters that follow one of these.
-        effective_value: What infinitely many configurations of this robot would give by this model, the value that predicts
-            best; None where a family tells it from no other.
+        effective_value: What infinitely many configurations of this robot would give by this model, the value that
+            predicts best; None where a family tells it from no other.
     """
 
     names: Annotated[tuple[str, ...], Quantity("1", "parameter")]
@@ -84,7 +84,7 @@ class Estimate:
     tied: Tied = field(default_factory=Tied)
     physical_value: Annotated[FloatArray | None, Quantity("as in units", "parameter", "Middle of the interval")] = None
     effective_value: Annotated[
-        FloatArray | None, Quantity("as in units", "parameter", "What infinitely many configurations would give by this model")
+        FloatArray | None, Quantity("as in units", "parameter", "What infinitely many configurations would give by it")
     ] = None
     effective_lower: Annotated[FloatArray | None, Quantity("as in units", "parameter", "Lower end of its interval")] = (
         None

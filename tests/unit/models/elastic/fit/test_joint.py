@@ -153,7 +153,7 @@ def surer(robot, share):
     return replace(robot, joints=joints, nuisance_std=less(robot.nuisance_std))
 
 
-def test_nuisance_beyond_belief_widen_what_is_known_and_say_so():
+def test_nuisances_beyond_belief_widen_what_is_known_and_say_so():
     frf, _ = drawn(4)
     as_stated, too_sure = (fit_elastic(robot, frf, OPTIONS, DELAY_S).estimate for robot in (STATED, surer(STATED, 0.2)))
     assert "times as far off" not in as_stated.interval_rule
