@@ -67,7 +67,7 @@ def test_half_the_gradient_is_that_of_the_cost():
         assert found.gradient[index] == pytest.approx(wanted, abs=0.02 * size)
 
 
-def test_robots_off_by_their_nuisance_are_found_from_where_the_fit_alone_ran_away():
+def test_robots_off_by_their_nuisances_are_found_from_where_the_fit_alone_ran_away():
     found, given = [], Basis(STATED, OPTIONS)
     for seed in (4, 5, 9):
         frf, true = drawn(seed)
@@ -82,7 +82,7 @@ def test_robots_off_by_their_nuisance_are_found_from_where_the_fit_alone_ran_awa
     assert after < 0.2 * before
 
 
-def test_a_robot_whose_nuisance_explain_everything_lacks_no_spring():
+def test_a_robot_whose_nuisances_explain_everything_lacks_no_spring():
     given = Basis(STATED, OPTIONS)
     problem = problem_of(drawn(4)[0])
     joint = descend(list_linearised(problem, (np.zeros(len(problem.parameters.names)),), given), given)
