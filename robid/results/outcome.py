@@ -17,16 +17,12 @@ _SPRING_TOLERANCE = 0.02
 
 @dataclass(frozen=True)
 class Recovery:
-    """Fitted against true values.
-
-    Attributes:
-        relative_error: Error over the true value; the error itself for relative errors of friction and where the truth
-            is zero.
-    """
+    """Fitted against true values."""
 
     names: Annotated[tuple[str, ...], Quantity("1", "known", "Parameters with a known truth")]
     kinds: Annotated[tuple[str, ...], Quantity("1", "known")]
     truth: Annotated[FloatArray, Quantity("as in the model", "known", "True values")]
+    # Error over the true value; the error itself for relative errors of friction and where the truth is zero
     relative_error: Annotated[
         FloatArray, Quantity("1", "known", "Error over the true value; the error itself for friction")
     ]

@@ -60,19 +60,12 @@ class Springs:
 
 @dataclass(frozen=True)
 class SpringValues:
-    """The parameters that decide where springs rest.
+    """The parameters that decide where springs rest."""
 
-    Attributes:
-        stiffness (n_spring,) or (n_conf, n_spring): Linear coefficients [N m/rad].
-        cubic (n_spring,) or (n_conf, n_spring): Cubic coefficients [N m/rad^3].
-        damping (n_spring,): Dampings [N m s/rad].
-        location (3 n_spring,): Locations [m].
-    """
-
-    stiffness: FloatArray
-    cubic: FloatArray
-    damping: FloatArray
-    location: FloatArray
+    stiffness: FloatArray  # (n_spring,) or (n_conf, n_spring) Linear coefficients [N m/rad]
+    cubic: FloatArray  # (n_spring,) or (n_conf, n_spring) Cubic coefficients [N m/rad^3]
+    damping: FloatArray  # (n_spring,) Dampings [N m s/rad]
+    location: FloatArray  # (3 n_spring,) Locations [m]
 
 
 @dataclass(frozen=True)

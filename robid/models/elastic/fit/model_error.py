@@ -22,13 +22,9 @@ _ELEMENT = "configuration output input"
 
 @dataclass(frozen=True)
 class ModelError:
-    """The residual of every element against its expectation.
+    """The residual of every element against its expectation."""
 
-    Attributes:
-        ratio: Cost with weights of the covariance alone, over its expectation; NaN where an element has no line with a
-            weight.
-    """
-
+    # Cost with weights of the covariance alone, over its expectation; NaN where an element has no line with a weight
     ratio: Annotated[FloatArray, Quantity("1", _ELEMENT, "Cost by the covariance alone over its expectation")]
     limit: Annotated[FloatArray, Quantity("1", _ELEMENT, "What an exact model exceeds in 5 % of all cases")]
     level: Annotated[

@@ -34,12 +34,7 @@ SAME_EXTREMUM = 0.05
 
 @dataclass(frozen=True)
 class ResonanceTable:
-    """Resonances and antiresonances, one per row: a peak beside a peak, a pole beside a pole.
-
-    Attributes:
-        pole_hz: Pole or zero of the local model of the measurement, as an undamped frequency; NaN where the magnitude
-            is all that the lines show; None in tables of old.
-    """
+    """Resonances and antiresonances, one per row: a peak beside a peak, a pole beside a pole."""
 
     configuration: Annotated[IntArray, Quantity("1", "resonance", "Index of the configuration")]
     channel: Annotated[tuple[str, ...], Quantity("1", "resonance", "Motor whose own response has it")]
@@ -52,6 +47,8 @@ class ResonanceTable:
     mode_lower_hz: Annotated[FloatArray, Quantity("Hz", "resonance", "Lower end of its interval")]
     mode_upper_hz: Annotated[FloatArray, Quantity("Hz", "resonance", "Upper end of its interval")]
     damping: Annotated[FloatArray, Quantity("1", "resonance", "Damping ratio of the model's pole or zero")]
+    # Pole or zero of the local model of the measurement, as an undamped frequency; NaN where the magnitude is all that
+    # the lines show; None in tables of old
     pole_hz: Annotated[FloatArray | None, Quantity("Hz", "resonance", "Measured pole or zero, of a local model")] = None
     pole_lower_hz: Annotated[FloatArray | None, Quantity("Hz", "resonance", "Lower end of its interval")] = None
     pole_upper_hz: Annotated[FloatArray | None, Quantity("Hz", "resonance", "Upper end of its interval")] = None
