@@ -158,13 +158,7 @@ def grade_fit(solution: ElasticSolution, findings: Sequence[Finding], failures: 
 
 
 def grade_validation(solution: ElasticSolution, findings: Sequence[Finding], failures: Sequence[str]) -> Grade:
-    """Grades a fit that was held against data that it never saw.
-
-    Args:
-        solution: What the fit found.
-        findings: Findings about its data, its parameters and its residual, the first to blame first.
-        failures: What the validation found beyond its limits, a clause each.
-    """
+    """Grades a fit that was held against data that it never saw; arguments as of `grade_fit`, failures of these data."""
     return grade_held((*_unusable(solution, findings), *failures), _doubtful(solution, findings), findings)
 
 

@@ -115,16 +115,7 @@ def list_linearised(problem: Problem, points: Sequence[FloatArray], given: Basis
 
 
 def list_at_rest(problem: Problem, points: Sequence[FloatArray], given: Basis) -> NuisanceSet | None:
-    """Lists what the robot file may have wrong.
-
-    Args:
-        problem: The problem.
-        points: Internal parameters (n_param,) to look at: the first where the robot rests.
-        given: What is taken for granted.
-
-    Returns:
-        The nuisances; None where there are none, or the robot rests nowhere.
-    """
+    """Lists the same without linearising it, at the first point where the robot rests; see `list_linearised`."""
     nuisances = _nuisances_of(problem, given)
     nothing = np.zeros(len(nuisances))
     for point in points if nuisances else ():
