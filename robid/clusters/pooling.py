@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
 from scipy.special import erfcx
 from scipy.stats import norm, t
 
-from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.arrays import BoolArray, FloatArray, IntArray, option
 from robid.clusters.evidence import Evidence, inverted, saturated
 
 _LOWEST = 1e-8  # smallest variance that is looked at, over the one where a search begins; below, it is zero
@@ -21,10 +21,8 @@ _ROUNDS = 3
 class BetweenOptions:
     """How variances between clusters are looked for."""
 
-    largest: float = field(
-        default=1.0, metadata={"description": "Largest deviation between clusters, of a logarithm.", "gt": 0}
-    )
-    iterations: int = field(default=200, metadata={"description": "Iteration limit of the search.", "ge": 1})
+    largest: float = option(1.0, "Largest deviation between clusters, of a logarithm.", gt=0)
+    iterations: int = option(200, "Iteration limit of the search.", ge=1)
 
 
 @dataclass(frozen=True)

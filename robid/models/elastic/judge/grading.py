@@ -158,7 +158,7 @@ def grade_fit(solution: ElasticSolution, findings: Sequence[Finding], failures: 
 
 
 def grade_validation(solution: ElasticSolution, findings: Sequence[Finding], failures: Sequence[str]) -> Grade:
-    """Grades a fit that was held against data that it never saw; arguments as of `grade_fit`, failures of these data."""
+    """Grades a fit that was held against data that it never saw; arguments as of `grade_fit`."""
     return grade_held((*_unusable(solution, findings), *failures), _doubtful(solution, findings), findings)
 
 
