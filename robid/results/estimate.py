@@ -73,7 +73,7 @@ class Estimate:
     tied: Tied = field(default_factory=Tied)  # Parameters that follow one of these
     physical_value: Annotated[FloatArray | None, Quantity("as in units", "parameter", "Middle of the interval")] = None
     # What infinitely many configurations of this robot would give by this model, the value that predicts best; None
-    # where a family tells it from no other
+    # where a family has no other
     effective_value: Annotated[
         FloatArray | None, Quantity("as in units", "parameter", "What infinitely many configurations would give by it")
     ] = None
@@ -107,7 +107,7 @@ class Estimate:
 
     @property
     def effective_interval(self) -> tuple[FloatArray, FloatArray]:
-        """Ends (n_param,) of the intervals of what predicts; those of the parameters where nothing tells them apart."""
+        """Ends (n_param,) of the intervals of what predicts; those of the parameters where they are the same."""
         if self.effective_lower is None or self.effective_upper is None:
             return self.lower, self.upper
         return self.effective_lower, self.effective_upper

@@ -155,7 +155,7 @@ def shrink(problem: Problem, internal: FloatArray, found: Influence, near: Clust
     """Weighs clusters once more from where what is known beforehand counts for more.
 
     A model that lacks something is contradicted by the clusters far more than noise would make them; then a plain
-    minimum lets what the data hardly tell run off for next to nothing, and the other parameters follow it. Here, the
+    minimum lets what the data hardly determine run off for next to nothing, and the other parameters follow. Here, the
     data count as much less as the clusters' differences raise the variance of a typical parameter over that by noise.
 
     Args:
@@ -240,7 +240,7 @@ def _allowing_for_error(problem: Problem, internal: FloatArray, basis: Basis) ->
     """The problem with weights that allow for an error of the model, whatever those of the fit.
 
     Weights without one let the data outweigh all that is known beforehand: what no nuisance names then takes masses and
-    torque constants far off, and with them all springs by a factor that no response tells.
+    torque constants far off, and with them all springs by a factor that no response determines.
     """
     weights = basis.options.weights
     if weights.kind in ("inflated", "estimated") or (weights.kind == "user" and weights.off_diagonal == 0):
@@ -305,12 +305,12 @@ def _descended(listed: NuisanceSet, given: Basis, left: float, placed: Sequence[
 
 
 def _how_much_further(linear: LinearNuisances, far: ClusterEstimate) -> float:
-    """How many times as far off as known beforehand the nuisances are that the data tell; at least as far.
+    """How many times as far off as known beforehand the nuisances are that the data determine; at least as far.
 
     Where all is as the file says it may be, it is 1 as far as nuisances are many. Where something is off that nobody
     named, nuisances stand for it that are right, and nothing is known so well.
     """
-    # What the data tell of an amount is 1 - posterior over prior variance; these sum to the effective number of amounts
+    # What the data say of an amount is 1 - posterior over prior variance; these sum to the effective number of amounts
     # that were estimated, each of which should have a square of about its prior variance.
     known = linear.common_std**2
     determined = np.maximum(1 - np.diag(far.pooled.assumed)[linear.point.size :] / known, 0.0).sum()

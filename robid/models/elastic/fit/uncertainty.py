@@ -268,7 +268,7 @@ def bootstrap(
     the variance too small by the factor (M - 1)/M. Here every realization's own error is added to the response
     with a normal weight of variance M/(M - 1), drawn for each configuration (a wild bootstrap): lines and elements
     of a realization stay together, so that nothing is assumed about their correlation. The percentiles are taken
-    apart by the ratio of Student's and the normal quantile, because few realizations tell a variance badly.
+    apart by the ratio of Student's and the normal quantile, because few realizations determine a variance badly.
 
     Args:
         problem: The problem, weights of the final fit.
@@ -288,7 +288,7 @@ def bootstrap(
     chunks = [_Chunk(problem, internal, found.inverse, shifts, *each) for each in zip(seeds, sizes, strict=True)]
     replicates = np.concatenate(parallel_map(_replicates, chunks))
     tail = 0.5 - 0.5 * confidence
-    # Few realizations tell a variance badly: percentiles are as much too narrow as a normal quantile is to Student's.
+    # Few realizations determine a variance badly: percentiles are as much too narrow as a normal quantile is.
     expanded = t.ppf(1 - tail, np.maximum(realization_freedom(shifts), 1.0)) / norm.ppf(1 - tail)
     ends = np.quantile(replicates, [tail, 1 - tail], axis=0, method="weibull") - internal
     return Bootstrap(replicates.std(axis=0, ddof=1), *(internal + expanded * ends))

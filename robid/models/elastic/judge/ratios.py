@@ -196,7 +196,7 @@ class Backlash(Effect):
 
     A gear that rests at a deflection `y` and swings by `s`, root mean square and normally distributed, passes through
     a small gap `b` for `b / s` times the standard normal density at `y / s` of its time, and is softer by that share.
-    A load holds a gear on one side of its gap, so places tell backlash from softness.
+    A load holds a gear on one side of its gap, so configurations distinguish backlash from softness.
 
     Source:
         Statistical linearisation of a dead zone: Gelb and Vander Velde (1968), app. E.

@@ -60,7 +60,7 @@ class TorqueScale(Effect):
     put_in = False
     joint: int  # Index of the motor
     # Whether masses were found by the same torques, in a rigid fit: the joint's link is too heavy by as much. Torques,
-    # masses and springs by one factor are the same response, so such masses do not tell the constant.
+    # masses and springs by one factor are the same response, so such masses do not determine the constant.
     shared: bool = False
 
     @property
@@ -420,7 +420,7 @@ COUPLINGS: Section = (_couplings, (Kind(
 ),))
 GEARS: Section = (_gears, (
     # What slips between early and late is a mixture of both. What never slips stiffens a spring without any loss,
-    # alike in all clusters: nothing tells it from the spring.
+    # alike in all clusters: nothing distinguishes it from the spring.
     *(
         Kind(
             f"hysteresis_{when}", f"hysteresis of {{}} that slips {when}", "gear_nonlinearity",

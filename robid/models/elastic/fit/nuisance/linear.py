@@ -30,7 +30,7 @@ class NuisanceSet:
 
     nuisances: tuple[Nuisance, ...]  # The nuisances
     # The fit's problem, whose robot rests anew for all values: a spring must give under gravity as a link weighs, or
-    # what acts alike seems to be told apart
+    # what acts alike seems to be distinguishable
     problem: Problem
     point: FloatArray  # (n_param,) Internal parameters
     rigid: bool  # Whether a rigid fit says how far masses may be off

@@ -218,7 +218,7 @@ def _(effect: MotorFriction, scene: Scene) -> ComplexArray:
     frf, whole, hold = scene.problem.frf, scene.response.sampled, scene.response.hold
     name = frf.input_names[effect.joint]
     if name not in frf.output_names:
-        return np.zeros_like(whole)  # nothing tells its angle
+        return np.zeros_like(whole)  # nothing shows its angle
     row = frf.output_names.index(name)
     square = (2 * np.pi * frf.frequency_hz) ** 2
     # Its torque -c x is F = c / w^2 times the acceleration: fed back, G becomes (1 - G F)^-1 G, nearly G + G F G.
