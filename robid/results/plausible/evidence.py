@@ -126,7 +126,9 @@ def gather_evidence(frf: Frf) -> Evidence:
 def _spread(frf: Frf, names: tuple[str, ...], inputs: list[int]) -> dict[str, Any]:
     """What lines all over the band show of motors and of arms beside them."""
     known = {*names, *(f"{name}.arm" for name in names)}
-    outputs = [index for index, one in enumerate(frf.output_channels) if one.name in known and _moves(one)]
+    outputs = [
+        index for index, one in enumerate(frf.output_channels) if one.name in known and ACCELERATION.accepts([one])
+    ]
     measured = frf.measured_channels or frf.output_channels
     order = np.argsort(frf.frequency_hz, kind="stable")
     at = order[np.unique(np.linspace(0, order.size - 1, min(order.size, _SPREAD_LINES)).round().astype(int))]
@@ -140,10 +142,6 @@ def _spread(frf: Frf, names: tuple[str, ...], inputs: list[int]) -> dict[str, An
         "spread_clear": np.ones(frf.response[pick].shape, bool) if ratio is None else ratio[pick] > CLEAR,
         "torque_rms": None if frf.input_amplitude is None else _rms(frf.input_amplitude[:, :, inputs]),
     }
-
-
-def _moves(channel: Channel) -> bool:
-    return ACCELERATION.accepts([channel])
 
 
 def _rms(amplitude: ComplexArray) -> FloatArray:

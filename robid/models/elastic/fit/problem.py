@@ -145,7 +145,7 @@ class SymmetricNormal:
         # These move what was measured, not the model: each of a pair's two residuals by itself.
         moved *= -self._weight_root / self._residuals.divisor(self._measured)
         shared = (self._weight_root * moved).sum(axis=1) * self._inverse_root
-        cross = _cross(rows, shared, self._real)
+        cross = _flat(rows, self._real) @ _flat(shared, self._real).T
         own = _gram(moved, self._real)
         slope = _project(moved, self._weight_root * self._residual, self._real)
         return np.block([[hessian, cross], [cross.T, own]]), np.concatenate([gradient, slope])
@@ -161,10 +161,6 @@ def _flat(rows: ComplexArray | FloatArray, real: bool) -> FloatArray:
 def _gram(rows: ComplexArray, real: bool) -> FloatArray:
     upper = dsyrk(1.0, _flat(rows, real).T, trans=1)
     return np.asarray(upper + np.triu(upper, 1).T)
-
-
-def _cross(rows: ComplexArray, others: ComplexArray, real: bool) -> FloatArray:
-    return np.asarray(_flat(rows, real) @ _flat(others, real).T)
 
 
 def _project(rows: ComplexArray, target: ComplexArray | FloatArray, real: bool) -> FloatArray:

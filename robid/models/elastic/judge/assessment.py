@@ -154,7 +154,7 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     Returns:
         The grade of the fit alone; with a validation, `grade_validation` takes its findings.
     """
-    seen = _data_findings(robot, solution.estimate, frf, delay_s)
+    seen = data_findings(robot, frf, delay_s, fitted_carrier(robot, solution.estimate))
     if not any(finding.scales for finding in seen):
         seen = (*common_factor_findings(robot, frf, solution.estimate), *seen)
     if any(finding.scales for finding in seen):
@@ -194,12 +194,8 @@ def validation_findings(
         campaign: Its name.
         delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
     """
-    found = _data_findings(robot, estimate, frf, delay_s)
+    # Mean torques are those of the robot with what the fit estimated.
+    found = data_findings(robot, frf, delay_s, fitted_carrier(robot, estimate))
     seen = [replace(finding, message=f"in campaign {campaign}, {finding.message}") for finding in found]
     first = takewhile(lambda finding: finding.decisive, findings)
     return ordered([*first, *(finding for finding in seen if finding.decisive), *findings, *seen])
-
-
-def _data_findings(robot: Robot, estimate: Estimate, frf: Frf, delay_s: float) -> tuple[Finding, ...]:
-    """What data contradict, mean torques held against the robot with what the fit estimated."""
-    return data_findings(robot, frf, delay_s, fitted_carrier(robot, estimate))
