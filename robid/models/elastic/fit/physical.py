@@ -79,9 +79,8 @@ def weigh_clusters(
 ) -> ClusterEstimate:
     """Weighs clusters by what noise and their differences leave of their information, from the minimum of a fit on.
 
-    Without nuisances, that is what predicts other clusters. With them, they also say what is wrong in the robot file as
-    far as their data and what is known of it beforehand say; that takes a single step: elsewhere the parameters' own
-    derivatives would no longer be those that the nuisances go with.
+    Without nuisances, that is what predicts other clusters. With them, they also say what is wrong in the robot file;
+    that takes a single step: elsewhere the parameters' derivatives would not be those that the nuisances go with.
 
     Args:
         problem: The problem, at its minimum.

@@ -288,8 +288,7 @@ def bootstrap(
     chunks = [_Chunk(problem, internal, found.inverse, shifts, *each) for each in zip(seeds, sizes, strict=True)]
     replicates = np.concatenate(parallel_map(_replicates, chunks))
     tail = 0.5 - 0.5 * confidence
-    # Few realizations determine a variance badly: percentiles are as much too narrow as a normal quantile is to
-    # Student's.
+    # Few realizations determine no variance well: percentiles are as narrow as a normal quantile is to Student's.
     expanded = t.ppf(1 - tail, np.maximum(realization_freedom(shifts), 1.0)) / norm.ppf(1 - tail)
     ends = np.quantile(replicates, [tail, 1 - tail], axis=0, method="weibull") - internal
     return Bootstrap(replicates.std(axis=0, ddof=1), *(internal + expanded * ends))
