@@ -43,6 +43,12 @@ class ModelError:
         """Share of the elements whose residuals are correlated over frequency; 0.05 is expected of an exact model."""
         return _share(self.correlation > self.correlation_limit, np.isfinite(self.ratio))
 
+    @property
+    def median_level(self) -> float:
+        """Median relative model error of the elements above their band; 0 without any."""
+        above = self.level[self.level > 0]
+        return float(np.median(above)) if above.size else 0.0
+
 
 def estimate_model_error(problem: Problem, internal: FloatArray, found: Influence) -> ModelError | None:
     """Compares each element's residual with what the response's covariance lets expect.

@@ -15,7 +15,7 @@ from robid.models.elastic.fit.parameters import map_parameters
 from robid.models.elastic.fit.problem import Problem, make_problem
 from robid.results.levenberg import Minimum, Normal, Status, minimise
 from robid.robot.description import Robot
-from robid.robot.parameters import DIRECT, LOGARITHMIC
+from robid.robot.parameters import DIRECT, LOGARITHMIC, kind_of_name
 from robid.robot.spring_laws import BristleTable
 
 _TOLERANCE = 1e-12  # of the cost, which is flat to second order
@@ -218,7 +218,7 @@ def make_strategy(problem: Problem, robot: Robot, options: ElasticOptions) -> St
     if options.strategy == "plain" or not set(kinds) & set(LOGARITHMIC):
         return Strategy(problem, None, options)
     coarse_options = replace(options, weights=_COARSE_WEIGHTS, estimator=options.residual.from_afar)
-    fewer = restricted(coarse_options, kinds)
+    fewer = restricted(coarse_options, kinds, lambda name: kind_of_name(name) in kinds)
     frf = problem.frf
     known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
     parameters = map_parameters(robot, problem.parameters.nominal, fewer, *known)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from robid.arrays import group, option
 from robid.errors import SettingsError
 from robid.frf.residual import RESIDUALS, EstimatorKind, Residual
-from robid.robot.parameters import ELASTIC, FREE, LOGARITHMIC, PARAMETER_KINDS, ElasticKind, element_names, kind_of_name
+from robid.robot.parameters import ELASTIC, FREE, LOGARITHMIC, PARAMETER_KINDS, ElasticKind, element_names
 
 if TYPE_CHECKING:
     from robid.robot.description import Robot
@@ -212,16 +212,12 @@ def name_problems(options: ElasticOptions, free: Mapping[str, str]) -> list[tupl
     return problems
 
 
-def restricted(options: ElasticOptions, kinds: tuple[ElasticKind, ...]) -> ElasticOptions:
-    """Returns options under which only some of the free kinds are estimated, with what is said of these."""
-
-    def kept(name: str) -> bool:
-        return kind_of_name(name) in kinds
-
+def restricted(options: ElasticOptions, free: Sequence[str], keeps: Callable[[str], bool]) -> ElasticOptions:
+    """Returns options under which only these are free, with what is said of parameters whose names are kept."""
     return replace(
         options,
-        free=kinds,
-        fixed=tuple(name for name in options.fixed if kept(name)),
-        tied={name: leader for name, leader in options.tied.items() if kept(name)},
-        bounds={name: ends for name, ends in options.bounds.items() if kept(name)},
+        free=tuple(free),
+        fixed=tuple(filter(keeps, options.fixed)),
+        tied={name: leader for name, leader in options.tied.items() if keeps(name)},
+        bounds={name: ends for name, ends in options.bounds.items() if keeps(name)},
     )

@@ -32,15 +32,6 @@ from robid.settings.experiment import payload_kg
 
 
 @dataclass(frozen=True)
-class ElementErrors:
-    """What the residuals of the response's elements hold beyond their covariance."""
-
-    share_above: float  # Share of the elements whose cost is above its 95 % band
-    share_correlated: float  # Share of the elements whose residuals are correlated over frequency beyond that band
-    median_level: float  # Median relative model error of the elements above their band; 0 without any
-
-
-@dataclass(frozen=True)
 class RepeatRow:
     """A resonance in several measurements of one robot configuration."""
 
@@ -103,7 +94,7 @@ class FitContent:
     starts: tuple[StartRow, ...] = ()  # The optimizer's starts
     status: str = ""  # How the fit ended
     advice: str = ""  # What to do about it; empty when there is nothing to do
-    element_errors: ElementErrors | None = None  # The residuals against their covariance, or None where there is none
+    model_error: ModelError | None = None  # The residuals against their covariance, or None where there is none
     grade: Grade | None = None  # How far to trust it; None where that is unknown
     nuisance_rows: tuple[NuisanceRow, ...] = ()  # What the robot file may have wrong
     validation_campaign: str = ""  # Name of the validation campaign
@@ -211,7 +202,7 @@ def fit_content(shown: Shown) -> FitContent:
         starts=_starts(solution.starts),
         status=estimate.status.replace("_", " "),
         advice=estimate.advice,
-        element_errors=None if solution.model_error is None else _element_errors(solution.model_error),
+        model_error=solution.model_error,
         nuisance_rows=() if solution.doubts is None else nuisance_rows(solution.doubts, limits, estimate.confidence),
         grade=grade,
     )
@@ -244,12 +235,6 @@ def nuisance_rows(
     ]
     columns = nuisances.names, nuisances.units, told, nuisances.half_width.tolist(), known.tolist()
     return tuple(NuisanceRow(*row) for row in zip(*columns, strict=True))
-
-
-def _element_errors(error: ModelError) -> ElementErrors:
-    above = error.level[error.level > 0]
-    level = float(np.median(above)) if above.size else 0.0
-    return ElementErrors(error.share_above, error.share_correlated, level)
 
 
 def _starts(starts: Starts) -> tuple[StartRow, ...]:

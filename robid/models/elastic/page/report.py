@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from statistics import fmean, median
 
 from rich.console import Group
@@ -121,7 +120,7 @@ def fit_tables(fit: FitContent) -> Iterator[Group]:
 
 def element_sentence(fit: FitContent) -> str:
     """Says what the residuals hold beyond their covariance; empty where that is unknown."""
-    errors = fit.element_errors
+    errors = fit.model_error
     if errors is None:
         return ""
     level = f", where the model is off by {percent(errors.median_level)} (median)" if errors.median_level > 0 else ""
@@ -150,6 +149,7 @@ def _response(fit: FitContent, told: tuple[str, ...]) -> Section:
 
 
 _CLOSE = 0.02
+_MODEL_ERROR = ("share_above", "share_correlated", "median_level")
 _VALIDATION = (
     "cost_ratio",
     "average_cost",
@@ -197,8 +197,8 @@ def _fit(fit: FitContent) -> dict[str, float]:
         found["grade"] = fit.grade.value
     found |= parameter_summary(fit.estimates.rows)
     found["undetermined"] = len(fit.estimates.undetermined)
-    if fit.element_errors is not None:
-        found |= {f"model_error.{key}": value for key, value in asdict(fit.element_errors).items()}
+    if fit.model_error is not None:
+        found |= {f"model_error.{key}": getattr(fit.model_error, key) for key in _MODEL_ERROR}
     for role, rows in (("estimation", fit.estimation_costs), ("validation", fit.validation_costs)):
         costs = average_and_worst(rows)
         if costs is not None:

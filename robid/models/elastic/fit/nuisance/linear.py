@@ -95,6 +95,11 @@ class Basis:
     # Whether the fit ended where its robot rests; where it did not, only a missing spring may say why
     rested: bool = True
 
+    @property
+    def anywhere(self) -> ElasticOptions:
+        """Options with which the robot rests anew for all values."""
+        return replace(self.options, statics="every_iterate")
+
 
 def list_linearised(problem: Problem, points: Sequence[FloatArray], given: Basis) -> LinearNuisances | None:
     """Lists what the robot file may have wrong and linearises it.
@@ -120,7 +125,7 @@ def list_at_rest(problem: Problem, points: Sequence[FloatArray], given: Basis) -
     nothing = np.zeros(len(nuisances))
     for point in points if nuisances else ():
         with suppress(DataError):
-            off = put_in(problem, point, given.robot, _anywhere(given), nuisances, nothing)
+            off = put_in(problem, point, given.robot, given.anywhere, nuisances, nothing)
             return NuisanceSet(nuisances, off.problem, point, bool(given.perturbed))
     return None
 
@@ -134,11 +139,6 @@ def _nuisances_of(problem: Problem, given: Basis) -> tuple[Nuisance, ...]:
         kept = (left_of_estimated(nuisance) if nuisance.name in along else nuisance for nuisance in listed)
         return tuple(nuisance for nuisance in kept if nuisance is not None)
     return tuple(nuisance for nuisance in listed if nuisance.name not in constants)
-
-
-def _anywhere(given: Basis) -> ElasticOptions:
-    """Options with which the robot rests anew for all values."""
-    return replace(given.options, statics="every_iterate")
 
 
 def linearise(
@@ -171,7 +171,7 @@ def linearise(
     amounts = np.zeros(len(nuisances)) if amounts is None else amounts
     added = np.zeros((len(clusters), len(nuisances))) if added is None else added
     each = spread_over(clusters, added)
-    off = put_in(problem, point, given.robot, _anywhere(given), nuisances, amounts, each)
+    off = put_in(problem, point, given.robot, given.anywhere, nuisances, amounts, each)
     where = off.problem, point, off.robot, off.options, nuisances
     columns = nuisance_columns(*where, amounts=amounts, all_rest=all_rest, shifts=shifts)
     return LinearNuisances(nuisances, off.problem, point, bool(given.perturbed), amounts, columns, added)
