@@ -161,7 +161,7 @@ def extended_values(values: ElasticParameters, springs: Sequence[Spring]) -> Ela
 def with_estimated_links(model: LinearModel, problem: Problem) -> LinearModel:
     """Returns the model of a robot that is off, links' own inertias that the fit estimates as the robot file has them.
 
-    What is off of these is estimated, and is nothing to nuisance besides.
+    What is off of these is estimated, and is no nuisance besides.
     """
     masks = dict(zip(problem.parameters.kinds, problem.parameters.masks, strict=True))
     estimated = masks.get("link_inertia", np.zeros(model.axial.size, bool))
