@@ -257,11 +257,9 @@ class Pooled:
 
     shift: FloatArray  # (n_param,) How far they lie from the point of the evidence
     between: FloatArray  # (n_param,) Variance of each between clusters
-    # (n_param, n_param) Covariance, were noise and variances between clusters as assumed: `(sum K_c)^-1`
-    assumed: FloatArray
+    assumed: FloatArray  # (n_param, n_param) Covariance, were noise and clusters' variances as assumed: `(sum K_c)^-1`
     covariance: FloatArray  # (n_param, n_param) The same by what the clusters really differ, whatever they differ by
-    # (n_param,) Of Student's distribution, whose quantile times the deviation is an interval
-    degrees_of_freedom: FloatArray
+    degrees_of_freedom: FloatArray  # (n_param,) Of Student's distribution that intervals follow
     # (n_param,) Share of the information about each that a single cluster gives; near 1 other clusters do not test it,
     # and its interval rests on that cluster alone
     dependence: FloatArray

@@ -76,8 +76,7 @@ class FrictionMove:
     percent off moves the response of a lightly loaded motor by more than the first order holds.
     """
 
-    # (n_conf, n_freq, n_out, n_in) Measured response as it was compensated; or lines in one axis
-    response: ComplexArray
+    response: ComplexArray  # (n_conf, n_freq, n_out, n_in) Measured response as compensated; or lines in one axis
     share: ComplexArray  # (n_conf, n_freq, n_in, n_coef, n_in) `D_k`, torque of each coefficient per torque
 
     def moved(self, scales: FloatArray) -> ComplexArray:

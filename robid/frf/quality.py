@@ -136,8 +136,7 @@ class DrivingPoints:
 
     frequency_hz: FloatArray  # (n_freq,) Frequencies [Hz]
     response: ComplexArray  # (n_conf, n_freq, n_motor) Acceleration per torque [rad/(s^2 N m)]
-    # (n_conf, n_freq, n_motor) Its power over its variance; None where no variance is known
-    signal_to_noise: FloatArray | None
+    signal_to_noise: FloatArray | None  # (n_conf, n_freq, n_motor) Power over variance; None where no variance is known
     sampling_period_s: float  # Sampling period of the experiment [s]
     hold_period_s: float | None  # Period for which the torque is held; None where it is not [s]
 

@@ -141,8 +141,7 @@ class LoopLink:
     position_m: FloatArray  # (3,) Origin of its frame in the parent's frame [m]
     rotation: FloatArray  # (3, 3) Orientation of its frame in the parent's frame at zero angle
     link: Inertial  # Mass properties in its frame
-    # How far it turns about its z axis per unit of each joint's arm position, by the joint's name
-    turns: Mapping[str, float]
+    turns: Mapping[str, float]  # How far it turns about its z axis per unit of each joint's arm position, by joint
     offset_rad: float = 0.0  # Its angle where all joints are at zero [rad]
     pin: Pin | None = None  # Where it closes the loop; None for what only carries another loop link
 
@@ -181,8 +180,7 @@ class Spring:
     point_m: FloatArray = field(default_factory=lambda: np.zeros(3))
     outboard: Inertial | None = None  # Split only: mass properties of the part beyond the split, in the joint frame
     inertia_kgm2: float = 0.0  # Shaft only: inertia that it turns, before the next shaft or the transmission [kg m^2]
-    # How its stiffness depends on a joint's position; None where it does not
-    stiffness_over: StiffnessLaw | None = None
+    stiffness_over: StiffnessLaw | None = None  # How its stiffness depends on a joint's position, if it does
 
 
 @dataclass(frozen=True)
@@ -208,15 +206,12 @@ class Robot:
     # The spring-damper pairs; a joint without a transmission is rigid: its arm follows its motor
     springs: tuple[Spring, ...]
     payload: Inertial  # Mass properties of the payload in the last joint's frame
-    # `spong` neglects the rotors' motion with the links, `on_link` does not
-    rotor: Literal["spong", "on_link"] = "spong"
+    rotor: Literal["spong", "on_link"] = "spong"  # `spong` neglects rotors' motion with the links, `on_link` does not
     assumed: tuple[str, ...] = ()  # Dotted names of the values that no source gives
     notes: tuple[str, ...] = ()
-    # Mass properties of what base springs carry beneath the first joint, in the world frame
-    base: Inertial | None = None
+    base: Inertial | None = None  # Mass properties of what base springs carry beneath the first joint, world frame
     sensors: tuple[Sensor, ...] = ()
-    # Links beside the chain, each after what carries it; only the rigid model knows them
-    loop_links: tuple[LoopLink, ...] = ()
+    loop_links: tuple[LoopLink, ...] = ()  # Links beside the chain, after what carries them; the rigid model's alone
     # How far what is stated of the payload and the base may be off
     nuisance_std: NuisanceStd = field(default_factory=NuisanceStd)
 

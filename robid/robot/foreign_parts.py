@@ -137,8 +137,7 @@ class Weights:
     """What bodies weigh."""
 
     mass_kg: FloatArray  # (n_body,) Masses, the world first [kg]
-    # (n_body, 3, 3) Inertias about the centres of mass, along MuJoCo's inertial frames [kg m^2]
-    inertia_kgm2: FloatArray
+    inertia_kgm2: FloatArray  # (n_body, 3, 3) Inertias about centres of mass, along MuJoCo's inertial frames [kg m^2]
 
 
 @dataclass(frozen=True)

@@ -282,8 +282,7 @@ class TorqueLaw:
     # Known part of the ripple that opposes the motion with the sine of its order, over its amplitude
     ripple_sin: float = 0.0
     ripple_cos: float = 0.0
-    # How far each coefficient in `KINDS` is from the robot file's
-    offset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)  # How far each of `KINDS` is from the robot file's
     # Standard deviations of the values in `VALUES` where they were identified; None otherwise
     identified_std: tuple[float, ...] | None = None
     # Half of what viscous friction is larger forward than backward: a torque per size of the speed, which no linear

@@ -28,8 +28,7 @@ class Equilibrium:
     position: FloatArray  # (n_conf, n_dof) All coordinates [rad, or m]
     motor_torque: FloatArray  # (n_conf, n_joint) Torque that holds the motors [N m]
     deflection: FloatArray  # (n_conf, n_spring) Spring deflections [rad, or m]
-    # (n_conf, n_spring) What gravity does to each deflection, minus the spring's torque [N m, or N]
-    spring_torque: FloatArray
+    spring_torque: FloatArray  # (n_conf, n_spring) Gravity's torque on each deflection, minus the spring's [N m, or N]
 
 
 @dataclass(frozen=True)
@@ -55,13 +54,11 @@ class LinearModel:
     # (n_conf, n_joint, n, n) Derivative of the inertia matrix with respect to each link's own inertia about its joint
     # axis direction, or mass where its joint slides
     link_inertia: FloatArray
-    # (n_conf, n_out, n) Angles and positions in these coordinates; of an accelerometer, its position
-    output: FloatArray
+    output: FloatArray  # (n_conf, n_out, n) Angles and positions in these coordinates; accelerometers' positions
     tilt: FloatArray  # (n_conf, n_out, n) How gravity enters an accelerometer as it turns [m/s^2]; zero for the others
     arm: FloatArray  # (n_joint, n) Arm-side positions in these coordinates
     rotor: FloatArray  # (n_joint,) Rotor inertias of the robot file [kg m^2]
-    # (n_joint,) Links' own inertia about the joint axis direction, or mass, payload included [kg m^2, or kg]
-    axial: FloatArray
+    axial: FloatArray  # (n_joint,) Links' own inertia about the joint axis, or mass, with payload [kg m^2, or kg]
     rest: Rest
     shifts: Shifts | None = None  # How all this moves with nuisance parameters that a fit estimates; None without any
     effects: GearEffects | None = None  # What gears do beside springs and dampers by such parameters; None without any

@@ -65,8 +65,7 @@ class ElasticModel:
     robot: Robot
     mujoco: mujoco.MjModel
     spec: mujoco.MjSpec
-    # (n_joint,) Indices of the coordinates that motors drive: motor angles `q_m`, arm angles of rigid joints
-    motor: IntArray
+    motor: IntArray  # (n_joint,) Indices of coordinates that motors drive: `q_m`, or arm angles of rigid joints
     turns: FloatArray  # (n_joint,) Motor angle per unit of these: 1, or the gear ratio of a rigid joint
     arm: IntArray  # (n_joint,) Indices of the arm positions `q_a`
     # (n_passive,) Indices of elastic joints' arm positions and of elastic angles `q_e`: all that gravity deflects

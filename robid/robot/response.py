@@ -47,8 +47,7 @@ class Response:
     omega: FloatArray | ComplexArray  # (n_freq,) Angular frequency [rad/s]
     model: LinearModel
     springs: Springs
-    # (n_in,) Torque that each motor gives per torque recorded, where that is a nuisance; in `sampled` only
-    gain: FloatArray
+    gain: FloatArray  # (n_in,) Torque of each motor per torque recorded, where that is a nuisance; in `sampled` only
     folding: Folding | None = None  # What sampling folds down from above; None in continuous time
     by_delay: Folding | None = None  # Its derivative by the delay
     images: Response | None = None  # The continuous response at the folding's own frequencies; None where it needs none

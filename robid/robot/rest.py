@@ -39,8 +39,7 @@ class Rest:
     torque: FloatArray  # (n_conf, n_spring) Torque of gravity on each deflection there [N m]
     gradient: FloatArray  # (n_conf, n_spring, n_spring) Its derivative with respect to the deflections [N m/rad]
     location: FloatArray  # (3 n_spring,) Locations of the springs, in their joints' frames [m]
-    # (n_conf, n_line, n_spring) Mean square torque that the excitation sends through each spring [(N m)^2]
-    power: FloatArray
+    power: FloatArray  # (n_conf, n_line, n_spring) Mean square torque of the excitation through each spring [(N m)^2]
     omega: FloatArray  # (n_line,) Angular frequencies of these [rad/s]
     # (n_conf, n_spring) The swing's effect on the slope over that of a normal signal: `E[x^4] / (3 E[x^2]^2)`, less
     # what mixes back from lines that are not excited

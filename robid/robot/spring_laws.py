@@ -62,8 +62,7 @@ class GearEffects:
 
     load: FloatArray  # (n_conf, n_spring) Mean size of each deflection, swing included [rad, or m]
     damped: IntArray  # (n_damped, 2) Nuisance and spring of each damper that grows; amounts are shares per deflection
-    # (n_slipping, 2) Nuisance and spring of each hysteresis; amounts are torques at which bristles slip
-    slipping: IntArray
+    slipping: IntArray  # (n_slipping, 2) Nuisance and spring of each hysteresis; amounts are torques of slip
     bristles: tuple[BristleTable, ...]  # (n_slipping) What each of them does
     damped_names: tuple[str, ...] = ()  # (n_damped) Names of those of dampers
     slipping_names: tuple[str, ...] = ()  # (n_slipping) Names of those of hysteresis

@@ -25,8 +25,7 @@ class StandardRobot:
     robot: Robot
     payload_is_in_link: bool  # Whether its payload is in its last link, as no real body would be left without it
     homeless: tuple[str, ...]  # Parameters that differ from zero and that a robot's description has no place for
-    # Joints whose friction differs between the directions, of which the description has the mean
-    averaged: tuple[str, ...]
+    averaged: tuple[str, ...]  # Joints whose friction differs between directions; the description has the mean
 
 
 def with_standard(robot: Robot, values: Mapping[str, float]) -> StandardRobot:

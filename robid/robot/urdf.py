@@ -24,8 +24,7 @@ _ALTERS_MASSES = ("balanceinertia", "boundmass", "boundinertia", "settotalmass",
 class Urdf:
     """A URDF file as far as a robot's motion depends on it."""
 
-    # The file without shapes, transmissions and what simulators add; numbers that cannot be read are 1 or 0
-    text: str = ""
+    text: str = ""  # The file without shapes, transmissions and simulators' parts; unreadable numbers are 1 or 0
     fixed: tuple[str, ...] = ()
     links: dict[str, str] = field(default_factory=dict)  # What is wrong with a link, by its name
     # What is wrong with the limits of a joint, by its name; `text` has none for it

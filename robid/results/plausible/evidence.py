@@ -37,8 +37,7 @@ class Evidence:
     signal_to_noise: FloatArray | None
     mean_angle: FloatArray | None  # (n_conf, n_motor) Mean motor angles, None in old files [rad]
     mean_torque: FloatArray | None  # (n_conf, n_motor) Mean motor torques, None in old files [N m]
-    # (n_conf, n_motor) RMS of the motor angles about their means, None in old files [rad]
-    motion_rms: FloatArray | None
+    motion_rms: FloatArray | None  # (n_conf, n_motor) RMS of motor angles about their means, None in old files [rad]
     torque_unit: str  # Unit that stands for N m
     lines_hz: FloatArray  # (n_freq,) All lines [Hz]
     driving: ComplexArray  # (n_conf, n_freq, n_motor) Driving points there [rad/(s^2 N m)]

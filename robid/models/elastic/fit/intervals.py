@@ -33,8 +33,7 @@ class Spreads:
 
     effective: Spread  # As what infinitely many clusters of this robot would give: they predict
     physical: Spread  # As springs, dampers and inertias themselves
-    # (n_param, n_param) Covariance by noise and assumed errors alone: what the data do not determine
-    assumed: FloatArray
+    assumed: FloatArray  # (n_param, n_param) Covariance by noise and assumed errors alone: what data do not determine
     between: Between | None = None  # How clusters differ; None where they are too few to tell
     nuisances: NuisanceEstimates | None = None  # What clusters say of the nuisances; None where there are none
 

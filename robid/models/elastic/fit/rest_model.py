@@ -149,8 +149,7 @@ class SpringLoad:
     """What an excitation sends through each transmission; other springs get none."""
 
     power: FloatArray  # (n_conf, n_freq, n_spring) Mean square torque per excited line [(N m)^2]
-    # (n_conf, n_freq, n_gear, n_block) Torque through each transmission, DFT sums over samples [N m]
-    through: ComplexArray
+    through: ComplexArray  # (n_conf, n_freq, n_gear, n_block) Torque through transmissions, DFT sums over samples [N m]
     gears: IntArray  # (n_gear,) Indices of the transmissions
 
 

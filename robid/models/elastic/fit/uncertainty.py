@@ -23,11 +23,9 @@ class Influence:
     An error `e` of the response moves the parameters by `inverse Re(sum conj(gain) e)`.
     """
 
-    # (n_conf, n_freq, n_out, n_in, n_param) Weighted derivative over the residual's divisor of the response
-    gain: ComplexArray
+    gain: ComplexArray  # (n_conf, n_freq, n_out, n_in, n_param) Weighted derivative over the residual's divisor
     weighted: ComplexArray  # (n_conf, n_freq, n_out, n_in, n_param) Weighted derivative of the residual
-    # (n_param, n_param) Inverse of half the Gauss-Newton Hessian, what is known beforehand included
-    inverse: FloatArray
+    inverse: FloatArray  # (n_param, n_param) Inverse of half the Gauss-Newton Hessian, with what is known beforehand
     prior: FloatArray  # (n_param,) What is known beforehand, as it adds to half the Hessian's diagonal
     leverage: FloatArray  # (n_conf, n_freq, n_out, n_in) Share of each residual that the fit takes away
 

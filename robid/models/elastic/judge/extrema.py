@@ -73,8 +73,7 @@ class Element:
     modelled: ComplexArray  # (n_freq,) The model
     dense_hz: FloatArray  # (n_dense,) Further frequencies [Hz]
     dense: FloatArray  # (n_dense,) The model's magnitude there
-    # (n_real, n_freq) What each realization adds to the measurement, if there are some
-    errors: ComplexArray | None = None
+    errors: ComplexArray | None = None  # (n_real, n_freq) What each realization adds to the measurement, if any
 
     def measured_at(self, line: int) -> _Lines:
         """What a local estimator takes of the measurement."""

@@ -33,8 +33,7 @@ class Scores:
 
     nuisances: tuple[Nuisance, ...]  # The nuisances
     slope: FloatArray  # (n_nuisance,) Half the negative gradient of the cost by the amounts
-    # (n_nuisance, n_nuisance) Half its Gauss-Newton Hessian, with what is known of them beforehand
-    curvature: FloatArray
+    curvature: FloatArray  # (n_nuisance, n_nuisance) Half its Gauss-Newton Hessian, with what is known beforehand
     follow: FloatArray  # (n_param, n_nuisance) How far the parameters move by each amount
     cost: float  # Cost of the residual
     freedom: float  # Real residuals behind it
@@ -111,8 +110,7 @@ class Explanation:
     stated: tuple[float, ...] = ()  # What the robot file says of each; zero where only amounts are
     free: tuple[str, ...] = ()  # Names that free it; none where no fit can estimate it
     fixed: tuple[str, ...] = ()  # Names that the options keep at the file's value, though their kind is estimated
-    # What to correct in the robot file or where logs are described, where no fit can estimate it
-    correct: tuple[str, ...] = ()
+    correct: tuple[str, ...] = ()  # What to correct in robot file or log description, where no fit can estimate it
 
     @property
     def what(self) -> str:

@@ -59,8 +59,7 @@ class ResonanceRow:
     damping: float | None = None  # Its damping ratio, or None
     pole_hz: float | None = None  # Pole or zero of a local model of the measurement [Hz], or None
     pole_interval_hz: tuple[float, float] | None = None  # Lower and upper end of its interval [Hz], or None
-    # What all measurements of the configuration show of it, at the first of them; or None
-    repeat: RepeatRow | None = None
+    repeat: RepeatRow | None = None  # What all measurements of the configuration show, at the first of them; or None
 
 
 @dataclass(frozen=True)

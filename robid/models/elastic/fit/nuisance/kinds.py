@@ -40,8 +40,7 @@ _OF_ROTOR = "% of what its rotor asks for at 10 Hz"
 class Effect:
     """What a nuisance parameter does; `nuisance.response.column` has the column of each."""
 
-    # Whether a robot can be off by it; the others do to its response what their columns say
-    put_in: ClassVar[bool] = True
+    put_in: ClassVar[bool] = True  # Whether a robot can be off by it; else a response is, as its column says
     by_cluster: ClassVar[bool] = False  # Whether it may differ between clusters of one robot
 
 
@@ -168,8 +167,7 @@ class Nuisance:
 
     name: str  # What it is, in one word as parameters are named: `axis_2.mass`
     title: str  # The same for a sentence
-    # The likely cause that it stands for, of `robid.results.finding.CAUSES`, or what only a fit's wish frees
-    cause: str
+    cause: str  # Its likely cause, of `robid.results.finding.CAUSES`, or what only a fit's wish frees
     unit: str  # Unit of its amounts
     common_std: float  # Standard deviation of the amount that all clusters share
     cluster_std: float  # Standard deviation of what each cluster adds to that

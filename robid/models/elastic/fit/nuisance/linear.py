@@ -58,8 +58,7 @@ class LinearNuisances(NuisanceSet):
     # (n_nuisance,) By how much all is off where it is linearised; so is the problem's robot, along those that can be
     # put into one
     amounts: FloatArray
-    # (n_conf, n_freq, n_out, n_in, n_nuisance) Negative derivatives of the residual by their amounts
-    columns: ComplexArray
+    columns: ComplexArray  # (n_conf, n_freq, n_out, n_in, n_nuisance) Negative derivatives of the residual by amounts
     # (n_cluster, n_nuisance) What each cluster adds to the amounts there; the problem's gears have it already
     added: FloatArray
 
@@ -90,10 +89,8 @@ class Basis:
 
     robot: Robot  # The robot that the fit started from
     options: ElasticOptions  # Options of the fit
-    # Robots that are off along independent directions that a rigid fit leaves open
-    perturbed: Sequence[PerturbedRobot] = ()
-    # Whether the fit ended where its robot rests; where it did not, only a missing spring may say why
-    rested: bool = True
+    perturbed: Sequence[PerturbedRobot] = ()  # Robots off along independent directions that a rigid fit leaves open
+    rested: bool = True  # Whether the fit ended where its robot rests; if not, only a missing spring may say why
 
     @property
     def anywhere(self) -> ElasticOptions:
