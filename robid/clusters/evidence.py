@@ -19,19 +19,12 @@ _NOTHING = 1e-12  # scaled information relative to the largest of a cluster, bel
 
 @dataclass(frozen=True)
 class Evidence:
-    """What each cluster says, as few rows of unit noise: `target = rows (own - point) + noise`.
+    """What each cluster says, as few rows of unit noise: `target = rows (own - point) + noise`."""
 
-    Attributes:
-        rows (n_cluster, n_row, n_param): Derivative of each row by the parameters, all noise of deviation one.
-        target (n_cluster, n_row): What is left of each row at the point.
-        precision (n_param, n_param): What is known beforehand, an inverse covariance; zero for nothing.
-        pull (n_param,): `precision` times how far what is known beforehand lies from the point.
-    """
-
-    rows: FloatArray
-    target: FloatArray
-    precision: FloatArray
-    pull: FloatArray
+    rows: FloatArray  # (n_cluster, n_row, n_param) Derivative of each row by the parameters, all noise of deviation one
+    target: FloatArray  # (n_cluster, n_row) What is left of each row at the point
+    precision: FloatArray  # (n_param, n_param) What is known beforehand, an inverse covariance; zero for nothing
+    pull: FloatArray  # (n_param,) `precision` times how far what is known beforehand lies from the point
 
     @property
     def information(self) -> FloatArray:
@@ -97,19 +90,12 @@ _UNSEEN = 1e-13  # scaled information relative to the largest, below which nothi
 
 @dataclass(frozen=True)
 class Saturated:
-    """What each cluster says once its parameters may differ from those of all clusters.
+    """What each cluster says once its parameters may differ from those of all clusters."""
 
-    Attributes:
-        information (n_cluster, n_param, n_param): `(I^-1 + T)^-1` of each cluster.
-        score (n_cluster, n_param): It times how far each cluster's own estimate lies from the point.
-        square (n_cluster,): Square of the residuals over their covariance.
-        log_determinant (n_cluster,): Logarithm of that covariance's determinant.
-    """
-
-    information: FloatArray
-    score: FloatArray
-    square: FloatArray
-    log_determinant: FloatArray
+    information: FloatArray  # (n_cluster, n_param, n_param) `(I^-1 + T)^-1` of each cluster
+    score: FloatArray  # (n_cluster, n_param) It times how far each cluster's own estimate lies from the point
+    square: FloatArray  # (n_cluster,) Square of the residuals over their covariance
+    log_determinant: FloatArray  # (n_cluster,) Logarithm of that covariance's determinant
 
 
 def saturated(evidence: Evidence, between: FloatArray) -> Saturated:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
 from scipy.special import erfcx
 from scipy.stats import norm, t
 
-from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.arrays import BoolArray, FloatArray, IntArray, option
 from robid.clusters.evidence import Evidence, inverted, saturated
 
 _LOWEST = 1e-8  # smallest variance that is looked at, over the one where a search begins; below, it is zero
@@ -21,25 +21,17 @@ _ROUNDS = 3
 class BetweenOptions:
     """How variances between clusters are looked for."""
 
-    largest: float = field(
-        default=1.0, metadata={"description": "Largest deviation between clusters, of a logarithm.", "gt": 0}
-    )
-    iterations: int = field(default=200, metadata={"description": "Iteration limit of the search.", "ge": 1})
+    largest: float = option(1.0, "Largest deviation between clusters, of a logarithm.", gt=0)
+    iterations: int = option(200, "Iteration limit of the search.", ge=1)
 
 
 @dataclass(frozen=True)
 class Between:
-    """How much parameters differ between clusters.
+    """How much parameters differ between clusters."""
 
-    Attributes:
-        variance (n_param,): Of each parameter between clusters; 0 where noise explains the differences.
-        deviance: -2 times the restricted log-likelihood there, but for a constant.
-        converged: Whether the search ended by itself.
-    """
-
-    variance: FloatArray
-    deviance: float
-    converged: bool
+    variance: FloatArray  # (n_param,) Of each parameter between clusters; 0 where noise explains the differences
+    deviance: float  # -2 times the restricted log-likelihood there, but for a constant
+    converged: bool  # Whether the search ended by itself
 
 
 @dataclass(frozen=True)
@@ -47,22 +39,14 @@ class Search:
     """Evidence with all that does not change while some variances are sought.
 
     The rows of each cluster are turned so that what is sought is in the first ones alone.
-
-    Attributes:
-        rows (n_cluster, n_sought, n_param): Derivatives of these rows, what is known of differences taken out.
-        target (n_cluster, n_sought): What is left of them.
-        sought (n_sought,): Which parameters' variances are sought.
-        information (n_param, n_param): Of all other rows, and what is known beforehand.
-        slope (n_param,): Of these too.
-        deviance: Their share of -2 times the log-likelihood.
     """
 
-    rows: FloatArray
-    target: FloatArray
-    sought: IntArray
-    information: FloatArray
-    slope: FloatArray
-    deviance: float
+    rows: FloatArray  # (n_cluster, n_sought, n_param) Derivatives of these rows, what is known of differences taken out
+    target: FloatArray  # (n_cluster, n_sought) What is left of them
+    sought: IntArray  # (n_sought,) Which parameters' variances are sought
+    information: FloatArray  # (n_param, n_param) Of all other rows, and what is known beforehand
+    slope: FloatArray  # (n_param,) Of these too
+    deviance: float  # Their share of -2 times the log-likelihood
 
     def at(self, variance: FloatArray) -> tuple[float, FloatArray]:
         """Returns the restricted deviance and its derivative (n_sought,) by the variances that are sought."""
@@ -269,23 +253,15 @@ ALONE = 0.9
 
 @dataclass(frozen=True)
 class Pooled:
-    """The parameters of all clusters together.
+    """The parameters of all clusters together."""
 
-    Attributes:
-        shift (n_param,): How far they lie from the point of the evidence.
-        between (n_param,): Variance of each between clusters.
-        assumed (n_param, n_param): Covariance, were noise and variances between clusters as assumed: `(sum K_c)^-1`.
-        covariance (n_param, n_param): The same by what the clusters really differ, whatever they differ by.
-        degrees_of_freedom (n_param,): Of Student's distribution, whose quantile times the deviation is an interval.
-        dependence (n_param,): Share of the information about each that a single cluster gives; near 1 other clusters
-            do not test it, and its interval rests on that cluster alone.
-    """
-
-    shift: FloatArray
-    between: FloatArray
-    assumed: FloatArray
-    covariance: FloatArray
-    degrees_of_freedom: FloatArray
+    shift: FloatArray  # (n_param,) How far they lie from the point of the evidence
+    between: FloatArray  # (n_param,) Variance of each between clusters
+    assumed: FloatArray  # (n_param, n_param) Covariance, were noise and clusters' variances as assumed: `(sum K_c)^-1`
+    covariance: FloatArray  # (n_param, n_param) The same by what the clusters really differ, whatever they differ by
+    degrees_of_freedom: FloatArray  # (n_param,) Of Student's distribution that intervals follow
+    # (n_param,) Share of the information about each that a single cluster gives; near 1 other clusters do not test it,
+    # and its interval rests on that cluster alone
     dependence: FloatArray
 
     def spread(self, confidence: float) -> tuple[FloatArray, FloatArray]:

@@ -17,15 +17,11 @@ from robid.signals.record import Record
 
 @dataclass(frozen=True)
 class BlockEstimate:
-    """A response and its first-order error.
+    """A response and its first-order error."""
 
-    Attributes:
-        response (n_freq, n_out, n_in): The response.
-        weights (n_real, n_freq, n_exp, n_in): W of the error `sum_m V_m W_m` that output residuals
-            V_m (n_out, n_exp) of block m cause.
-    """
-
-    response: ComplexArray
+    response: ComplexArray  # (n_freq, n_out, n_in) The response
+    # (n_real, n_freq, n_exp, n_in) W of the error `sum_m V_m W_m` that output residuals V_m (n_out, n_exp) of block m
+    # cause
     weights: ComplexArray
 
     @property
@@ -131,11 +127,6 @@ _NOTHING = 1e-12  # Power of a line, relative to the usual one, below which not 
 
 def solvable_lines(record: Record, blocks: Blocks, estimator: str) -> BoolArray:
     """Finds the lines (n_freq,) whose experiments excite every input, in the torque or in the reference if needed.
-
-    Args:
-        record: The record that they are from.
-        blocks: Its spectra at the excited lines.
-        estimator: The estimator that averages them.
 
     Raises:
         DataError: If there are too few experiments, or too few such lines, with the worst frequency.

@@ -27,15 +27,10 @@ _SHOWN = 3
 
 @dataclass(frozen=True)
 class RecordFinding:
-    """Something wrong with a record.
+    """Something wrong with a record."""
 
-    Attributes:
-        kind: `period`, `dropped`, `jitter`, `saturation`, `still`, `weak` or `loop`.
-        what: What is wrong, with channel, experiment, realization, period and sample where they are known.
-    """
-
-    kind: str
-    what: str
+    kind: str  # `period`, `dropped`, `jitter`, `saturation`, `still`, `weak` or `loop`
+    what: str  # What is wrong, with channel, experiment, realization, period and sample where they are known
     remedy: str
     fatal: bool
 

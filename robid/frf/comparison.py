@@ -31,29 +31,17 @@ _REMEDY = (
 
 @dataclass(frozen=True)
 class Aligned:
-    """Two responses at the same lines, NaN where one told too little.
+    """Two responses at the same lines, NaN where one told too little."""
 
-    Attributes:
-        pairs: Indices of the configurations that belong together.
-        outputs: Indices of the outputs that do.
-        inputs: Indices of the inputs that do.
-        frequency_hz (n_line,): The lines [Hz].
-        how: Whether they are common to both, or which response was interpolated to the other's.
-        first (n_pair, n_line, n_out, n_in): The first response.
-        second (n_pair, n_line, n_out, n_in): The second response.
-        first_variance (n_pair, n_line, n_out, n_in): Its variance, interpolation included; NaN where unknown.
-        second_variance (n_pair, n_line, n_out, n_in): The same of the second.
-    """
-
-    pairs: Pairs
-    outputs: Pairs
-    inputs: Pairs
-    frequency_hz: FloatArray
-    how: How
-    first: ComplexArray
-    second: ComplexArray
-    first_variance: FloatArray
-    second_variance: FloatArray
+    pairs: Pairs  # Indices of the configurations that belong together
+    outputs: Pairs  # Indices of the outputs that do
+    inputs: Pairs  # Indices of the inputs that do
+    frequency_hz: FloatArray  # (n_line,) The lines [Hz]
+    how: How  # Whether they are common to both, or which response was interpolated to the other's
+    first: ComplexArray  # (n_pair, n_line, n_out, n_in) The first response
+    second: ComplexArray  # (n_pair, n_line, n_out, n_in) The second response
+    first_variance: FloatArray  # (n_pair, n_line, n_out, n_in) Its variance, interpolation included; NaN where unknown
+    second_variance: FloatArray  # (n_pair, n_line, n_out, n_in) The same of the second
 
 
 def align(first: Frf, second: Frf) -> Aligned:
@@ -183,28 +171,19 @@ LEVEL = 0.95
 
 @dataclass(frozen=True)
 class ElementDifference:
-    """How far the second response is from the first in one element.
-
-    Attributes:
-        lines: Lines compared, over all configurations.
-        decibels: Median of the second's magnitude over the first's [dB].
-        degrees: Median of the second's phase less the first's [degrees].
-        relative: Median of the difference's magnitude over the first's.
-        share_within: Share of the lines whose difference is within the band that both uncertainties make; 0.95 is
-            expected where they agree. NaN where one is unknown.
-        ratio: Mean over the lines of the difference's square over its variance; NaN where that is unknown.
-        limit: What `ratio` exceeds in 5 % of the comparisons of responses that agree in all elements.
-    """
+    """How far the second response is from the first in one element."""
 
     output: str
     input: str
-    lines: int
-    decibels: float
-    degrees: float
-    relative: float
+    lines: int  # Lines compared, over all configurations
+    decibels: float  # Median of the second's magnitude over the first's [dB]
+    degrees: float  # Median of the second's phase less the first's [degrees]
+    relative: float  # Median of the difference's magnitude over the first's
+    # Share of the lines whose difference is within the band that both uncertainties make; 0.95 is expected where they
+    # agree. NaN where one is unknown.
     share_within: float
-    ratio: float
-    limit: float
+    ratio: float  # Mean over the lines of the difference's square over its variance; NaN where that is unknown
+    limit: float  # What `ratio` exceeds in 5 % of the comparisons of responses that agree in all elements
 
     @property
     def agrees(self) -> bool | None:
@@ -214,15 +193,11 @@ class ElementDifference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two responses held against each other.
-
-    Attributes:
-        elements: The difference of each element, over all configurations.
-        each: The same for each pair of configurations; the limits are for one of them at a time.
-    """
+    """Two responses held against each other."""
 
     aligned: Aligned
-    elements: tuple[ElementDifference, ...]
+    elements: tuple[ElementDifference, ...]  # The difference of each element, over all configurations
+    # The same for each pair of configurations; the limits are for one of them at a time
     each: tuple[tuple[ElementDifference, ...], ...]
     notes: tuple[str, ...]
 

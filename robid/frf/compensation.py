@@ -22,39 +22,26 @@ _SHAPE_STEP = 0.05
 
 @dataclass(frozen=True)
 class Motion:
-    """The motors' motion in one configuration, mean over the periods.
+    """The motors' motion in one configuration, mean over the periods."""
 
-    Attributes:
-        angle (n_sample, n_real, n_exp, n_in): Motor angles, offset included [rad].
-        speed (n_step, n_real, n_exp, n_in): Motor speed on a finer grid, in single precision: bristles take half
-            the time and 1e-7 of the torque [rad/s].
-        step_s: Step of the grid [s].
-        sampling_period_s: Sampling period [s].
-        lines (n_freq,): DFT lines at which torques are wanted.
-        omega (n_freq,): Their angular frequency [rad/s].
-        hold (n_freq,): Response from torque command to continuous torque: hold and delay.
-    """
-
-    angle: FloatArray
+    angle: FloatArray  # (n_sample, n_real, n_exp, n_in) Motor angles, offset included [rad]
+    # (n_step, n_real, n_exp, n_in) Motor speed on a finer grid, in single precision: bristles take half the time and
+    # 1e-7 of the torque [rad/s]
     speed: FloatArray
-    step_s: float
-    sampling_period_s: float
-    lines: IntArray
-    omega: FloatArray
-    hold: ComplexArray
+    step_s: float  # Step of the grid [s]
+    sampling_period_s: float  # Sampling period [s]
+    lines: IntArray  # (n_freq,) DFT lines at which torques are wanted
+    omega: FloatArray  # (n_freq,) Their angular frequency [rad/s]
+    hold: ComplexArray  # (n_freq,) Response from torque command to continuous torque: hold and delay
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Torque of a law as held torque at the controller's output.
+    """Torque of a law as held torque at the controller's output."""
 
-    Attributes:
-        torque (n_real, n_freq, n_in, n_exp): Torque that opposes the motion [N m].
-        derivative (n_kind, n_real, n_freq, n_in, n_exp): Its derivative with respect to the coefficients in
-            `robid.robot.friction.KINDS` [N m].
-    """
-
-    torque: ComplexArray
+    torque: ComplexArray  # (n_real, n_freq, n_in, n_exp) Torque that opposes the motion [N m]
+    # (n_kind, n_real, n_freq, n_in, n_exp) Its derivative with respect to the coefficients in
+    # `robid.robot.friction.KINDS` [N m]
     derivative: ComplexArray
 
     def select(self, chosen: IntArray) -> Disturbance:

@@ -26,17 +26,11 @@ _POINTS = 4  # Points of that integral per period and line
 
 
 class PeriodNoise(NamedTuple):
-    """Covariance of the output residual of a mean over periods.
+    """Covariance of the output residual of a mean over periods."""
 
-    Attributes:
-        covariance (n_freq, n_out, n_out): Of one experiment.
-        freedom: Complex degrees of freedom that are counted, each period, experiment and pooled line alike.
-        share: Part of them that is left, mean over lines and outputs.
-    """
-
-    covariance: ComplexArray
-    freedom: float
-    share: float
+    covariance: ComplexArray  # (n_freq, n_out, n_out) Of one experiment
+    freedom: float  # Complex degrees of freedom that are counted, each period, experiment and pooled line alike
+    share: float  # Part of them that is left, mean over lines and outputs
 
 
 def period_noise(

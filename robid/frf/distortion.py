@@ -19,17 +19,11 @@ _SHORTEST = 4
 
 
 class SilentLevels(NamedTuple):
-    """Output residual (n_silent, n_out) at lines that were not excited, as amplitudes of one experiment.
+    """Output residual (n_silent, n_out) at lines that were not excited, as amplitudes of one experiment."""
 
-    Attributes:
-        level: RMS of `Y - G U` over realizations and experiments.
-        noise: Part of it that the periods show to be noise, or None with a single period.
-        interpolation: What the interpolation error of G alone may amount to.
-    """
-
-    level: FloatArray
-    noise: FloatArray | None
-    interpolation: FloatArray
+    level: FloatArray  # RMS of `Y - G U` over realizations and experiments
+    noise: FloatArray | None  # Part of it that the periods show to be noise, or None with a single period
+    interpolation: FloatArray  # What the interpolation error of G alone may amount to
 
 
 def silent_lines(excited: IntArray) -> IntArray:

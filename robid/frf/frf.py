@@ -30,37 +30,6 @@ class Frf:
     the covariance of the output residual, `input_factor` the mean of `(U U^H)^-T` over realizations divided by
     their number (docs/methods, sec. 4), and `S` diagonal with the roots of `element_scale`: distortion that follows
     the inputs through a block, as friction does, gathers in some elements, which the product alone cannot hold.
-
-    Attributes:
-        element_scale: Total variance of each element over that of the product, mean over the lines; 1 where there is
-            only one realization.
-        realization_error: What each realization's output residual adds to the response; they sum to nearly zero. None
-            with one realization, or where an estimator has none of its own.
-        total_degrees_of_freedom: Complex degrees of freedom behind `total_covariance` (0 if None).
-        noise_degrees_of_freedom: The same for `noise_covariance`.
-        coefficient_offset: None for no distance.
-        law_names: Each as `<motor>.<value>`, with the values of `robid.robot.friction.VALUES`.
-        sampling_period_s: Sampling period of the experiment [s].
-        output_channels: What each output is; motions have become accelerations where that was asked for.
-        measured_channels: What each output was measured as; the same as `output_channels` where empty.
-        input_hold: `zoh` or `band_limited`, see `robid.signals.record.Record`.
-        silent_level: RMS amplitude of `Y - G U` there, see `robid.frf.distortion`.
-        silent_interpolation: What the error of interpolating G between the lines may add; a level that does not exceed
-            it says nothing.
-        input_amplitude: Half the complex amplitude of every input in every experiment of all realizations, compensation
-            subtracted; its power is twice its square. NaN for an experiment that there is not; None where it was not
-            kept.
-        mean_input: Mean input as recorded, without compensation. This and the next two are over all samples, and None
-            where they are unknown.
-        compensation: Which laws were subtracted: `none`, `nominal`, `silent_lines` or `fit`; "" where it is unknown.
-        line_correlation: Correlation of each line's error with those of the next lines, of estimators whose windows
-            overlap; None where lines are independent.
-        freedom_share: Share of the degrees of freedom behind `covariance` left where experiments repeat each other's
-            residual or pooled lines are unequal or share what leaks; None where it is unknown.
-        dropped: Lines that tell too little of an input: the response from it is interpolated there, and its variance
-            infinite. None where it is unknown.
-        saturated_inputs: Share of the time in which each input saturates, see `robid.frf.channels`. None where it is
-            unknown.
     """
 
     frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency", "Excited frequencies")]
@@ -71,11 +40,13 @@ class Frf:
         ComplexArray,
         Quantity("1/{per_input}^2", "configuration frequency input input", "Input factor of the covariance"),
     ]
+    # Total variance of each element over that of the product, mean over the lines; 1 where there is only one
+    # realization
     element_scale: Annotated[FloatArray, Quantity("1", _ELEMENT, "Element variance over that of the product")]
     total_covariance: Annotated[_Complex, Quantity("({output})^2", _COVARIANCE, "Output factor, from realizations")]
     noise_covariance: Annotated[_Complex, Quantity("({output})^2", _COVARIANCE, "Output factor, from periods")]
-    total_degrees_of_freedom: float
-    noise_degrees_of_freedom: float
+    total_degrees_of_freedom: float  # Complex degrees of freedom behind `total_covariance` (0 if None)
+    noise_degrees_of_freedom: float  # The same for `noise_covariance`
     sensitivity: Annotated[
         ComplexArray,
         Quantity(
@@ -89,15 +60,18 @@ class Frf:
         FloatArray, Quantity("1", "coefficient", "Standard deviation of the relative error")
     ]
     removed_torque_rms: Annotated[FloatArray, Quantity("{input}", _INPUT, "What compensation removed")]
-    sampling_period_s: float
+    sampling_period_s: float  # Sampling period of the experiment [s]
     input_channels: Annotated[tuple[Channel, ...], Quantity("1", "input", "What each input is")]
+    # What each output is; motions have become accelerations where that was asked for
     output_channels: Annotated[tuple[Channel, ...], Quantity("1", "output", "What each output is")]
+    # None for no distance
     coefficient_offset: Annotated[
         _Float, Quantity("1", "coefficient", "Distance of the subtracted coefficient from the file's")
     ] = None
     uncompensated_response: Annotated[
         _Complex, Quantity("{response}", _RESPONSE, "The response without compensation")
     ] = None
+    # Each as `<motor>.<value>`, with the values of `robid.robot.friction.VALUES`
     law_names: Annotated[tuple[str, ...], Quantity("1", "value", "Values of the subtracted torque laws")] = ()
     law_values: Annotated[
         FloatArray, Quantity("N m; rad; rad/s; samples; 1", "value", "By their names: N m, rad, rad/s, samples or 1")
@@ -105,8 +79,9 @@ class Frf:
     law_std: Annotated[FloatArray, Quantity("N m; rad; rad/s; samples; 1", "value", "Their standard deviations")] = (
         field(default_factory=lambda: np.zeros(0))
     )
+    # What each output was measured as; the same as `output_channels` where empty
     measured_channels: Annotated[tuple[Channel, ...], Quantity("1", "output", "What each output was measured as")] = ()
-    input_hold: Literal["zoh", "band_limited"] = "zoh"
+    input_hold: Literal["zoh", "band_limited"] = "zoh"  # `zoh` or `band_limited`, see `robid.signals.record.Record`
     notes: Annotated[tuple[str, ...], Quantity("1", "note")] = field(default=())
     coherence: Annotated[
         _Float, Quantity("1", "configuration frequency output", "Share of power that the response explains")
@@ -114,32 +89,48 @@ class Frf:
     silent_lines: Annotated[IntArray, Quantity("1", "silent", "Lines of the band that were not excited")] = field(
         default_factory=lambda: np.zeros(0, int)
     )
+    # RMS amplitude of `Y - G U` there, see `robid.frf.distortion`
     silent_level: Annotated[_Float, Quantity("{output}", _SILENT, "RMS amplitude of the output residual there")] = None
     silent_noise: Annotated[FloatArray | None, Quantity("{output}", _SILENT, "The part of it that is noise")] = None
+    # What the error of interpolating G between the lines may add; a level that does not exceed it says nothing
     silent_interpolation: Annotated[
         _Float, Quantity("{output}", _SILENT, "What interpolating the response may add")
     ] = None
+    # What each realization's output residual adds to the response; they sum to nearly zero. None with one realization,
+    # or where an estimator has none of its own.
     realization_error: Annotated[
         _Complex,
         Quantity("{response}", "configuration realization frequency output input", "What each realization adds to it"),
     ] = None
+    # Half the complex amplitude of every input in every experiment of all realizations, compensation subtracted; its
+    # power is twice its square. NaN for an experiment that there is not; None where it was not kept.
     input_amplitude: Annotated[
         _Complex, Quantity("{input}", "configuration frequency input block", "Half amplitudes in every experiment")
     ] = None
+    # Mean input as recorded, without compensation. This and the next two are over all samples, and None where they are
+    # unknown.
     mean_input: Annotated[_Float, Quantity("{input}", _INPUT, "Mean inputs as recorded")] = None
     mean_output: Annotated[_Float, Quantity("{measured}", _OUTPUT, "Mean outputs as measured")] = None
     motion_rms: Annotated[_Float, Quantity("{measured}", _OUTPUT, "RMS of the outputs about their means")] = None
+    # Which laws were subtracted: `none`, `nominal`, `silent_lines` or `fit`; "" where it is unknown
     compensation: str = ""
+    # Correlation of each line's error with those of the next lines, of estimators whose windows overlap; None where
+    # lines are independent
     line_correlation: Annotated[
         _Float, Quantity("1", "configuration frequency next", "Of errors at overlapping windows")
     ] = None
+    # Share of the degrees of freedom behind `covariance` left where experiments repeat each other's residual or pooled
+    # lines are unequal or share what leaks; None where it is unknown
     freedom_share: Annotated[
         _Float, Quantity("1", "configuration", "Of the degrees of freedom, left by experiments that repeat")
     ] = None
     joint_units: Annotated[tuple[str, ...] | None, Quantity("1", "joint", "Units of the joints' positions")] = None
+    # Lines that tell too little of an input: the response from it is interpolated there, and its variance infinite.
+    # None where it is unknown.
     dropped: Annotated[
         BoolArray | None, Quantity("1", "configuration frequency input", "Lines that tell too little of an input")
     ] = None
+    # Share of the time in which each input saturates, see `robid.frf.channels`. None where it is unknown.
     saturated_inputs: Annotated[_Float, Quantity("1", _INPUT, "Share of time at a limit")] = None
     saturated_outputs: Annotated[_Float, Quantity("1", _OUTPUT, "Share of time at a limit")] = None
 

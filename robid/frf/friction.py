@@ -74,14 +74,10 @@ class FrictionMove:
     A removed torque `F` enters a block's response as `Y (U - F)^-1`, whose inverse is affine in every coefficient of
     `F`. To first order this is the response's sensitivity, but a ripple or a friction level that is some ten
     percent off moves the response of a lightly loaded motor by more than the first order holds.
-
-    Attributes:
-        response (n_conf, n_freq, n_out, n_in): Measured response as it was compensated; or lines in one axis.
-        share (n_conf, n_freq, n_in, n_coef, n_in): `D_k`, torque of each coefficient per torque.
     """
 
-    response: ComplexArray
-    share: ComplexArray
+    response: ComplexArray  # (n_conf, n_freq, n_out, n_in) Measured response as compensated; or lines in one axis
+    share: ComplexArray  # (n_conf, n_freq, n_in, n_coef, n_in) `D_k`, torque of each coefficient per torque
 
     def moved(self, scales: FloatArray) -> ComplexArray:
         """Response (n_conf, n_freq, n_out, n_in) at some friction scales (n_coef,)."""
@@ -103,17 +99,11 @@ class FrictionMove:
 
 @dataclass(frozen=True)
 class MotorFrictionMove:
-    """The same where each coefficient is one motor's: `D_k` has that motor's row alone.
+    """The same where each coefficient is one motor's: `D_k` has that motor's row alone."""
 
-    Attributes:
-        response (n_line, n_out, n_in): Measured response as it was compensated.
-        motors (n_in, n_coef): Ones where a coefficient is a motor's.
-        share (n_line, n_coef, n_in): The rows.
-    """
-
-    response: ComplexArray
-    motors: FloatArray
-    share: ComplexArray
+    response: ComplexArray  # (n_line, n_out, n_in) Measured response as it was compensated
+    motors: FloatArray  # (n_in, n_coef) Ones where a coefficient is a motor's
+    share: ComplexArray  # (n_line, n_coef, n_in) The rows
 
     def moved(self, scales: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Response (n_line, n_out, n_in) at some friction scales (n_coef,), and the rows (n_line, n_coef, n_in) there.

@@ -17,25 +17,15 @@ _SIGNIFICANT = 2.0  # friction as strong as the noise
 
 @dataclass(frozen=True)
 class LawEstimate:
-    """Torque laws of all motors as one configuration shows them.
+    """Torque laws of all motors as one configuration shows them."""
 
-    Attributes:
-        values (n_in, 7): The laws' coordinates, in the order of `robid.robot.friction.COORDINATES`.
-        covariance (n_in, 7, 7): Their covariance, robust against errors that all experiments share at a line.
-        form_deviation (n_in, 7): Their deviations if all that the law leaves were the error of its form.
-        explained (n_in,): Share of the silent lines' torque above noise that the law explains.
-        significance (n_in,): Silent lines' torque power over that of noise; infinite without a noise estimate.
-        form_share (n_in,): Share of what the law leaves there that is not noise: the error of the law's form.
-        torque_peak (n_in,): Largest torque that was measured, its mean taken off.
-    """
-
-    values: FloatArray
-    covariance: FloatArray
-    form_deviation: FloatArray
-    explained: FloatArray
-    significance: FloatArray
-    form_share: FloatArray
-    torque_peak: FloatArray
+    values: FloatArray  # (n_in, 7) The laws' coordinates, in the order of `robid.robot.friction.COORDINATES`
+    covariance: FloatArray  # (n_in, 7, 7) Their covariance, robust against errors that all experiments share at a line
+    form_deviation: FloatArray  # (n_in, 7) Their deviations if all that the law leaves were the error of its form
+    explained: FloatArray  # (n_in,) Share of the silent lines' torque above noise that the law explains
+    significance: FloatArray  # (n_in,) Silent lines' torque power over that of noise; infinite without a noise estimate
+    form_share: FloatArray  # (n_in,) Share of what the law leaves there that is not noise: the error of the law's form
+    torque_peak: FloatArray  # (n_in,) Largest torque that was measured, its mean taken off
 
 
 def combine_laws(

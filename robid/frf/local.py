@@ -96,23 +96,16 @@ class LocalEstimate(BlockEstimate):
     """A response with the covariance that its local fits' residuals show.
 
     The weights' experiments are all bins of all experiments, `n_real n_exp width`, of a single block.
-
-    Attributes:
-        covariance (n_freq, n_out, n_out): Covariance of one experiment's output residual.
-        freedom: Complex degrees of freedom of each.
-        element_scale (n_out, n_in): Variance of each element over that of the product, mean over the lines.
-        determined (n_window,): Whether the bins of each window determine a model; all else is of those that do.
-        line_correlation (n_freq, n_next): Correlation of each line's error with those of the next lines, whose
-            windows hold the same bins; the denominator's part is taken to be alike.
-        hidden (n_freq, n_in): Whether an input acts so near to an end of the record that its response looks like the
-            transient.
     """
 
-    covariance: ComplexArray
-    freedom: float
-    element_scale: FloatArray
+    covariance: ComplexArray  # (n_freq, n_out, n_out) Covariance of one experiment's output residual
+    freedom: float  # Complex degrees of freedom of each
+    element_scale: FloatArray  # (n_out, n_in) Variance of each element over that of the product, mean over the lines
+    # (n_freq, n_next) Correlation of each line's error with those of the next lines, whose windows hold the same bins;
+    # the denominator's part is taken to be alike
     line_correlation: FloatArray
-    determined: BoolArray
+    determined: BoolArray  # (n_window,) Whether the bins of each window determine a model; all else is of those that do
+    # (n_freq, n_in) Whether an input acts so near to an end of the record that its response looks like the transient
     hidden: BoolArray
 
 
@@ -122,11 +115,6 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
     N is a matrix polynomial in the frequency, D a polynomial common to all outputs (1 without `local_denominator`), T
     the transient of each experiment (`local` only). Where the reference was recorded, inputs and outputs are both
     fitted to it and the response is their ratio, as the loop is closed. The covariance is of first order in the noise.
-
-    Args:
-        blocks: Spectra at the windows' bins.
-        windows: Neighbours of each line.
-        options: Estimator and orders.
 
     Raises:
         DataError: If the bins around hardly any line determine the model.

@@ -18,23 +18,16 @@ class Quality:
     """How well each output's response is known, at the input that moves it the most.
 
     NaN where a line told too little of all inputs, or where the record does not tell.
-
-    Attributes:
-        strongest (n_conf, n_freq, n_out): Index of that input.
-        relative_std (n_conf, n_freq, n_out): Standard deviation over the magnitude.
-        signal_to_noise_db (n_conf, n_freq, n_out): Power over the variance that noise gives it [dB].
-        coherence (n_conf, n_freq, n_out): Multiple coherence: share of the output's power that the response to all
-            inputs explains.
-        odd (n_conf, n_freq, n_out): Level of the odd silent lines, as a deviation of the response over its magnitude.
-        even (n_conf, n_freq, n_out): The same of the even ones.
     """
 
-    strongest: IntArray
-    relative_std: FloatArray
-    signal_to_noise_db: FloatArray
+    strongest: IntArray  # (n_conf, n_freq, n_out) Index of that input
+    relative_std: FloatArray  # (n_conf, n_freq, n_out) Standard deviation over the magnitude
+    signal_to_noise_db: FloatArray  # (n_conf, n_freq, n_out) Power over the variance that noise gives it [dB]
+    # (n_conf, n_freq, n_out) Multiple coherence: share of the output's power that the response to all inputs explains
     coherence: FloatArray
+    # (n_conf, n_freq, n_out) Level of the odd silent lines, as a deviation of the response over its magnitude
     odd: FloatArray
-    even: FloatArray
+    even: FloatArray  # (n_conf, n_freq, n_out) The same of the even ones
 
 
 def known_response(frf: Frf) -> ComplexArray:
@@ -139,21 +132,13 @@ _LEAST_BAND = 4.0  # highest over lowest frequency: below, a reversed sign passe
 
 @dataclass(frozen=True)
 class DrivingPoints:
-    """Responses of motors to their own torques.
+    """Responses of motors to their own torques."""
 
-    Attributes:
-        frequency_hz (n_freq,): Frequencies [Hz].
-        response (n_conf, n_freq, n_motor): Acceleration per torque [rad/(s^2 N m)].
-        signal_to_noise (n_conf, n_freq, n_motor): Its power over its variance; None where no variance is known.
-        sampling_period_s: Sampling period of the experiment [s].
-        hold_period_s: Period for which the torque is held; None where it is not [s].
-    """
-
-    frequency_hz: FloatArray
-    response: ComplexArray
-    signal_to_noise: FloatArray | None
-    sampling_period_s: float
-    hold_period_s: float | None
+    frequency_hz: FloatArray  # (n_freq,) Frequencies [Hz]
+    response: ComplexArray  # (n_conf, n_freq, n_motor) Acceleration per torque [rad/(s^2 N m)]
+    signal_to_noise: FloatArray | None  # (n_conf, n_freq, n_motor) Power over variance; None where no variance is known
+    sampling_period_s: float  # Sampling period of the experiment [s]
+    hold_period_s: float | None  # Period for which the torque is held; None where it is not [s]
 
 
 def driving_points(frf: Frf) -> DrivingPoints:

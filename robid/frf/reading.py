@@ -21,17 +21,11 @@ from robid.signals.record import Record
 
 @dataclass(frozen=True)
 class Windows:
-    """Neighbouring bins that each line's model is fitted to.
+    """Neighbouring bins that each line's model is fitted to."""
 
-    Attributes:
-        index (n_freq, width): Position of each bin among the blocks' lines.
-        offset (n_freq, width): Distance from the line, at most 1.
-        lines (n_freq,): Position of the lines themselves.
-    """
-
-    index: IntArray
-    offset: FloatArray
-    lines: IntArray
+    index: IntArray  # (n_freq, width) Position of each bin among the blocks' lines
+    offset: FloatArray  # (n_freq, width) Distance from the line, at most 1
+    lines: IntArray  # (n_freq,) Position of the lines themselves
 
     def at(self, chosen: BoolArray) -> Windows:
         """Returns the windows around some of the lines."""

@@ -16,18 +16,12 @@ _TURN = 2 * np.pi
 
 @dataclass(frozen=True)
 class Residual:
-    """Measured minus modelled response, Wernholt and Moberg (2008), eq. 4c; other residuals override what differs.
-
-    Attributes:
-        parts: Real numbers that each element's residual has: 2 where it is complex, 1 where it is real.
-        drops_noise: Whether elements that drown in noise are left out, as their residual is biased.
-        from_afar: Name of the estimator that comes closer from starts far away.
-    """
+    """Measured minus modelled response, Wernholt and Moberg (2008), eq. 4c; other residuals override what differs."""
 
     name: EstimatorKind
-    parts: int
-    drops_noise: bool
-    from_afar: EstimatorKind
+    parts: int  # Real numbers that each element's residual has: 2 where it is complex, 1 where it is real
+    drops_noise: bool  # Whether elements that drown in noise are left out, as their residual is biased
+    from_afar: EstimatorKind  # Name of the estimator that comes closer from starts far away
 
     def compare(self, measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
         """Residual of each element [1, or as the responses]."""

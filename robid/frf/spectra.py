@@ -21,25 +21,17 @@ class Blocks:
     """Spectra of one configuration, averaged over the periods, and the scatter of the periods.
 
     Complex amplitudes are DFT sums over one period divided by its number of samples.
-
-    Attributes:
-        lines (n_freq,): DFT lines of one period.
-        inputs (n_real, n_freq, n_in, n_exp): Inputs [their units].
-        outputs (n_real, n_freq, n_out, n_exp): Outputs, or their accelerations [their units].
-        reference (n_real, n_freq, n_in, n_exp): What was injected, or None where it was not recorded.
-        input_scatter (n_real, n_scatter, n_freq, n_in, n_exp): Deviations whose summed outer products over
-            `scatter_freedom` estimate the noise covariance of `inputs`.
-        output_scatter (n_real, n_scatter, n_freq, n_out, n_exp): The same of `outputs`.
-        scatter_freedom: Complex degrees of freedom of the scatter in each experiment; 0 with a single period.
     """
 
-    lines: IntArray
-    inputs: ComplexArray
-    outputs: ComplexArray
-    reference: ComplexArray | None
+    lines: IntArray  # (n_freq,) DFT lines of one period
+    inputs: ComplexArray  # (n_real, n_freq, n_in, n_exp) Inputs [their units]
+    outputs: ComplexArray  # (n_real, n_freq, n_out, n_exp) Outputs, or their accelerations [their units]
+    reference: ComplexArray | None  # (n_real, n_freq, n_in, n_exp) What was injected, or None where it was not recorded
+    # (n_real, n_scatter, n_freq, n_in, n_exp) Deviations whose summed outer products over `scatter_freedom` estimate
+    # the noise covariance of `inputs`
     input_scatter: ComplexArray
-    output_scatter: ComplexArray
-    scatter_freedom: int
+    output_scatter: ComplexArray  # (n_real, n_scatter, n_freq, n_out, n_exp) The same of `outputs`
+    scatter_freedom: int  # Complex degrees of freedom of the scatter in each experiment; 0 with a single period
 
     def select(self, chosen: IntArray) -> Blocks:
         """Returns the blocks at some of the lines, by index."""

@@ -31,29 +31,18 @@ _Deviations: TypeAlias = ComplexArray
 
 @dataclass(frozen=True)
 class Steadiness:
-    """How the periods of a record differ at the excited lines.
+    """How the periods of a record differ at the excited lines."""
 
-    Attributes:
-        input_share (n_in,): Share of each input's energy that repeats.
-        output_share (n_out,): Share of each output's.
-        input_bias: What noise of the inputs takes from the response, relative.
-        input_change (n_in,): Relative change of each input's size from period to period.
-        output_change (n_out,): The same of each output.
-        change: Relative change of the response from period to period, of all lines alike; 0 where noise explains it.
-        pattern: The same of one pattern over the lines that comes back.
-        leading: Periods at the beginning that are a transient.
-        gain: Variance of the mean without them, over that with them.
-    """
-
-    input_share: FloatArray
-    output_share: FloatArray
-    input_bias: float
-    input_change: FloatArray
-    output_change: FloatArray
+    input_share: FloatArray  # (n_in,) Share of each input's energy that repeats
+    output_share: FloatArray  # (n_out,) Share of each output's
+    input_bias: float  # What noise of the inputs takes from the response, relative
+    input_change: FloatArray  # (n_in,) Relative change of each input's size from period to period
+    output_change: FloatArray  # (n_out,) The same of each output
+    # Relative change of the response from period to period, of all lines alike; 0 where noise explains it
     change: float
-    pattern: float
-    leading: int
-    gain: float
+    pattern: float  # The same of one pattern over the lines that comes back
+    leading: int  # Periods at the beginning that are a transient
+    gain: float  # Variance of the mean without them, over that with them
 
     @property
     def is_noise(self) -> bool:

@@ -23,60 +23,37 @@ _FLOOR = 1e-12
 
 @dataclass(frozen=True)
 class Shift:
-    """One period that runs apart from the period before it.
-
-    Attributes:
-        period: Index of the later of the two periods.
-        lost: Samples missing between the two; negative where there are too many.
-        sample: Sample of that period (of the one before, if negative: counted back from its end) where it begins.
-        whole: Whether the whole period is shifted, so that the fault lies between the two.
-        unusual: Whether the periods differ there far more than periods usually do.
-        channels: Channels that it explains: inputs first, then outputs.
-    """
+    """One period that runs apart from the period before it."""
 
     realization: int
     experiment: int
-    period: int
-    lost: int
-    sample: int
-    whole: bool
-    unusual: bool
-    channels: tuple[int, ...]
+    period: int  # Index of the later of the two periods
+    lost: int  # Samples missing between the two; negative where there are too many
+    sample: int  # Sample of that period (of the one before, if negative: counted back from its end) where it begins
+    whole: bool  # Whether the whole period is shifted, so that the fault lies between the two
+    unusual: bool  # Whether the periods differ there far more than periods usually do
+    channels: tuple[int, ...]  # Channels that it explains: inputs first, then outputs
 
 
 @dataclass(frozen=True)
 class Differences:
-    """Differences between successive periods of all channels beside their slopes.
+    """Differences between successive periods of all channels beside their slopes."""
 
-    Attributes:
-        difference (n_real, n_exp, n_pair, n_point, n_channel): Later minus earlier period, over the noise.
-        slope (n_real, n_exp, n_pair, n_point, n_channel): Change per sample of their mean, over the noise.
-        power (n_real, n_exp): Variance of the signals over that of the noise, summed over channels.
-        scale (n_channel,): The noise that they were divided by: RMS of the usual difference.
-    """
-
-    difference: FloatArray
-    slope: FloatArray
-    power: FloatArray
-    scale: FloatArray
+    difference: FloatArray  # (n_real, n_exp, n_pair, n_point, n_channel) Later minus earlier period, over the noise
+    slope: FloatArray  # (n_real, n_exp, n_pair, n_point, n_channel) Change per sample of their mean, over the noise
+    power: FloatArray  # (n_real, n_exp) Variance of the signals over that of the noise, summed over channels
+    scale: FloatArray  # (n_channel,) The noise that they were divided by: RMS of the usual difference
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples of a period that are enough for statistics, and those around them for the slope.
+    """Samples of a period that are enough for statistics, and those around them for the slope."""
 
-    Attributes:
-        count: How many; 0 where the period is too short.
-        reach: Distance of the samples around them.
-        before: `reach` samples earlier.
-        after: `reach` samples later.
-    """
-
-    count: int
-    reach: int
-    before: slice
+    count: int  # How many; 0 where the period is too short
+    reach: int  # Distance of the samples around them
+    before: slice  # `reach` samples earlier
     here: slice
-    after: slice
+    after: slice  # `reach` samples later
 
 
 def sparse_samples(record: Record) -> Samples:

@@ -22,15 +22,11 @@ _TWO_ROUNDINGS = 0.6
 
 @dataclass(frozen=True)
 class Resolution:
-    """Steps of a channel by the size of its values: a number of digits makes large values coarser.
+    """Steps of a channel by the size of its values: a number of digits makes large values coarser."""
 
-    Attributes:
-        size (n_step,): Largest size of a value up to which each step holds, in ascending order.
-        step (n_step,): Smallest distance of two different values of that size or larger; what chance makes of it
-            where there is none.
-    """
-
-    size: FloatArray
+    size: FloatArray  # (n_step,) Largest size of a value up to which each step holds, in ascending order
+    # (n_step,) Smallest distance of two different values of that size or larger; what chance makes of it where there is
+    # none
     step: FloatArray
 
     def at(self, values: FloatArray) -> FloatArray:
@@ -161,42 +157,25 @@ _SHORTEST = 32
 
 @dataclass(frozen=True)
 class Copy:
-    """Samples that two records share; all indices from 0.
+    """Samples that two records share; all indices from 0."""
 
-    Attributes:
-        realization: Of the new record.
-        experiment: Of the new record.
-        first: First sample of the stretch, counted over the new record's periods.
-        old_realization: Of the old record.
-        old_experiment: Of the old record.
-        old_first: First sample there.
-        count: Samples of the stretch.
-    """
-
-    realization: int
-    experiment: int
-    first: int
-    old_realization: int
-    old_experiment: int
-    old_first: int
-    count: int
+    realization: int  # Of the new record
+    experiment: int  # Of the new record
+    first: int  # First sample of the stretch, counted over the new record's periods
+    old_realization: int  # Of the old record
+    old_experiment: int  # Of the old record
+    old_first: int  # First sample there
+    count: int  # Samples of the stretch
 
 
 @dataclass(frozen=True)
 class Excerpt:
-    """Short windows of one channel of a new record, by which most others are told from it without reading it again.
+    """Short windows of one channel of a new record, by which most others are told from it without reading it again."""
 
-    Attributes:
-        names: Inputs and outputs of the record.
-        stretch: Samples of the stretches that they stand for.
-        channel: The channel, inputs first.
-        windows: Each of them.
-    """
-
-    names: tuple[tuple[str, ...], tuple[str, ...]]
-    stretch: int
-    channel: int
-    windows: tuple[_Window, ...]
+    names: tuple[tuple[str, ...], tuple[str, ...]]  # Inputs and outputs of the record
+    stretch: int  # Samples of the stretches that they stand for
+    channel: int  # The channel, inputs first
+    windows: tuple[_Window, ...]  # Each of them
 
 
 @dataclass(frozen=True)

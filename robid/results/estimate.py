@@ -39,22 +39,6 @@ class Estimate:
 
     What is relative of a parameter that may be zero is related to what is natural to it; a parameter that is itself a
     relative error is related to nothing.
-
-    Attributes:
-        lower: Lower end of the interval of the parameter itself; it need not lie around the value.
-        covariance: Covariance of the values, linearised, without any quantile.
-        degrees_of_freedom: Of Student's distribution, whose quantile of `covariance` an interval is; infinite for the
-            normal one.
-        confidence: Level of the intervals.
-        interval_rule: What set the width of the intervals, in words.
-        prior_relative_std: What was known beforehand, relative as the prediction; infinite for nothing.
-        identifiable: Whether the data determine it, decided before the fit.
-        identifiable_relative_std: Predicted deviation up to which a parameter counts as identifiable.
-        status: How the fit ended: `converged`, `iteration_limit` or `stalled`.
-        advice: What to try next; empty when all is well.
-        tied: Parameters that follow one of these.
-        effective_value: What infinitely many places of this robot would give by this model, the value that predicts
-            best; None where a family tells it from no other.
     """
 
     names: Annotated[tuple[str, ...], Quantity("1", "parameter")]
@@ -62,29 +46,36 @@ class Estimate:
     units: Annotated[tuple[str, ...], Quantity("1", "parameter", "Unit of each parameter")]
     nominal: Annotated[FloatArray, Quantity("as in units", "parameter", "Value of the robot file")]
     value: Annotated[FloatArray, Quantity("as in units", "parameter", "Estimated value")]
+    # Lower end of the interval of the parameter itself; it need not lie around the value
     lower: Annotated[FloatArray, Quantity("as in units", "parameter", "Lower end of the interval")]
     upper: Annotated[FloatArray, Quantity("as in units", "parameter", "Upper end of the interval")]
+    # Covariance of the values, linearised, without any quantile
     covariance: Annotated[FloatArray, Quantity("products of units", "parameter parameter", "Covariance of the values")]
+    # Of Student's distribution, whose quantile of `covariance` an interval is; infinite for the normal one
     degrees_of_freedom: Annotated[
         FloatArray, Quantity("1", "parameter", "Of Student's distribution that the intervals follow")
     ]
-    confidence: float
-    interval_rule: str
+    confidence: float  # Level of the intervals
+    interval_rule: str  # What set the width of the intervals, in words
     relative_std: Annotated[FloatArray, Quantity("1", "parameter", "Relative standard deviation")]
     predicted_relative_std: Annotated[FloatArray, Quantity("1", "parameter", "The same, predicted before the fit")]
+    # What was known beforehand, relative as the prediction; infinite for nothing
     prior_relative_std: Annotated[
         FloatArray, Quantity("1", "parameter", "What was known beforehand, as predicted_relative_std")
     ]
     relative_half_width: Annotated[FloatArray, Quantity("1", "parameter", "Half width of the interval over the value")]
+    # Whether the data determine it, decided before the fit
     identifiable: Annotated[BoolArray, Quantity("1", "parameter", "Whether the prediction was small enough")]
-    identifiable_relative_std: float
+    identifiable_relative_std: float  # Predicted deviation up to which a parameter counts as identifiable
     undetermined: Annotated[tuple[str, ...], Quantity("1", "combination", "What the data do not determine")]
-    status: str
-    advice: str
-    tied: Tied = field(default_factory=Tied)
+    status: str  # How the fit ended: `converged`, `iteration_limit` or `stalled`
+    advice: str  # What to try next; empty when all is well
+    tied: Tied = field(default_factory=Tied)  # Parameters that follow one of these
     physical_value: Annotated[FloatArray | None, Quantity("as in units", "parameter", "Middle of the interval")] = None
+    # What infinitely many configurations of this robot would give by this model, the value that predicts best; None
+    # where a family has no other
     effective_value: Annotated[
-        FloatArray | None, Quantity("as in units", "parameter", "What infinitely many places would give by this model")
+        FloatArray | None, Quantity("as in units", "parameter", "What infinitely many configurations would give by it")
     ] = None
     effective_lower: Annotated[FloatArray | None, Quantity("as in units", "parameter", "Lower end of its interval")] = (
         None
@@ -116,7 +107,7 @@ class Estimate:
 
     @property
     def effective_interval(self) -> tuple[FloatArray, FloatArray]:
-        """Ends (n_param,) of the intervals of what predicts; those of the parameters where nothing tells them apart."""
+        """Ends (n_param,) of the intervals of what predicts; those of the parameters where they are the same."""
         if self.effective_lower is None or self.effective_upper is None:
             return self.lower, self.upper
         return self.effective_lower, self.effective_upper

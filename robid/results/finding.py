@@ -51,20 +51,13 @@ def two_digits(value: float, sign: str = "") -> str:
 
 @dataclass(frozen=True)
 class Finding:
-    """Something seen in data or a result that speaks against its use.
+    """Something seen in data or a result that speaks against its use."""
 
-    Attributes:
-        cause: The likely cause, of `CAUSES`.
-        message: What was seen and where, a clause without a full stop.
-        decisive: Whether nothing that follows from the data may be used while it stands.
-        strength: How far beyond what is normal, a ratio above 1; the strongest of a kind comes first.
-        scales: Which wrong scales explain it, the likeliest first, those that give the same data beside each other.
-    """
-
-    cause: str
-    message: str
-    decisive: bool
-    strength: float
+    cause: str  # The likely cause, of `CAUSES`
+    message: str  # What was seen and where, a clause without a full stop
+    decisive: bool  # Whether nothing that follows from the data may be used while it stands
+    strength: float  # How far beyond what is normal, a ratio above 1; the strongest of a kind comes first
+    # Which wrong scales explain it, the likeliest first, those that give the same data beside each other
     scales: tuple[Scale, ...] = ()
 
     @property

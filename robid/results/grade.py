@@ -18,25 +18,20 @@ WORDS = {TRUST: "trust", PREDICTS: "predicts, but single parameters may be off",
 
 @dataclass(frozen=True)
 class Grade:
-    """How far to trust a fitted model.
+    """How far to trust a fitted model."""
 
-    Attributes:
-        value: 2 to trust, 1 predicts but single parameters may be off, 0 not to be used.
-        reasons: What keeps it from a better grade, clauses without a full stop, the worst first.
-        causes: Likely cause of each finding, of `robid.results.finding.CAUSES`, the first to blame first.
-        sentence: The grade, why it is no better, and the likeliest cause.
-        scales: Which wrong scales explain each finding; empty where none do so for any.
-    """
-
-    value: int
+    value: int  # 2 to trust, 1 predicts but single parameters may be off, 0 not to be used
+    # What keeps it from a better grade, clauses without a full stop, the worst first
     reasons: Annotated[tuple[str, ...], Quantity("1", "reason", "What keeps it from a better grade")]
+    # Likely cause of each finding, of `robid.results.finding.CAUSES`, the first to blame first
     causes: Annotated[tuple[str, ...], Quantity("1", "doubt", "Likely causes, the first to blame first")]
     messages: Annotated[tuple[str, ...], Quantity("1", "doubt", "What was seen of each")]
     decisive: Annotated[
         BoolArray, Quantity("1", "doubt", "Whether nothing that follows from the data may be used while it stands")
     ]
     strength: Annotated[FloatArray, Quantity("1", "doubt", "How far each is beyond what is normal")]
-    sentence: str
+    sentence: str  # The grade, why it is no better, and the likeliest cause
+    # Which wrong scales explain each finding; empty where none do so for any
     scales: tuple[tuple[Scale, ...], ...] = ()
 
     def fails(self, *, strict: bool) -> bool:

@@ -23,36 +23,22 @@ _SINGULAR = 1e-12  # of the largest, an eigenvalue that counts as none
 
 @dataclass(frozen=True)
 class Normal:
-    """Cost and its quadratic model at one point.
+    """Cost and its quadratic model at one point."""
 
-    Attributes:
-        cost: The cost `V`.
-        gradient (n_param,): Half the gradient of `V`.
-        hessian (n_param, n_param): Half the Gauss-Newton Hessian of `V`.
-    """
-
-    cost: float
-    gradient: FloatArray
-    hessian: FloatArray
+    cost: float  # The cost `V`
+    gradient: FloatArray  # (n_param,) Half the gradient of `V`
+    hessian: FloatArray  # (n_param, n_param) Half the Gauss-Newton Hessian of `V`
 
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where a descent ended.
+    """Where a descent ended."""
 
-    Attributes:
-        parameters (n_param,): Internal parameters.
-        cost: The cost there.
-        iterations: Accepted and refused steps.
-        status: How it ended.
-        evaluations: Points at which the cost was computed.
-    """
-
-    parameters: FloatArray
-    cost: float
-    iterations: int
-    status: Status
-    evaluations: int = 0
+    parameters: FloatArray  # (n_param,) Internal parameters
+    cost: float  # The cost there
+    iterations: int  # Accepted and refused steps
+    status: Status  # How it ended
+    evaluations: int = 0  # Points at which the cost was computed
 
 
 def minimise(

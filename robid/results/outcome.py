@@ -17,16 +17,12 @@ _SPRING_TOLERANCE = 0.02
 
 @dataclass(frozen=True)
 class Recovery:
-    """Fitted against true values.
-
-    Attributes:
-        relative_error: Error over the true value; the error itself for relative errors of friction and where the truth
-            is zero.
-    """
+    """Fitted against true values."""
 
     names: Annotated[tuple[str, ...], Quantity("1", "known", "Parameters with a known truth")]
     kinds: Annotated[tuple[str, ...], Quantity("1", "known")]
     truth: Annotated[FloatArray, Quantity("as in the model", "known", "True values")]
+    # Error over the true value; the error itself for relative errors of friction and where the truth is zero
     relative_error: Annotated[
         FloatArray, Quantity("1", "known", "Error over the true value; the error itself for friction")
     ]
@@ -75,16 +71,9 @@ def recovery_sentence(recovery: Recovery) -> str:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Whether a model held on data that its fit never saw.
+    """Whether a model held on data that its fit never saw."""
 
-    Attributes:
-        ok: Whether the model may be used on data like these.
-        verdict: The same in words, to follow "the model".
-        grade: How far to trust the model.
-        recovery: Its parameters against the true ones; empty for a real robot.
-    """
-
-    ok: bool
-    verdict: str
-    grade: Grade
-    recovery: Recovery
+    ok: bool  # Whether the model may be used on data like these
+    verdict: str  # The same in words, to follow "the model"
+    grade: Grade  # How far to trust the model
+    recovery: Recovery  # Its parameters against the true ones; empty for a real robot

@@ -38,19 +38,12 @@ CHANNELS = ("torque", "motor_angle", "arm_angle", "speed", "acceleration", "time
 
 @dataclass(frozen=True)
 class Scale:
-    """A wrong scale that a finding saw.
+    """A wrong scale that a finding saw."""
 
-    Attributes:
-        channel: What has it, of `CHANNELS`.
-        factor: Which factor, a key of `SCALES` or of `OWN_SCALES`.
-        inverse: Whether the values that were read are too small by the factor; they are too large where not.
-        joints: The joints concerned; none for all of them.
-    """
-
-    channel: str
-    factor: str
-    inverse: bool = False
-    joints: tuple[str, ...] = ()
+    channel: str  # What has it, of `CHANNELS`
+    factor: str  # Which factor, a key of `SCALES` or of `OWN_SCALES`
+    inverse: bool = False  # Whether the values that were read are too small by the factor; they are too large where not
+    joints: tuple[str, ...] = ()  # The joints concerned; none for all of them
 
     def __str__(self) -> str:
         """Writes it as `motor_angle x 180/pi of axis_3`, or with `/` where values are too small."""

@@ -122,13 +122,7 @@ def add_ramps(spec: mujoco.MjSpec, joint: Joint, drive: tuple[str, float], law: 
 
 
 def friction_rows(model: mujoco.MjModel, robot: Robot, law: FrictionLaw) -> list[tuple[int, int]]:
-    """Returns the motor and the index of every actuator that rubs on it.
-
-    Args:
-        model: What was compiled.
-        robot: The robot.
-        law: Law of its friction.
-    """
+    """Returns the motor and the index of every actuator that rubs on it."""
     rows = []
     for motor, joint in enumerate(robot.joints):
         if joint.motor.friction.coulomb_nm > 0:

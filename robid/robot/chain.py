@@ -16,25 +16,16 @@ from robid.robot.inertia import combine
 
 @dataclass(frozen=True)
 class ForeignJoint:
-    """A hinge or slide of a foreign robot, turned so that its axis is z, and the link that it moves.
-
-    Attributes:
-        position_m (3,): Origin of the joint frame in the previous joint's frame [m].
-        rotation (3, 3): Orientation of the joint frame in the previous joint's frame at zero angle.
-        link: Mass properties of all that it moves up to the next joint, in the joint frame.
-        range: Lower and upper limit [rad, or m]; None where the file has none.
-        body_position_m (3,): Origin of the file's own body frame in the joint frame [m].
-        body_rotation (3, 3): Orientation of the file's own body frame in the joint frame.
-    """
+    """A hinge or slide of a foreign robot, turned so that its axis is z, and the link that it moves."""
 
     name: str
-    position_m: FloatArray
-    rotation: FloatArray
-    link: Inertial
-    range: tuple[float, float] | None
+    position_m: FloatArray  # (3,) Origin of the joint frame in the previous joint's frame [m]
+    rotation: FloatArray  # (3, 3) Orientation of the joint frame in the previous joint's frame at zero angle
+    link: Inertial  # Mass properties of all that it moves up to the next joint, in the joint frame
+    range: tuple[float, float] | None  # Lower and upper limit [rad, or m]; None where the file has none
     slides: bool
-    body_position_m: FloatArray
-    body_rotation: FloatArray
+    body_position_m: FloatArray  # (3,) Origin of the file's own body frame in the joint frame [m]
+    body_rotation: FloatArray  # (3, 3) Orientation of the file's own body frame in the joint frame
 
 
 def order_of(model: ForeignModel, joints: Sequence[str]) -> list[str]:

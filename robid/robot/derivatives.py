@@ -40,10 +40,10 @@ def expand(
     # Columns of to_rest move one deflection each, with all motors held.
     pairs, torques = [], []
     for moved in to_rest.T:
-        sides = [replace(equilibrium, position=equilibrium.position + step * moved) for step in _sides(_STEP_RAD)]
+        sides = [replace(equilibrium, position=equilibrium.position + step * moved) for step in (-_STEP_RAD, _STEP_RAD)]
         pairs.append([linearize(model, side, output_names) for side in sides])
     for element in chosen.tolist():
-        models = [build_model(_moved_spring(model.robot, element, step)) for step in _sides(_STEP_M)]
+        models = [build_model(_moved_spring(model.robot, element, step)) for step in (-_STEP_M, _STEP_M)]
         pairs.append([linearize(each, equilibrium, output_names) for each in models])
         # Where a spring sits changes what gravity does to the deflections, at the same configuration.
         behind, ahead = (gravity_torque(each, equilibrium.position) @ to_rest for each in models)
@@ -82,10 +82,6 @@ def with_springs_at(robot: Robot, points: dict[str, FloatArray]) -> Robot:
     """Returns the robot with some springs elsewhere, by their names."""
     springs = tuple(replace(spring, point_m=points.get(spring.name, spring.point_m)) for spring in robot.springs)
     return replace(robot, springs=springs)
-
-
-def _sides(step: float) -> tuple[float, float]:
-    return -step, step
 
 
 def _slopes(pairs: Sequence[Sequence[LinearModel]], width: FloatArray) -> dict[str, FloatArray]:
@@ -183,14 +179,7 @@ def _columns(
 def loaded_slopes(
     model: LinearModel, parameters: ElasticParameters, springs: Springs, kinds: tuple[str, ...]
 ) -> dict[str, SpringSlopes]:
-    """How springs move with each kind of parameter; none where they are linear and rest where they are.
-
-    Args:
-        model: Linearised robot.
-        parameters: Parameter values.
-        springs: Its springs there.
-        kinds: Kinds whose derivatives are asked for.
-    """
+    """How springs move with each kind of parameter; none where they are linear and rest where they are."""
     # Linear springs at fixed rest: nothing passes through the rest.
     constant = not parameters.cubic.any() and model.rest.moves is None
     if constant and {"cubic", "location"}.isdisjoint(kinds):

@@ -21,45 +21,28 @@ LOCATED: tuple[SpringPlace, ...] = ("split", "payload", "base")  # Places of spr
 
 @dataclass(frozen=True)
 class Inertial:
-    """Mass properties of a rigid body.
+    """Mass properties of a rigid body."""
 
-    Attributes:
-        mass_kg: Mass [kg].
-        com_m (3,): Centre of mass in the body frame [m].
-        inertia_kgm2 (3, 3): Inertia about the centre of mass, along the body axes [kg m^2].
-    """
-
-    mass_kg: float
-    com_m: FloatArray
-    inertia_kgm2: FloatArray
+    mass_kg: float  # Mass [kg]
+    com_m: FloatArray  # (3,) Centre of mass in the body frame [m]
+    inertia_kgm2: FloatArray  # (3, 3) Inertia about the centre of mass, along the body axes [kg m^2]
 
 
 @dataclass(frozen=True)
 class Motor:
-    """A motor behind a gear; everything on the motor side.
+    """A motor behind a gear; everything on the motor side."""
 
-    Attributes:
-        inertia_kgm2: Rotor inertia [kg m^2].
-        gear_ratio: Motor turns per arm turn, of a prismatic joint motor radians per metre; negative where the two
-            go opposite ways.
-        max_speed_rad_s: Speed limit, infinite where it is unknown [rad/s].
-        max_torque_nm: Torque limit, infinite where it is unknown [N m].
-        ripple_nm: Amplitude of the torque ripple [N m].
-        ripple_order: Ripple periods per motor turn.
-        ripple_phase_rad: Phase `p` of the torque `ripple_nm sin(ripple_order q_m + p)` [rad].
-        torque_constant_nm_a: Torque per ampere, None where it is unknown [N m/A].
-    """
-
-    inertia_kgm2: float
+    inertia_kgm2: float  # Rotor inertia [kg m^2]
+    # Motor turns per arm turn, of a prismatic joint motor radians per metre; negative where the two go opposite ways
     gear_ratio: float
-    max_speed_rad_s: float
-    max_torque_nm: float
+    max_speed_rad_s: float  # Speed limit, infinite where it is unknown [rad/s]
+    max_torque_nm: float  # Torque limit, infinite where it is unknown [N m]
     friction: Friction = field(default_factory=Friction)
-    ripple_nm: float = 0.0
-    ripple_order: int = 6
-    ripple_phase_rad: float = 0.0
+    ripple_nm: float = 0.0  # Amplitude of the torque ripple [N m]
+    ripple_order: int = 6  # Ripple periods per motor turn
+    ripple_phase_rad: float = 0.0  # Phase `p` of the torque `ripple_nm sin(ripple_order q_m + p)` [rad]
     inertia_relative_std: float = 0.05
-    torque_constant_nm_a: float | None = None
+    torque_constant_nm_a: float | None = None  # Torque per ampere, None where it is unknown [N m/A]
 
     @property
     def torque_law(self) -> TorqueLaw:
@@ -76,15 +59,10 @@ def no_motor() -> Motor:
 
 @dataclass(frozen=True)
 class HarmonicBalance:
-    """A counterbalance whose torque on the arm is `sum_k sine_k sin(k q) + cosine_k cos(k q)` of the joint's angle.
+    """A counterbalance whose torque on the arm is `sum_k sine_k sin(k q) + cosine_k cos(k q)` of the joint's angle."""
 
-    Attributes:
-        sine_nm (n_harmonic,): Sine coefficients, the first one of the angle itself [N m].
-        cosine_nm (n_harmonic,): Cosine coefficients [N m].
-    """
-
-    sine_nm: FloatArray
-    cosine_nm: FloatArray
+    sine_nm: FloatArray  # (n_harmonic,) Sine coefficients, the first one of the angle itself [N m]
+    cosine_nm: FloatArray  # (n_harmonic,) Cosine coefficients [N m]
 
     def torque_nm(self, angle: float) -> float:
         """Returns the torque on the arm at an angle of the joint [rad]."""
@@ -101,53 +79,37 @@ class HarmonicBalance:
 
 @dataclass(frozen=True)
 class SpringBalance:
-    """A counterbalance by a spring or cylinder between two points.
+    """A counterbalance by a spring or cylinder between two points."""
 
-    Attributes:
-        carrier_point_m (3,): Its end on what carries the joint, in the joint frame at zero position [m].
-        link_point_m (3,): Its end on the link, in the joint frame [m].
-        free_length_m: Length at which it pulls with `preload_n` [m].
-        stiffness_n_m: Stiffness [N/m].
-        preload_n: Pull at the free length; negative where it pushes [N].
-    """
-
-    carrier_point_m: FloatArray
-    link_point_m: FloatArray
-    free_length_m: float
-    stiffness_n_m: float
-    preload_n: float = 0.0
+    carrier_point_m: FloatArray  # (3,) Its end on what carries the joint, in the joint frame at zero position [m]
+    link_point_m: FloatArray  # (3,) Its end on the link, in the joint frame [m]
+    free_length_m: float  # Length at which it pulls with `preload_n` [m]
+    stiffness_n_m: float  # Stiffness [N/m]
+    preload_n: float = 0.0  # Pull at the free length; negative where it pushes [N]
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint about or along the z axis of its frame, the link it moves and the motor that moves it.
-
-    Attributes:
-        position_m (3,): Origin of the joint frame in the previous joint's frame [m].
-        rotation (3, 3): Orientation of the joint frame in the previous joint's frame at zero position.
-        lower: Lower joint limit [rad; m of a prismatic joint].
-        upper: Upper joint limit [rad; m of a prismatic joint].
-        couplings: Arm motion of this joint per radian of another joint's motor, by that joint's name [rad or m].
-        type: Whether the arm turns about the axis or slides along it.
-        counterbalance: What takes gravity off the motor; only the rigid model and the simulated truth know it.
-        arm_viscous: Viscous friction between the link and what carries it: of bearings, seals, a carriage, a load
-            motor; arm side, where the motor's acts before the transmission [N m s/rad, or N s/m].
-        torque_at: Where its torque is known: at its motor, or behind motor and gear, by a sensor at the joint. In the
-            latter case it has no motor: what stands in its place has no inertia and turns with the arm.
-    """
+    """A joint about or along the z axis of its frame, the link it moves and the motor that moves it."""
 
     name: str
-    position_m: FloatArray
-    rotation: FloatArray
+    position_m: FloatArray  # (3,) Origin of the joint frame in the previous joint's frame [m]
+    rotation: FloatArray  # (3, 3) Orientation of the joint frame in the previous joint's frame at zero position
     link: Inertial
-    lower: float
-    upper: float
+    lower: float  # Lower joint limit [rad; m of a prismatic joint]
+    upper: float  # Upper joint limit [rad; m of a prismatic joint]
     motor: Motor
+    # Arm motion of this joint per radian of another joint's motor, by that joint's name [rad or m]
     couplings: Mapping[str, float] = field(default_factory=dict)
-    type: JointType = "revolute"
+    type: JointType = "revolute"  # Whether the arm turns about the axis or slides along it
+    # What takes gravity off the motor; only the rigid model and the simulated truth know it
     counterbalance: HarmonicBalance | SpringBalance | None = None
+    # Viscous friction between the link and what carries it: of bearings, seals, a carriage, a load motor; arm side,
+    # where the motor's acts before the transmission [N m s/rad, or N s/m]
     arm_viscous: float = 0.0
     nuisance_std: NuisanceStd = field(default_factory=NuisanceStd)
+    # Where its torque is known: at its motor, or behind motor and gear, by a sensor at the joint. In the latter case it
+    # has no motor: what stands in its place has no inertia and turns with the arm.
     torque_at: TorquePlace = "motor"
 
     @property
@@ -163,141 +125,94 @@ class Joint:
 
 @dataclass(frozen=True)
 class Pin:
-    """Where a link that closes a loop is held.
+    """Where a link that closes a loop is held."""
 
-    Attributes:
-        point_m (3,): The point on the link, in its frame [m].
-        joint: Index of the joint whose link holds it.
-        held_point_m (3,): The point on that link, in the joint frame [m].
-    """
-
-    point_m: FloatArray
-    joint: int
-    held_point_m: FloatArray
+    point_m: FloatArray  # (3,) The point on the link, in its frame [m]
+    joint: int  # Index of the joint whose link holds it
+    held_point_m: FloatArray  # (3,) The point on that link, in the joint frame [m]
 
 
 @dataclass(frozen=True)
 class LoopLink:
-    """A link beside the chain, in a closed loop that fixes its angle: a crank or a rod of a parallelogram.
-
-    Attributes:
-        parent: Name of the joint or loop link that carries it; None for the base.
-        position_m (3,): Origin of its frame in the parent's frame [m].
-        rotation (3, 3): Orientation of its frame in the parent's frame at zero angle.
-        link: Mass properties in its frame.
-        turns: How far it turns about its z axis per unit of each joint's arm position, by the joint's name.
-        offset_rad: Its angle where all joints are at zero [rad].
-        pin: Where it closes the loop; None for what only carries another loop link.
-    """
+    """A link beside the chain, in a closed loop that fixes its angle: a crank or a rod of a parallelogram."""
 
     name: str
-    parent: str | None
-    position_m: FloatArray
-    rotation: FloatArray
-    link: Inertial
-    turns: Mapping[str, float]
-    offset_rad: float = 0.0
-    pin: Pin | None = None
+    parent: str | None  # Name of the joint or loop link that carries it; None for the base
+    position_m: FloatArray  # (3,) Origin of its frame in the parent's frame [m]
+    rotation: FloatArray  # (3, 3) Orientation of its frame in the parent's frame at zero angle
+    link: Inertial  # Mass properties in its frame
+    turns: Mapping[str, float]  # How far it turns about its z axis per unit of each joint's arm position, by joint
+    offset_rad: float = 0.0  # Its angle where all joints are at zero [rad]
+    pin: Pin | None = None  # Where it closes the loop; None for what only carries another loop link
 
 
 @dataclass(frozen=True)
 class StiffnessLaw:
-    """How a spring's stiffness depends on a joint's position: a factor on all of its torque but the damper's.
+    """How a spring's stiffness depends on a joint's position: a factor on all of its torque but the damper's."""
 
-    Attributes:
-        joint: Index of the joint.
-        form: `table`: factors at some positions; `stiffness`: the factor is a polynomial of the position;
-            `compliance`: its inverse is one.
-        values (n_value,): The factors, or the polynomial's coefficients, constant first.
-        positions (n_value,): Of a table, ascending; empty for a polynomial [rad, or m].
-    """
-
-    joint: int
+    joint: int  # Index of the joint
+    # `table`: factors at some positions; `stiffness`: the factor is a polynomial of the position; `compliance`: its
+    # inverse is one
     form: Literal["table", "stiffness", "compliance"]
-    values: FloatArray
+    values: FloatArray  # (n_value,) The factors, or the polynomial's coefficients, constant first
+    # (n_value,) Of a table, ascending; empty for a polynomial [rad, or m]
     positions: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
 class Spring:
-    """A spring-damper pair, arm side: torsional, but for the transmission of a prismatic joint.
-
-    Attributes:
-        joint: Index of the joint it belongs to; the first for the base, the last for the payload.
-        place: `transmission` between motor and arm, `shaft` between the motor and the transmission, on the
-            motor's side, `bearing` about a further axis of the joint's
-            parent frame, `split` inside the joint's link, `base` beneath the first joint, `payload` between
-            the last link and the payload.
-        axis (3,): Unit axis: bearing, in the parent's frame turned by the joint's fixed rotation;
-            split and payload, in the joint frame; base, in the world frame.
-        stiffness: Stiffness [N m/rad, or N/m].
-        damping: Damping [N m s/rad, or N s/m].
-        cubic: Cubic coefficient of a symmetrically stiffening spring [N m/rad^3, or N/m^3].
-        point_m (3,): Where the link is split or the payload hinged, in the joint frame; where the base is
-            hinged, in the world frame [m].
-        outboard: Split only: mass properties of the part beyond the split, in the joint frame.
-        inertia_kgm2: Shaft only: inertia that it turns, before the next shaft or the transmission [kg m^2].
-        stiffness_over: How its stiffness depends on a joint's position; None where it does not.
-    """
+    """A spring-damper pair, arm side: torsional, but for the transmission of a prismatic joint."""
 
     name: str
-    joint: int
+    joint: int  # Index of the joint it belongs to; the first for the base, the last for the payload
+    # `transmission` between motor and arm, `shaft` between the motor and the transmission, on the motor's side,
+    # `bearing` about a further axis of the joint's parent frame, `split` inside the joint's link, `base` beneath the
+    # first joint, `payload` between the last link and the payload
     place: SpringPlace
+    # (3,) Unit axis: bearing, in the parent's frame turned by the joint's fixed rotation; split and payload, in the
+    # joint frame; base, in the world frame
     axis: FloatArray
-    stiffness: float
-    damping: float
-    cubic: float = 0.0
+    stiffness: float  # Stiffness [N m/rad, or N/m]
+    damping: float  # Damping [N m s/rad, or N s/m]
+    cubic: float = 0.0  # Cubic coefficient of a symmetrically stiffening spring [N m/rad^3, or N/m^3]
+    # (3,) Where the link is split or the payload hinged, in the joint frame; where the base is hinged, in the world
+    # frame [m]
     point_m: FloatArray = field(default_factory=lambda: np.zeros(3))
-    outboard: Inertial | None = None
-    inertia_kgm2: float = 0.0
-    stiffness_over: StiffnessLaw | None = None
+    outboard: Inertial | None = None  # Split only: mass properties of the part beyond the split, in the joint frame
+    inertia_kgm2: float = 0.0  # Shaft only: inertia that it turns, before the next shaft or the transmission [kg m^2]
+    stiffness_over: StiffnessLaw | None = None  # How its stiffness depends on a joint's position, if it does
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """A sensor beyond the encoders.
-
-    Attributes:
-        kind: `tracker` shows a point's position along an axis of the world, `accelerometer` the point's
-            acceleration less gravity along an axis that moves with it.
-        joint: Index of the joint whose link carries it, on its outermost part; None for the payload.
-        point_m (3,): Where it sits, in that joint's frame [m].
-        axis (3,): Unit axis: tracker, in the world frame; accelerometer, in the joint's frame.
-    """
+    """A sensor beyond the encoders."""
 
     name: str
+    # `tracker` shows a point's position along an axis of the world, `accelerometer` the point's acceleration less
+    # gravity along an axis that moves with it
     kind: Literal["tracker", "accelerometer"]
-    joint: int | None
-    point_m: FloatArray
-    axis: FloatArray
+    joint: int | None  # Index of the joint whose link carries it, on its outermost part; None for the payload
+    point_m: FloatArray  # (3,) Where it sits, in that joint's frame [m]
+    axis: FloatArray  # (3,) Unit axis: tracker, in the world frame; accelerometer, in the joint's frame
 
 
 @dataclass(frozen=True)
 class Robot:
-    """An elastic robot with its payload.
-
-    Attributes:
-        gravity_m_s2 (3,): Gravity in the base frame [m/s^2].
-        springs: The spring-damper pairs; a joint without a transmission is rigid: its arm follows its motor.
-        payload: Mass properties of the payload in the last joint's frame.
-        rotor: `spong` neglects the rotors' motion with the links, `on_link` does not.
-        assumed: Dotted names of the values that no source gives.
-        base: Mass properties of what base springs carry beneath the first joint, in the world frame.
-        loop_links: Links beside the chain, each after what carries it; only the rigid model knows them.
-        nuisance_std: How far what is stated of the payload and the base may be off.
-    """
+    """An elastic robot with its payload."""
 
     name: str
-    gravity_m_s2: FloatArray
+    gravity_m_s2: FloatArray  # (3,) Gravity in the base frame [m/s^2]
     joints: tuple[Joint, ...]
+    # The spring-damper pairs; a joint without a transmission is rigid: its arm follows its motor
     springs: tuple[Spring, ...]
-    payload: Inertial
-    rotor: Literal["spong", "on_link"] = "spong"
-    assumed: tuple[str, ...] = ()
+    payload: Inertial  # Mass properties of the payload in the last joint's frame
+    rotor: Literal["spong", "on_link"] = "spong"  # `spong` neglects rotors' motion with the links, `on_link` does not
+    assumed: tuple[str, ...] = ()  # Dotted names of the values that no source gives
     notes: tuple[str, ...] = ()
-    base: Inertial | None = None
+    base: Inertial | None = None  # Mass properties of what base springs carry beneath the first joint, world frame
     sensors: tuple[Sensor, ...] = ()
-    loop_links: tuple[LoopLink, ...] = ()
+    loop_links: tuple[LoopLink, ...] = ()  # Links beside the chain, after what carries them; the rigid model's alone
+    # How far what is stated of the payload and the base may be off
     nuisance_std: NuisanceStd = field(default_factory=NuisanceStd)
 
     @property

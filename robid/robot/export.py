@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from xml.etree import ElementTree
 from xml.etree import ElementTree as ET
 
 import mujoco
@@ -55,7 +54,7 @@ def _freeze(spec: mujoco.MjSpec, model: ElasticModel, equilibrium: Equilibrium) 
 def written(spec: mujoco.MjSpec, header: str) -> str:
     """Writes a specification as MJCF with all its digits; `header` becomes the comment at the top."""
     compiled = spec.compile()
-    root = ElementTree.fromstring(spec.to_xml())
+    root = ET.fromstring(spec.to_xml())
     for element in root.iter("option"):
         _write(element, gravity=spec.option.gravity)
     _write_bodies(root, spec, compiled)
@@ -66,14 +65,14 @@ def written(spec: mujoco.MjSpec, header: str) -> str:
     for element in root.iter("key"):
         key = compiled.key(element.get("name"))
         _write(element, qpos=key.qpos, ctrl=key.ctrl)
-    ElementTree.indent(root)
-    body = ElementTree.tostring(root, encoding="unicode")
+    ET.indent(root)
+    body = ET.tostring(root, encoding="unicode")
     start, rest = body.split("\n", 1)
     lines = "\n".join(f"    {line}".rstrip() for line in header.replace("--", "- -").splitlines())
     return f"{start}\n  <!--\n{lines}\n  -->\n{rest}\n"
 
 
-def _write_bodies(root: ElementTree.Element, spec: mujoco.MjSpec, compiled: mujoco.MjModel) -> None:
+def _write_bodies(root: ET.Element, spec: mujoco.MjSpec, compiled: mujoco.MjModel) -> None:
     for element in root.iter("body"):
         body = compiled.body(element.get("name"))
         _write(element, pos=body.pos, quat=body.quat)
@@ -87,7 +86,7 @@ def _write_bodies(root: ElementTree.Element, spec: mujoco.MjSpec, compiled: mujo
             _write(hinge, axis=compiled.joint(name).axis, **exact)
 
 
-def _write_tendons(root: ElementTree.Element, spec: mujoco.MjSpec, compiled: mujoco.MjModel) -> None:
+def _write_tendons(root: ET.Element, spec: mujoco.MjSpec, compiled: mujoco.MjModel) -> None:
     for element in root.iter("fixed"):
         tendon = spec.tendon(element.get("name"))
         _write(element, stiffness=tendon.stiffness, damping=tendon.damping, springlength=tendon.springlength)
@@ -97,7 +96,7 @@ def _write_tendons(root: ElementTree.Element, spec: mujoco.MjSpec, compiled: muj
             _write(joint, coef=compiled.wrap_prm[first + offset])
 
 
-def _write(element: ElementTree.Element, **exact: ArrayLike) -> None:
+def _write(element: ET.Element, **exact: ArrayLike) -> None:
     """Replaces the rounded numbers of attributes by the exact ones; attributes at their default stay left out."""
     for attribute, values in exact.items():
         if attribute not in element.attrib:

@@ -46,16 +46,7 @@ _DRIVEN = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 
 @dataclass(frozen=True)
 class ForeignModel:
-    """A rigid robot file as MuJoCo compiles it, without what an elastic robot cannot keep.
-
-    Attributes:
-        weights: What its bodies weigh; what `compiled` says of it may be a stand-in.
-        faults: What is wrong with a body, by its name; it matters where the body moves.
-        rest: Where hinges and slides rest: at the file's reference, else in the middle of their limits [rad, or m].
-        gravity: Gravity in the world frame, zeros where it is switched off [m/s^2].
-        speed: Arm-side speed limits that it states, by joint [rad/s, or m/s].
-        torque: Arm-side torque or force limits that it states, by joint [N m, or N].
-    """
+    """A rigid robot file as MuJoCo compiles it, without what an elastic robot cannot keep."""
 
     name: str
     compiled: mujoco.MjModel
@@ -63,16 +54,17 @@ class ForeignModel:
     slides: tuple[str, ...]
     fixed: tuple[str, ...]
     others: tuple[str, ...]
-    weights: Weights
-    faults: Mapping[str, str]
+    weights: Weights  # What its bodies weigh; what `compiled` says of it may be a stand-in
+    faults: Mapping[str, str]  # What is wrong with a body, by its name; it matters where the body moves
     limit_faults: Mapping[str, str]
+    # Where hinges and slides rest: at the file's reference, else in the middle of their limits [rad, or m]
     rest: Mapping[str, float]
     in_degrees: bool
-    gravity: tuple[float, float, float]
+    gravity: tuple[float, float, float]  # Gravity in the world frame, zeros where it is switched off [m/s^2]
     ties: tuple[Tie, ...]
     bonds: tuple[Bond, ...]
-    speed: Mapping[str, float]
-    torque: Mapping[str, float]
+    speed: Mapping[str, float]  # Arm-side speed limits that it states, by joint [rad/s, or m/s]
+    torque: Mapping[str, float]  # Arm-side torque or force limits that it states, by joint [N m, or N]
     notes: tuple[str, ...]
 
     @property

@@ -15,54 +15,34 @@ _TO_BODIES = {mujoco.mjtEq.mjEQ_CONNECT: "connect", mujoco.mjtEq.mjEQ_WELD: "wel
 
 @dataclass(frozen=True)
 class Tie:
-    """A joint that follows another, as `mimic` of a URDF and `equality/joint` of an MJCF say.
+    """A joint that follows another, as `mimic` of a URDF and `equality/joint` of an MJCF say."""
 
-    Attributes:
-        follower: The joint that follows.
-        leader: The joint that it follows; None where it is held.
-        factor: Its motion per motion of the leader [rad or m per rad or m].
-        offset: Its position where the leader is at 0 [rad, or m].
-        is_linear: Whether that is all.
-    """
-
-    follower: str
-    leader: str | None
-    factor: float
-    offset: float
-    is_linear: bool
+    follower: str  # The joint that follows
+    leader: str | None  # The joint that it follows; None where it is held
+    factor: float  # Its motion per motion of the leader [rad or m per rad or m]
+    offset: float  # Its position where the leader is at 0 [rad, or m]
+    is_linear: bool  # Whether that is all
 
 
 @dataclass(frozen=True)
 class Bond:
-    """A constraint between two bodies, or among several joints.
+    """A constraint between two bodies, or among several joints."""
 
-    Attributes:
-        what: What the file calls it, with its name.
-        bodies: Names of the two bodies, `world` among them.
-        joints: Names of the joints.
-    """
-
-    what: str
-    bodies: tuple[str, ...] = ()
-    joints: tuple[str, ...] = ()
+    what: str  # What the file calls it, with its name
+    bodies: tuple[str, ...] = ()  # Names of the two bodies, `world` among them
+    joints: tuple[str, ...] = ()  # Names of the joints
 
 
 @dataclass(frozen=True)
 class Constraint:
-    """An equality constraint as it stands in the file; MuJoCo's own data of joints.
-
-    Attributes:
-        first: Name of the first thing that it ties.
-        second: Name of the second one; empty where it is held.
-        joints: Of tendons, the joints.
-    """
+    """An equality constraint as it stands in the file; MuJoCo's own data of joints."""
 
     kind: mujoco.mjtEq
     name: str
-    first: str
-    second: str
+    first: str  # Name of the first thing that it ties
+    second: str  # Name of the second one; empty where it is held
     data: tuple[float, ...]
-    joints: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()  # Of tendons, the joints
 
 
 def constraints_of(spec: mujoco.MjSpec) -> list[Constraint]:
@@ -154,30 +134,20 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Weights:
-    """What bodies weigh.
+    """What bodies weigh."""
 
-    Attributes:
-        mass_kg (n_body,): Masses, the world first [kg].
-        inertia_kgm2 (n_body, 3, 3): Inertias about the centres of mass, along MuJoCo's inertial frames [kg m^2].
-    """
-
-    mass_kg: FloatArray
-    inertia_kgm2: FloatArray
+    mass_kg: FloatArray  # (n_body,) Masses, the world first [kg]
+    inertia_kgm2: FloatArray  # (n_body, 3, 3) Inertias about centres of mass, along MuJoCo's inertial frames [kg m^2]
 
 
 @dataclass(frozen=True)
 class Replaced:
-    """Bodies whose mass properties MuJoCo refuses; it compiles them with a stand-in, so that all faults are found.
+    """Bodies whose mass properties MuJoCo refuses; it compiles them with a stand-in, so that all faults are found."""
 
-    Attributes:
-        stated: Mass [kg] and inertia (3, 3) [kg m^2] that the file states, by the body's name.
-        faults: What is wrong with them where no rigid body has them, by the body's name.
-        total_kg: Mass that the file scales all bodies to; None where it does not [kg].
-    """
-
+    # Mass [kg] and inertia (3, 3) [kg m^2] that the file states, by the body's name
     stated: Mapping[str, tuple[float, FloatArray]]
-    faults: Mapping[str, str]
-    total_kg: float | None
+    faults: Mapping[str, str]  # What is wrong with them where no rigid body has them, by the body's name
+    total_kg: float | None  # Mass that the file scales all bodies to; None where it does not [kg]
 
 
 def replace_unsound(spec: mujoco.MjSpec) -> Replaced:

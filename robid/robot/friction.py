@@ -35,21 +35,13 @@ _FINE = 20001
 
 @dataclass(frozen=True)
 class Friction:
-    """LuGre motor friction with its Coulomb level as the limit of fast motion; motor side.
+    """LuGre motor friction with its Coulomb level as the limit of fast motion; motor side."""
 
-    Attributes:
-        viscous_nms_rad: Viscous coefficient [N m s/rad].
-        coulomb_nm: Coulomb level [N m].
-        static_nm: Breakaway level [N m].
-        stribeck_rad_s: Stribeck speed [rad/s].
-        presliding_rad: Bristle deflection at the Coulomb level: `sigma_0 = coulomb / presliding` [rad].
-    """
-
-    viscous_nms_rad: float = 0.0
-    coulomb_nm: float = 0.0
-    static_nm: float = 0.0
-    stribeck_rad_s: float = 1.0
-    presliding_rad: float = 0.02
+    viscous_nms_rad: float = 0.0  # Viscous coefficient [N m s/rad]
+    coulomb_nm: float = 0.0  # Coulomb level [N m]
+    static_nm: float = 0.0  # Breakaway level [N m]
+    stribeck_rad_s: float = 1.0  # Stribeck speed [rad/s]
+    presliding_rad: float = 0.02  # Bristle deflection at the Coulomb level: `sigma_0 = coulomb / presliding` [rad]
     relative_std: float = 0.1
 
     def scaled(self, level: float, shape: float) -> Friction:
@@ -64,19 +56,12 @@ class Friction:
 
 
 class Coefficients(NamedTuple):
-    """Coefficients of a law, of one motor or of several in the last axis.
+    """Coefficients of a law, of one motor or of several in the last axis."""
 
-    Attributes:
-        coulomb: Coulomb level [N m].
-        static: Breakaway level [N m].
-        stribeck: Stribeck speed [rad/s].
-        width: The law's own width [rad or rad/s].
-    """
-
-    coulomb: FloatArray
-    static: FloatArray
-    stribeck: FloatArray
-    width: FloatArray
+    coulomb: FloatArray  # Coulomb level [N m]
+    static: FloatArray  # Breakaway level [N m]
+    stribeck: FloatArray  # Stribeck speed [rad/s]
+    width: FloatArray  # The law's own width [rad or rad/s]
 
     def stribeck_curve(self, speed: FloatArray) -> FloatArray:
         """Level over the Coulomb level, `1 + (F_s / F_c - 1) exp(-(v / v_s)^2)`, in the speed's precision."""
@@ -91,40 +76,28 @@ class Coefficients(NamedTuple):
 
 
 class Bristles(NamedTuple):
-    """Friction with memory as the engine integrates it: LuGre's coefficients in the engine's order.
+    """Friction with memory as the engine integrates it: LuGre's coefficients in the engine's order."""
 
-    Attributes:
-        lugre: Bristle stiffness [N m/rad], bristle damping [N m s/rad], Coulomb and breakaway level [N m], Stribeck
-            speed [rad/s].
-    """
-
+    # Bristle stiffness [N m/rad], bristle damping [N m s/rad], Coulomb and breakaway level [N m], Stribeck speed
+    # [rad/s]
     lugre: list[float]
 
 
 class Ramps(NamedTuple):
-    """Friction without memory as the engine evaluates it: `sum_k clip(slope_k v, -level_k, level_k)`.
+    """Friction without memory as the engine evaluates it: `sum_k clip(slope_k v, -level_k, level_k)`."""
 
-    Attributes:
-        slope (n_knot,): Slopes; negative where the curve bends upwards [N m s/rad].
-        level (n_knot,): Where each ramp ends [N m].
-    """
-
-    slope: FloatArray
-    level: FloatArray
+    slope: FloatArray  # (n_knot,) Slopes; negative where the curve bends upwards [N m s/rad]
+    level: FloatArray  # (n_knot,) Where each ramp ends [N m]
 
 
 @dataclass(frozen=True)
 class FrictionLaw(ABC):
-    """How the friction of a motor follows its motion.
-
-    Attributes:
-        widths: Widths that are tried where nothing is known of a motor; none for a law that is the limit of another.
-        step_limits: What one step of the integrator may be at most of each of its rates.
-    """
+    """How the friction of a motor follows its motion."""
 
     name: str
+    # Widths that are tried where nothing is known of a motor; none for a law that is the limit of another
     widths: tuple[float, ...] = ()
-    step_limits: ClassVar[Mapping[str, float]]
+    step_limits: ClassVar[Mapping[str, float]]  # What one step of the integrator may be at most of each of its rates
 
     @abstractmethod
     def coefficients(self, friction: Friction) -> Coefficients:
@@ -211,17 +184,11 @@ class LuGre(FrictionLaw):
 
 @dataclass(frozen=True)
 class Curve(FrictionLaw):
-    """A law without memory: `tanh(v / width)` times the Stribeck curve; its width is a speed [rad/s].
+    """A law without memory: `tanh(v / width)` times the Stribeck curve; its width is a speed [rad/s]."""
 
-    Attributes:
-        sign_share: Width over the Stribeck speed of a robot file.
-        breaks_away: Whether the breakaway level is above the Coulomb level.
-        knots: Ramps of its polygon in the engine.
-    """
-
-    sign_share: float = SIGN_SHARE
-    breaks_away: bool = True
-    knots: int = 24
+    sign_share: float = SIGN_SHARE  # Width over the Stribeck speed of a robot file
+    breaks_away: bool = True  # Whether the breakaway level is above the Coulomb level
+    knots: int = 24  # Ramps of its polygon in the engine
     step_limits: ClassVar[Mapping[str, float]] = {"sign_rate": 1.0}
 
     def coefficients(self, friction: Friction) -> Coefficients:
@@ -280,16 +247,11 @@ LAWS: dict[str, FrictionLaw] = {
 
 
 class Coordinate(NamedTuple):
-    """A number in which the identification of a law moves.
-
-    Attributes:
-        prior_std: Standard deviation about its start of what is believed beforehand.
-        largest_step: What one iteration moves it at most.
-    """
+    """A number in which the identification of a law moves."""
 
     name: str
-    prior_std: float
-    largest_step: float
+    prior_std: float  # Standard deviation about its start of what is believed beforehand
+    largest_step: float  # What one iteration moves it at most
 
 
 COORDINATES = (
@@ -306,36 +268,25 @@ LEVEL, EXCESS, STRIBECK, WIDTH, LAG, SINE, COSINE = range(len(COORDINATES))
 
 @dataclass(frozen=True)
 class TorqueLaw:
-    """Torque nonlinearities of one motor and how well they are known.
+    """Torque nonlinearities of one motor and how well they are known."""
 
-    Attributes:
-        coulomb_nm: Coulomb level [N m].
-        static_nm: Breakaway level [N m].
-        stribeck_rad_s: Stribeck speed [rad/s].
-        width: Width of the law, such as LuGre's deflection [rad] or the speed of a smoothed sign [rad/s].
-        relative_std: Standard deviation of the relative error of levels and of speeds and deflections.
-        ripple_nm: Amplitude of the torque ripple [N m].
-        lag_samples: Known lag of the friction behind the motion [samples].
-        ripple_sin: Known part of the ripple that opposes the motion with the sine of its order, over its amplitude.
-        offset: How far each coefficient in `KINDS` is from the robot file's.
-        identified_std: Standard deviations of the values in `VALUES` where they were identified; None otherwise.
-        uneven_nms_rad: Half of what viscous friction is larger forward than backward: a torque per size of the speed,
-            which no linear model has [N m s/rad].
-    """
-
-    coulomb_nm: float
-    static_nm: float
-    stribeck_rad_s: float
-    width: float
-    relative_std: float
-    ripple_nm: float
+    coulomb_nm: float  # Coulomb level [N m]
+    static_nm: float  # Breakaway level [N m]
+    stribeck_rad_s: float  # Stribeck speed [rad/s]
+    width: float  # Width of the law, such as LuGre's deflection [rad] or the speed of a smoothed sign [rad/s]
+    relative_std: float  # Standard deviation of the relative error of levels and of speeds and deflections
+    ripple_nm: float  # Amplitude of the torque ripple [N m]
     ripple_order: int
     law: FrictionLaw = field(default=LUGRE)
-    lag_samples: float = 0.0
+    lag_samples: float = 0.0  # Known lag of the friction behind the motion [samples]
+    # Known part of the ripple that opposes the motion with the sine of its order, over its amplitude
     ripple_sin: float = 0.0
     ripple_cos: float = 0.0
-    offset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)  # How far each of `KINDS` is from the robot file's
+    # Standard deviations of the values in `VALUES` where they were identified; None otherwise
     identified_std: tuple[float, ...] | None = None
+    # Half of what viscous friction is larger forward than backward: a torque per size of the speed, which no linear
+    # model has [N m s/rad]
     uneven_nms_rad: float = 0.0
 
     @property

@@ -23,15 +23,10 @@ _SMOOTH = 5  # degree of the splines that are differentiated twice
 
 @dataclass(frozen=True)
 class MotorMotion:
-    """What the motors must do.
+    """What the motors must do."""
 
-    Attributes:
-        angle (n_time, n_joint): Motor angles [rad].
-        torque (n_time, n_joint): Motor torques, viscous friction of motors and arms included [N m].
-    """
-
-    angle: FloatArray
-    torque: FloatArray
+    angle: FloatArray  # (n_time, n_joint) Motor angles [rad]
+    torque: FloatArray  # (n_time, n_joint) Motor torques, viscous friction of motors and arms included [N m]
 
 
 def inverse_motion(

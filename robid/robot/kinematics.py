@@ -26,18 +26,12 @@ _HARDLY = 0.05
 
 @dataclass(frozen=True)
 class ToolArm:
-    """A rigid arm on its root, and its tool.
-
-    Attributes:
-        external: How many joints, from the first on, ride below the root.
-        tool_m (3,): Tool point in the last joint's frame [m].
-        tool_rotation (3, 3): Orientation of the tool in the last joint's frame.
-    """
+    """A rigid arm on its root, and its tool."""
 
     robot: Robot
-    external: int
-    tool_m: FloatArray
-    tool_rotation: FloatArray
+    external: int  # How many joints, from the first on, ride below the root
+    tool_m: FloatArray  # (3,) Tool point in the last joint's frame [m]
+    tool_rotation: FloatArray  # (3, 3) Orientation of the tool in the last joint's frame
 
     @property
     def joints(self) -> tuple[Joint, ...]:
@@ -110,17 +104,12 @@ class ToolArm:
 
 @dataclass(frozen=True)
 class Reached:
-    """What an arm does to take poses.
+    """What an arm does to take poses."""
 
-    Attributes:
-        positions (n_sample, n_arm): Joint positions, as far as they lead [rad, or m].
-        share (n_sample,): Share of the way from home that was found; 1 where the pose is reached.
-        loose (n_arm,): Which joints, at the first sample that is not reached, move the tool against each other without
-            effect; none where all poses are reached or the way merely ends.
-    """
-
-    positions: FloatArray
-    share: FloatArray
+    positions: FloatArray  # (n_sample, n_arm) Joint positions, as far as they lead [rad, or m]
+    share: FloatArray  # (n_sample,) Share of the way from home that was found; 1 where the pose is reached
+    # (n_arm,) Which joints, at the first sample that is not reached, move the tool against each other without effect;
+    # none where all poses are reached or the way merely ends
     loose: BoolArray
 
     @property

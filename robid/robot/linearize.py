@@ -23,32 +23,20 @@ _STALE = 0.05  # of the step before
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Rest positions with the encoders held at their configurations.
+    """Rest positions with the encoders held at their configurations."""
 
-    Attributes:
-        position (n_conf, n_dof): All coordinates [rad, or m].
-        motor_torque (n_conf, n_joint): Torque that holds the motors [N m].
-        deflection (n_conf, n_spring): Spring deflections [rad, or m].
-        spring_torque (n_conf, n_spring): What gravity does to each deflection, minus the spring's torque [N m, or N].
-    """
-
-    position: FloatArray
-    motor_torque: FloatArray
-    deflection: FloatArray
-    spring_torque: FloatArray
+    position: FloatArray  # (n_conf, n_dof) All coordinates [rad, or m]
+    motor_torque: FloatArray  # (n_conf, n_joint) Torque that holds the motors [N m]
+    deflection: FloatArray  # (n_conf, n_spring) Spring deflections [rad, or m]
+    spring_torque: FloatArray  # (n_conf, n_spring) Gravity's torque on each deflection, minus the spring's [N m, or N]
 
 
 @dataclass(frozen=True)
 class Shifts(MatrixSlopes):
-    """How the linearised matrices move with nuisance parameters, what a robot file may have wrong, to first order.
+    """How the linearised matrices move with nuisance parameters, what a robot file may have wrong, to first order."""
 
-    Attributes:
-        amounts (n_nuisance,): With which the robot was linearised, zero where the file is right.
-        torque (n_nuisance, n_joint): Of the logarithm of the torque that a motor gives per torque recorded.
-    """
-
-    amounts: FloatArray
-    torque: FloatArray
+    amounts: FloatArray  # (n_nuisance,) With which the robot was linearised, zero where the file is right
+    torque: FloatArray  # (n_nuisance, n_joint) Of the logarithm of the torque that a motor gives per torque recorded
 
 
 @dataclass(frozen=True)
@@ -57,41 +45,29 @@ class LinearModel:
 
     Coordinates are `z = (q_m, spring deflections)`, so that springs, dampers, rotor inertias and motor
     viscosities are diagonal (docs/methods, sec. 1); viscous friction of the arms is not.
-
-    Attributes:
-        mass (n_conf, n, n): Inertia matrix without the rotors' and the links' own axial inertia.
-        gravity_stiffness (n_conf, n, n): Symmetrised gradient of gravity, and of what loaded springs do whose
-            stiffness depends on a joint's position [N m/rad; N/m and N along lines].
-        link_inertia (n_conf, n_joint, n, n): Derivative of the inertia matrix with respect to each link's
-            own inertia about its joint axis direction, or mass where its joint slides.
-        output (n_conf, n_out, n): Angles and positions in these coordinates; of an accelerometer, its position.
-        tilt (n_conf, n_out, n): How gravity enters an accelerometer as it turns [m/s^2]; zero for the others.
-        arm (n_joint, n): Arm-side positions in these coordinates.
-        rotor (n_joint,): Rotor inertias of the robot file [kg m^2].
-        axial (n_joint,): Links' own inertia about the joint axis direction, or mass, payload included [kg m^2, or kg].
-        shifts: How all this moves with nuisance parameters that a fit estimates; None without any.
-        effects: What gears do beside springs and dampers by such parameters; None without any.
-        added (n_conf, n_freq, n_spring): What springs have at each frequency of a response beyond their stiffness, over
-            it; None for nothing.
-        clinging (n_conf, n_motor): Torques that follow the motors' angles, as complex stiffnesses [N m/rad]; None for
-            none.
-        rates (n_out,): How many times each output is differentiated before it is sampled; empty where that
-            is unknown: positions.
     """
 
-    mass: FloatArray
+    mass: FloatArray  # (n_conf, n, n) Inertia matrix without the rotors' and the links' own axial inertia
+    # (n_conf, n, n) Symmetrised gradient of gravity, and of what loaded springs do whose stiffness depends on a joint's
+    # position [N m/rad; N/m and N along lines]
     gravity_stiffness: FloatArray
+    # (n_conf, n_joint, n, n) Derivative of the inertia matrix with respect to each link's own inertia about its joint
+    # axis direction, or mass where its joint slides
     link_inertia: FloatArray
-    output: FloatArray
-    tilt: FloatArray
-    arm: FloatArray
-    rotor: FloatArray
-    axial: FloatArray
+    output: FloatArray  # (n_conf, n_out, n) Angles and positions in these coordinates; accelerometers' positions
+    tilt: FloatArray  # (n_conf, n_out, n) How gravity enters an accelerometer as it turns [m/s^2]; zero for the others
+    arm: FloatArray  # (n_joint, n) Arm-side positions in these coordinates
+    rotor: FloatArray  # (n_joint,) Rotor inertias of the robot file [kg m^2]
+    axial: FloatArray  # (n_joint,) Links' own inertia about the joint axis, or mass, with payload [kg m^2, or kg]
     rest: Rest
-    shifts: Shifts | None = None
-    effects: GearEffects | None = None
+    shifts: Shifts | None = None  # How all this moves with nuisance parameters that a fit estimates; None without any
+    effects: GearEffects | None = None  # What gears do beside springs and dampers by such parameters; None without any
+    # (n_conf, n_freq, n_spring) What springs have at each frequency of a response beyond their stiffness, over it; None
+    # for nothing
     added: ComplexArray | None = None
+    # (n_conf, n_motor) Torques that follow the motors' angles, as complex stiffnesses [N m/rad]; None for none
     clinging: ComplexArray | None = None
+    # (n_out,) How many times each output is differentiated before it is sampled; empty where that is unknown: positions
     rates: tuple[Rate, ...] = ()
 
     @property

@@ -60,25 +60,17 @@ HYSTERESIS_SHARE = 0.1  # Stiffness of a transmission's bristles over its own
 
 @dataclass(frozen=True)
 class ElasticModel:
-    """A compiled elastic robot; all joints are hinges and slides, so positions and velocities share indices.
-
-    Attributes:
-        motor (n_joint,): Indices of the coordinates that motors drive: motor angles `q_m`, arm angles of rigid joints.
-        turns (n_joint,): Motor angle per unit of these: 1, or the gear ratio of a rigid joint.
-        arm (n_joint,): Indices of the arm positions `q_a`.
-        passive (n_passive,): Indices of elastic joints' arm positions and of elastic angles `q_e`: all that gravity
-            deflects.
-        deflection (n_spring, n_dof): Spring deflection per coordinate: `delta = deflection @ q`.
-    """
+    """A compiled elastic robot; all joints are hinges and slides, so positions and velocities share indices."""
 
     robot: Robot
     mujoco: mujoco.MjModel
     spec: mujoco.MjSpec
-    motor: IntArray
-    turns: FloatArray
-    arm: IntArray
+    motor: IntArray  # (n_joint,) Indices of coordinates that motors drive: `q_m`, or arm angles of rigid joints
+    turns: FloatArray  # (n_joint,) Motor angle per unit of these: 1, or the gear ratio of a rigid joint
+    arm: IntArray  # (n_joint,) Indices of the arm positions `q_a`
+    # (n_passive,) Indices of elastic joints' arm positions and of elastic angles `q_e`: all that gravity deflects
     passive: IntArray
-    deflection: FloatArray
+    deflection: FloatArray  # (n_spring, n_dof) Spring deflection per coordinate: `delta = deflection @ q`
 
     @property
     def motor_rows(self) -> FloatArray:

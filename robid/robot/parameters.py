@@ -29,35 +29,22 @@ _BARE: tuple[Owner, ...] = ("point", "drives", "torque", "component")
 
 @dataclass(frozen=True)
 class ParameterKind:
-    """What a kind of parameters is.
+    """What a kind of parameters is."""
 
-    Attributes:
-        title: Heading of a table of them.
-        owner: What has one each: springs, transmissions, the joints' motors or links; points of springs have one for
-            each axis, the drives one together. Compensated torques have theirs by coefficient, rigid links and what
-            has a direction or a harmonic theirs by component.
-        unit: SI unit where it belongs to a hinge or a motor.
-        linear_unit: SI unit where it belongs to a prismatic joint.
-        field: Where the robot file states it, from its spring or joint on.
-        linear_field: The same of a prismatic joint.
-        logarithmic: Whether it is positive and estimated as the logarithm of a factor.
-        is_free: Whether a fit estimates it unless something else is said.
-        through_rest: Whether it only acts through where springs rest and how stiff they are there.
-        symbol: Its letter, where it is a ratio to an unknown torque constant.
-        panel: Heading of the figure that shows it as a ratio to the robot file; empty for none.
-    """
-
-    title: str
+    title: str  # Heading of a table of them
+    # What has one each: springs, transmissions, the joints' motors or links; points of springs have one for each axis,
+    # the drives one together. Compensated torques have theirs by coefficient, rigid links and what has a direction or a
+    # harmonic theirs by component.
     owner: Owner
-    unit: str
-    linear_unit: str
-    field: str = ""
-    linear_field: str = ""
-    logarithmic: bool = False
-    is_free: bool = False
-    through_rest: bool = False
-    symbol: str = ""
-    panel: str = ""
+    unit: str  # SI unit where it belongs to a hinge or a motor
+    linear_unit: str  # SI unit where it belongs to a prismatic joint
+    field: str = ""  # Where the robot file states it, from its spring or joint on
+    linear_field: str = ""  # The same of a prismatic joint
+    logarithmic: bool = False  # Whether it is positive and estimated as the logarithm of a factor
+    is_free: bool = False  # Whether a fit estimates it unless something else is said
+    through_rest: bool = False  # Whether it only acts through where springs rest and how stiff they are there
+    symbol: str = ""  # Its letter, where it is a ratio to an unknown torque constant
+    panel: str = ""  # Heading of the figure that shows it as a ratio to the robot file; empty for none
 
     @property
     def fields(self) -> tuple[str, str]:

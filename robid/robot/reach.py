@@ -107,16 +107,11 @@ _ASLANT = 1e-6
 
 @dataclass(frozen=True)
 class Reach:
-    """What keeps a robot from a configuration.
-
-    Attributes:
-        floor_m: Height of the floor in the world frame; None where there is none [m].
-        shapes: Shapes that must not touch each other; None where the robot has none.
-    """
+    """What keeps a robot from a configuration."""
 
     robot: Robot
-    floor_m: float | None = None
-    shapes: Shapes | None = None
+    floor_m: float | None = None  # Height of the floor in the world frame; None where there is none [m]
+    shapes: Shapes | None = None  # Shapes that must not touch each other; None where the robot has none
 
     def problems(self, configurations: FloatArray) -> list[str]:
         """Says in a phrase why each configuration is out of reach; empty where it is in reach.

@@ -16,30 +16,18 @@ from robid.robot.sampling import Folding, hold_factor, make_folding
 
 @dataclass(frozen=True)
 class ElasticParameters:
-    """Values of everything that a fit may estimate.
+    """Values of everything that a fit may estimate."""
 
-    Attributes:
-        stiffness (n_spring,): Stiffnesses, arm side [N m/rad, or N/m].
-        damping (n_spring,): Dampings, arm side [N m s/rad, or N s/m].
-        viscous (n_joint,): Equivalent viscous friction, motor side [N m s/rad].
-        arm_viscous (n_joint,): Viscous friction of the arms, arm side [N m s/rad, or N s/m].
-        motor_inertia (n_joint,): Rotor inertias, motor side [kg m^2].
-        link_inertia (n_joint,): Links' own inertia about the joint axis direction, or mass [kg m^2, or kg].
-        delay (1,): Delay from recorded torque to applied torque, hold excluded [s].
-        cubic (n_spring,): Cubic coefficients, arm side [N m/rad^3, or N/m^3].
-        location (3 n_spring,): Where springs of links, payload and base sit, see `Spring.point_m` [m].
-        doubt (n_nuisance,): Amounts of what the robot file may have wrong, zero where it is right, in their own units.
-    """
-
-    stiffness: FloatArray
-    damping: FloatArray
-    viscous: FloatArray
-    arm_viscous: FloatArray
-    motor_inertia: FloatArray
-    link_inertia: FloatArray
-    delay: FloatArray
-    cubic: FloatArray
-    location: FloatArray
+    stiffness: FloatArray  # (n_spring,) Stiffnesses, arm side [N m/rad, or N/m]
+    damping: FloatArray  # (n_spring,) Dampings, arm side [N m s/rad, or N s/m]
+    viscous: FloatArray  # (n_joint,) Equivalent viscous friction, motor side [N m s/rad]
+    arm_viscous: FloatArray  # (n_joint,) Viscous friction of the arms, arm side [N m s/rad, or N s/m]
+    motor_inertia: FloatArray  # (n_joint,) Rotor inertias, motor side [kg m^2]
+    link_inertia: FloatArray  # (n_joint,) Links' own inertia about the joint axis direction, or mass [kg m^2, or kg]
+    delay: FloatArray  # (1,) Delay from recorded torque to applied torque, hold excluded [s]
+    cubic: FloatArray  # (n_spring,) Cubic coefficients, arm side [N m/rad^3, or N/m^3]
+    location: FloatArray  # (3 n_spring,) Where springs of links, payload and base sit, see `Spring.point_m` [m]
+    # (n_nuisance,) Amounts of what the robot file may have wrong, zero where it is right, in their own units
     doubt: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
@@ -50,31 +38,19 @@ class ElasticParameters:
 
 @dataclass(frozen=True)
 class Response:
-    """A parametric response with what its derivatives need.
+    """A parametric response with what its derivatives need."""
 
-    Attributes:
-        sampled (n_conf, n_freq, n_out, n_in): Sampled response, acceleration per torque.
-        inputs (n_conf, n_freq, n, n_in): `Z^-1 B`.
-        outputs (n_conf, n_freq, n, n_out): `Z^-1 C'`.
-        hold (n_freq,): Zero-order hold and delay.
-        omega (n_freq,): Angular frequency [rad/s].
-        gain (n_in,): Torque that each motor gives per torque recorded, where that is a nuisance; in `sampled` only.
-        folding: What sampling folds down from above; None in continuous time.
-        by_delay: Its derivative by the delay.
-        images: The continuous response at the folding's own frequencies; None where it needs none.
-    """
-
-    sampled: ComplexArray
-    inputs: ComplexArray
-    outputs: ComplexArray
-    hold: ComplexArray
-    omega: FloatArray | ComplexArray
+    sampled: ComplexArray  # (n_conf, n_freq, n_out, n_in) Sampled response, acceleration per torque
+    inputs: ComplexArray  # (n_conf, n_freq, n, n_in) `Z^-1 B`
+    outputs: ComplexArray  # (n_conf, n_freq, n, n_out) `Z^-1 C'`
+    hold: ComplexArray  # (n_freq,) Zero-order hold and delay
+    omega: FloatArray | ComplexArray  # (n_freq,) Angular frequency [rad/s]
     model: LinearModel
     springs: Springs
-    gain: FloatArray
-    folding: Folding | None = None
-    by_delay: Folding | None = None
-    images: Response | None = None
+    gain: FloatArray  # (n_in,) Torque of each motor per torque recorded, where that is a nuisance; in `sampled` only
+    folding: Folding | None = None  # What sampling folds down from above; None in continuous time
+    by_delay: Folding | None = None  # Its derivative by the delay
+    images: Response | None = None  # The continuous response at the folding's own frequencies; None where it needs none
 
 
 def nominal_parameters(robot: Robot, model: LinearModel, delay_s: float) -> ElasticParameters:

@@ -14,120 +14,74 @@ _NEWTON_TOLERANCE = 1e-13
 
 @dataclass(frozen=True)
 class MatrixSlopes:
-    """First derivatives of the linearised matrices along some moves.
+    """First derivatives of the linearised matrices along some moves."""
 
-    Attributes:
-        mass (n_conf, n_move, n, n): Of the whole inertia matrix.
-        gravity_stiffness (n_conf, n_move, n, n): Of the symmetrised gradient of gravity.
-        output (n_conf, n_move, n_out, n): Of the outputs.
-        tilt (n_conf, n_move, n_out, n): Of gravity's part of the outputs.
-    """
-
-    mass: FloatArray
-    gravity_stiffness: FloatArray
-    output: FloatArray
-    tilt: FloatArray
+    mass: FloatArray  # (n_conf, n_move, n, n) Of the whole inertia matrix
+    gravity_stiffness: FloatArray  # (n_conf, n_move, n, n) Of the symmetrised gradient of gravity
+    output: FloatArray  # (n_conf, n_move, n_out, n) Of the outputs
+    tilt: FloatArray  # (n_conf, n_move, n_out, n) Of gravity's part of the outputs
 
 
 @dataclass(frozen=True)
 class Moves(MatrixSlopes):
-    """Derivatives along the spring deflections, then along spring locations.
+    """Derivatives along the spring deflections, then along spring locations."""
 
-    Attributes:
-        torque (n_conf, n_location, n_spring): Of gravity's torque on the springs, deflections held, along locations.
-        located (n_location,): Which elements of the flattened locations these are.
-    """
-
+    # (n_conf, n_location, n_spring) Of gravity's torque on the springs, deflections held, along locations
     torque: FloatArray
-    located: IntArray
+    located: IntArray  # (n_location,) Which elements of the flattened locations these are
 
 
 @dataclass(frozen=True)
 class Rest:
-    """Where the springs rest and what they carry, around which everything is expanded.
+    """Where the springs rest and what they carry, around which everything is expanded."""
 
-    Attributes:
-        deflection (n_conf, n_spring): Spring deflections at rest [rad].
-        torque (n_conf, n_spring): Torque of gravity on each deflection there [N m].
-        gradient (n_conf, n_spring, n_spring): Its derivative with respect to the deflections [N m/rad].
-        location (3 n_spring,): Locations of the springs, in their joints' frames [m].
-        power (n_conf, n_line, n_spring): Mean square torque that the excitation sends through each spring [(N m)^2].
-        omega (n_line,): Angular frequencies of these [rad/s].
-        shape (n_conf, n_spring): The swing's effect on the slope over that of a normal signal: `E[x^4] / (3 E[x^2]^2)`,
-            less what mixes back from lines that are not excited.
-        factor (n_conf, n_spring): What the joints' positions multiply the linear and cubic coefficients by.
-        moves: How the linearised matrices move; None where they are taken as constant.
-    """
-
-    deflection: FloatArray
-    torque: FloatArray
-    gradient: FloatArray
-    location: FloatArray
-    power: FloatArray
-    omega: FloatArray
+    deflection: FloatArray  # (n_conf, n_spring) Spring deflections at rest [rad]
+    torque: FloatArray  # (n_conf, n_spring) Torque of gravity on each deflection there [N m]
+    gradient: FloatArray  # (n_conf, n_spring, n_spring) Its derivative with respect to the deflections [N m/rad]
+    location: FloatArray  # (3 n_spring,) Locations of the springs, in their joints' frames [m]
+    power: FloatArray  # (n_conf, n_line, n_spring) Mean square torque of the excitation through each spring [(N m)^2]
+    omega: FloatArray  # (n_line,) Angular frequencies of these [rad/s]
+    # (n_conf, n_spring) The swing's effect on the slope over that of a normal signal: `E[x^4] / (3 E[x^2]^2)`, less
+    # what mixes back from lines that are not excited
     shape: FloatArray
-    factor: FloatArray
-    moves: Moves | None = None
+    factor: FloatArray  # (n_conf, n_spring) What the joints' positions multiply the linear and cubic coefficients by
+    moves: Moves | None = None  # How the linearised matrices move; None where they are taken as constant
 
 
 @dataclass(frozen=True)
 class Springs:
-    """The springs of every configuration as the linear model sees them.
+    """The springs of every configuration as the linear model sees them."""
 
-    Attributes:
-        stiffness (n_conf, n_spring): Expected slopes [N m/rad].
-        deflection (n_conf, n_spring): Mean deflections [rad].
-        displacement (n_conf, n_move): Distance from where `Moves` was taken [rad, m]; n_move is 0 without it.
-    """
-
-    stiffness: FloatArray
-    deflection: FloatArray
-    displacement: FloatArray
+    stiffness: FloatArray  # (n_conf, n_spring) Expected slopes [N m/rad]
+    deflection: FloatArray  # (n_conf, n_spring) Mean deflections [rad]
+    displacement: FloatArray  # (n_conf, n_move) Distance from where `Moves` was taken [rad, m]; n_move is 0 without it
 
 
 @dataclass(frozen=True)
 class SpringValues:
-    """The parameters that decide where springs rest.
+    """The parameters that decide where springs rest."""
 
-    Attributes:
-        stiffness (n_spring,) or (n_conf, n_spring): Linear coefficients [N m/rad].
-        cubic (n_spring,) or (n_conf, n_spring): Cubic coefficients [N m/rad^3].
-        damping (n_spring,): Dampings [N m s/rad].
-        location (3 n_spring,): Locations [m].
-    """
-
-    stiffness: FloatArray
-    cubic: FloatArray
-    damping: FloatArray
-    location: FloatArray
+    stiffness: FloatArray  # (n_spring,) or (n_conf, n_spring) Linear coefficients [N m/rad]
+    cubic: FloatArray  # (n_spring,) or (n_conf, n_spring) Cubic coefficients [N m/rad^3]
+    damping: FloatArray  # (n_spring,) Dampings [N m s/rad]
+    location: FloatArray  # (3 n_spring,) Locations [m]
 
 
 @dataclass(frozen=True)
 class SpringSlopes:
-    """Derivatives of `Springs` with respect to one kind of parameter.
+    """Derivatives of `Springs` with respect to one kind of parameter."""
 
-    Attributes:
-        stiffness (n_conf, n_spring, n_element): Of the expected slopes.
-        displacement (n_conf, n_move, n_element): Of the displacements.
-    """
-
-    stiffness: FloatArray
-    displacement: FloatArray
+    stiffness: FloatArray  # (n_conf, n_spring, n_element) Of the expected slopes
+    displacement: FloatArray  # (n_conf, n_move, n_element) Of the displacements
 
 
 @dataclass(frozen=True)
 class Swing:
-    """Mean square `v` of the deflections about their mean, with derivatives; (n_conf, n_spring) each.
+    """Mean square `v` of the deflections about their mean, with derivatives; (n_conf, n_spring) each."""
 
-    Attributes:
-        variance: The mean square [rad^2].
-        by_stiffness: Its derivative with respect to the expected slope.
-        by_damping: Its derivative with respect to the damping.
-    """
-
-    variance: FloatArray
-    by_stiffness: FloatArray
-    by_damping: FloatArray
+    variance: FloatArray  # The mean square [rad^2]
+    by_stiffness: FloatArray  # Its derivative with respect to the expected slope
+    by_damping: FloatArray  # Its derivative with respect to the damping
 
 
 def settle_springs(rest: Rest, values: SpringValues) -> Springs:
@@ -138,10 +92,6 @@ def settle_springs(rest: Rest, values: SpringValues) -> Springs:
     `s = E[x^4] / (3 v^2)` is 1 for a normal signal and less for one of low crest factor or few lines. The torque
     through it is measured, so `v` is its power over the squared dynamic stiffness of spring and damper. Gravity is
     linear about the rest that it was taken at.
-
-    Args:
-        rest: What the springs carry.
-        values: Parameter values.
 
     Source:
         docs/methods, sec. 1 (Linearisation), for signals that need not be normal.
@@ -168,13 +118,7 @@ def settle_springs(rest: Rest, values: SpringValues) -> Springs:
 
 
 def spring_slopes(rest: Rest, values: SpringValues, springs: Springs) -> dict[str, SpringSlopes]:
-    """Derivatives of the springs by kind: `stiffness`, `damping`, `cubic`, `location`.
-
-    Args:
-        rest: What the springs carry.
-        values: Parameter values.
-        springs: What `settle_springs` found for them.
-    """
+    """Derivatives of the springs by kind: `stiffness`, `damping`, `cubic`, `location`."""
     values = _here(rest, values)
     d, k1 = springs.deflection, values.stiffness
     n = d.shape[1]

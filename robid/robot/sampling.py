@@ -32,21 +32,15 @@ class Folding:
     accelerations with frequency itself. Of these, and of positions above that share, the first three images on each
     side are taken from the response itself, and all further ones, in closed form, from
     `A = F_0 + F_1 / s + F_2 / s^2`, of which F_0 is the limit and the others are seen at one complex frequency s.
-
-    Attributes:
-        fast (n_freq, n_out): Factor of the limit.
-        omega (n_image,): Angular frequencies at which the continuous response is needed, the images of every line, then
-            the complex one, `s / j`; none where the limit will do for all outputs [rad/s].
-        mirrored (n_image,): Which of them stand for their negatives, where the response is conjugate.
-        weight (6, n_freq, n_out): Factors of the images.
-        tail (2, n_freq, n_out): Factors of real and imaginary part at the last one.
     """
 
-    fast: ComplexArray
+    fast: ComplexArray  # (n_freq, n_out) Factor of the limit
+    # (n_image,) Angular frequencies at which the continuous response is needed, the images of every line, then the
+    # complex one, `s / j`; none where the limit will do for all outputs [rad/s]
     omega: ComplexArray
-    mirrored: BoolArray
-    weight: ComplexArray
-    tail: ComplexArray
+    mirrored: BoolArray  # (n_image,) Which of them stand for their negatives, where the response is conjugate
+    weight: ComplexArray  # (6, n_freq, n_out) Factors of the images
+    tail: ComplexArray  # (2, n_freq, n_out) Factors of real and imaginary part at the last one
 
     def images(self, values: ComplexArray) -> ComplexArray:
         """Returns what folds down without the limit (n_conf, n_freq, n_out, ...).

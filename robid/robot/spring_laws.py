@@ -21,20 +21,13 @@ class BristleTable:
     """What a hysteresis does under the motion of a measurement, by the deflection at which it slips.
 
     To a moving gear it is a spring in series with a damper: it adds `k_b g jw / (jw + w_h)` to its stiffness.
-
-    Attributes:
-        stiffness: Stiffness of the bristles while they stick [N m/rad, or N/m].
-        log_slip (n_slip,): Logarithms of the deflections at which they slip [rad, or m].
-        log_gain (n_slip, n_conf): Logarithms of `g`.
-        log_corner (n_slip, n_conf): Logarithms of `w_h` [rad/s].
-        swing: Swing of the gear, root mean square over the configurations [rad, or m].
     """
 
-    stiffness: float
-    log_slip: FloatArray
-    log_gain: FloatArray
-    log_corner: FloatArray
-    swing: float
+    stiffness: float  # Stiffness of the bristles while they stick [N m/rad, or N/m]
+    log_slip: FloatArray  # (n_slip,) Logarithms of the deflections at which they slip [rad, or m]
+    log_gain: FloatArray  # (n_slip, n_conf) Logarithms of `g`
+    log_corner: FloatArray  # (n_slip, n_conf) Logarithms of `w_h` [rad/s]
+    swing: float  # Swing of the gear, root mean square over the configurations [rad, or m]
 
     def added(self, torque: float, omega: FloatArray) -> ComplexArray:
         """What bristles that slip at a torque add (n_conf, n_freq), odd in that torque."""
@@ -65,23 +58,14 @@ class BristleTable:
 
 @dataclass(frozen=True)
 class GearEffects:
-    """Effects whose sizes are nuisance parameters of a fit, under the motion of a measurement.
+    """Effects whose sizes are nuisance parameters of a fit, under the motion of a measurement."""
 
-    Attributes:
-        load (n_conf, n_spring): Mean size of each deflection, swing included [rad, or m].
-        damped (n_damped, 2): Nuisance and spring of each damper that grows; amounts are shares per deflection.
-        slipping (n_slipping, 2): Nuisance and spring of each hysteresis; amounts are torques at which bristles slip.
-        bristles (n_slipping): What each of them does.
-        damped_names (n_damped): Names of those of dampers.
-        slipping_names (n_slipping): Names of those of hysteresis.
-    """
-
-    load: FloatArray
-    damped: IntArray
-    slipping: IntArray
-    bristles: tuple[BristleTable, ...]
-    damped_names: tuple[str, ...] = ()
-    slipping_names: tuple[str, ...] = ()
+    load: FloatArray  # (n_conf, n_spring) Mean size of each deflection, swing included [rad, or m]
+    damped: IntArray  # (n_damped, 2) Nuisance and spring of each damper that grows; amounts are shares per deflection
+    slipping: IntArray  # (n_slipping, 2) Nuisance and spring of each hysteresis; amounts are torques of slip
+    bristles: tuple[BristleTable, ...]  # (n_slipping) What each of them does
+    damped_names: tuple[str, ...] = ()  # (n_damped) Names of those of dampers
+    slipping_names: tuple[str, ...] = ()  # (n_slipping) Names of those of hysteresis
 
     def growth(self, amounts: FloatArray) -> FloatArray:
         """Dampers (n_conf, n_spring) over those without load, by amounts (n_nuisance,) of all nuisance parameters.
@@ -120,17 +104,11 @@ class GearEffects:
 
 @dataclass(frozen=True)
 class Factor:
-    """What a law multiplies a spring's torque by, and its derivatives by the joint's position.
+    """What a law multiplies a spring's torque by, and its derivatives by the joint's position."""
 
-    Attributes:
-        value (...,): The factor.
-        slope (...,): Its first derivative [1/rad, or 1/m].
-        curvature (...,): Its second derivative [1/rad^2, or 1/m^2].
-    """
-
-    value: FloatArray
-    slope: FloatArray
-    curvature: FloatArray
+    value: FloatArray  # (...,) The factor
+    slope: FloatArray  # (...,) Its first derivative [1/rad, or 1/m]
+    curvature: FloatArray  # (...,) Its second derivative [1/rad^2, or 1/m^2]
 
 
 class LawFactor:

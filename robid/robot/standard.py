@@ -20,18 +20,12 @@ _LEAST_INERTIA = 1e-12  # a motor has some
 
 @dataclass(frozen=True)
 class StandardRobot:
-    """A robot with given standard parameters.
-
-    Attributes:
-        payload_is_in_link: Whether its payload is in its last link, as no real body would be left without it.
-        homeless: Parameters that differ from zero and that a robot's description has no place for.
-        averaged: Joints whose friction differs between the directions, of which the description has the mean.
-    """
+    """A robot with given standard parameters."""
 
     robot: Robot
-    payload_is_in_link: bool
-    homeless: tuple[str, ...]
-    averaged: tuple[str, ...]
+    payload_is_in_link: bool  # Whether its payload is in its last link, as no real body would be left without it
+    homeless: tuple[str, ...]  # Parameters that differ from zero and that a robot's description has no place for
+    averaged: tuple[str, ...]  # Joints whose friction differs between directions; the description has the mean
 
 
 def with_standard(robot: Robot, values: Mapping[str, float]) -> StandardRobot:

@@ -17,24 +17,16 @@ _JUMPING = ".acceleration"
 
 @dataclass(frozen=True)
 class StateSpace:
-    """`x' = A x + B u, y = C x + D u`, or `x[k+1] = A x[k] + B u[k]`; deviations from rest, SI units.
+    """`x' = A x + B u, y = C x + D u`, or `x[k+1] = A x[k] + B u[k]`; deviations from rest, SI units."""
 
-    Attributes:
-        A (n_state, n_state): System matrix.
-        B (n_state, n_in): Input matrix.
-        C (n_out, n_state): Output matrix.
-        D (n_out, n_in): Direct feedthrough.
-        period_s: Sampling period [s]; None in continuous time.
-    """
-
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
-    D: FloatArray
+    A: FloatArray  # (n_state, n_state) System matrix
+    B: FloatArray  # (n_state, n_in) Input matrix
+    C: FloatArray  # (n_out, n_state) Output matrix
+    D: FloatArray  # (n_out, n_in) Direct feedthrough
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    period_s: float | None = None
+    period_s: float | None = None  # Sampling period [s]; None in continuous time
 
 
 def state_space(
@@ -48,14 +40,6 @@ def state_space(
     """Writes one configuration as a continuous state space, without the delay.
 
     States are motor angles, spring deflections and their rates; outputs the angles, then speeds, then accelerations.
-
-    Args:
-        model: Linearised robot.
-        parameters: Parameter values.
-        configuration: Which of the model's configurations.
-        motors: Name of each motor.
-        springs: Name of each spring.
-        outputs: Name of each output angle of the model.
 
     Source:
         docs/methods, sec. 1 (Linearisation), in spring coordinates.

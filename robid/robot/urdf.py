@@ -22,24 +22,16 @@ _ALTERS_MASSES = ("balanceinertia", "boundmass", "boundinertia", "settotalmass",
 
 @dataclass
 class Urdf:
-    """A URDF file as far as a robot's motion depends on it.
+    """A URDF file as far as a robot's motion depends on it."""
 
-    Attributes:
-        text: The file without shapes, transmissions and what simulators add; numbers that cannot be read are 1 or 0.
-        links: What is wrong with a link, by its name.
-        limits: What is wrong with the limits of a joint, by its name; `text` has none for it.
-        speed: Speed limits by joint [rad/s, or m/s].
-        gravity: Gravity that MuJoCo's extension states [m/s^2].
-        balances: Whether MuJoCo's extension replaces inertias that no body has.
-    """
-
-    text: str = ""
+    text: str = ""  # The file without shapes, transmissions and simulators' parts; unreadable numbers are 1 or 0
     fixed: tuple[str, ...] = ()
-    links: dict[str, str] = field(default_factory=dict)
+    links: dict[str, str] = field(default_factory=dict)  # What is wrong with a link, by its name
+    # What is wrong with the limits of a joint, by its name; `text` has none for it
     limits: dict[str, str] = field(default_factory=dict)
-    speed: dict[str, float] = field(default_factory=dict)
-    gravity: tuple[float, float, float] | None = None
-    balances: bool = False
+    speed: dict[str, float] = field(default_factory=dict)  # Speed limits by joint [rad/s, or m/s]
+    gravity: tuple[float, float, float] | None = None  # Gravity that MuJoCo's extension states [m/s^2]
+    balances: bool = False  # Whether MuJoCo's extension replaces inertias that no body has
     notes: list[str] = field(default_factory=list)
 
 

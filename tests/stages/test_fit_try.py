@@ -119,7 +119,7 @@ def test_a_spring_s_name_that_frees_nothing_is_refused_with_what_may_be_meant(wo
     shop.refuse(2, "fits.elastic.free[1]", "of `gear_lift` are free anyway; leave it out", "`gear_lift.hysteresis`")
 
 
-def test_nuisance_of_which_the_data_say_nothing_are_freed_with_the_others(shop):
+def test_nuisances_of_which_the_data_say_nothing_are_freed_with_the_others(shop):
     shop.change("truth: {", "truth: {mass_factor: {payload: 1.5}, ")
     assert shop.robid("run", "small.yaml").code == 5
     answer = shop.robid("fit", "small.yaml", "--fit", "elastic", "--try", "masses")

@@ -20,7 +20,6 @@ from robid.models.elastic.fitting import nominal_robot
 from robid.models.elastic.judge.fitted import fitted_model
 from robid.models.elastic.settings import elastic_fit
 from robid.models.encode import PARAMETER_COLUMNS, Content, encode_csv, encode_json, encode_mat, encode_npz
-from robid.models.encode import PARAMETER_COLUMNS as COLUMNS
 from robid.models.family import ExportTask
 from robid.models.parameters import with_torque_unit
 from robid.results.estimate import Estimate
@@ -39,31 +38,21 @@ from robid.simulate.options import Imperfections, SimulateOptions
 from robid.simulate.steps import choose_steps
 
 _OF_PHYSICAL = {"physical_lower": "lower", "physical_upper": "upper", "physical_relative_std": "relative_std"}
-_VALUES = {name: {"estimate": "value", **_OF_PHYSICAL}.get(name, name) for name in COLUMNS[3:]}
+_VALUES = {name: {"estimate": "value", **_OF_PHYSICAL}.get(name, name) for name in PARAMETER_COLUMNS[3:]}
 """Fields of an estimate by column: its interval is that of the parameter itself."""
 
 
 @dataclass(frozen=True)
 class FittedExport:
-    """A fit, its data, and what they stand for.
+    """A fit, its data, and what they stand for."""
 
-    Attributes:
-        loaded: The experiment.
-        name: Name of the fit.
-        nominal: The robot that it started from.
-        date: When it was made.
-        solution: What it found.
-        frf: The response that it was fitted to, in its configurations.
-        chosen: Index of each of them in the campaign.
-    """
-
-    loaded: LoadedExperiment
-    name: str
-    nominal: Robot
-    date: str
-    solution: ElasticSolution
-    frf: Frf
-    chosen: tuple[int, ...]
+    loaded: LoadedExperiment  # The experiment
+    name: str  # Name of the fit
+    nominal: Robot  # The robot that it started from
+    date: str  # When it was made
+    solution: ElasticSolution  # What it found
+    frf: Frf  # The response that it was fitted to, in its configurations
+    chosen: tuple[int, ...]  # Index of each of them in the campaign
 
     @cached_property
     def robot(self) -> Robot:
@@ -134,10 +123,10 @@ class FittedExport:
 
 
 def parameter_records(found: FittedExport) -> list[dict[str, object]]:
-    """Returns one mapping of `COLUMNS` for each parameter, those that follow another one last."""
+    """Returns one mapping of `PARAMETER_COLUMNS` for each parameter, those that follow another one last."""
     estimate, tied = found.solution.estimate, found.solution.estimate.tied
     columns = estimate.names, estimate.kinds, found.units, *(values.tolist() for values in _columns(estimate).values())
-    own = {str(row[0]): dict(zip(COLUMNS, row, strict=True)) for row in zip(*columns, strict=True)}
+    own = {str(row[0]): dict(zip(PARAMETER_COLUMNS, row, strict=True)) for row in zip(*columns, strict=True)}
     told = ("nominal", "estimate", "physical_lower", "physical_upper")
     values = (each.tolist() for each in (tied.nominal, tied.value, tied.lower, tied.upper))
     followers = zip(tied.names, tied.to, *values, strict=True)

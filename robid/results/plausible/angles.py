@@ -32,21 +32,13 @@ _SHOWN = 4
 
 @dataclass(frozen=True)
 class Angles:
-    """What mean angles say.
+    """What mean angles say."""
 
-    Attributes:
-        findings: Strongest first.
-        notes: What is no fault, but worth to know.
-        sign (n_motor,): 1 or -1 where the angles tell a motor's sign, 0 where they do not.
-        ratio_fits (n_motor,): Which motors' gear ratios nothing contradicts.
-        placed: Whether nothing says that the robot stood elsewhere than stated.
-    """
-
-    findings: tuple[Finding, ...]
-    notes: tuple[str, ...]
-    sign: FloatArray
-    ratio_fits: BoolArray
-    placed: bool
+    findings: tuple[Finding, ...]  # Strongest first
+    notes: tuple[str, ...]  # What is no fault, but worth to know
+    sign: FloatArray  # (n_motor,) 1 or -1 where the angles tell a motor's sign, 0 where they do not
+    ratio_fits: BoolArray  # (n_motor,) Which motors' gear ratios nothing contradicts
+    placed: bool  # Whether nothing says that the robot stood elsewhere than stated
 
 
 @dataclass(frozen=True)
@@ -71,10 +63,6 @@ def judge_angles(robot: Robot, evidence: Evidence) -> Angles:
     What explains all of them is looked for in this order: the configurations as stated, others of the stated ones,
     a slope of each motor (its gear ratio or sign), and the same with a constant offset of each motor, as encoders
     without a reference have it. Angles that stay near zero wherever the robot stands are relative: nobody is accused.
-
-    Args:
-        robot: The robot file's.
-        evidence: What the campaign shows.
     """
     n_motor = len(evidence.names)
     sign, fits = np.zeros(n_motor), np.ones(n_motor, bool)

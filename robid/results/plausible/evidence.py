@@ -25,55 +25,32 @@ _SPREAD_LINES = 40
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a campaign shows of the motors whose torque and angle were both recorded.
+    """What a campaign shows of the motors whose torque and angle were both recorded."""
 
-    Attributes:
-        names: Their names.
-        configurations (n_conf, n_joint): Stated arm-side angles [rad].
-        frequency_hz (n_low,): The lowest lines [Hz].
-        response (n_conf, n_low, n_motor, n_motor): Response there [rad/(s^2 N m)].
-        clear (n_conf, n_low, n_motor, n_motor): Which of it stands out of its noise.
-        signal_to_noise (n_conf, n_freq, n_motor): Power of the driving points over their variance, at all lines;
-            None where no variance is known.
-        mean_angle (n_conf, n_motor): Mean motor angles, None in old files [rad].
-        mean_torque (n_conf, n_motor): Mean motor torques, None in old files [N m].
-        motion_rms (n_conf, n_motor): RMS of the motor angles about their means, None in old files [rad].
-        torque_unit: Unit that stands for N m.
-        lines_hz (n_freq,): All lines [Hz].
-        driving (n_conf, n_freq, n_motor): Driving points there [rad/(s^2 N m)].
-        sampling_period_s: Sampling period of the experiment [s].
-        hold_period_s: Period for which the torque is held; None where it is not [s].
-        saturated: Share of the time (n_conf,) in which each input and output saturates, by what it is; empty where it
-            is unknown.
-        moved: What each motor and arm, as far as it was recorded, was measured as.
-        spread_hz (n_spread,): Lines all over the band [Hz].
-        spread (n_conf, n_spread, n_moved, n_motor): Response of these motors and arms there [rad/(s^2 N m)].
-        uncompensated (n_conf, n_spread, n_moved, n_motor): The same before torques were compensated.
-        spread_clear (n_conf, n_spread, n_moved, n_motor): Which of it stands out of its noise.
-        torque_rms (n_conf, n_motor): RMS of the torques about their means, None in old files [N m].
-    """
-
-    names: tuple[str, ...]
-    configurations: FloatArray
-    frequency_hz: FloatArray
-    response: ComplexArray
-    clear: BoolArray
+    names: tuple[str, ...]  # Their names
+    configurations: FloatArray  # (n_conf, n_joint) Stated arm-side angles [rad]
+    frequency_hz: FloatArray  # (n_low,) The lowest lines [Hz]
+    response: ComplexArray  # (n_conf, n_low, n_motor, n_motor) Response there [rad/(s^2 N m)]
+    clear: BoolArray  # (n_conf, n_low, n_motor, n_motor) Which of it stands out of its noise
+    # (n_conf, n_freq, n_motor) Power of the driving points over their variance, at all lines; None where no variance is
+    # known
     signal_to_noise: FloatArray | None
-    mean_angle: FloatArray | None
-    mean_torque: FloatArray | None
-    motion_rms: FloatArray | None
-    torque_unit: str
-    lines_hz: FloatArray
-    driving: ComplexArray
-    sampling_period_s: float
-    hold_period_s: float | None
+    mean_angle: FloatArray | None  # (n_conf, n_motor) Mean motor angles, None in old files [rad]
+    mean_torque: FloatArray | None  # (n_conf, n_motor) Mean motor torques, None in old files [N m]
+    motion_rms: FloatArray | None  # (n_conf, n_motor) RMS of motor angles about their means, None in old files [rad]
+    torque_unit: str  # Unit that stands for N m
+    lines_hz: FloatArray  # (n_freq,) All lines [Hz]
+    driving: ComplexArray  # (n_conf, n_freq, n_motor) Driving points there [rad/(s^2 N m)]
+    sampling_period_s: float  # Sampling period of the experiment [s]
+    hold_period_s: float | None  # Period for which the torque is held; None where it is not [s]
+    # Share of the time (n_conf,) in which each input and output saturates, by what it is; empty where it is unknown
     saturated: Mapping[str, FloatArray]
-    moved: tuple[Channel, ...]
-    spread_hz: FloatArray
-    spread: ComplexArray
-    uncompensated: ComplexArray
-    spread_clear: BoolArray
-    torque_rms: FloatArray | None
+    moved: tuple[Channel, ...]  # What each motor and arm, as far as it was recorded, was measured as
+    spread_hz: FloatArray  # (n_spread,) Lines all over the band [Hz]
+    spread: ComplexArray  # (n_conf, n_spread, n_moved, n_motor) Response of these motors and arms there [rad/(s^2 N m)]
+    uncompensated: ComplexArray  # (n_conf, n_spread, n_moved, n_motor) The same before torques were compensated
+    spread_clear: BoolArray  # (n_conf, n_spread, n_moved, n_motor) Which of it stands out of its noise
+    torque_rms: FloatArray | None  # (n_conf, n_motor) RMS of the torques about their means, None in old files [N m]
 
     def joints(self, robot: Robot) -> IntArray:
         """Indices of the motors among a robot's joints."""
@@ -148,7 +125,9 @@ def gather_evidence(frf: Frf) -> Evidence:
 def _spread(frf: Frf, names: tuple[str, ...], inputs: list[int]) -> dict[str, Any]:
     """What lines all over the band show of motors and of arms beside them."""
     known = {*names, *(f"{name}.arm" for name in names)}
-    outputs = [index for index, one in enumerate(frf.output_channels) if one.name in known and _moves(one)]
+    outputs = [
+        index for index, one in enumerate(frf.output_channels) if one.name in known and ACCELERATION.accepts([one])
+    ]
     measured = frf.measured_channels or frf.output_channels
     order = np.argsort(frf.frequency_hz, kind="stable")
     at = order[np.unique(np.linspace(0, order.size - 1, min(order.size, _SPREAD_LINES)).round().astype(int))]
@@ -162,10 +141,6 @@ def _spread(frf: Frf, names: tuple[str, ...], inputs: list[int]) -> dict[str, An
         "spread_clear": np.ones(frf.response[pick].shape, bool) if ratio is None else ratio[pick] > CLEAR,
         "torque_rms": None if frf.input_amplitude is None else _rms(frf.input_amplitude[:, :, inputs]),
     }
-
-
-def _moves(channel: Channel) -> bool:
-    return ACCELERATION.accepts([channel])
 
 
 def _rms(amplitude: ComplexArray) -> FloatArray:
@@ -201,15 +176,10 @@ def _signal_to_noise(frf: Frf) -> FloatArray | None:
 
 @dataclass(frozen=True)
 class Carrier:
-    """A robot, and what its torques are recorded as.
+    """A robot, and what its torques are recorded as."""
 
-    Attributes:
-        robot: The robot, with its campaign's payload.
-        torque_factor (n_joint,): Recorded over true torques.
-    """
-
-    robot: Robot
-    torque_factor: FloatArray
+    robot: Robot  # The robot, with its campaign's payload
+    torque_factor: FloatArray  # (n_joint,) Recorded over true torques
 
     def holds(self, configurations: FloatArray, motors: IntArray) -> FloatArray:
         """Returns true torques (n_conf, n_motor) with which motors hold configurations (n_conf, n_joint) [N m]."""
@@ -219,17 +189,11 @@ class Carrier:
 
 @dataclass(frozen=True)
 class Fitted:
-    """What a fit found, and how far it may be off.
+    """What a fit found, and how far it may be off."""
 
-    Attributes:
-        found: The robot as the fit has it.
-        off: The robot off by a share of a standard deviation along each independent direction.
-        share: That share.
-    """
-
-    found: Carrier
-    off: tuple[Carrier, ...]
-    share: float
+    found: Carrier  # The robot as the fit has it
+    off: tuple[Carrier, ...]  # The robot off by a share of a standard deviation along each independent direction
+    share: float  # That share
 
     def scatter(self, configurations: FloatArray, motors: IntArray) -> FloatArray:
         """Returns the covariance (n_motor, n_conf, n_conf) of true torques that this leaves open [N^2 m^2]."""

@@ -41,17 +41,11 @@ _MANY_MOTORS = 10
 
 @dataclass(frozen=True)
 class Signs:
-    """Which torques and angles count the wrong way.
+    """Which torques and angles count the wrong way."""
 
-    Attributes:
-        findings: Strongest first.
-        torque (n_motor,): 1, or -1 where a torque is reversed.
-        angle (n_motor,): The same of the angles.
-    """
-
-    findings: tuple[Finding, ...]
-    torque: FloatArray
-    angle: FloatArray
+    findings: tuple[Finding, ...]  # Strongest first
+    torque: FloatArray  # (n_motor,) 1, or -1 where a torque is reversed
+    angle: FloatArray  # (n_motor,) The same of the angles
 
 
 def judge_signs(robot: Robot, evidence: Evidence, angle_sign: FloatArray, torque_sign: FloatArray) -> Signs:

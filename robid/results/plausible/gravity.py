@@ -35,21 +35,13 @@ _BALANCE_LEAVES = 0.1  # of what other causes leave together
 
 @dataclass(frozen=True)
 class GravityTorques:
-    """Mean torques under gravity.
+    """Mean torques under gravity."""
 
-    Attributes:
-        measured (n_conf, n_motor): Mean torques, true ones as far as their scale is known [N m].
-        expected (n_conf, n_motor): The robot's [N m].
-        root (n_motor, n_conf, n_conf): What whitens a motor's residual over configurations.
-        names: The motors.
-        usable (n_motor,): Motors whose torque can be judged.
-    """
-
-    measured: FloatArray
-    expected: FloatArray
-    root: FloatArray
-    names: tuple[str, ...]
-    usable: BoolArray
+    measured: FloatArray  # (n_conf, n_motor) Mean torques, true ones as far as their scale is known [N m]
+    expected: FloatArray  # (n_conf, n_motor) The robot's [N m]
+    root: FloatArray  # (n_motor, n_conf, n_conf) What whitens a motor's residual over configurations
+    names: tuple[str, ...]  # The motors
+    usable: BoolArray  # (n_motor,) Motors whose torque can be judged
 
     def whitened(self, torque: FloatArray) -> FloatArray:
         """Torques (..., n_conf, n_motor) over what they scatter by, as vectors."""

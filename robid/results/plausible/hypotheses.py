@@ -45,36 +45,22 @@ _FACTORS: dict[str, tuple[tuple[str, int, float], ...]] = {
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One mistake of scale.
+    """One mistake of scale."""
 
-    Attributes:
-        scales: What it is.
-        factor: By how much; of a robot's own factors the geometric mean.
-        log (n_state,): Logarithm of read over true values of torques, of motions and of time.
-        penalty: How rare it is.
-        exact: Whether only evidence that knows the factor to some per cent may name it.
-    """
-
-    scales: tuple[Scale, ...]
-    factor: float
-    log: FloatArray
-    penalty: float
-    exact: bool = False
+    scales: tuple[Scale, ...]  # What it is
+    factor: float  # By how much; of a robot's own factors the geometric mean
+    log: FloatArray  # (n_state,) Logarithm of read over true values of torques, of motions and of time
+    penalty: float  # How rare it is
+    exact: bool = False  # Whether only evidence that knows the factor to some per cent may name it
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What data say of scales: `rows @ log = value`, within a covariance.
+    """What data say of scales: `rows @ log = value`, within a covariance."""
 
-    Attributes:
-        rows (n_seen, n_state): Exponents.
-        value (n_seen,): Logarithms.
-        covariance (n_seen, n_seen): How far they may be off.
-    """
-
-    rows: FloatArray
-    value: FloatArray
-    covariance: FloatArray
+    rows: FloatArray  # (n_seen, n_state) Exponents
+    value: FloatArray  # (n_seen,) Logarithms
+    covariance: FloatArray  # (n_seen, n_seen) How far they may be off
 
     def cost(self, log: FloatArray) -> float:
         """Squared deviations that a hypothesis leaves."""
@@ -109,17 +95,11 @@ def joined(parts: Sequence[Seen]) -> Seen:
 
 @dataclass(frozen=True)
 class Named:
-    """Hypotheses that explain what data say, and how surely.
+    """Hypotheses that explain what data say, and how surely."""
 
-    Attributes:
-        alike: Those that the data cannot tell apart, the likeliest first.
-        seen: Factor that the data show of the first, with the ends of its interval.
-        strength: Squared deviations that it explains over those from which it counts.
-    """
-
-    alike: tuple[Hypothesis, ...]
-    seen: tuple[float, float, float]
-    strength: float
+    alike: tuple[Hypothesis, ...]  # Those that the data cannot tell apart, the likeliest first
+    seen: tuple[float, float, float]  # Factor that the data show of the first, with the ends of its interval
+    strength: float  # Squared deviations that it explains over those from which it counts
 
 
 def name_scales(hypotheses: Sequence[Hypothesis], told: Callable[[FloatArray], Seen], likely: Seen) -> Named | None:
@@ -280,21 +260,13 @@ _LONGEST = 1 << 16
 
 @dataclass(frozen=True)
 class Pair:
-    """Two channels of one joint's motion.
+    """Two channels of one joint's motion."""
 
-    Attributes:
-        first: Index of an output.
-        second: Index of another.
-        ratio: First over second, brought to the same derivative and side; 1 where both are right.
-        relative_std: Its relative standard deviation.
-        derivatives: Derivatives of the first less those of the second, by which a wrong time tells.
-    """
-
-    first: int
-    second: int
-    ratio: float
-    relative_std: float
-    derivatives: int
+    first: int  # Index of an output
+    second: int  # Index of another
+    ratio: float  # First over second, brought to the same derivative and side; 1 where both are right
+    relative_std: float  # Its relative standard deviation
+    derivatives: int  # Derivatives of the first less those of the second, by which a wrong time tells
 
 
 def pairs_of(record: Record, robot: Robot) -> list[Pair]:

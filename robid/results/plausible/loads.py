@@ -67,17 +67,11 @@ _MOST_MASS = 2.0  # times a link's stated mass that a file leaves out
 
 @dataclass(frozen=True)
 class LoadCause:
-    """What may change the mean torques.
+    """What may change the mean torques."""
 
-    Attributes:
-        kind: Of `CAUSES`.
-        name: Motor or link that it is about.
-        columns (n_column, n_conf, n_motor): Change of the torque per unit of it [N m].
-    """
-
-    kind: str
-    name: str
-    columns: FloatArray
+    kind: str  # Of `CAUSES`
+    name: str  # Motor or link that it is about
+    columns: FloatArray  # (n_column, n_conf, n_motor) Change of the torque per unit of it [N m]
 
 
 def load_causes(

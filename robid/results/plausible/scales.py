@@ -35,15 +35,10 @@ _USUAL_SPEED, _SPEED_STD = 0.1, 2.0
 
 @dataclass(frozen=True)
 class Scales:
-    """What a campaign says of its scales.
+    """What a campaign says of its scales."""
 
-    Attributes:
-        findings: The wrong one, if there is one.
-        evidence: What the campaign would have shown without.
-    """
-
-    findings: tuple[Finding, ...]
-    evidence: Evidence
+    findings: tuple[Finding, ...]  # The wrong one, if there is one
+    evidence: Evidence  # What the campaign would have shown without
 
 
 def judge_scales(robot: Robot, evidence: Evidence, declared_s: float) -> Scales:

@@ -20,30 +20,19 @@ _LATE = (".YY", ".MZ", ".M")
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """Base parameters as combinations of standard parameters.
+    """Base parameters as combinations of standard parameters."""
 
-    Attributes:
-        names (n_std): Names of the standard parameters.
-        columns (n_base,): Indices of the columns that stand for the base parameters, ascending: the regressor's
-            columns of these times the base parameters is the torque.
-        combination (n_base, n_std): The base parameters are `combination @ standard`.
-        labels (n_base): Each as its combination, such as `joint_1.ZZ + joint_2.YY + 0.81 joint_2.M`.
-        units (n_base): Units of the base parameters, those of their columns.
-        silent: Names of standard parameters without any effect.
-        undetermined: Names of those that are known only together with others.
-        singular_values (n_std,): Of the regressor with columns scaled to 1, descending.
-        gap: Smallest singular value that counts over the largest one that does not; infinite where that is zero.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # (n_std) Names of the standard parameters
+    # (n_base,) Indices of the columns that stand for the base parameters, ascending: the regressor's columns of these
+    # times the base parameters is the torque
     columns: IntArray
-    combination: FloatArray
-    labels: tuple[str, ...]
-    units: tuple[str, ...]
-    silent: tuple[str, ...]
-    undetermined: tuple[str, ...]
-    singular_values: FloatArray
-    gap: float
+    combination: FloatArray  # (n_base, n_std) The base parameters are `combination @ standard`
+    labels: tuple[str, ...]  # (n_base) Each as its combination, such as `joint_1.ZZ + joint_2.YY + 0.81 joint_2.M`
+    units: tuple[str, ...]  # (n_base) Units of the base parameters, those of their columns
+    silent: tuple[str, ...]  # Names of standard parameters without any effect
+    undetermined: tuple[str, ...]  # Names of those that are known only together with others
+    singular_values: FloatArray  # (n_std,) Of the regressor with columns scaled to 1, descending
+    gap: float  # Smallest singular value that counts over the largest one that does not; infinite where that is zero
 
     @property
     def base_names(self) -> tuple[str, ...]:

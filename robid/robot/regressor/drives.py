@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from operator import attrgetter
 from typing import Literal
 
 import numpy as np
@@ -60,45 +61,34 @@ _FORCES = {"N m": "N", "N m s/rad": "N s/m"}  # Units of what acts on a motor, w
 
 @dataclass(frozen=True)
 class DriveMotion:
-    """Motion of what a torque acts on: a motor, or the arm of a joint.
+    """Motion of what a torque acts on: a motor, or the arm of a joint."""
 
-    Attributes:
-        position (n_sample,): Position [rad, or m].
-        velocity (n_sample,): Speed.
-        acceleration (n_sample,): Acceleration.
-        sense (n_sample,): Sign of the speed that friction feels, or a smooth one between -1 and 1.
-        torque (n_sample,): Torque of the motor; zero where nothing asks for it [N m].
-    """
-
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    sense: FloatArray
-    torque: FloatArray
+    position: FloatArray  # (n_sample,) Position [rad, or m]
+    velocity: FloatArray  # (n_sample,) Speed
+    acceleration: FloatArray  # (n_sample,) Acceleration
+    sense: FloatArray  # (n_sample,) Sign of the speed that friction feels, or a smooth one between -1 and 1
+    torque: FloatArray  # (n_sample,) Torque of the motor; zero where nothing asks for it [N m]
 
 
 @dataclass(frozen=True)
 class DriveTerm:
-    """A torque that one parameter gives.
-
-    Attributes:
-        component: What its name says beside the joint.
-        row (n_joint,): Motion of what it acts on per motor angle; the motors feel it by the same factors.
-        effect: Its torque per unit of the parameter, (n_sample,).
-    """
+    """A torque that one parameter gives."""
 
     owner: str
-    component: str
+    component: str  # What its name says beside the joint
     kind: RigidKind
     unit: str
     nominal: float
-    row: FloatArray
-    effect: Callable[[DriveMotion], FloatArray]
+    row: FloatArray  # (n_joint,) Motion of what it acts on per motor angle; the motors feel it by the same factors
+    effect: Callable[[DriveMotion], FloatArray]  # Its torque per unit of the parameter, (n_sample,)
 
     @property
     def name(self) -> str:
         """Name of the parameter."""
         return f"{self.owner}.{self.component}"
+
+
+_acceleration, _velocity, _sense = (attrgetter(name) for name in ("acceleration", "velocity", "sense"))
 
 
 def drive_terms(robot: Robot, options: RigidOptions) -> Iterator[DriveTerm]:
@@ -143,10 +133,8 @@ def _friction(joint: Joint, row: FloatArray, options: RigidOptions) -> Iterator[
     stated = law.viscous_nms_rad + (0.0 if joint.couplings else joint.reflected_viscous_nms_rad)
     if form == "asymmetric":
         for name, sense in (("forward", 1.0), ("backward", -1.0)):
-            viscous = partial(_viscous_one_way, sense)
-            yield _term(joint, row, "viscous", stated, viscous, f"viscous_{name}")
-            coulomb = partial(_coulomb_one_way, sense)
-            yield _term(joint, row, "coulomb", law.coulomb_nm, coulomb, f"coulomb_{name}")
+            yield _term(joint, row, "viscous", stated, partial(_one_way, _velocity, sense), f"viscous_{name}")
+            yield _term(joint, row, "coulomb", law.coulomb_nm, partial(_one_way, _sense, sense), f"coulomb_{name}")
     elif form != "none":
         yield _term(joint, row, "viscous", stated, _velocity)
         if form != "viscous":
@@ -183,28 +171,12 @@ def _one(motion: DriveMotion) -> FloatArray:
     return np.ones_like(motion.position)
 
 
-def _acceleration(motion: DriveMotion) -> FloatArray:
-    return motion.acceleration
-
-
-def _velocity(motion: DriveMotion) -> FloatArray:
-    return motion.velocity
-
-
-def _sense(motion: DriveMotion) -> FloatArray:
-    return motion.sense
-
-
 def _load(motion: DriveMotion) -> FloatArray:
     return np.asarray(np.abs(motion.torque) * motion.sense)
 
 
-def _viscous_one_way(sense: float, motion: DriveMotion) -> FloatArray:
-    return np.asarray(np.where(motion.sense * sense > 0, motion.velocity, 0.0))
-
-
-def _coulomb_one_way(sense: float, motion: DriveMotion) -> FloatArray:
-    return np.asarray(np.where(motion.sense * sense > 0, motion.sense, 0.0))
+def _one_way(effect: Callable[[DriveMotion], FloatArray], sense: float, motion: DriveMotion) -> FloatArray:
+    return np.asarray(np.where(motion.sense * sense > 0, effect(motion), 0.0))
 
 
 def _harmonic(wave: Callable[[FloatArray], FloatArray], order: int, motion: DriveMotion) -> FloatArray:

@@ -16,21 +16,15 @@ _INERTIAL = ("motor_inertia", "coupling_inertia")
 
 @dataclass(frozen=True)
 class RigidDynamics:
-    """A rigid robot with given parameters, or one of its kind for each sample; everything on the motor side.
-
-    Attributes:
-        inertias: Of each body the matrix (6, 6, 1 or n_sample) that makes a momentum, first the angular one about its
-            frame's origin, of angular velocity and velocity of that origin.
-        motor (n_joint, n_joint, 1 or n_sample): Inertia of what turns with motors and coupled gears [kg m^2].
-        terms: Terms without inertia, each with its parameter (1 or n_sample,).
-        smoothing_rad_s: Speed over which Coulomb friction changes its sign, as tanh; 0 for a jump.
-    """
+    """A rigid robot with given parameters, or one of its kind for each sample; everything on the motor side."""
 
     tree: Tree
+    # Of each body the matrix (6, 6, 1 or n_sample) that makes a momentum, first the angular one about its frame's
+    # origin, of angular velocity and velocity of that origin
     inertias: tuple[FloatArray, ...]
-    motor: FloatArray
-    terms: tuple[tuple[DriveTerm, FloatArray], ...]
-    smoothing_rad_s: float = 0.0
+    motor: FloatArray  # (n_joint, n_joint, 1 or n_sample) Inertia of what turns with motors and coupled gears [kg m^2]
+    terms: tuple[tuple[DriveTerm, FloatArray], ...]  # Terms without inertia, each with its parameter (1 or n_sample,)
+    smoothing_rad_s: float = 0.0  # Speed over which Coulomb friction changes its sign, as tanh; 0 for a jump
 
     def inertia_and_bias(
         self, position: FloatArray, velocity: FloatArray, torque: FloatArray | None = None

@@ -21,42 +21,28 @@ PAYLOAD = "payload"  # Name of the payload as a body of its own
 
 @dataclass(frozen=True)
 class Body:
-    """A body about or along the z axis of whose frame it moves.
+    """A body about or along the z axis of whose frame it moves."""
 
-    Attributes:
-        name: Name of its joint, loop link or motor, or `payload`.
-        parent: Index of the body that carries it, -1 for the base.
-        position_m (3,): Origin of its frame in the parent's frame [m].
-        rotation (3, 3): Orientation of its frame in the parent's frame at zero position.
-        is_payload: Whether it is the payload as a body of its own.
-    """
-
-    name: str
-    parent: int
-    position_m: FloatArray
-    rotation: FloatArray
+    name: str  # Name of its joint, loop link or motor, or `payload`
+    parent: int  # Index of the body that carries it, -1 for the base
+    position_m: FloatArray  # (3,) Origin of its frame in the parent's frame [m]
+    rotation: FloatArray  # (3, 3) Orientation of its frame in the parent's frame at zero position
     slides: bool = False
     is_rotor: bool = False
-    is_payload: bool = False
+    is_payload: bool = False  # Whether it is the payload as a body of its own
 
 
 @dataclass(frozen=True)
 class Tree:
-    """Bodies, each after its parent, and how independent coordinates move them.
+    """Bodies, each after its parent, and how independent coordinates move them."""
 
-    Attributes:
-        bodies: The links of the joints, loop links, rotors that ride on links, and the payload where it is a body
-            of its own.
-        turns (n_body, n_coordinate): Position of each body per unit of each independent coordinate; constant, as
-            parallelograms keep sums of angles.
-        offset (n_body,): Position of each body where the coordinates are zero.
-        gravity_m_s2 (3,): Gravity in the base frame [m/s^2].
-    """
-
+    # The links of the joints, loop links, rotors that ride on links, and the payload where it is a body of its own
     bodies: tuple[Body, ...]
+    # (n_body, n_coordinate) Position of each body per unit of each independent coordinate; constant, as parallelograms
+    # keep sums of angles
     turns: FloatArray
-    offset: FloatArray
-    gravity_m_s2: FloatArray
+    offset: FloatArray  # (n_body,) Position of each body where the coordinates are zero
+    gravity_m_s2: FloatArray  # (3,) Gravity in the base frame [m/s^2]
 
     @property
     def reach(self) -> tuple[int, ...]:
@@ -153,21 +139,13 @@ _VELOCITY, _ACCELERATION, _SCREWS = 0, 1, 2
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """Motion of a body in its own frame.
+    """Motion of a body in its own frame."""
 
-    Attributes:
-        rate (3, n_sample): Angular velocity [rad/s].
-        angular (3, n_sample): Angular acceleration [rad/s^2].
-        linear (3, n_sample): Acceleration of the frame's origin less gravity [m/s^2].
-        turn (n_reach, 3, n_sample): Angular velocity per unit speed of each coordinate that can move it.
-        shift (n_reach, 3, n_sample): Velocity of the frame's origin per unit speed of each of these [m].
-    """
-
-    rate: FloatArray
-    angular: FloatArray
-    linear: FloatArray
-    turn: FloatArray
-    shift: FloatArray
+    rate: FloatArray  # (3, n_sample) Angular velocity [rad/s]
+    angular: FloatArray  # (3, n_sample) Angular acceleration [rad/s^2]
+    linear: FloatArray  # (3, n_sample) Acceleration of the frame's origin less gravity [m/s^2]
+    turn: FloatArray  # (n_reach, 3, n_sample) Angular velocity per unit speed of each coordinate that can move it
+    shift: FloatArray  # (n_reach, 3, n_sample) Velocity of the frame's origin per unit speed of each of these [m]
 
 
 def body_motions(

@@ -29,13 +29,9 @@ _BLOCK = 4096
 
 @dataclass(frozen=True)
 class StandardParameter:
-    """A parameter that the torques are linear in.
+    """A parameter that the torques are linear in."""
 
-    Attributes:
-        name: Its name: the joint, loop link or `payload` it belongs to, a dot, and what it is.
-    """
-
-    name: str
+    name: str  # Its name: the joint, loop link or `payload` it belongs to, a dot, and what it is
     kind: RigidKind
     unit: str
     nominal: float
@@ -43,21 +39,17 @@ class StandardParameter:
 
 @dataclass(frozen=True)
 class RigidModel:
-    """A rigid robot whose motor torques are linear in its standard parameters; everything on the motor side.
-
-    Attributes:
-        components: For each body which of its ten standard parameters are among the columns, ascending; of a rotor
-            that rides on a link its inertia, 0.
-        terms: Its motors, coupled gears and counterbalances.
-        parameters: The parameters of the columns: links, loop links, rotors that ride on links, the payload if it is
-            a body of its own, then the terms.
-    """
+    """A rigid robot whose motor torques are linear in its standard parameters; everything on the motor side."""
 
     robot: Robot
     options: RigidOptions
     tree: Tree
+    # For each body which of its ten standard parameters are among the columns, ascending; of a rotor that rides on a
+    # link its inertia, 0
     components: tuple[tuple[int, ...], ...]
-    terms: tuple[DriveTerm, ...]
+    terms: tuple[DriveTerm, ...]  # Its motors, coupled gears and counterbalances
+    # The parameters of the columns: links, loop links, rotors that ride on links, the payload if it is a body of its
+    # own, then the terms
     parameters: tuple[StandardParameter, ...]
 
     @cached_property

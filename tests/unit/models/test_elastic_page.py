@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from io import StringIO
+from types import SimpleNamespace
 
 import numpy as np
 from rich.console import Console
 
-from robid.models.elastic.page.gather import ElementErrors, RepeatRow
+from robid.models.elastic.page.gather import RepeatRow
 from robid.models.elastic.page.report import element_sentence, fit_summary, fit_tables, sections
 from robid.models.elastic.page.resonances import interval_sentence, interval_text, resonance_section
 from robid.report.numbers import MISSING
@@ -31,7 +32,9 @@ def test_interval_ends_differ():
 def test_residuals_beyond_their_covariance_are_told():
     fit = arm_report().fit
     assert element_sentence(fit) == ""
-    told = element_sentence(replace(fit, element_errors=ElementErrors(0.3, 0.41, 0.012)))
+    told = element_sentence(
+        replace(fit, model_error=SimpleNamespace(share_above=0.3, share_correlated=0.41, median_level=0.012))
+    )
     assert told.startswith("Beyond their covariance are 30 % of the elements, where the model is off by 1.2 % (median)")
     assert "41 % are correlated over frequency" in told
 

@@ -22,15 +22,15 @@ def loaded(tmp_path, joint="", robot=""):
     return load_robot(tmp_path / "robot.yaml").to_robot()
 
 
-def test_a_file_without_nuisance_has_the_defaults_everywhere(tmp_path):
+def test_a_file_without_nuisances_has_the_defaults_everywhere(tmp_path):
     robot = loaded(tmp_path)
     assert robot.nuisance_std == NuisanceStd()
     assert {joint.nuisance_std for joint in robot.joints} == {NuisanceStd()}
 
 
-def test_a_joint_s_nuisance_go_before_the_robot_s_and_those_before_the_defaults(tmp_path):
+def test_a_joint_s_nuisances_go_before_the_robot_s_and_those_before_the_defaults(tmp_path):
     robot = loaded(tmp_path, "    doubts: {com_m: 0, compliance: 0.5}", "doubts: {com_m: 0.02, loss_factor: false}")
-    assert (robot.doubts.com_m, robot.nuisance_std.loss_factor) == (0.02, 0.0)
+    assert (robot.nuisance_std.com_m, robot.nuisance_std.loss_factor) == (0.02, 0.0)
     assert (robot.joints[0].nuisance_std.com_m, robot.joints[1].nuisance_std.com_m) == (0.02, 0.0)
     assert (robot.joints[0].nuisance_std.compliance, robot.joints[1].nuisance_std.compliance) == (
         NuisanceStd().compliance,
@@ -47,7 +47,7 @@ def test_a_joint_s_nuisance_go_before_the_robot_s_and_those_before_the_defaults(
         ("    doubts: {payload_com_m: 0.1}", "", r"joints\[1\]\.doubts\.payload_com_m: S380"),
     ],
 )
-def test_nuisance_that_make_no_sense_are_named(tmp_path, joint, robot, message):
+def test_nuisances_that_make_no_sense_are_named(tmp_path, joint, robot, message):
     with pytest.raises(SettingsError, match=message):
         loaded(tmp_path, joint, robot)
 

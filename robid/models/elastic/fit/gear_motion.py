@@ -21,21 +21,13 @@ _REACH = 2  # of the highest excited line: further up the robot hardly follows
 
 @dataclass(frozen=True)
 class Swinging:
-    """A cubic spring in one configuration, swinging about its rest under an excitation.
+    """A cubic spring in one configuration, swinging about its rest under an excitation."""
 
-    Attributes:
-        rest: Deflection at rest [rad].
-        cubic: Cubic coefficient [N m/rad^3].
-        amplitude (n_freq, n_block): Deflection at the excited lines, DFT sums over samples [rad].
-        lines (n_freq,): The excited lines.
-        compliance (n_line,): Deflection by a torque pair on the spring at lines 0, 1, 2, ... [rad/(N m)].
-    """
-
-    rest: float
-    cubic: float
-    amplitude: ComplexArray
-    lines: IntArray
-    compliance: ComplexArray
+    rest: float  # Deflection at rest [rad]
+    cubic: float  # Cubic coefficient [N m/rad^3]
+    amplitude: ComplexArray  # (n_freq, n_block) Deflection at the excited lines, DFT sums over samples [rad]
+    lines: IntArray  # (n_freq,) The excited lines
+    compliance: ComplexArray  # (n_line,) Deflection by a torque pair on the spring at lines 0, 1, 2, ... [rad/(N m)].
 
 
 def swing_shape(spring: Swinging, weight: FloatArray) -> float:

@@ -29,21 +29,13 @@ FEWEST_CLUSTERS = 4
 
 @dataclass(frozen=True)
 class Spreads:
-    """How far the parameters of a fit may be off.
+    """How far the parameters of a fit may be off."""
 
-    Attributes:
-        effective: As what infinitely many clusters of this robot would give: they predict.
-        physical: As springs, dampers and inertias themselves.
-        assumed (n_param, n_param): Covariance by noise and assumed errors alone: what the data do not determine.
-        between: How clusters differ; None where they are too few to tell.
-        nuisances: What clusters say of the nuisances; None where there are none.
-    """
-
-    effective: Spread
-    physical: Spread
-    assumed: FloatArray
-    between: Between | None = None
-    nuisances: NuisanceEstimates | None = None
+    effective: Spread  # As what infinitely many clusters of this robot would give: they predict
+    physical: Spread  # As springs, dampers and inertias themselves
+    assumed: FloatArray  # (n_param, n_param) Covariance by noise and assumed errors alone: what data do not determine
+    between: Between | None = None  # How clusters differ; None where they are too few to tell
+    nuisances: NuisanceEstimates | None = None  # What clusters say of the nuisances; None where there are none
 
 
 def find_spreads(

@@ -22,13 +22,9 @@ _ELEMENT = "configuration output input"
 
 @dataclass(frozen=True)
 class ModelError:
-    """The residual of every element against its expectation.
+    """The residual of every element against its expectation."""
 
-    Attributes:
-        ratio: Cost with weights of the covariance alone, over its expectation; NaN where an element has no line with a
-            weight.
-    """
-
+    # Cost with weights of the covariance alone, over its expectation; NaN where an element has no line with a weight
     ratio: Annotated[FloatArray, Quantity("1", _ELEMENT, "Cost by the covariance alone over its expectation")]
     limit: Annotated[FloatArray, Quantity("1", _ELEMENT, "What an exact model exceeds in 5 % of all cases")]
     level: Annotated[
@@ -46,6 +42,12 @@ class ModelError:
     def share_correlated(self) -> float:
         """Share of the elements whose residuals are correlated over frequency; 0.05 is expected of an exact model."""
         return _share(self.correlation > self.correlation_limit, np.isfinite(self.ratio))
+
+    @property
+    def median_level(self) -> float:
+        """Median relative model error of the elements above their band; 0 without any."""
+        above = self.level[self.level > 0]
+        return float(np.median(above)) if above.size else 0.0
 
 
 def estimate_model_error(problem: Problem, internal: FloatArray, found: Influence) -> ModelError | None:

@@ -15,7 +15,7 @@ from robid.models.elastic.fit.parameters import map_parameters
 from robid.models.elastic.fit.problem import Problem, make_problem
 from robid.results.levenberg import Minimum, Normal, Status, minimise
 from robid.robot.description import Robot
-from robid.robot.parameters import DIRECT, LOGARITHMIC
+from robid.robot.parameters import DIRECT, LOGARITHMIC, kind_of_name
 from robid.robot.spring_laws import BristleTable
 
 _TOLERANCE = 1e-12  # of the cost, which is flat to second order
@@ -166,17 +166,13 @@ class Strategy:
     the others where they are, halfway back, or at their start, until none is lost, and what pays is kept. A
     damper that is lost alone and again is too small to show, even at the best minimum. Last comes everything on
     all lines. No stage looks at the robot file's values, but for what is known beforehand.
-
-    Attributes:
-        problem: What is minimised in the end.
-        coarse: Fewer lines, without cubic coefficients and locations, which are slow; None for `plain`. Viscous
-            friction, delay and the torques' coefficients are there, for their errors can hide what is sought.
-        options: Options of the fit.
     """
 
-    problem: Problem
+    problem: Problem  # What is minimised in the end
+    # Fewer lines, without cubic coefficients and locations, which are slow; None for `plain`. Viscous friction, delay
+    # and the torques' coefficients are there, for their errors can hide what is sought.
     coarse: Problem | None
-    options: ElasticOptions
+    options: ElasticOptions  # Options of the fit
 
     def descend(self, start: FloatArray, *, straight_too: bool = False) -> Minimum:
         """Finds the minimum that belongs to a start (n_param,), the better one if the straight way is tried too."""
@@ -222,7 +218,7 @@ def make_strategy(problem: Problem, robot: Robot, options: ElasticOptions) -> St
     if options.strategy == "plain" or not set(kinds) & set(LOGARITHMIC):
         return Strategy(problem, None, options)
     coarse_options = replace(options, weights=_COARSE_WEIGHTS, estimator=options.residual.from_afar)
-    fewer = restricted(coarse_options, kinds)
+    fewer = restricted(coarse_options, kinds, lambda name: kind_of_name(name) in kinds)
     frf = problem.frf
     known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
     parameters = map_parameters(robot, problem.parameters.nominal, fewer, *known)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
+from robid.arrays import group, option
 from robid.errors import SettingsError
 from robid.frf.residual import RESIDUALS, EstimatorKind, Residual
-from robid.robot.parameters import ELASTIC, FREE, LOGARITHMIC, PARAMETER_KINDS, ElasticKind, element_names, kind_of_name
+from robid.robot.parameters import ELASTIC, FREE, LOGARITHMIC, PARAMETER_KINDS, ElasticKind, element_names
 
 if TYPE_CHECKING:
     from robid.robot.description import Robot
@@ -31,121 +32,80 @@ def spring_of(name: str) -> str:
 class Weights:
     """Weights of the residual."""
 
-    kind: WeightsKind = field(
-        default="inflated",
-        metadata={
-            "description": "Constant per element; 1/variance; inverse covariance, correlations of a line's elements"
-            " included; 1/(variance + model error); the same with the model error that the residuals of each"
-            " element show, after a first fit by `inflated`."
-        },
+    kind: WeightsKind = option(
+        "inflated",
+        "Constant per element; 1/variance; inverse covariance, correlations of a line's elements"
+        " included; 1/(variance + model error); the same with the model error that the residuals of each"
+        " element show, after a first fit by `inflated`.",
     )
-    off_diagonal: float = field(
-        default=0.3, metadata={"description": "User weight of off-diagonal elements, diagonal is 1.", "ge": 0}
-    )
-    low_cut_hz: float = field(default=0.0, metadata={"description": "Lines below get no weight [Hz].", "ge": 0})
-    model_error: float = field(
-        default=0.02,
-        metadata={"description": "Relative model error that `inflated` adds, and `estimated` at first.", "ge": 0},
-    )
+    off_diagonal: float = option(0.3, "User weight of off-diagonal elements, diagonal is 1.", ge=0)
+    low_cut_hz: float = option(0.0, "Lines below get no weight [Hz].", ge=0)
+    model_error: float = option(0.02, "Relative model error that `inflated` adds, and `estimated` at first.", ge=0)
 
 
 @dataclass(frozen=True)
 class ElasticOptions:
     """The elastic fit."""
 
-    estimator: EstimatorKind = field(
-        default="lls",
-        metadata={"description": "Logarithmic or plain least squares, or logarithmic of magnitudes only."},
+    estimator: EstimatorKind = option("lls", "Logarithmic or plain least squares, or logarithmic of magnitudes only.")
+    weights: Weights = group(Weights, "Weights of the residual.")
+    free: tuple[ElasticKind | str, ...] = option(
+        FREE,
+        f"Kinds of parameters that are estimated ({', '.join(f'`{kind}`' for kind in ELASTIC)}),"
+        " and what the robot file may have wrong, by name or group: `payload`, `masses`, `axis_2.mass`,"
+        " `axis_2.com`, `gear_coupling`, `torque_constant`, `counterbalance`, `load_damping`, `hysteresis`,"
+        " `bearing_axis_2_x`. Where only such nuisances are named,"
+        " the default kinds are estimated too.",
     )
-    weights: Weights = field(default_factory=Weights, metadata={"description": "Weights of the residual."})
-    free: tuple[ElasticKind | str, ...] = field(
-        default=FREE,
-        metadata={
-            "description": f"Kinds of parameters that are estimated ({', '.join(f'`{kind}`' for kind in ELASTIC)}),"
-            " and what the robot file may have wrong, by name or group: `payload`, `masses`, `axis_2.mass`,"
-            " `axis_2.com`, `gear_coupling`, `torque_constant`, `counterbalance`, `load_damping`, `hysteresis`,"
-            " `bearing_axis_2_x`. Where only such nuisances are named,"
-            " the default kinds are estimated too."
-        },
+    fixed: tuple[str, ...] = option((), "Names of single parameters that stay at the robot file's value.")
+    tied: Mapping[str, str] = group(
+        dict,
+        "Parameters that share the correction of another one of their kind, by name: a common factor"
+        " on the robot file's values, for linear kinds a common multiple of their scales.",
     )
-    fixed: tuple[str, ...] = field(
-        default=(), metadata={"description": "Names of single parameters that stay at the robot file's value."}
+    bounds: Mapping[str, tuple[float, float]] = group(
+        dict, "Lower and upper bound of single parameters, by name, in their own units."
     )
-    tied: Mapping[str, str] = field(
-        default_factory=dict,
-        metadata={
-            "description": "Parameters that share the correction of another one of their kind, by name: a common factor"
-            " on the robot file's values, for linear kinds a common multiple of their scales."
-        },
+    starts: int = option(1, "Number of starts; the first is the robot file's values.", ge=1)
+    start_decades: float = option(1.0, "Further starts are log-uniform within this many decades.", ge=0)
+    prior_decades: float = option(
+        1.0,
+        "Standard deviation of what the robot file knows of springs, dampers, link inertias"
+        " [decades]; that of motor inertias is the file's `inertia_relative_std`.",
+        gt=0,
     )
-    bounds: Mapping[str, tuple[float, float]] = field(
-        default_factory=dict,
-        metadata={"description": "Lower and upper bound of single parameters, by name, in their own units."},
+    strategy: Literal["staged", "plain"] = option(
+        "staged",
+        "From a start to a minimum: over heavier dampers and fewer lines, what ran away put back; or straight down.",
     )
-    starts: int = field(
-        default=1, metadata={"description": "Number of starts; the first is the robot file's values.", "ge": 1}
+    optimizer: Optimizer = option(
+        "levenberg",
+        "What ends each start: ours, scipy's least_squares, nlopt's SLSQP, or nlopt's MLSL over the"
+        " bounds before ours.",
     )
-    start_decades: float = field(
-        default=1.0, metadata={"description": "Further starts are log-uniform within this many decades.", "ge": 0}
+    correct_torques: bool = option(
+        True, "Whether the compensated friction and ripple are corrected along, as nuisances."
     )
-    prior_decades: float = field(
-        default=1.0,
-        metadata={
-            "description": "Standard deviation of what the robot file knows of springs, dampers, link inertias"
-            " [decades]; that of motor inertias is the file's `inertia_relative_std`.",
-            "gt": 0,
-        },
+    max_iterations: int = option(200, "Iteration limit of one start.", ge=1)
+    statics: Literal["updates", "every_iterate"] = option(
+        "updates",
+        "Whether inertia and gravity stay between updates as they were at rest, or follow the rest"
+        " position of every iterate to first order, as they do where locations are free.",
     )
-    strategy: Literal["staged", "plain"] = field(
-        default="staged",
-        metadata={
-            "description": "From a start to a minimum: over heavier dampers and fewer lines, what ran away put back;"
-            " or straight down."
-        },
+    statics_updates: int = option(
+        4, "How often the equilibrium is solved again for the fitted springs, at most; 0 is never.", ge=0
     )
-    optimizer: Optimizer = field(
-        default="levenberg",
-        metadata={
-            "description": "What ends each start: ours, scipy's least_squares, nlopt's SLSQP, or nlopt's MLSL over the"
-            " bounds before ours."
-        },
+    identifiable_relative_std: float = option(
+        0.2, "Predicted relative deviation up to which a parameter counts as identifiable.", gt=0
     )
-    correct_torques: bool = field(
-        default=True,
-        metadata={"description": "Whether the compensated friction and ripple are corrected along, as nuisances."},
+    bootstrap: int = option(
+        0,
+        "Fits repeated on realizations weighted anew, for intervals that assume nothing about how"
+        " a realization's errors are correlated; 0 for none.",
+        ge=0,
     )
-    max_iterations: int = field(default=200, metadata={"description": "Iteration limit of one start.", "ge": 1})
-    statics: Literal["updates", "every_iterate"] = field(
-        default="updates",
-        metadata={
-            "description": "Whether inertia and gravity stay between updates as they were at rest, or follow the rest"
-            " position of every iterate to first order, as they do where locations are free."
-        },
-    )
-    statics_updates: int = field(
-        default=4,
-        metadata={
-            "description": "How often the equilibrium is solved again for the fitted springs, at most; 0 is never.",
-            "ge": 0,
-        },
-    )
-    identifiable_relative_std: float = field(
-        default=0.2,
-        metadata={
-            "description": "Predicted relative deviation up to which a parameter counts as identifiable.",
-            "gt": 0,
-        },
-    )
-    bootstrap: int = field(
-        default=0,
-        metadata={
-            "description": "Fits repeated on realizations weighted anew, for intervals that assume nothing about how"
-            " a realization's errors are correlated; 0 for none.",
-            "ge": 0,
-        },
-    )
-    confidence: float = field(default=0.95, metadata={"description": "Level of the intervals.", "gt": 0, "lt": 1})
-    seed: int = field(default=1, metadata={"description": "Seed of the starts.", "ge": 0})
+    confidence: float = option(0.95, "Level of the intervals.", gt=0, lt=1)
+    seed: int = option(1, "Seed of the starts.", ge=0)
 
     @property
     def kinds(self) -> tuple[ElasticKind, ...]:
@@ -252,16 +212,12 @@ def name_problems(options: ElasticOptions, free: Mapping[str, str]) -> list[tupl
     return problems
 
 
-def restricted(options: ElasticOptions, kinds: tuple[ElasticKind, ...]) -> ElasticOptions:
-    """Returns options under which only some of the free kinds are estimated, with what is said of these."""
-
-    def kept(name: str) -> bool:
-        return kind_of_name(name) in kinds
-
+def restricted(options: ElasticOptions, free: Sequence[str], keeps: Callable[[str], bool]) -> ElasticOptions:
+    """Returns options under which only these are free, with what is said of parameters whose names are kept."""
     return replace(
         options,
-        free=kinds,
-        fixed=tuple(name for name in options.fixed if kept(name)),
-        tied={name: leader for name, leader in options.tied.items() if kept(name)},
-        bounds={name: ends for name, ends in options.bounds.items() if kept(name)},
+        free=tuple(free),
+        fixed=tuple(filter(keeps, options.fixed)),
+        tied={name: leader for name, leader in options.tied.items() if keeps(name)},
+        bounds={name: ends for name, ends in options.bounds.items() if keeps(name)},
     )

@@ -36,42 +36,26 @@ class ParameterMap:
     An element is one number of `ElasticParameters`; tied elements share the internal parameter of their leader,
     whose name it bears. Friction scales, the distances of the compensated friction from the robot file's, come
     last; their internal value is the distance from what was compensated.
-
-    Attributes:
-        nominal: Values of the robot file.
-        kinds: Kinds that are estimated, in order.
-        masks: Estimated elements of each kind.
-        elements: Name of each estimated element.
-        member (n_element,): Internal parameter of each.
-        element_scale (n_element,): Its scale where it is linear, 1 for the others.
-        names: Name of each internal parameter.
-        kind_of: Kind of each internal parameter.
-        units: Unit of each.
-        logarithmic (n_param,): Which internal parameters are logarithmic.
-        prior_std (n_param,): Standard deviation known beforehand; infinite where nothing is known.
-        lower (n_param,): Lower bounds, minus infinity where there is none.
-        upper (n_param,): Upper bounds.
-        friction_offset (n_friction,): Friction scales as they were compensated.
-        stated (n_param,): What the robot file says of each nuisance, to which its amount adds; zero for the others.
-        natural (n_param,): Amount from which each nuisance matters; one for the others.
     """
 
-    nominal: ElasticParameters
-    kinds: tuple[str, ...]
-    masks: tuple[BoolArray, ...]
-    elements: tuple[str, ...]
-    member: IntArray
-    element_scale: FloatArray
-    names: tuple[str, ...]
-    kind_of: tuple[str, ...]
-    units: tuple[str, ...]
-    logarithmic: BoolArray
-    prior_std: FloatArray
-    lower: FloatArray
-    upper: FloatArray
+    nominal: ElasticParameters  # Values of the robot file
+    kinds: tuple[str, ...]  # Kinds that are estimated, in order
+    masks: tuple[BoolArray, ...]  # Estimated elements of each kind
+    elements: tuple[str, ...]  # Name of each estimated element
+    member: IntArray  # (n_element,) Internal parameter of each
+    element_scale: FloatArray  # (n_element,) Its scale where it is linear, 1 for the others
+    names: tuple[str, ...]  # Name of each internal parameter
+    kind_of: tuple[str, ...]  # Kind of each internal parameter
+    units: tuple[str, ...]  # Unit of each
+    logarithmic: BoolArray  # (n_param,) Which internal parameters are logarithmic
+    prior_std: FloatArray  # (n_param,) Standard deviation known beforehand; infinite where nothing is known
+    lower: FloatArray  # (n_param,) Lower bounds, minus infinity where there is none
+    upper: FloatArray  # (n_param,) Upper bounds
+    # (n_friction,) Friction scales as they were compensated
     friction_offset: FloatArray = field(default_factory=lambda: np.zeros(0))
+    # (n_param,) What the robot file says of each nuisance, to which its amount adds; zero for the others
     stated: FloatArray | None = None
-    natural: FloatArray | None = None
+    natural: FloatArray | None = None  # (n_param,) Amount from which each nuisance matters; one for the others
 
     @property
     def n_friction(self) -> int:

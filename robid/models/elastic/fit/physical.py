@@ -31,18 +31,13 @@ _ARRIVED = 1e-2  # of a deviation
 
 @dataclass(frozen=True)
 class ClusterEstimate:
-    """What clusters agree on.
+    """What clusters agree on."""
 
-    Attributes:
-        values (n_param,): Internal parameters, each cluster weighed by what noise and differences between them leave of
-            its information.
-        amounts (n_nuisance,): Amounts of the nuisances.
-        pooled: How far both may be off, parameters first.
-    """
-
+    # (n_param,) Internal parameters, each cluster weighed by what noise and differences between them leave of its
+    # information
     values: FloatArray
-    amounts: FloatArray
-    pooled: Pooled
+    amounts: FloatArray  # (n_nuisance,) Amounts of the nuisances
+    pooled: Pooled  # How far both may be off, parameters first
 
 
 def cluster_evidence(
@@ -84,9 +79,8 @@ def weigh_clusters(
 ) -> ClusterEstimate:
     """Weighs clusters by what noise and their differences leave of their information, from the minimum of a fit on.
 
-    Without nuisances, that is what predicts other clusters. With them, they also say what is wrong in the robot file as
-    far as their data and what is known of it beforehand say; that takes a single step: elsewhere the parameters' own
-    derivatives would no longer be those that the nuisances go with.
+    Without nuisances, that is what predicts other clusters. With them, they also say what is wrong in the robot file;
+    that takes a single step: elsewhere the parameters' derivatives would not be those that the nuisances go with.
 
     Args:
         problem: The problem, at its minimum.
@@ -160,7 +154,7 @@ def shrink(problem: Problem, internal: FloatArray, found: Influence, near: Clust
     """Weighs clusters once more from where what is known beforehand counts for more.
 
     A model that lacks something is contradicted by the clusters far more than noise would make them; then a plain
-    minimum lets what the data hardly tell run off for next to nothing, and the other parameters follow it. Here, the
+    minimum lets what the data hardly determine run off for next to nothing, and the other parameters follow. Here, the
     data count as much less as the clusters' differences raise the variance of a typical parameter over that by noise.
 
     Args:
@@ -245,7 +239,7 @@ def _allowing_for_error(problem: Problem, internal: FloatArray, basis: Basis) ->
     """The problem with weights that allow for an error of the model, whatever those of the fit.
 
     Weights without one let the data outweigh all that is known beforehand: what no nuisance names then takes masses and
-    torque constants far off, and with them all springs by a factor that no response tells.
+    torque constants far off, and with them all springs by a factor that no response determines.
     """
     weights = basis.options.weights
     if weights.kind in ("inflated", "estimated") or (weights.kind == "user" and weights.off_diagonal == 0):
@@ -310,12 +304,12 @@ def _descended(listed: NuisanceSet, given: Basis, left: float, placed: Sequence[
 
 
 def _how_much_further(linear: LinearNuisances, far: ClusterEstimate) -> float:
-    """How many times as far off as known beforehand the nuisances are that the data tell; at least as far.
+    """How many times as far off as known beforehand the nuisances are that the data determine; at least as far.
 
     Where all is as the file says it may be, it is 1 as far as nuisances are many. Where something is off that nobody
     named, nuisances stand for it that are right, and nothing is known so well.
     """
-    # What the data tell of an amount is 1 - posterior over prior variance; these sum to the effective number of amounts
+    # What the data say of an amount is 1 - posterior over prior variance; these sum to the effective number of amounts
     # that were estimated, each of which should have a square of about its prior variance.
     known = linear.common_std**2
     determined = np.maximum(1 - np.diag(far.pooled.assumed)[linear.point.size :] / known, 0.0).sum()

@@ -145,7 +145,7 @@ class SymmetricNormal:
         # These move what was measured, not the model: each of a pair's two residuals by itself.
         moved *= -self._weight_root / self._residuals.divisor(self._measured)
         shared = (self._weight_root * moved).sum(axis=1) * self._inverse_root
-        cross = _cross(rows, shared, self._real)
+        cross = _flat(rows, self._real) @ _flat(shared, self._real).T
         own = _gram(moved, self._real)
         slope = _project(moved, self._weight_root * self._residual, self._real)
         return np.block([[hessian, cross], [cross.T, own]]), np.concatenate([gradient, slope])
@@ -163,35 +163,22 @@ def _gram(rows: ComplexArray, real: bool) -> FloatArray:
     return np.asarray(upper + np.triu(upper, 1).T)
 
 
-def _cross(rows: ComplexArray, others: ComplexArray, real: bool) -> FloatArray:
-    return np.asarray(_flat(rows, real) @ _flat(others, real).T)
-
-
 def _project(rows: ComplexArray, target: ComplexArray | FloatArray, real: bool) -> FloatArray:
     return np.asarray(_flat(rows, real) @ _flat(target[None], real)[0])
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Measured against parametric response.
+    """Measured against parametric response."""
 
-    Attributes:
-        frf: Measured response.
-        model: Linearised robot in the same configurations.
-        parameters: What is estimated.
-        residual_kind: How measured and modelled response are compared.
-        weight (n_conf, n_freq, n_out, n_in): Weight of each squared residual.
-        model_error: Relative model error that the weights assume: one number or (n_conf, 1, n_out, n_in).
-        whitening (n_conf, n_freq, n_element, n_element): What multiplies the residuals of a line, rows of the
-            response one after the other, where errors of its elements are correlated; None for `weight` alone.
-    """
-
-    frf: Frf
-    model: LinearModel
-    parameters: ParameterMap
-    residual_kind: Residual
-    weight: FloatArray
-    model_error: FloatArray
+    frf: Frf  # Measured response
+    model: LinearModel  # Linearised robot in the same configurations
+    parameters: ParameterMap  # What is estimated
+    residual_kind: Residual  # How measured and modelled response are compared
+    weight: FloatArray  # (n_conf, n_freq, n_out, n_in) Weight of each squared residual
+    model_error: FloatArray  # Relative model error that the weights assume: one number or (n_conf, 1, n_out, n_in)
+    # (n_conf, n_freq, n_element, n_element) What multiplies the residuals of a line, rows of the response one after the
+    # other, where errors of its elements are correlated; None for `weight` alone
     whitening: ComplexArray | None = None
 
     @cached_property

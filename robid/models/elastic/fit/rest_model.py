@@ -146,17 +146,11 @@ def _rested(
 
 @dataclass(frozen=True)
 class SpringLoad:
-    """What an excitation sends through each transmission; other springs get none.
+    """What an excitation sends through each transmission; other springs get none."""
 
-    Attributes:
-        power (n_conf, n_freq, n_spring): Mean square torque per excited line [(N m)^2].
-        through (n_conf, n_freq, n_gear, n_block): Torque through each transmission, DFT sums over samples [N m].
-        gears (n_gear,): Indices of the transmissions.
-    """
-
-    power: FloatArray
-    through: ComplexArray
-    gears: IntArray
+    power: FloatArray  # (n_conf, n_freq, n_spring) Mean square torque per excited line [(N m)^2]
+    through: ComplexArray  # (n_conf, n_freq, n_gear, n_block) Torque through transmissions, DFT sums over samples [N m]
+    gears: IntArray  # (n_gear,) Indices of the transmissions
 
 
 def spring_load(robot: Robot, frf: Frf, values: ElasticParameters) -> SpringLoad:

@@ -56,12 +56,7 @@ class _Found:
 
 
 def undetermined_gears(problem: Problem, estimate: Estimate) -> tuple[str, ...]:
-    """Says what of load-dependent damping and hysteresis stays open, a sentence each without its full stop.
-
-    Args:
-        problem: The problem at its minimum.
-        estimate: What the fit found.
-    """
+    """Says what of load-dependent damping and hysteresis stays open, a sentence each without its full stop."""
     effects = problem.model.effects
     if effects is None:
         return ()
@@ -113,7 +108,7 @@ def _of_bristles(found: _Found, bristle: BristleTable, unit: str) -> Iterator[st
         more = max(abs(found.lower), abs(found.upper))
         yield (
             f"{found.name} may be none: it is below {more:.2g} {unit}, or above some {sticking:.2g} {unit}, where "
-            f"bristles stick at this swing and are part of the spring: excite the gear more (`rms`) to tell, {_OR_FIX}"
+            f"bristles stick at this swing and are part of the spring: excite the gear more (`rms`), {_OR_FIX}"
         )
     elif not found.identified:
         yield f"{found.name} is hardly distinguished from dampers: average more realizations, {_OR_FIX}"

@@ -22,13 +22,10 @@ _RESPONSE = "configuration frequency output input"
 
 @dataclass(frozen=True)
 class Internal:
-    """Where the optimizer ended, in its own coordinates.
-
-    Attributes:
-        covariance: Covariance of those that predict other clusters, without any quantile.
-    """
+    """Where the optimizer ended, in its own coordinates."""
 
     values: Annotated[FloatArray, Quantity("1", "parameter", "Optimizer's values")]
+    # Covariance of those that predict other clusters, without any quantile
     covariance: Annotated[FloatArray, Quantity("1", "parameter parameter", "Covariance of those that predict")]
     singular_values: Annotated[FloatArray, Quantity("1", "parameter", "Of the scaled information matrix")]
     degrees_of_freedom: Annotated[
@@ -38,19 +35,13 @@ class Internal:
 
 @dataclass(frozen=True)
 class Costs:
-    """Costs at the minimum.
+    """Costs at the minimum."""
 
-    Attributes:
-        total: Cost at the minimum.
-        dropped: Response elements below 10 dB that the logarithm dropped.
-        told: Response elements that their lines tell of, those included.
-    """
-
-    total: float
+    total: float  # Cost at the minimum
     configuration: Annotated[FloatArray, Quantity("1", "configuration", "Cost of each configuration")]
     expected: Annotated[FloatArray, Quantity("1", "configuration", "Cost that the response's covariance alone gives")]
-    dropped: int
-    told: int
+    dropped: int  # Response elements below 10 dB that the logarithm dropped
+    told: int  # Response elements that their lines tell of, those included
 
 
 @dataclass(frozen=True)
@@ -131,21 +122,13 @@ LEARNT_SHARE = 0.5
 
 @dataclass(frozen=True)
 class Spread:
-    """Internal parameters and how far they may be off.
+    """Internal parameters and how far they may be off."""
 
-    Attributes:
-        values (n_param,): Middle of their intervals.
-        covariance (n_param, n_param): Their covariance, without any quantile.
-        degrees_of_freedom (n_param,): What the quantile of each interval follows, infinite for the normal one.
-        rule: What set the width, in words.
-        beside: The same from where data say as good as the same; intervals hold both.
-    """
-
-    values: FloatArray
-    covariance: FloatArray
-    degrees_of_freedom: FloatArray
-    rule: str = ""
-    beside: Spread | None = None
+    values: FloatArray  # (n_param,) Middle of their intervals
+    covariance: FloatArray  # (n_param, n_param) Their covariance, without any quantile
+    degrees_of_freedom: FloatArray  # (n_param,) What the quantile of each interval follows, infinite for the normal one
+    rule: str = ""  # What set the width, in words
+    beside: Spread | None = None  # The same from where data say as good as the same; intervals hold both
 
     @property
     def std(self) -> FloatArray:
@@ -179,35 +162,24 @@ class Spread:
 
 @dataclass(frozen=True)
 class ElasticSolution:
-    """Estimated parameters of an elastic model, and how the fit got there.
+    """Estimated parameters of an elastic model, and how the fit got there."""
 
-    Attributes:
-        estimate: The parameters with their uncertainty.
-        internal: Where the optimizer ended.
-        costs: Costs there.
-        misfit: Cost over what noise and the assumed model error give.
-        starts: Where each start ended.
-        responses: What was fitted.
-        model_error: The residual of each element against its expectation; None without a covariance.
-        realization_relative_std: As `relative_std` of the estimate, from what each realization does to the parameters
-            instead of the structured covariance; None without realizations.
-        bootstrap: The uncertainty from repeated fits; None without a bootstrap.
-        effective: How clusters differ; None with fewer than four clusters, or without a covariance.
-        doubts: What the data say of the robot file's nuisances; None where it has none, and in files of old.
-    """
-
-    estimate: Estimate
-    internal: Internal
-    costs: Costs
-    misfit: float
-    starts: Starts
-    responses: Responses
+    estimate: Estimate  # The parameters with their uncertainty
+    internal: Internal  # Where the optimizer ended
+    costs: Costs  # Costs there
+    misfit: float  # Cost over what noise and the assumed model error give
+    starts: Starts  # Where each start ended
+    responses: Responses  # What was fitted
+    # The residual of each element against its expectation; None without a covariance
     model_error: ModelError | None = None
+    # As `relative_std` of the estimate, from what each realization does to the parameters instead of the structured
+    # covariance; None without realizations
     realization_relative_std: Annotated[
         FloatArray | None, Quantity("1", "parameter", "Relative deviation from each realization's influence")
     ] = None
-    bootstrap: Resampled | None = None
-    effective: Between | None = None
+    bootstrap: Resampled | None = None  # The uncertainty from repeated fits; None without a bootstrap
+    effective: Between | None = None  # How clusters differ; None with fewer than four clusters, or without a covariance
+    # What the data say of the robot file's nuisances; None where it has none, and in files of old
     doubts: NuisanceEstimates | None = None
 
 

@@ -21,20 +21,13 @@ class Influence:
     """How errors of the response's elements move the internal parameters, to first order.
 
     An error `e` of the response moves the parameters by `inverse Re(sum conj(gain) e)`.
-
-    Attributes:
-        gain (n_conf, n_freq, n_out, n_in, n_param): Weighted derivative over the residual's divisor of the response.
-        weighted (n_conf, n_freq, n_out, n_in, n_param): Weighted derivative of the residual.
-        inverse (n_param, n_param): Inverse of half the Gauss-Newton Hessian, what is known beforehand included.
-        prior (n_param,): What is known beforehand, as it adds to half the Hessian's diagonal.
-        leverage (n_conf, n_freq, n_out, n_in): Share of each residual that the fit takes away.
     """
 
-    gain: ComplexArray
-    weighted: ComplexArray
-    inverse: FloatArray
-    prior: FloatArray
-    leverage: FloatArray
+    gain: ComplexArray  # (n_conf, n_freq, n_out, n_in, n_param) Weighted derivative over the residual's divisor
+    weighted: ComplexArray  # (n_conf, n_freq, n_out, n_in, n_param) Weighted derivative of the residual
+    inverse: FloatArray  # (n_param, n_param) Inverse of half the Gauss-Newton Hessian, with what is known beforehand
+    prior: FloatArray  # (n_param,) What is known beforehand, as it adds to half the Hessian's diagonal
+    leverage: FloatArray  # (n_conf, n_freq, n_out, n_in) Share of each residual that the fit takes away
 
     def shifts(self, errors: ComplexArray) -> FloatArray:
         """Moves (n_conf, ..., n_param) by errors (n_conf, ..., n_freq, n_out, n_in), each configuration's alone."""
@@ -240,17 +233,11 @@ _CHUNK = 10
 
 @dataclass(frozen=True)
 class Bootstrap:
-    """Spread of repeated fits, in internal values.
+    """Spread of repeated fits, in internal values."""
 
-    Attributes:
-        std (n_param,): Standard deviation of the replicates.
-        lower (n_param,): Lower end of the percentile interval.
-        upper (n_param,): Upper end.
-    """
-
-    std: FloatArray
-    lower: FloatArray
-    upper: FloatArray
+    std: FloatArray  # (n_param,) Standard deviation of the replicates
+    lower: FloatArray  # (n_param,) Lower end of the percentile interval
+    upper: FloatArray  # (n_param,) Upper end
 
 
 @dataclass(frozen=True)
@@ -279,7 +266,7 @@ def bootstrap(
     the variance too small by the factor (M - 1)/M. Here every realization's own error is added to the response
     with a normal weight of variance M/(M - 1), drawn for each configuration (a wild bootstrap): lines and elements
     of a realization stay together, so that nothing is assumed about their correlation. The percentiles are taken
-    apart by the ratio of Student's and the normal quantile, because few realizations tell a variance badly.
+    apart by the ratio of Student's and the normal quantile, because few realizations determine a variance badly.
 
     Args:
         problem: The problem, weights of the final fit.
@@ -299,7 +286,7 @@ def bootstrap(
     chunks = [_Chunk(problem, internal, found.inverse, shifts, *each) for each in zip(seeds, sizes, strict=True)]
     replicates = np.concatenate(parallel_map(_replicates, chunks))
     tail = 0.5 - 0.5 * confidence
-    # Few realizations tell a variance badly: percentiles are as much too narrow as a normal quantile is to Student's.
+    # Few realizations determine no variance well: percentiles are as narrow as a normal quantile is to Student's.
     expanded = t.ppf(1 - tail, np.maximum(realization_freedom(shifts), 1.0)) / norm.ppf(1 - tail)
     ends = np.quantile(replicates, [tail, 1 - tail], axis=0, method="weibull") - internal
     return Bootstrap(replicates.std(axis=0, ddof=1), *(internal + expanded * ends))

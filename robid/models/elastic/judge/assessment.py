@@ -39,9 +39,6 @@ def uncoupled_findings(fitted: FittedModel) -> tuple[Finding, ...]:
     """A finding where a model lets no torque of one motor move another where the data show that it does.
 
     No logarithm compares a response with zero, so no residual tells of it.
-
-    Args:
-        fitted: The model and the response.
     """
     problem, frf = fitted.problem, fitted.problem.frf
     never = problem.model_response(fitted.internal) == 0
@@ -80,11 +77,6 @@ def common_factor_findings(robot: Robot, frf: Frf, estimate: Estimate) -> tuple[
 
     With `x` the logarithms of estimates over the file's values, their scatter about the factor's is held against that
     about zero: a ratio of likelihoods of normal variates of unknown variance, `n log(s_0/s_F)`.
-
-    Args:
-        robot: The robot file that the fit started from.
-        frf: The response that it was fitted to.
-        estimate: What the fit found.
     """
     ratios, evidence = _log_ratios(estimate), gather_evidence(frf)
     if ratios is None or not evidence.belongs_to(robot) or evidence.torque_unit != "N m":
@@ -162,7 +154,7 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     Returns:
         The grade of the fit alone; with a validation, `grade_validation` takes its findings.
     """
-    seen = _data_findings(robot, solution.estimate, frf, delay_s)
+    seen = data_findings(robot, frf, delay_s, fitted_carrier(robot, solution.estimate))
     if not any(finding.scales for finding in seen):
         seen = (*common_factor_findings(robot, frf, solution.estimate), *seen)
     if any(finding.scales for finding in seen):
@@ -202,12 +194,8 @@ def validation_findings(
         campaign: Its name.
         delay_s: Nominal delay from recorded to applied torque, hold excluded [s].
     """
-    found = _data_findings(robot, estimate, frf, delay_s)
+    # Mean torques are those of the robot with what the fit estimated.
+    found = data_findings(robot, frf, delay_s, fitted_carrier(robot, estimate))
     seen = [replace(finding, message=f"in campaign {campaign}, {finding.message}") for finding in found]
     first = takewhile(lambda finding: finding.decisive, findings)
     return ordered([*first, *(finding for finding in seen if finding.decisive), *findings, *seen])
-
-
-def _data_findings(robot: Robot, estimate: Estimate, frf: Frf, delay_s: float) -> tuple[Finding, ...]:
-    """What data contradict, mean torques held against the robot with what the fit estimated."""
-    return data_findings(robot, frf, delay_s, fitted_carrier(robot, estimate))

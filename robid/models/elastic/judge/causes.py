@@ -57,15 +57,16 @@ def try_springs(fitted: FittedModel) -> list[Explanation]:
         except DataError:  # a spring under which the robot finds no rest explains nothing
             continue
         starts = _starts(problem, spring, fitted)
-        first = min((_descend(problem, start, _FIRST_STEPS) for start in starts), key=lambda end: end.cost)
+        first = min(
+            (optimise(problem, start, max_iterations=_FIRST_STEPS) for start in starts), key=lambda end: end.cost
+        )
         begun.append((first, problem, further))
     begun.sort(key=lambda each: each[0].cost)
-    ends = [(further, problem, _descend(problem, end.parameters, _STEPS)) for end, problem, further in begun[:_KEPT]]
+    ends = [
+        (further, problem, optimise(problem, end.parameters, max_iterations=_STEPS))
+        for end, problem, further in begun[:_KEPT]
+    ]
     return sorted((_of_spring(*end, fitted) for end in ends), key=lambda trial: -trial.share)
-
-
-def _descend(problem: Problem, start: FloatArray, steps: int) -> Minimum:
-    return optimise(problem, start, max_iterations=steps)
 
 
 def _starts(problem: Problem, spring: Spring, fitted: FittedModel) -> Iterator[FloatArray]:

@@ -38,21 +38,13 @@ _Lines: TypeAlias = tuple[FloatArray, ComplexArray, FloatArray, int]
 
 @dataclass(frozen=True)
 class ExtremumPair:
-    """A measured extremum and the model's counterpart, both by the same local model.
+    """A measured extremum and the model's counterpart, both by the same local model."""
 
-    Attributes:
-        line: Index of the line with the extremum.
-        estimate: The local model.
-        measured: What it finds in the measurement.
-        model: What it finds in the model, or None.
-        reading_hz: Deviation of what a local model through three lines reads between them [Hz].
-    """
-
-    line: int
-    estimate: Estimator
-    measured: LocalMode
-    model: LocalMode | None
-    reading_hz: float
+    line: int  # Index of the line with the extremum
+    estimate: Estimator  # The local model
+    measured: LocalMode  # What it finds in the measurement
+    model: LocalMode | None  # What it finds in the model, or None
+    reading_hz: float  # Deviation of what a local model through three lines reads between them [Hz]
 
     @property
     def measured_hz(self) -> float:
@@ -72,27 +64,16 @@ class ExtremumPair:
 
 @dataclass(frozen=True)
 class Element:
-    """One motor's own response in one configuration, hold and delay removed.
+    """One motor's own response in one configuration, hold and delay removed."""
 
-    Attributes:
-        frequency_hz (n_freq,): Frequencies [Hz].
-        measured (n_freq,): The measurement.
-        variance (n_freq,): Its variance.
-        freedom (n_freq,): Real degrees of freedom of that.
-        modelled (n_freq,): The model.
-        dense_hz (n_dense,): Further frequencies [Hz].
-        dense (n_dense,): The model's magnitude there.
-        errors (n_real, n_freq): What each realization adds to the measurement, if there are some.
-    """
-
-    frequency_hz: FloatArray
-    measured: ComplexArray
-    variance: FloatArray
-    freedom: FloatArray
-    modelled: ComplexArray
-    dense_hz: FloatArray
-    dense: FloatArray
-    errors: ComplexArray | None = None
+    frequency_hz: FloatArray  # (n_freq,) Frequencies [Hz]
+    measured: ComplexArray  # (n_freq,) The measurement
+    variance: FloatArray  # (n_freq,) Its variance
+    freedom: FloatArray  # (n_freq,) Real degrees of freedom of that
+    modelled: ComplexArray  # (n_freq,) The model
+    dense_hz: FloatArray  # (n_dense,) Further frequencies [Hz]
+    dense: FloatArray  # (n_dense,) The model's magnitude there
+    errors: ComplexArray | None = None  # (n_real, n_freq) What each realization adds to the measurement, if any
 
     def measured_at(self, line: int) -> _Lines:
         """What a local estimator takes of the measurement."""

@@ -27,15 +27,10 @@ _PAYLOAD_MASS = "payload.mass"
 
 @dataclass(frozen=True)
 class ModelAt:
-    """A model in the configurations of a frequency response.
+    """A model in the configurations of a frequency response."""
 
-    Attributes:
-        problem: The least-squares problem of this response, weighted as the fit's own.
-        internal (n_param,): Internal parameters, in the problem's order.
-    """
-
-    problem: Problem
-    internal: FloatArray
+    problem: Problem  # The least-squares problem of this response, weighted as the fit's own
+    internal: FloatArray  # (n_param,) Internal parameters, in the problem's order
 
     @property
     def parameters(self) -> ElasticParameters:
@@ -60,17 +55,11 @@ class ModelAt:
 
 @dataclass(frozen=True)
 class FittedModel(ModelAt):
-    """A fitted model in the configurations of a frequency response.
+    """A fitted model in the configurations of a frequency response."""
 
-    Attributes:
-        dropped: Elements that the logarithm drops.
-        robot: The robot file that the fit started from, with the payload of the response's campaign.
-        options: Options of the fit.
-    """
-
-    dropped: int
-    robot: Robot
-    options: ElasticOptions
+    dropped: int  # Elements that the logarithm drops
+    robot: Robot  # The robot file that the fit started from, with the payload of the response's campaign
+    options: ElasticOptions  # Options of the fit
 
 
 def fitted_model(
@@ -159,27 +148,15 @@ _PASSES = 3
 
 @dataclass(frozen=True)
 class Modes:
-    """Oscillating modes, upper half plane, by rising size.
+    """Oscillating modes, upper half plane, by rising size."""
 
-    Attributes:
-        roots (n_mode,): Roots of the characteristic equation [rad/s].
-        shapes (n, n_mode): Their shapes in the model's coordinates; zero at a locked motor.
-        slopes (n_mode,): `x' (2 s M + D) x` of each root `s` and shape `x`.
-    """
-
-    roots: ComplexArray
-    shapes: ComplexArray
-    slopes: ComplexArray
+    roots: ComplexArray  # (n_mode,) Roots of the characteristic equation [rad/s]
+    shapes: ComplexArray  # (n, n_mode) Their shapes in the model's coordinates; zero at a locked motor
+    slopes: ComplexArray  # (n_mode,) `x' (2 s M + D) x` of each root `s` and shape `x`
 
 
 def poles(model: LinearModel, parameters: ElasticParameters, configuration: int) -> Modes:
-    """Returns the oscillating modes with free motors.
-
-    Args:
-        model: Linearised robot.
-        parameters: Parameter values.
-        configuration: Index of the configuration.
-    """
+    """Returns the oscillating modes with free motors."""
     return _modes(model, parameters, configuration, None)
 
 
@@ -188,12 +165,6 @@ def zeros(model: LinearModel, parameters: ElasticParameters, configuration: int,
 
     They are the modes with that motor locked: its row and column leave the equations of motion, as the
     numerator of a diagonal element of an inverse matrix is the minor without that row and column.
-
-    Args:
-        model: Linearised robot.
-        parameters: Parameter values.
-        configuration: Index of the configuration.
-        motor: Index of the motor.
     """
     return _modes(model, parameters, configuration, motor)
 

@@ -103,15 +103,10 @@ def error_ratios(fitted: FittedModel, modelled: ComplexArray, assumed: float) ->
 
 @dataclass(frozen=True)
 class OwnErrors:
-    """Errors of the motors' own responses; NaN where an element has no weight.
+    """Errors of the motors' own responses; NaN where an element has no weight."""
 
-    Attributes:
-        decibel (n_conf, n_freq, n_in): Of the magnitude [dB].
-        degrees (n_conf, n_freq, n_in): Of the phase [deg].
-    """
-
-    decibel: FloatArray
-    degrees: FloatArray
+    decibel: FloatArray  # (n_conf, n_freq, n_in) Of the magnitude [dB]
+    degrees: FloatArray  # (n_conf, n_freq, n_in) Of the phase [deg]
 
     @property
     def by_configuration(self) -> FloatArray:
@@ -163,13 +158,7 @@ def grade_fit(solution: ElasticSolution, findings: Sequence[Finding], failures: 
 
 
 def grade_validation(solution: ElasticSolution, findings: Sequence[Finding], failures: Sequence[str]) -> Grade:
-    """Grades a fit that was held against data that it never saw.
-
-    Args:
-        solution: What the fit found.
-        findings: Findings about its data, its parameters and its residual, the first to blame first.
-        failures: What the validation found beyond its limits, a clause each.
-    """
+    """Grades a fit that was held against data that it never saw; arguments as of `grade_fit`."""
     return grade_held((*_unusable(solution, findings), *failures), _doubtful(solution, findings), findings)
 
 

@@ -19,23 +19,14 @@ _HALF_WIDTHS, _LEAST_REACH, _PEAK_GRID = 4.0, 1e-6, 161
 
 @dataclass(frozen=True)
 class LocalMode:
-    """A pole or zero of a local model.
+    """A pole or zero of a local model."""
 
-    Attributes:
-        frequency_hz: Undamped frequency [Hz].
-        std_hz: Its standard deviation by the delta method over the lines' variances [Hz].
-        root: The pole or zero in the upper half plane [rad/s].
-        peak_hz: Where the local model's magnitude is largest, or smallest [Hz].
-        peak_std_hz: Its standard deviation, as that of the frequency [Hz].
-        is_root: Whether there is a pole or zero at all; else the frequency is the peak's.
-    """
-
-    frequency_hz: float
-    std_hz: float
-    root: complex
-    peak_hz: float
-    peak_std_hz: float
-    is_root: bool = True
+    frequency_hz: float  # Undamped frequency [Hz]
+    std_hz: float  # Its standard deviation by the delta method over the lines' variances [Hz]
+    root: complex  # The pole or zero in the upper half plane [rad/s]
+    peak_hz: float  # Where the local model's magnitude is largest, or smallest [Hz]
+    peak_std_hz: float  # Its standard deviation, as that of the frequency [Hz]
+    is_root: bool = True  # Whether there is a pole or zero at all; else the frequency is the peak's
 
 
 Estimator: TypeAlias = Callable[[FloatArray, ComplexArray, FloatArray, int, Kind], LocalMode | None]

@@ -29,23 +29,14 @@ _WIDER = 5.0  # than its prior is a nuisance that would explain a misfit
 
 @dataclass(frozen=True)
 class Scores:
-    """Normal equations of the nuisances, the fit's own parameters eliminated.
+    """Normal equations of the nuisances, the fit's own parameters eliminated."""
 
-    Attributes:
-        nuisances: The nuisances.
-        slope (n_nuisance,): Half the negative gradient of the cost by the amounts.
-        curvature (n_nuisance, n_nuisance): Half its Gauss-Newton Hessian, with what is known of them beforehand.
-        follow (n_param, n_nuisance): How far the parameters move by each amount.
-        cost: Cost of the residual.
-        freedom: Real residuals behind it.
-    """
-
-    nuisances: tuple[Nuisance, ...]
-    slope: FloatArray
-    curvature: FloatArray
-    follow: FloatArray
-    cost: float
-    freedom: float
+    nuisances: tuple[Nuisance, ...]  # The nuisances
+    slope: FloatArray  # (n_nuisance,) Half the negative gradient of the cost by the amounts
+    curvature: FloatArray  # (n_nuisance, n_nuisance) Half its Gauss-Newton Hessian, with what is known beforehand
+    follow: FloatArray  # (n_param, n_nuisance) How far the parameters move by each amount
+    cost: float  # Cost of the residual
+    freedom: float  # Real residuals behind it
 
 
 def score(fitted: FittedModel, nuisances: tuple[Nuisance, ...]) -> Scores:
@@ -108,31 +99,18 @@ _MOST_NAMED = 3
 
 @dataclass(frozen=True)
 class Explanation:
-    """What freeing something that the robot file states would do to a fit.
+    """What freeing something that the robot file states would do to a fit."""
 
-    Attributes:
-        cause: The cause, of `robid.results.finding.CAUSES`.
-        names: What would be free, the one that explains most first.
-        amounts (n_name,): How much of each.
-        units: Units of the amounts.
-        share: Share of the residual's cost that it explains, beyond what as many random columns would.
-        moved (n_param,): How far the internal parameters would move.
-        stated: What the robot file says of each; zero where only amounts are.
-        free: Names that free it; none where no fit can estimate it.
-        fixed: Names that the options keep at the file's value, though their kind is estimated.
-        correct: What to correct in the robot file or where logs are described, where no fit can estimate it.
-    """
-
-    cause: str
-    names: tuple[str, ...]
-    amounts: FloatArray
-    units: tuple[str, ...]
-    share: float
-    moved: FloatArray
-    stated: tuple[float, ...] = ()
-    free: tuple[str, ...] = ()
-    fixed: tuple[str, ...] = ()
-    correct: tuple[str, ...] = ()
+    cause: str  # The cause, of `robid.results.finding.CAUSES`
+    names: tuple[str, ...]  # What would be free, the one that explains most first
+    amounts: FloatArray  # (n_name,) How much of each
+    units: tuple[str, ...]  # Units of the amounts
+    share: float  # Share of the residual's cost that it explains, beyond what as many random columns would
+    moved: FloatArray  # (n_param,) How far the internal parameters would move
+    stated: tuple[float, ...] = ()  # What the robot file says of each; zero where only amounts are
+    free: tuple[str, ...] = ()  # Names that free it; none where no fit can estimate it
+    fixed: tuple[str, ...] = ()  # Names that the options keep at the file's value, though their kind is estimated
+    correct: tuple[str, ...] = ()  # What to correct in robot file or log description, where no fit can estimate it
 
     @property
     def what(self) -> str:
@@ -164,10 +142,6 @@ def candidates(robot: Robot, frf: Frf) -> tuple[Nuisance, ...]:
     """Lists explanations of a misfit that are no nuisances of a robot file.
 
     They widen no interval: ratios are exact or plainly wrong, and backlash leaves no linear spring to estimate.
-
-    Args:
-        robot: The robot file that the fit started from.
-        frf: The response that it was fitted to.
     """
     return (*_gear_ratios(robot, frf), *_backlashes(robot))
 
@@ -220,17 +194,14 @@ class Backlash(Effect):
 
     A gear that rests at a deflection `y` and swings by `s`, root mean square and normally distributed, passes through
     a small gap `b` for `b / s` times the standard normal density at `y / s` of its time, and is softer by that share.
-    A load holds a gear on one side of its gap, so places tell backlash from softness.
-
-    Attributes:
-        spring: Index of the gear.
+    A load holds a gear on one side of its gap, so configurations distinguish backlash from softness.
 
     Source:
         Statistical linearisation of a dead zone: Gelb and Vander Velde (1968), app. E.
     """
 
     put_in = False
-    spring: int
+    spring: int  # Index of the gear
 
 
 @column.register
@@ -261,19 +232,12 @@ _ENOUGH = 0.9  # of the cost, so that no other joint needs to be tried
 
 @dataclass(frozen=True)
 class RatioTrial:
-    """What another gear ratio does to a fit.
+    """What another gear ratio does to a fit."""
 
-    Attributes:
-        joint: Index of the joint.
-        ratio: The ratio that explains most.
-        share: Share of the residual's cost that it takes away.
-        moved (n_param,): How far it moves the internal parameters.
-    """
-
-    joint: int
-    ratio: float
-    share: float
-    moved: FloatArray
+    joint: int  # Index of the joint
+    ratio: float  # The ratio that explains most
+    share: float  # Share of the residual's cost that it takes away
+    moved: FloatArray  # (n_param,) How far it moves the internal parameters
 
 
 def try_ratios(fitted: FittedModel, likely: Sequence[int]) -> list[RatioTrial]:

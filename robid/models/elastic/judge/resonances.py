@@ -34,12 +34,7 @@ SAME_EXTREMUM = 0.05
 
 @dataclass(frozen=True)
 class ResonanceTable:
-    """Resonances and antiresonances, one per row: a peak beside a peak, a pole beside a pole.
-
-    Attributes:
-        pole_hz: Pole or zero of the local model of the measurement, as an undamped frequency; NaN where the magnitude
-            is all that the lines show; None in tables of old.
-    """
+    """Resonances and antiresonances, one per row: a peak beside a peak, a pole beside a pole."""
 
     configuration: Annotated[IntArray, Quantity("1", "resonance", "Index of the configuration")]
     channel: Annotated[tuple[str, ...], Quantity("1", "resonance", "Motor whose own response has it")]
@@ -52,6 +47,8 @@ class ResonanceTable:
     mode_lower_hz: Annotated[FloatArray, Quantity("Hz", "resonance", "Lower end of its interval")]
     mode_upper_hz: Annotated[FloatArray, Quantity("Hz", "resonance", "Upper end of its interval")]
     damping: Annotated[FloatArray, Quantity("1", "resonance", "Damping ratio of the model's pole or zero")]
+    # Pole or zero of the local model of the measurement, as an undamped frequency; NaN where the magnitude is all that
+    # the lines show; None in tables of old
     pole_hz: Annotated[FloatArray | None, Quantity("Hz", "resonance", "Measured pole or zero, of a local model")] = None
     pole_lower_hz: Annotated[FloatArray | None, Quantity("Hz", "resonance", "Lower end of its interval")] = None
     pole_upper_hz: Annotated[FloatArray | None, Quantity("Hz", "resonance", "Upper end of its interval")] = None
@@ -240,36 +237,22 @@ def _table(rows: list[_Row], half: FloatArray) -> ResonanceTable:
 
 @dataclass(frozen=True)
 class Measured:
-    """Resonances of some configurations, and the campaign that measured each.
+    """Resonances of some configurations, and the campaign that measured each."""
 
-    Attributes:
-        table: The resonances.
-        configurations (n_conf, n_joint): Positions of the joints [rad, or m].
-        campaigns: Name of each configuration's campaign.
-    """
-
-    table: ResonanceTable
-    configurations: FloatArray
-    campaigns: tuple[str, ...]
+    table: ResonanceTable  # The resonances
+    configurations: FloatArray  # (n_conf, n_joint) Positions of the joints [rad, or m]
+    campaigns: tuple[str, ...]  # Name of each configuration's campaign
 
 
 @dataclass(frozen=True)
 class Repeat:
-    """One resonance in several measurements of one robot configuration.
+    """One resonance in several measurements of one robot configuration."""
 
-    Attributes:
-        row: Its first row in the own table.
-        campaigns: Campaign of each measurement that shows it.
-        peaks_hz (n,): Where each has its peak, or dip [Hz].
-        mean_hz (2,): Mean peak, and mean pole or zero; NaN where fewer than two measurements have one [Hz].
-        half_hz (2,): Half width about it of the interval that holds another measurement's [Hz].
-    """
-
-    row: int
-    campaigns: tuple[str, ...]
-    peaks_hz: FloatArray
-    mean_hz: FloatArray
-    half_hz: FloatArray
+    row: int  # Its first row in the own table
+    campaigns: tuple[str, ...]  # Campaign of each measurement that shows it
+    peaks_hz: FloatArray  # (n,) Where each has its peak, or dip [Hz]
+    mean_hz: FloatArray  # (2,) Mean peak, and mean pole or zero; NaN where fewer than two measurements have one [Hz]
+    half_hz: FloatArray  # (2,) Half width about it of the interval that holds another measurement's [Hz]
 
 
 def pool_repeats(

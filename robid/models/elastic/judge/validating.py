@@ -34,25 +34,9 @@ class Validation:
 
     Costs are weighted like the fit's and sum over the elements of one configuration. Costs per element divide
     by the elements that carry weight.
-
-    Attributes:
-        outcome: Whether it holds, its grade, and its parameters against the truth.
-        dropped: Response elements below 10 dB that the logarithm dropped.
-        average_cost: Mean cost per element over the configurations.
-        worst_cost: Largest cost per element.
-        worst_configuration: Index of that configuration.
-        cost_ratio: The largest of them.
-        median_error_db: Median magnitude error of the motors' own responses, all lines and configurations [dB].
-        motor_error_db: The same of the worst motor [dB].
-        motor_error_deg: Median phase error of the worst motor [deg].
-        resonance_shift: Median relative distance of the model's resonances and antiresonances from the measured
-            ones; None where no pair was found.
-        resonances: Pairs behind it.
-        worst_error_db: Largest one [dB].
-        median_spring_half_width: Median half width of the springs' intervals over their estimates.
     """
 
-    outcome: Outcome
+    outcome: Outcome  # Whether it holds, its grade, and its parameters against the truth
     configurations: Annotated[FloatArray, Quantity("rad", "configuration joint", "Arm-side joint angles")]
     frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency", "Frequencies")]
     measured: Annotated[
@@ -65,25 +49,27 @@ class Validation:
     ]
     excess: Annotated[FloatArray, Quantity("1", "configuration", "Cost above it")]
     elements: Annotated[IntArray, Quantity("1", "configuration", "Response elements with weight")]
-    dropped: int
-    average_cost: float
-    worst_cost: float
-    worst_configuration: int
+    dropped: int  # Response elements below 10 dB that the logarithm dropped
+    average_cost: float  # Mean cost per element over the configurations
+    worst_cost: float  # Largest cost per element
+    worst_configuration: int  # Index of that configuration
     error_ratio: Annotated[
         FloatArray,
         Quantity("1", "configuration", "Mean squared error over what noise and an assumed model error allow"),
     ]
-    cost_ratio: float
-    median_error_db: float
-    motor_error_db: float
-    motor_error_deg: float
+    cost_ratio: float  # The largest of them
+    median_error_db: float  # Median magnitude error of the motors' own responses, all lines and configurations [dB]
+    motor_error_db: float  # The same of the worst motor [dB]
+    motor_error_deg: float  # Median phase error of the worst motor [deg]
+    # Median relative distance of the model's resonances and antiresonances from the measured ones; None where no pair
+    # was found
     resonance_shift: float | None
-    resonances: int
-    worst_error_db: float
+    resonances: int  # Pairs behind it
+    worst_error_db: float  # Largest one [dB]
     error_db: Annotated[
         FloatArray, Quantity("dB", "configuration input", "Median magnitude error of the motors' own responses")
     ]
-    median_spring_half_width: float | None
+    median_spring_half_width: float | None  # Median half width of the springs' intervals over their estimates
 
 
 def validate_elastic(
@@ -160,19 +146,12 @@ def _outcome(
 
 @dataclass(frozen=True)
 class WeightedCosts:
-    """Costs of a model in the configurations of a response, as in `Validation`.
+    """Costs of a model in the configurations of a response, as in `Validation`."""
 
-    Attributes:
-        modelled (n_conf, n_freq, n_out, n_in): Parametric response.
-        cost (n_conf,): Weighted cost.
-        expected_cost (n_conf,): What the response's covariance alone would give.
-        elements (n_conf,): Response elements with weight.
-    """
-
-    modelled: ComplexArray
-    cost: FloatArray
-    expected_cost: FloatArray
-    elements: IntArray
+    modelled: ComplexArray  # (n_conf, n_freq, n_out, n_in) Parametric response
+    cost: FloatArray  # (n_conf,) Weighted cost
+    expected_cost: FloatArray  # (n_conf,) What the response's covariance alone would give
+    elements: IntArray  # (n_conf,) Response elements with weight
 
 
 def weighted_costs(robot: Robot, fitted: FittedModel) -> WeightedCosts:

@@ -32,93 +32,45 @@ from robid.settings.experiment import payload_kg
 
 
 @dataclass(frozen=True)
-class ElementErrors:
-    """What the residuals of the response's elements hold beyond their covariance.
-
-    Attributes:
-        share_above: Share of the elements whose cost is above its 95 % band.
-        share_correlated: Share of the elements whose residuals are correlated over frequency beyond that band.
-        median_level: Median relative model error of the elements above their band; 0 without any.
-    """
-
-    share_above: float
-    share_correlated: float
-    median_level: float
-
-
-@dataclass(frozen=True)
 class RepeatRow:
-    """A resonance in several measurements of one robot configuration.
+    """A resonance in several measurements of one robot configuration."""
 
-    Attributes:
-        campaigns: Campaign of each measurement that shows it.
-        lowest_hz: Lowest measured peak or dip [Hz].
-        highest_hz: Highest one [Hz].
-        peak_hz: Their mean [Hz].
-        peak_interval_hz: Where another measurement's would be found [Hz].
-        pole_hz: Mean pole or zero of the local models [Hz], or None.
-        pole_interval_hz: Where another measurement's would be found [Hz], or None.
-    """
-
-    campaigns: tuple[str, ...]
-    lowest_hz: float
-    highest_hz: float
-    peak_hz: float
-    peak_interval_hz: tuple[float, float]
-    pole_hz: float | None = None
-    pole_interval_hz: tuple[float, float] | None = None
+    campaigns: tuple[str, ...]  # Campaign of each measurement that shows it
+    lowest_hz: float  # Lowest measured peak or dip [Hz]
+    highest_hz: float  # Highest one [Hz]
+    peak_hz: float  # Their mean [Hz]
+    peak_interval_hz: tuple[float, float]  # Where another measurement's would be found [Hz]
+    pole_hz: float | None = None  # Mean pole or zero of the local models [Hz], or None
+    pole_interval_hz: tuple[float, float] | None = None  # Where another measurement's would be found [Hz], or None
 
 
 @dataclass(frozen=True)
 class ResonanceRow:
-    """One resonance or antiresonance of one channel, measured against the model: peaks, and poles.
+    """One resonance or antiresonance of one channel, measured against the model: peaks, and poles."""
 
-    Attributes:
-        configuration: Index of the configuration in the estimation campaign.
-        channel: Name of the channel.
-        kind: Peak or dip of the magnitude.
-        measured_hz: Measured peak or dip [Hz], or None when the data show none.
-        model_hz: The model's, read from its curve as the measured one [Hz], or None when it has none.
-        interval_hz: Lower and upper end of the measured one's interval [Hz], or None.
-        mode_hz: The model's own pole or zero there [Hz], or None.
-        mode_interval_hz: Lower and upper end of its interval [Hz], or None.
-        damping: Its damping ratio, or None.
-        pole_hz: Pole or zero of a local model of the measurement [Hz], or None.
-        pole_interval_hz: Lower and upper end of its interval [Hz], or None.
-        repeat: What all measurements of the configuration show of it, at the first of them; or None.
-    """
-
-    configuration: int
-    channel: str
-    kind: Literal["resonance", "antiresonance"]
-    measured_hz: float | None
-    model_hz: float | None
-    interval_hz: tuple[float, float] | None = None
-    mode_hz: float | None = None
-    mode_interval_hz: tuple[float, float] | None = None
-    damping: float | None = None
-    pole_hz: float | None = None
-    pole_interval_hz: tuple[float, float] | None = None
-    repeat: RepeatRow | None = None
+    configuration: int  # Index of the configuration in the estimation campaign
+    channel: str  # Name of the channel
+    kind: Literal["resonance", "antiresonance"]  # Peak or dip of the magnitude
+    measured_hz: float | None  # Measured peak or dip [Hz], or None when the data show none
+    model_hz: float | None  # The model's, read from its curve as the measured one [Hz], or None when it has none
+    interval_hz: tuple[float, float] | None = None  # Lower and upper end of the measured one's interval [Hz], or None
+    mode_hz: float | None = None  # The model's own pole or zero there [Hz], or None
+    mode_interval_hz: tuple[float, float] | None = None  # Lower and upper end of its interval [Hz], or None
+    damping: float | None = None  # Its damping ratio, or None
+    pole_hz: float | None = None  # Pole or zero of a local model of the measurement [Hz], or None
+    pole_interval_hz: tuple[float, float] | None = None  # Lower and upper end of its interval [Hz], or None
+    repeat: RepeatRow | None = None  # What all measurements of the configuration show, at the first of them; or None
 
 
 @dataclass(frozen=True)
 class NuisanceRow:
-    """Something that the robot file may have wrong.
+    """Something that the robot file may have wrong."""
 
-    Attributes:
-        name: What it is, in one word.
-        unit: Unit of its amounts.
-        amount: By how much the data say that the file is wrong.
-        half_width: Half width of its interval.
-        known: Half width of what was known beforehand.
-    """
-
-    name: str
-    unit: str
-    amount: float
-    half_width: float
-    known: float
+    name: str  # What it is, in one word
+    unit: str  # Unit of its amounts
+    amount: float  # By how much the data say that the file is wrong
+    half_width: float  # Half width of its interval
+    known: float  # Half width of what was known beforehand
 
     @property
     def is_off(self) -> bool:
@@ -128,45 +80,25 @@ class NuisanceRow:
 
 @dataclass(frozen=True)
 class FitContent:
-    """One fit with the data that it explains.
+    """One fit with the data that it explains."""
 
-    Attributes:
-        name: Name of the fit.
-        campaign: Name of the estimation campaign.
-        frf: Measured frequency responses.
-        model_response (n_conf, n_freq, n_out, n_in): The model's, in the unit of `frf.response`.
-        estimates: The parameters.
-        resonances: Resonances and antiresonances.
-        estimation_costs: Cost per configuration of the fit's own data.
-        validation_costs: Cost per configuration of data that the fit never saw.
-        starts: The optimizer's starts.
-        status: How the fit ended.
-        advice: What to do about it; empty when there is nothing to do.
-        element_errors: The residuals against their covariance, or None where there is none.
-        grade: How far to trust it; None where that is unknown.
-        nuisance_rows: What the robot file may have wrong.
-        validation_campaign: Name of the validation campaign.
-        validation_frf: Its frequency responses, or None.
-        validation_model: The model's responses there, or None.
-    """
-
-    name: str
-    campaign: str
-    frf: Frf
-    model_response: ComplexArray
-    estimates: Estimates = field(default_factory=Estimates)
-    resonances: tuple[ResonanceRow, ...] = ()
-    estimation_costs: tuple[CostRow, ...] = ()
-    validation_costs: tuple[CostRow, ...] = ()
-    starts: tuple[StartRow, ...] = ()
-    status: str = ""
-    advice: str = ""
-    element_errors: ElementErrors | None = None
-    grade: Grade | None = None
-    nuisance_rows: tuple[NuisanceRow, ...] = ()
-    validation_campaign: str = ""
-    validation_frf: Frf | None = None
-    validation_model: ComplexArray | None = None
+    name: str  # Name of the fit
+    campaign: str  # Name of the estimation campaign
+    frf: Frf  # Measured frequency responses
+    model_response: ComplexArray  # (n_conf, n_freq, n_out, n_in) The model's, in the unit of `frf.response`
+    estimates: Estimates = field(default_factory=Estimates)  # The parameters
+    resonances: tuple[ResonanceRow, ...] = ()  # Resonances and antiresonances
+    estimation_costs: tuple[CostRow, ...] = ()  # Cost per configuration of the fit's own data
+    validation_costs: tuple[CostRow, ...] = ()  # Cost per configuration of data that the fit never saw
+    starts: tuple[StartRow, ...] = ()  # The optimizer's starts
+    status: str = ""  # How the fit ended
+    advice: str = ""  # What to do about it; empty when there is nothing to do
+    model_error: ModelError | None = None  # The residuals against their covariance, or None where there is none
+    grade: Grade | None = None  # How far to trust it; None where that is unknown
+    nuisance_rows: tuple[NuisanceRow, ...] = ()  # What the robot file may have wrong
+    validation_campaign: str = ""  # Name of the validation campaign
+    validation_frf: Frf | None = None  # Its frequency responses, or None
+    validation_model: ComplexArray | None = None  # The model's responses there, or None
 
     @property
     def usable(self) -> bool:
@@ -175,12 +107,7 @@ class FitContent:
 
 
 def resonance_rows(shown: Shown, confidence: float) -> tuple[ResonanceRow, ...]:
-    """Returns the resonances of a fit's own data, their intervals widened to what further campaigns scatter.
-
-    Args:
-        shown: The fit, and the others of the run.
-        confidence: Level of the intervals.
-    """
+    """Returns the resonances of a fit's own data, their intervals widened to what further campaigns scatter."""
     own = _fitted(shown)
     others = [*_validated(shown), *(each for other in shown.beside for each in (_fitted(other), *_validated(other)))]
     table, repeats = pool_repeats(own, [each for each in others if _same_payload(shown, own, each)], confidence)
@@ -274,7 +201,7 @@ def fit_content(shown: Shown) -> FitContent:
         starts=_starts(solution.starts),
         status=estimate.status.replace("_", " "),
         advice=estimate.advice,
-        element_errors=None if solution.model_error is None else _element_errors(solution.model_error),
+        model_error=solution.model_error,
         nuisance_rows=() if solution.doubts is None else nuisance_rows(solution.doubts, limits, estimate.confidence),
         grade=grade,
     )
@@ -307,12 +234,6 @@ def nuisance_rows(
     ]
     columns = nuisances.names, nuisances.units, told, nuisances.half_width.tolist(), known.tolist()
     return tuple(NuisanceRow(*row) for row in zip(*columns, strict=True))
-
-
-def _element_errors(error: ModelError) -> ElementErrors:
-    above = error.level[error.level > 0]
-    level = float(np.median(above)) if above.size else 0.0
-    return ElementErrors(error.share_above, error.share_correlated, level)
 
 
 def _starts(starts: Starts) -> tuple[StartRow, ...]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from statistics import fmean, median
 
 from rich.console import Group
@@ -67,12 +66,7 @@ def headline(fit: FitContent) -> Headline:
 
 
 def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]:
-    """Lays out a fit: its responses, parameters, nuisances, resonances, costs and starts.
-
-    Args:
-        fit: The fit.
-        told: What the page warns of anyway.
-    """
+    """Lays out a fit: its responses, parameters, nuisances, resonances, costs and starts."""
     return (
         _response(fit, told),
         *parameter_section(fit.estimates, _conventions(fit)),
@@ -126,7 +120,7 @@ def fit_tables(fit: FitContent) -> Iterator[Group]:
 
 def element_sentence(fit: FitContent) -> str:
     """Says what the residuals hold beyond their covariance; empty where that is unknown."""
-    errors = fit.element_errors
+    errors = fit.model_error
     if errors is None:
         return ""
     level = f", where the model is off by {percent(errors.median_level)} (median)" if errors.median_level > 0 else ""
@@ -155,6 +149,7 @@ def _response(fit: FitContent, told: tuple[str, ...]) -> Section:
 
 
 _CLOSE = 0.02
+_MODEL_ERROR = ("share_above", "share_correlated", "median_level")
 _VALIDATION = (
     "cost_ratio",
     "average_cost",
@@ -202,8 +197,8 @@ def _fit(fit: FitContent) -> dict[str, float]:
         found["grade"] = fit.grade.value
     found |= parameter_summary(fit.estimates.rows)
     found["undetermined"] = len(fit.estimates.undetermined)
-    if fit.element_errors is not None:
-        found |= {f"model_error.{key}": value for key, value in asdict(fit.element_errors).items()}
+    if fit.model_error is not None:
+        found |= {f"model_error.{key}": getattr(fit.model_error, key) for key in _MODEL_ERROR}
     for role, rows in (("estimation", fit.estimation_costs), ("validation", fit.validation_costs)):
         costs = average_and_worst(rows)
         if costs is not None:
@@ -285,13 +280,7 @@ def compare(every: Sequence[Shown]) -> dict[str, float]:
 
 
 def fit_report(fit: FitContent, validation: Validation | None = None, told: tuple[str, ...] = ()) -> FitReport:
-    """Puts together all that is shown of a fit.
-
-    Args:
-        fit: The fit.
-        validation: Its validation, if any.
-        told: What the page warns of anyway.
-    """
+    """Puts together all that is shown of a fit."""
     return FitReport(
         headline=headline(fit),
         verdict=_verdict(fit, validation),

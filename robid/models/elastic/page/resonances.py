@@ -24,12 +24,7 @@ _REPEAT_CAPTION = (
 
 
 def repeat_tables(rows: tuple[ResonanceRow, ...], level: float) -> tuple[Table, ...]:
-    """Lays out resonances that several measurements show; nothing without any.
-
-    Args:
-        rows: The resonances.
-        level: Level of their intervals.
-    """
+    """Lays out resonances that several measurements show; nothing without any."""
     found = [(row, row.repeat) for row in rows if row.repeat is not None]
     if not found:
         return ()
@@ -146,13 +141,7 @@ def resonance_number(rows: tuple[ResonanceRow, ...]) -> tuple[KeyNumber, ...]:
 
 
 def resonance_section(rows: tuple[ResonanceRow, ...], frf: Frf, level: float) -> tuple[Section, ...]:
-    """Lays out the resonances by configuration; nothing without any.
-
-    Args:
-        rows: The resonances.
-        frf: The response that they are of.
-        level: Level of their intervals.
-    """
+    """Lays out the resonances by configuration; nothing without any."""
     if not rows:
         return ()
     interval = f"{percent(level)} interval"

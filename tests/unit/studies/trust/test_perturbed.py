@@ -38,7 +38,7 @@ def test_a_robot_that_is_as_its_file_has_its_response():
     np.testing.assert_allclose(responses(as_file(robot, OPTIONS, len(PLACES))), exact, rtol=1e-10)
 
 
-def test_small_amounts_do_what_the_nuisance_derivatives_say():
+def test_small_amounts_do_what_the_nuisances_derivatives_say():
     robot = two_joint_robot()
     frf = exact_frf(robot, PLACES, FREQUENCY_HZ, delay_s=SAMPLING[1], declared_noise=1e-3)
     problem = set_up(robot, frf, OPTIONS, SAMPLING[1])[0]

@@ -30,15 +30,10 @@ _SURPRISING = 3.0  # deviations
 
 @dataclass(frozen=True)
 class Joint:
-    """Parameters and nuisances that fit best together.
+    """Parameters and nuisances that fit best together."""
 
-    Attributes:
-        linear: The nuisances, linearised there.
-        cost: What is left, without what is known beforehand.
-    """
-
-    linear: LinearNuisances
-    cost: float
+    linear: LinearNuisances  # The nuisances, linearised there
+    cost: float  # What is left, without what is known beforehand
 
     @property
     def explains(self) -> bool:
@@ -117,27 +112,16 @@ class State:
 
 @dataclass(frozen=True)
 class Space:
-    """Parameters, amounts and what clusters add as one vector, in units of the longest step.
+    """Parameters, amounts and what clusters add as one vector, in units of the longest step."""
 
-    Attributes:
-        unit (n,): The units.
-        precision (n,): Half of what is known beforehand of each, inverse variances in these units.
-        lower (n,): Smallest values.
-        upper (n,): Largest values.
-        floor (n_nuisance,): Least amounts: springs that may be missing stay in the model, however stiff.
-        differing (n_differing,): Nuisances to which clusters add something.
-        size: Number of parameters.
-        clusters: Number of clusters.
-    """
-
-    unit: FloatArray
-    precision: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-    floor: FloatArray
-    differing: IntArray
-    size: int
-    clusters: int
+    unit: FloatArray  # (n,) The units
+    precision: FloatArray  # (n,) Half of what is known beforehand of each, inverse variances in these units
+    lower: FloatArray  # (n,) Smallest values
+    upper: FloatArray  # (n,) Largest values
+    floor: FloatArray  # (n_nuisance,) Least amounts: springs that may be missing stay in the model, however stiff
+    differing: IntArray  # (n_differing,) Nuisances to which clusters add something
+    size: int  # Number of parameters
+    clusters: int  # Number of clusters
 
     @classmethod
     def of(cls, start: NuisanceSet) -> Space:

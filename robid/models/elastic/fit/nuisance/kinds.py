@@ -38,42 +38,28 @@ _OF_ROTOR = "% of what its rotor asks for at 10 Hz"
 
 @dataclass(frozen=True)
 class Effect:
-    """What a nuisance parameter does; `nuisance.response.column` has the column of each.
+    """What a nuisance parameter does; `nuisance.response.column` has the column of each."""
 
-    Attributes:
-        put_in: Whether a robot can be off by it; the others do to its response what their columns say.
-        by_cluster: Whether it may differ between clusters of one robot.
-    """
-
-    put_in: ClassVar[bool] = True
-    by_cluster: ClassVar[bool] = False
+    put_in: ClassVar[bool] = True  # Whether a robot can be off by it; else a response is, as its column says
+    by_cluster: ClassVar[bool] = False  # Whether it may differ between clusters of one robot
 
 
 @dataclass(frozen=True)
 class RobotMove(Effect):
-    """A robot whose file says something else: central differences of its response, statics included.
+    """A robot whose file says something else: central differences of its response, statics included."""
 
-    Attributes:
-        moved: Returns a robot that is off by an amount from another one.
-        step: Amount of a difference.
-    """
-
-    moved: Callable[[Robot, float], Robot]
-    step: float
+    moved: Callable[[Robot, float], Robot]  # Returns a robot that is off by an amount from another one
+    step: float  # Amount of a difference
 
 
 @dataclass(frozen=True)
 class TorqueScale(Effect):
-    """A measured torque that is too large by some percent: its column of the response is too small.
-
-    Attributes:
-        joint: Index of the motor.
-        shared: Whether masses were found by the same torques, in a rigid fit: the joint's link is too heavy by as much.
-            Torques, masses and springs by one factor are the same response, so such masses do not tell the constant.
-    """
+    """A measured torque that is too large by some percent: its column of the response is too small."""
 
     put_in = False
-    joint: int
+    joint: int  # Index of the motor
+    # Whether masses were found by the same torques, in a rigid fit: the joint's link is too heavy by as much. Torques,
+    # masses and springs by one factor are the same response, so such masses do not determine the constant.
     shared: bool = False
 
     @property
@@ -93,40 +79,27 @@ class ValueOff(Effect):
 
     Amounts are percent of springs, dampers and rotors, microseconds of a delay, and of viscous friction percent of what
     the inertia that it acts on asks for at 10 Hz.
-
-    Attributes:
-        kind: Kind of the parameter.
-        element: Index of the element of that kind.
     """
 
-    kind: Literal["stiffness", "damping", "motor_inertia", "viscous", "arm_viscous", "delay"]
-    element: int
+    kind: Literal["stiffness", "damping", "motor_inertia", "viscous", "arm_viscous", "delay"]  # Kind of the parameter
+    element: int  # Index of the element of that kind
 
 
 @dataclass(frozen=True)
 class MotorFriction(Effect):
-    """A torque that follows a motor's angle, in percent of what its rotor asks for at 10 Hz.
-
-    Attributes:
-        joint: Index of the motor.
-        phase: Its direction in the complex plane: 1 as a spring's, 1j as that of a loss whatever the speed.
-    """
+    """A torque that follows a motor's angle, in percent of what its rotor asks for at 10 Hz."""
 
     by_cluster = True
-    joint: int
-    phase: complex
+    joint: int  # Index of the motor
+    phase: complex  # Its direction in the complex plane: 1 as a spring's, 1j as that of a loss whatever the speed
 
 
 @dataclass(frozen=True)
 class GearShare(Effect):
-    """Something beside a gear's stiffness, as a share of it.
-
-    Attributes:
-        spring: Index of the gear.
-    """
+    """Something beside a gear's stiffness, as a share of it."""
 
     by_cluster = True
-    spring: int
+    spring: int  # Index of the gear
 
 
 @dataclass(frozen=True)
@@ -139,14 +112,11 @@ class Hysteresis(GearShare):
     or fast, and loses most at the corner, half as much. It does most harm where it slips at about the swing, the
     deflection's root mean square over the configurations, as predicted from the measured torques.
 
-    Attributes:
-        slip: Where it slips, over the swing.
-
     Source:
         Dahl (1968); statistical linearisation as in Roberts and Spanos (1990), ch. 8; docs/methods, sec. 1.
     """
 
-    slip: float
+    slip: float  # Where it slips, over the swing
 
 
 @dataclass(frozen=True)
@@ -156,13 +126,9 @@ class LoadStiffness(GearShare):
 
 @dataclass(frozen=True)
 class Compliance(Effect):
-    """A spring that is there in truth, in percent of its joint's gear's compliance, statics included.
+    """A spring that is there in truth, in percent of its joint's gear's compliance, statics included."""
 
-    Attributes:
-        spring: The spring, as stiff as the gear.
-    """
-
-    spring: Spring
+    spring: Spring  # The spring, as stiff as the gear
 
 
 @dataclass(frozen=True)
@@ -181,79 +147,47 @@ class SlipTorque(Effect):
 
 @dataclass(frozen=True)
 class PerturbedRobot:
-    """A robot whose rigid parameters are off along one of several independent directions.
+    """A robot whose rigid parameters are off along one of several independent directions."""
 
-    Attributes:
-        robot: The robot.
-        deviations: By how many standard deviations; not zero.
-    """
-
-    robot: Robot
-    deviations: float
+    robot: Robot  # The robot
+    deviations: float  # By how many standard deviations; not zero
 
 
 @dataclass(frozen=True)
 class RigidError(Effect):
-    """An independent error of a rigid fit, amounts in standard deviations.
-
-    Attributes:
-        off: What the rigid fit found, off along the direction.
-    """
+    """An independent error of a rigid fit, amounts in standard deviations."""
 
     put_in = False
-    off: PerturbedRobot
+    off: PerturbedRobot  # What the rigid fit found, off along the direction
 
 
 @dataclass(frozen=True)
 class Nuisance:
-    """A nuisance parameter of one robot. Amounts are zero where the file is right.
+    """A nuisance parameter of one robot. Amounts are zero where the file is right."""
 
-    Attributes:
-        name: What it is, in one word as parameters are named: `axis_2.mass`.
-        title: The same for a sentence.
-        cause: The likely cause that it stands for, of `robid.results.finding.CAUSES`, or what only a fit's wish frees.
-        unit: Unit of its amounts.
-        common_std: Standard deviation of the amount that all clusters share.
-        cluster_std: Standard deviation of what each cluster adds to that.
-        effect: What it does.
-        least: Smallest amount that makes sense.
-        most: Largest amount that makes sense.
-        stated: What the robot file says in the same unit, where that is said; zero where only amounts are.
-        natural: Amount from which it matters: where the file says nothing, its deviation is judged by it.
-    """
-
-    name: str
-    title: str
-    cause: str
-    unit: str
-    common_std: float
-    cluster_std: float
-    effect: Effect
-    least: float = -np.inf
-    most: float = np.inf
-    stated: float = 0.0
-    natural: float = 1.0
+    name: str  # What it is, in one word as parameters are named: `axis_2.mass`
+    title: str  # The same for a sentence
+    cause: str  # Its likely cause, of `robid.results.finding.CAUSES`, or what only a fit's wish frees
+    unit: str  # Unit of its amounts
+    common_std: float  # Standard deviation of the amount that all clusters share
+    cluster_std: float  # Standard deviation of what each cluster adds to that
+    effect: Effect  # What it does
+    least: float = -np.inf  # Smallest amount that makes sense
+    most: float = np.inf  # Largest amount that makes sense
+    stated: float = 0.0  # What the robot file says in the same unit, where that is said; zero where only amounts are
+    natural: float = 1.0  # Amount from which it matters: where the file says nothing, its deviation is judged by it
 
 
 @dataclass(frozen=True)
 class Owner:
-    """A part of a robot of which something may be off.
+    """A part of a robot of which something may be off."""
 
-    Attributes:
-        name: Its name, with which those of its nuisance parameters begin; empty for the drives.
-        title: The same for a sentence.
-        priors: What has the deviations as attributes.
-        at: Its indices among the robot's parts.
-        more: What the names of its nuisance parameters end on.
-        linear: Whether it slides.
-    """
-
-    name: str
-    title: str
-    priors: object
-    at: tuple[int, ...] = ()
-    more: str = ""
-    linear: bool = False
+    name: str  # Its name, with which those of its nuisance parameters begin; empty for the drives
+    title: str  # The same for a sentence
+    priors: object  # What has the deviations as attributes
+    at: tuple[int, ...] = ()  # Its indices among the robot's parts
+    more: str = ""  # What the names of its nuisance parameters end on
+    linear: bool = False  # Whether it slides
 
     def named(self, ending: str) -> str:
         """Returns the name of what is its own."""
@@ -262,37 +196,21 @@ class Owner:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of nuisance parameter: a row of the table. Effect and size are those of a robot's part at its indices.
+    """A kind of nuisance parameter: a row of the table. Effect and size are those of a robot's part at its indices."""
 
-    Attributes:
-        ending: What the names end on, after the owner's.
-        title: The same for a sentence, `{}` for the owner's.
-        cause: The likely cause that it stands for.
-        effect: What it does; None where the owner has no such thing.
-        prior: Which of the owner's priors is its deviation, as they are stated; none where only a fit frees it.
-        size: Amount of a prior of one.
-        unit: Unit of the amounts.
-        linear_unit: That of owners that slide, where it is another.
-        cluster: What each cluster adds, over the deviation.
-        least: Smallest amount that makes sense, over the size.
-        most: Largest one.
-        stated: Whether the size is what the file states.
-        parameter: Kind of the fit's own parameters that take its place where they are estimated.
-    """
-
-    ending: str
-    title: str
-    cause: str
-    effect: Callable[..., Effect | None]
-    prior: str = ""
-    size: float | Callable[..., float] = PERCENT
-    unit: str = "%"
-    linear_unit: str = ""
-    cluster: float = 0.0
-    least: float = -np.inf
-    most: float = np.inf
-    stated: bool = False
-    parameter: str = ""
+    ending: str  # What the names end on, after the owner's
+    title: str  # The same for a sentence, `{}` for the owner's
+    cause: str  # The likely cause that it stands for
+    effect: Callable[..., Effect | None]  # What it does; None where the owner has no such thing
+    prior: str = ""  # Which of the owner's priors is its deviation, as they are stated; none where only a fit frees it
+    size: float | Callable[..., float] = PERCENT  # Amount of a prior of one
+    unit: str = "%"  # Unit of the amounts
+    linear_unit: str = ""  # That of owners that slide, where it is another
+    cluster: float = 0.0  # What each cluster adds, over the deviation
+    least: float = -np.inf  # Smallest amount that makes sense, over the size
+    most: float = np.inf  # Largest one
+    stated: bool = False  # Whether the size is what the file states
+    parameter: str = ""  # Kind of the fit's own parameters that take its place where they are estimated
 
     def of(self, robot: Robot, owner: Owner, *, by_default: bool = False) -> Nuisance | None:
         """Returns that of an owner; None where it has none, or where the file is taken for granted.
@@ -500,7 +418,7 @@ COUPLINGS: Section = (_couplings, (Kind(
 ),))
 GEARS: Section = (_gears, (
     # What slips between early and late is a mixture of both. What never slips stiffens a spring without any loss,
-    # alike in all clusters: nothing tells it from the spring.
+    # alike in all clusters: nothing distinguishes it from the spring.
     *(
         Kind(
             f"hysteresis_{when}", f"hysteresis of {{}} that slips {when}", "gear_nonlinearity",

@@ -26,20 +26,14 @@ _KNOWN_TORQUE = "N m"
 
 @dataclass(frozen=True)
 class NuisanceSet:
-    """What the robot file may have wrong.
+    """What the robot file may have wrong."""
 
-    Attributes:
-        nuisances: The nuisances.
-        problem: The fit's problem, whose robot rests anew for all values: a spring must give under gravity as a link
-            weighs, or what acts alike seems to be told apart.
-        point (n_param,): Internal parameters.
-        rigid: Whether a rigid fit says how far masses may be off.
-    """
-
-    nuisances: tuple[Nuisance, ...]
+    nuisances: tuple[Nuisance, ...]  # The nuisances
+    # The fit's problem, whose robot rests anew for all values: a spring must give under gravity as a link weighs, or
+    # what acts alike seems to be distinguishable
     problem: Problem
-    point: FloatArray
-    rigid: bool
+    point: FloatArray  # (n_param,) Internal parameters
+    rigid: bool  # Whether a rigid fit says how far masses may be off
 
     @cached_property
     def clusters(self) -> list[list[int]]:
@@ -59,17 +53,13 @@ class NuisanceSet:
 
 @dataclass(frozen=True)
 class LinearNuisances(NuisanceSet):
-    """Nuisances with what they do to the residual, linearised at the point.
+    """Nuisances with what they do to the residual, linearised at the point."""
 
-    Attributes:
-        amounts (n_nuisance,): By how much all is off where it is linearised; so is the problem's robot, along those
-            that can be put into one.
-        columns (n_conf, n_freq, n_out, n_in, n_nuisance): Negative derivatives of the residual by their amounts.
-        added (n_cluster, n_nuisance): What each cluster adds to the amounts there; the problem's gears have it already.
-    """
-
+    # (n_nuisance,) By how much all is off where it is linearised; so is the problem's robot, along those that can be
+    # put into one
     amounts: FloatArray
-    columns: ComplexArray
+    columns: ComplexArray  # (n_conf, n_freq, n_out, n_in, n_nuisance) Negative derivatives of the residual by amounts
+    # (n_cluster, n_nuisance) What each cluster adds to the amounts there; the problem's gears have it already
     added: FloatArray
 
     @property
@@ -95,19 +85,17 @@ class LinearNuisances(NuisanceSet):
 
 @dataclass(frozen=True)
 class Basis:
-    """What a fit takes for granted, beside its parameters.
+    """What a fit takes for granted, beside its parameters."""
 
-    Attributes:
-        robot: The robot that the fit started from.
-        options: Options of the fit.
-        perturbed: Robots that are off along independent directions that a rigid fit leaves open.
-        rested: Whether the fit ended where its robot rests; where it did not, only a missing spring may say why.
-    """
+    robot: Robot  # The robot that the fit started from
+    options: ElasticOptions  # Options of the fit
+    perturbed: Sequence[PerturbedRobot] = ()  # Robots off along independent directions that a rigid fit leaves open
+    rested: bool = True  # Whether the fit ended where its robot rests; if not, only a missing spring may say why
 
-    robot: Robot
-    options: ElasticOptions
-    perturbed: Sequence[PerturbedRobot] = ()
-    rested: bool = True
+    @property
+    def anywhere(self) -> ElasticOptions:
+        """Options with which the robot rests anew for all values."""
+        return replace(self.options, statics="every_iterate")
 
 
 def list_linearised(problem: Problem, points: Sequence[FloatArray], given: Basis) -> LinearNuisances | None:
@@ -129,21 +117,12 @@ def list_linearised(problem: Problem, points: Sequence[FloatArray], given: Basis
 
 
 def list_at_rest(problem: Problem, points: Sequence[FloatArray], given: Basis) -> NuisanceSet | None:
-    """Lists what the robot file may have wrong.
-
-    Args:
-        problem: The problem.
-        points: Internal parameters (n_param,) to look at: the first where the robot rests.
-        given: What is taken for granted.
-
-    Returns:
-        The nuisances; None where there are none, or the robot rests nowhere.
-    """
+    """Lists the same without linearising it, at the first point where the robot rests; see `list_linearised`."""
     nuisances = _nuisances_of(problem, given)
     nothing = np.zeros(len(nuisances))
     for point in points if nuisances else ():
         with suppress(DataError):
-            off = put_in(problem, point, given.robot, _anywhere(given), nuisances, nothing)
+            off = put_in(problem, point, given.robot, given.anywhere, nuisances, nothing)
             return NuisanceSet(nuisances, off.problem, point, bool(given.perturbed))
     return None
 
@@ -157,11 +136,6 @@ def _nuisances_of(problem: Problem, given: Basis) -> tuple[Nuisance, ...]:
         kept = (left_of_estimated(nuisance) if nuisance.name in along else nuisance for nuisance in listed)
         return tuple(nuisance for nuisance in kept if nuisance is not None)
     return tuple(nuisance for nuisance in listed if nuisance.name not in constants)
-
-
-def _anywhere(given: Basis) -> ElasticOptions:
-    """Options with which the robot rests anew for all values."""
-    return replace(given.options, statics="every_iterate")
 
 
 def linearise(
@@ -194,7 +168,7 @@ def linearise(
     amounts = np.zeros(len(nuisances)) if amounts is None else amounts
     added = np.zeros((len(clusters), len(nuisances))) if added is None else added
     each = spread_over(clusters, added)
-    off = put_in(problem, point, given.robot, _anywhere(given), nuisances, amounts, each)
+    off = put_in(problem, point, given.robot, given.anywhere, nuisances, amounts, each)
     where = off.problem, point, off.robot, off.options, nuisances
     columns = nuisance_columns(*where, amounts=amounts, all_rest=all_rest, shifts=shifts)
     return LinearNuisances(nuisances, off.problem, point, bool(given.perturbed), amounts, columns, added)

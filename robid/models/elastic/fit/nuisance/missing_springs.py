@@ -42,21 +42,13 @@ _EXCLUDED = 1.05  # of the cost: half of what calls for a spring
 
 @dataclass(frozen=True)
 class AddedSprings:
-    """A fit's problem with the springs in place that its data call for.
+    """A fit's problem with the springs in place that its data call for."""
 
-    Attributes:
-        problem: The problem; stiffness and damping of each spring are among its parameters.
-        internal (n_param,): Its minimum, nearly.
-        robot: The robot with the springs, after its own; `list_nuisances` of it no longer lists them.
-        options: Options with which they are free.
-        springs: Names of the springs.
-    """
-
-    problem: Problem
-    internal: FloatArray
-    robot: Robot
-    options: ElasticOptions
-    springs: tuple[str, ...] = ()
+    problem: Problem  # The problem; stiffness and damping of each spring are among its parameters
+    internal: FloatArray  # (n_param,) Its minimum, nearly
+    robot: Robot  # The robot with the springs, after its own; `list_nuisances` of it no longer lists them
+    options: ElasticOptions  # Options with which they are free
+    springs: tuple[str, ...] = ()  # Names of the springs
 
     @property
     def cost(self) -> float:
@@ -233,17 +225,11 @@ def _rested(now: AddedSprings) -> AddedSprings:
 
 @dataclass(frozen=True)
 class UnexcludedSpring:
-    """A spring that the data neither call for nor exclude.
+    """A spring that the data neither call for nor exclude."""
 
-    Attributes:
-        name: Name of its nuisance.
-        std: Compliance that it may well have, in percent of its gear's.
-        shift (n_param,): What a spring of this compliance does to the internal parameters.
-    """
-
-    name: str
-    std: float
-    shift: FloatArray
+    name: str  # Name of its nuisance
+    std: float  # Compliance that it may well have, in percent of its gear's
+    shift: FloatArray  # (n_param,) What a spring of this compliance does to the internal parameters
 
 
 def unexcluded_springs(found: AddedSprings, linear: LinearNuisances) -> tuple[UnexcludedSpring, ...]:
@@ -251,10 +237,6 @@ def unexcluded_springs(found: AddedSprings, linear: LinearNuisances) -> tuple[Un
 
     One that others can stand for costs next to nothing, whatever its compliance: it does not save the share that a
     spring must save to be called for, and still it may be there.
-
-    Args:
-        found: The springs put in place.
-        linear: The nuisances with them.
     """
     placed = [found.problem.parameters.names.index(f"{spring}.stiffness") for spring in found.springs]
     # A spring's stiffness is a logarithm over its gear's: exp(-x) is its compliance over that of the gear.

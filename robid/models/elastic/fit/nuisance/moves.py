@@ -128,15 +128,10 @@ _OUTBOARD = 0.6  # share of a link beyond a split
 
 @dataclass(frozen=True)
 class FurtherSpring:
-    """A spring that a robot file may lack.
+    """A spring that a robot file may lack."""
 
-    Attributes:
-        spring: The spring, as stiff as a trial of it starts; its name frees it.
-        title: What it is, for a sentence.
-    """
-
-    spring: Spring
-    title: str
+    spring: Spring  # The spring, as stiff as a trial of it starts; its name frees it
+    title: str  # What it is, for a sentence
 
 
 def with_estimated_springs(robot: Robot, options: ElasticOptions) -> Robot:

@@ -114,17 +114,11 @@ _PER_PARAMETER = ("names", "kind_of", "units", "logarithmic", "prior_std", "lowe
 
 @dataclass(frozen=True)
 class OffRobot:
-    """A robot that is off by its nuisances.
+    """A robot that is off by its nuisances."""
 
-    Attributes:
-        robot: The robot, springs that it has more after its own.
-        options: Options of the fit, with which these springs stay as they are.
-        problem: The fit's problem, with that robot at rest.
-    """
-
-    robot: Robot
-    options: ElasticOptions
-    problem: Problem
+    robot: Robot  # The robot, springs that it has more after its own
+    options: ElasticOptions  # Options of the fit, with which these springs stay as they are
+    problem: Problem  # The fit's problem, with that robot at rest
 
 
 def are_put_in(nuisances: Sequence[Nuisance]) -> BoolArray:

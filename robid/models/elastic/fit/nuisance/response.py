@@ -45,19 +45,12 @@ _STEP, _RIGID = 1e-3, 1e11  # percent of a gear's compliance; times its stiffnes
 
 @dataclass(frozen=True)
 class Scene:
-    """A problem at some values of its parameters, with the robot behind it.
+    """A problem at some values of its parameters, with the robot behind it."""
 
-    Attributes:
-        problem: The problem.
-        internal (n_param,): Internal parameters.
-        robot: The robot file's robot.
-        options: Options of the fit.
-    """
-
-    problem: Problem
-    internal: FloatArray
-    robot: Robot
-    options: ElasticOptions
+    problem: Problem  # The problem
+    internal: FloatArray  # (n_param,) Internal parameters
+    robot: Robot  # The robot file's robot
+    options: ElasticOptions  # Options of the fit
 
     @cached_property
     def values(self) -> ElasticParameters:
@@ -168,7 +161,7 @@ def extended_values(values: ElasticParameters, springs: Sequence[Spring]) -> Ela
 def with_estimated_links(model: LinearModel, problem: Problem) -> LinearModel:
     """Returns the model of a robot that is off, links' own inertias that the fit estimates as the robot file has them.
 
-    What is off of these is estimated, and is nothing to nuisance besides.
+    What is off of these is estimated, and is no nuisance besides.
     """
     masks = dict(zip(problem.parameters.kinds, problem.parameters.masks, strict=True))
     estimated = masks.get("link_inertia", np.zeros(model.axial.size, bool))
@@ -225,7 +218,7 @@ def _(effect: MotorFriction, scene: Scene) -> ComplexArray:
     frf, whole, hold = scene.problem.frf, scene.response.sampled, scene.response.hold
     name = frf.input_names[effect.joint]
     if name not in frf.output_names:
-        return np.zeros_like(whole)  # nothing tells its angle
+        return np.zeros_like(whole)  # nothing shows its angle
     row = frf.output_names.index(name)
     square = (2 * np.pi * frf.frequency_hz) ** 2
     # Its torque -c x is F = c / w^2 times the acceleration: fed back, G becomes (1 - G F)^-1 G, nearly G + G F G.

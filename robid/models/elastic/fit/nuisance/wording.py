@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Sequence
-from dataclasses import replace
 
 from robid.models.elastic.fit.nuisance.kinds import (
     FIXED,
@@ -18,7 +17,7 @@ from robid.models.elastic.fit.nuisance.kinds import (
     slipping_name,
 )
 from robid.models.elastic.fit.nuisance.moves import further_springs, is_spring
-from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.options import ElasticOptions, restricted
 from robid.robot.description import Robot
 from robid.robot.parameters import ELASTIC, FREE
 
@@ -40,19 +39,13 @@ def free_with(free: Sequence[str], more: Sequence[str]) -> tuple[str, ...]:
 
 def options_of(robot: Robot, options: ElasticOptions) -> ElasticOptions:
     """Returns the options of a fit for a robot that may carry another payload: of none, nothing is free."""
-    if robot.payload.mass_kg > 0 or not any(map(_is_of_payload, options.estimated)):
+
+    def keeps(name: str) -> bool:
+        return name.partition(".")[0] != "payload"
+
+    if robot.payload.mass_kg > 0 or all(map(keeps, options.estimated)):
         return options
-    return replace(
-        options,
-        free=(*options.kinds, *(name for name in options.estimated if not _is_of_payload(name))),
-        fixed=tuple(name for name in options.fixed if not _is_of_payload(name)),
-        tied={name: leader for name, leader in options.tied.items() if not _is_of_payload(name)},
-        bounds={name: ends for name, ends in options.bounds.items() if not _is_of_payload(name)},
-    )
-
-
-def _is_of_payload(name: str) -> bool:
-    return name.partition(".")[0] == "payload"
+    return restricted(options, (*options.kinds, *filter(keeps, options.estimated)), keeps)
 
 
 def unknown_names(robot: Robot, options: ElasticOptions) -> list[tuple[str, str]]:

@@ -67,7 +67,7 @@ def test_half_the_gradient_is_that_of_the_cost():
         assert found.gradient[index] == pytest.approx(wanted, abs=0.02 * size)
 
 
-def test_robots_off_by_their_nuisance_are_found_from_where_the_fit_alone_ran_away():
+def test_robots_off_by_their_nuisances_are_found_from_where_the_fit_alone_ran_away():
     found, given = [], Basis(STATED, OPTIONS)
     for seed in (4, 5, 9):
         frf, true = drawn(seed)
@@ -82,7 +82,7 @@ def test_robots_off_by_their_nuisance_are_found_from_where_the_fit_alone_ran_awa
     assert after < 0.2 * before
 
 
-def test_a_robot_whose_nuisance_explain_everything_lacks_no_spring():
+def test_a_robot_whose_nuisances_explain_everything_lacks_no_spring():
     given = Basis(STATED, OPTIONS)
     problem = problem_of(drawn(4)[0])
     joint = descend(list_linearised(problem, (np.zeros(len(problem.parameters.names)),), given), given)
@@ -154,7 +154,7 @@ def surer(robot, share):
     return replace(robot, joints=joints, nuisance_std=less(robot.nuisance_std))
 
 
-def test_nuisance_beyond_belief_widen_what_is_known_and_say_so():
+def test_nuisances_beyond_belief_widen_what_is_known_and_say_so():
     frf, _ = drawn(4)
     as_stated, too_sure = (fit_elastic(robot, frf, OPTIONS, DELAY_S).estimate for robot in (STATED, surer(STATED, 0.2)))
     assert "times as far off" not in as_stated.interval_rule

@@ -12,7 +12,7 @@ from robid.models.elastic.fit.options import ElasticOptions, restricted
 from robid.models.elastic.fit.parameters import map_parameters
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
-from robid.robot.parameters import element_names
+from robid.robot.parameters import element_names, kind_of_name
 from robid.robot.response import nominal_parameters
 
 CONFIGURATIONS = np.array([[-0.3, 0.5]])
@@ -118,14 +118,16 @@ def test_restricted_options_keep_what_concerns_the_kinds_left():
         tied={"gear_2.stiffness": "bearing_1.stiffness"},
         bounds={"bearing_1.stiffness": (1.0, 1e9), "shoulder.link_inertia": (0.0, 9.0)},
     )
-    fewer = restricted(options, ("stiffness",))
+    fewer = restricted(options, ("stiffness",), lambda name: kind_of_name(name) == "stiffness")
     assert fewer == replace(
         options,
         free=("stiffness",),
         fixed=("gear_1.stiffness",),
         bounds={"bearing_1.stiffness": (1.0, 1e9)},
     )
-    assert restricted(options, ("link_inertia", "location")).fixed == ("elbow.link_inertia", "forearm.location_x")
+    kinds = "link_inertia", "location"
+    others = restricted(options, kinds, lambda name: kind_of_name(name) in kinds)
+    assert others.fixed == ("elbow.link_inertia", "forearm.location_x")
 
 
 def test_motor_inertias_are_known_as_the_robot_file_says_and_link_inertias_by_decades():

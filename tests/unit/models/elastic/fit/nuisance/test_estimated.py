@@ -47,7 +47,7 @@ def freeing(*names):
     return ElasticOptions(free=names)
 
 
-def test_nuisance_alone_come_beside_the_default_kinds_and_kinds_replace_them():
+def test_nuisances_alone_come_beside_the_default_kinds_and_kinds_replace_them():
     assert (freeing("payload").kinds, freeing("payload").estimated) == (FREE, ("payload",))
     assert freeing("damping", "payload", "stiffness").kinds == ("damping", "stiffness")
     assert ElasticOptions().estimated == ()
@@ -86,7 +86,7 @@ def test_what_a_file_takes_for_granted_can_be_estimated_and_what_is_estimated_is
 
 
 @pytest.mark.parametrize("names", [("payload.mass",), ("elbow.mass", "elbow.com_x", "elbow.torque_constant")])
-def test_derivatives_by_nuisance_are_those_of_the_response(true_arm, names):
+def test_derivatives_by_nuisances_are_those_of_the_response(true_arm, names):
     robot, options = two_joint_robot(), freeing(*names)
     problem = set_up(robot, measured(true_arm), options, DELAY_S)[0]
     parameters = problem.parameters

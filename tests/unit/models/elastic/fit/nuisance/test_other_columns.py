@@ -95,7 +95,7 @@ def test_a_coupling_s_column_is_what_another_coupling_does():
     close(found, log_ratio(coupled(-0.02), coupled(0.02)) / 0.04)
 
 
-def test_arms_with_a_wrist_nuisance_its_couplings_and_others_only_those_they_state():
+def test_arms_with_a_wrist_have_its_couplings_as_nuisances_and_others_only_those_they_state():
     def couplings(robot):
         return {
             nuisance.name for nuisance in list_nuisances(robot, ElasticOptions()) if nuisance.cause == "gear_coupling"
@@ -123,7 +123,7 @@ def test_viscous_friction_of_arms_is_a_nuisance_where_it_is_not_estimated():
     assert {"shoulder.arm_viscous", "elbow.motor_inertia"} <= names
 
 
-def test_rotors_are_nuisance_where_they_are_not_estimated():
+def test_rotors_are_nuisances_where_they_are_not_estimated():
     robot = two_joint_robot()
     found = columns_of(robot, options=ElasticOptions(free=("stiffness", "damping")))["elbow.motor_inertia"]
 
@@ -155,7 +155,7 @@ def test_viscous_friction_of_motors_is_a_nuisance_where_it_is_not_estimated():
     assert "elbow.viscous" not in names
 
 
-def test_springs_and_dampers_are_nuisance_where_they_are_not_estimated():
+def test_springs_and_dampers_are_nuisances_where_they_are_not_estimated():
     robot, options = two_joint_robot(), ElasticOptions(free=("damping",), fixed=("gear_2.damping",))
     found = columns_of(robot, options=replace(options, statics="every_iterate"))
 
@@ -281,7 +281,7 @@ def test_stiffness_by_load_leaves_the_mean_load_alone_and_is_nothing_where_loads
 
 
 @pytest.mark.parametrize("robot", [two_mass_robot(), ball_screw()], ids=["two masses", "ball screw"])
-def test_simple_drives_have_nuisance_too(robot):
+def test_simple_drives_have_nuisances_too(robot):
     frf = measured(robot, np.zeros((2, 1)) + 0.1)
     found = columns_of(robot, frf)
     assert all(np.isfinite(column).all() for column in found.values())
