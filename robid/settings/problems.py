@@ -172,7 +172,6 @@ def _wanted_entries(schema: dict[str, Any], field: FieldPath) -> str:
 
 
 def _meaning(schema: dict[str, Any], field: FieldPath) -> str:
-    """Says what a key that is to be filled in means."""
     told = [
         node.get("properties", {}).get(field[-1], {}).get("description", "") for node in _nodes_at(schema, field[:-1])
     ]
