@@ -262,7 +262,6 @@ def _which_name(name: str, sizes: Mapping[str, int]) -> str:
 
 
 def _which_series(variable: str, matrix: NDArray[Any]) -> str:
-    """Says how to name one column or row of a matrix."""
     series = series_of(matrix.shape) if matrix.size else []
     if matrix.ndim < 2 or len(series) < 2 or max(matrix.shape) <= _SHOWN:
         return "Save one column per channel."

@@ -17,7 +17,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.logs.losses import Part, part_losses
 from robid.logs.mapping import LogMapping, Stated, set_all
-from robid.logs.pace import GAP
+from robid.logs.pace import GAP, longest_piece
 from robid.logs.period import measure_repetition
 from robid.logs.timing import ALONE, RESAMPLED_RATE, Clock, since_first
 
@@ -36,11 +36,7 @@ def resample_to_time(
 ) -> tuple[dict[str, NDArray[Any]], Clock, list[str]]:
     """Resamples all columns to the stated sampling period of the log's own time.
 
-    Args:
-        mapping: The log mapping.
-        columns: Columns of the log.
-        clock: Its time.
-        period_s: The stated period, which stays whole samples; None where nothing repeats [s].
+    A stated period [s] stays whole samples.
 
     Returns:
         The columns, their new time, and what to say about it.
@@ -88,17 +84,9 @@ def _bridged(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], clock: Cl
 
 
 def longest_bridged(time_s: FloatArray, channels: Sequence[FloatArray], step_s: float) -> float:
-    """Returns the longest time step across which a spline follows some channels [s].
-
-    Args:
-        time_s (n_sample,): Time of each sample [s].
-        channels: The channels (n_sample,).
-        step_s: Usual time step [s].
-    """
+    """Returns the longest step of a time (n_sample,) across which a spline follows some channels (n_sample,) [s]."""
     # What nothing bridges says nothing of the channels.
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(time_s) > _BRIDGES[0] * step_s) + 1, [len(time_s)]])
-    longest = int(np.argmax(np.diff(edges)))
-    part = slice(int(edges[longest]), int(edges[longest + 1]))
+    part = slice(*longest_piece(np.flatnonzero(np.diff(time_s) > _BRIDGES[0] * step_s), len(time_s)))
     if part.stop - part.start <= _UNEVEN_DEGREE:
         return step_s
     even = np.arange(time_s[part][0], time_s[part][-1], step_s)
@@ -115,11 +103,7 @@ def resample_to_period(
 ) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """Resamples all columns so that the measured period of an excited channel has its stated number of samples.
 
-    Args:
-        mapping: The log mapping.
-        columns: Columns of the log.
-        steady (n_sample,): The excited channel without its dropped periods.
-        stated: What was said of the period.
+    `steady` (n_sample,) is that channel without its dropped periods.
 
     Returns:
         The columns, and what to say about it; unchanged where the period cannot be measured, is too far from the
@@ -225,10 +209,6 @@ _FEWEST = 8  # samples from which a piece is worth naming
 def chosen_part(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> slice:
     """Returns the samples from `from_s` to `to_s`, all of them where neither is stated.
 
-    Args:
-        mapping: The log mapping.
-        columns: Columns of the log, as they were read.
-
     Raises:
         DataError: If hardly any sample lies there.
     """
@@ -249,12 +229,6 @@ def whole_piece(
     mapping: LogMapping, columns: Mapping[str, NDArray[Any]], part: slice, stated: Stated | None = None
 ) -> str:
     """Says what to set for the longest part of a log, within one, that has no gap and no missing value.
-
-    Args:
-        mapping: The log mapping.
-        columns: Columns of the log, as they were read.
-        part: The samples among which it is looked for.
-        stated: What was said of the period; None where nothing repeats.
 
     Returns:
         The remedy, with the periods that it then holds; empty where no part is long enough, or nothing is missing.
@@ -299,13 +273,7 @@ def _with_periods(ends: dict[str, str], n_sample: int, stated: Stated, *, from_s
 
 
 def limits_of(time: FloatArray, first: int, last: int) -> tuple[float, float]:
-    """Returns numbers with few digits between which, inclusive, the samples from one to another lie.
-
-    Args:
-        time (n_sample,): Time of each sample since the first [s].
-        first: The first sample that is meant.
-        last: The last one, after it.
-    """
+    """Returns numbers with few digits between which samples of a time (n_sample,) lie, from one to a later one [s]."""
     low = _between(time[first] - _MARGIN * (time[first + 1] - time[first]), time[first])
     return low, _between(time[last], time[last] + _MARGIN * (time[last] - time[last - 1]))
 
