@@ -54,27 +54,18 @@ def estimate_from_artifact(artifact: Artifact) -> Estimate:
 def model_to_artifact(
     family: str, estimate: Estimate, grade: Grade, own: Parts, provenance: Provenance | None = None
 ) -> Artifact:
-    """Turns a fit into an artifact.
+    """Turns a fit into an artifact; what only its family has lies in a group of the family's name.
 
-    Args:
-        family: Name of its family.
-        estimate: Its parameters.
-        grade: What it is worth by itself.
-        own: What only its family has, in a group of the family's name.
-        provenance: Where it comes from; the stage fills in what is missing.
+    The stage fills in what provenance lacks.
     """
     parts = estimate_content(estimate), grade_content(grade), own
     return Artifact(MODEL, *_joined(family, parts), provenance or Provenance(stage="fit"))
 
 
 def validation_to_artifact(family: str, outcome: Outcome, own: Parts, provenance: Provenance | None = None) -> Artifact:
-    """Turns a validation into an artifact.
+    """Turns a validation into an artifact; what only its family has lies in a group of the family's name.
 
-    Args:
-        family: Name of the model's family.
-        outcome: What every family says.
-        own: What only this one has, in a group of the family's name.
-        provenance: Where it comes from; the stage fills in what is missing.
+    The stage fills in what provenance lacks.
     """
     parts = to_datasets(outcome, "outcome/", without=("grade",)), grade_content(outcome.grade), own
     return Artifact(VALIDATION, *_joined(family, parts), provenance or Provenance(stage="validate"))
