@@ -57,10 +57,12 @@ import numpy as np
 from robid.arrays import Quantity, quantities
 from robid.artifacts.artifact import Artifact, Attribute, Dataset, Kind, Provenance
 from robid.errors import ArtifactError
+from robid.later import imported, later
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
+with later(__name__):
     from robid.design.configurations.information import ConfigurationDesign
     from robid.design.excitation.excitation import CampaignExcitation
     from robid.frf.frf import Frf
@@ -203,9 +205,7 @@ def excitation_to_artifact(content: CampaignExcitation, provenance: Provenance) 
 
 def excitation_from_artifact(artifact: Artifact) -> CampaignExcitation:
     """The inverse of `excitation_to_artifact`, up to the rounding of the reference to float32."""
-    from robid.design.excitation.excitation import CampaignExcitation
-
-    return from_datasets(CampaignExcitation, artifact)
+    return from_datasets(imported(CampaignExcitation), artifact)
 
 
 def record_to_artifact(record: Record, provenance: Provenance) -> Artifact:
@@ -215,9 +215,7 @@ def record_to_artifact(record: Record, provenance: Provenance) -> Artifact:
 
 def record_from_artifact(artifact: Artifact) -> Record:
     """The inverse of `record_to_artifact`, up to the rounding of the samples to float32."""
-    from robid.signals.record import Record
-
-    return from_datasets(Record, artifact)
+    return from_datasets(imported(Record), artifact)
 
 
 def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
@@ -227,9 +225,7 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
 
 def frf_from_artifact(artifact: Artifact) -> Frf:
     """The inverse of `frf_to_artifact`."""
-    from robid.frf.frf import Frf
-
-    return from_datasets(Frf, artifact)
+    return from_datasets(imported(Frf), artifact)
 
 
 def design_to_artifact(design: ConfigurationDesign, provenance: Provenance) -> Artifact:
@@ -239,6 +235,4 @@ def design_to_artifact(design: ConfigurationDesign, provenance: Provenance) -> A
 
 def design_from_artifact(artifact: Artifact) -> ConfigurationDesign:
     """The inverse of `design_to_artifact`."""
-    from robid.design.configurations.information import ConfigurationDesign
-
-    return from_datasets(ConfigurationDesign, artifact)
+    return from_datasets(imported(ConfigurationDesign), artifact)

@@ -148,9 +148,7 @@ def _summed(mapping: LogMapping, streams: Sequence[Stream]) -> tuple[dict[str, N
             columns[one.column] = columns[one.column].astype(float) + values
         else:
             what = f"D032 `{one.name}` has {len(values)} samples, what it is added to has {len(columns[one.column])}."
-            remedy = (
-                "Add variables that were sampled together, or state `time`, by which they are brought to one clock."
-            )
+            remedy = "Add variables that were sampled together, or state `time`, which brings them to one clock."
             problems.append(DataError(what, where=mapping.place(one.column), remedy=remedy))
     return columns, problems
 

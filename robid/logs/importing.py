@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray, check_shape, part_of
 from robid.errors import DataError
 from robid.logs.clocks import Log, on_one_clock
 from robid.logs.columns import check_lengths, check_motion, check_values, read_columns
-from robid.logs.mapping import LogMapping, Stated, check_mapping, check_shot, check_wraps, still_note
+from robid.logs.mapping import Columns, LogMapping, Stated, check_mapping, check_shot, check_wraps, still_note
 from robid.logs.period import check_found, find_lines, found_note
 from robid.logs.period_checks import OtherPeriodError
 from robid.logs.placing import PlayedExcitation, check_band, match_periods, place_periods, strongest_channel
@@ -26,7 +25,7 @@ from robid.signals.quantities import INJECTED, motor_channels
 from robid.signals.record import Record
 
 
-def channel_values(channels: Sequence[LogChannel], columns: Mapping[str, NDArray[Any]], used: slice) -> FloatArray:
+def channel_values(channels: Sequence[LogChannel], columns: Columns, used: slice) -> FloatArray:
     """Returns samples (n_sample, n_channel) in the channels' units."""
     return np.stack([channel.factor * columns[channel.column][used].astype(float) for channel in channels], axis=-1)
 
@@ -48,7 +47,7 @@ def _seen_from_home(
     return turned, (told,)
 
 
-def sample_channels(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], used: slice, periods: int) -> Record:
+def sample_channels(mapping: LogMapping, columns: Columns, used: slice, periods: int) -> Record:
     """Returns the record of some samples of a log, without what was played."""
     inputs, told = _seen_from_home(mapping, "inputs", channel_values(mapping.inputs, columns, used))
     outputs, further = _seen_from_home(mapping, "outputs", channel_values(mapping.outputs, columns, used))
@@ -160,9 +159,7 @@ def import_shot(mapping: LogMapping) -> Record:
     return replace(record, notes=(*record.notes, *notes, *still))
 
 
-def _with_logged_references(
-    record: Record, mapping: LogMapping, columns: Mapping[str, NDArray[Any]], used: slice
-) -> Record:
+def _with_logged_references(record: Record, mapping: LogMapping, columns: Columns, used: slice) -> Record:
     """The record with the references of its log, where it has some, and what is to be said of its torque."""
     record = replace(record, notes=(*_notes(mapping), *record.notes))
     if not mapping.references:
@@ -250,7 +247,7 @@ def _to_period(mapping: LogMapping, log: Log, stated: Stated) -> tuple[Log, list
 
 
 def _found_lines(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], used: slice, periods: int, candidates: IntArray
+    mapping: LogMapping, columns: Columns, used: slice, periods: int, candidates: IntArray
 ) -> tuple[IntArray, str]:
     inputs = channel_values(mapping.inputs, columns, used)
     found = find_lines([values.reshape(periods, -1) for values in inputs.T], candidates)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ from robid.errors import DataError, SettingsError
 from robid.signals.log_channels import input_problems
 from robid.signals.log_options import LogOptions
 from robid.signals.quantities import INJECTED, units_of
+
+Columns: TypeAlias = Mapping[str, NDArray[Any]]
+"""The columns of a log by their names."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,7 +212,7 @@ def _wrap_of(values: FloatArray, turns: Sequence[float]) -> tuple[float, int] | 
     return None
 
 
-def still_note(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> tuple[str, ...]:
+def still_note(mapping: LogMapping, columns: Columns) -> tuple[str, ...]:
     """Names the channels of one shot that never change: their joints stood still, or they were not connected.
 
     Raises:

@@ -96,9 +96,7 @@ def _shares_no_clock(found: Repetition, stated: Stated) -> bool:
 def _two_clocks(where: str, stated: Stated, found: Repetition) -> DataError:
     length = (found.samples or 0.0) * found.multiple(stated.samples)
     what = f"D099 Its period is {length:.4f} samples, not a whole number: generator and log have different clocks."
-    remedy = (
-        f"Set resample to period, which makes {stated.samples} samples of a period that lasts {stated.period_s:.9g} s."
-    )
+    remedy = f"Set resample to period, which makes {stated.samples} samples of a period of {stated.period_s:.9g} s."
     return DataError(what, where=where, remedy=remedy)
 
 

@@ -193,9 +193,7 @@ def check_band(mapping: LogMapping, log: Log, frequencies_hz: FloatArray) -> lis
         f"D105 `{log.slow}` was sampled every {log.slow_s:.6g} s: it shows nothing above {0.5 / log.slow_s:.6g} Hz, and"
         f" the lines go up to {frequencies_hz.max():.6g} Hz."
     )
-    remedy = (
-        f"Set excitation.high_hz to {below.max():.6g}, or leave out the lines above." if len(below) else "Log faster."
-    )
+    remedy = f"Set excitation.high_hz to {below.max():.6g}, or leave out lines above." if len(below) else "Log faster."
     return [DataError(what, where=str(mapping.file), remedy=remedy)]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +16,7 @@ from scipy.signal.windows import hann
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.logs.losses import Part, part_losses
-from robid.logs.mapping import LogMapping, Stated, set_all
+from robid.logs.mapping import Columns, LogMapping, Stated, set_all
 from robid.logs.pace import GAP, longest_piece
 from robid.logs.period import measure_repetition
 from robid.logs.timing import ALONE, RESAMPLED_RATE, Clock, since_first
@@ -32,7 +32,7 @@ _COARSE = 2.0
 
 
 def resample_to_time(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], clock: Clock, period_s: float | None = None
+    mapping: LogMapping, columns: Columns, clock: Clock, period_s: float | None = None
 ) -> tuple[dict[str, NDArray[Any]], Clock, list[str]]:
     """Resamples all columns to the stated sampling period of the log's own time.
 
@@ -67,7 +67,7 @@ def resample_to_time(
     return made, resampled, [_error_note(mapping, told, error)]
 
 
-def _bridged(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], clock: Clock) -> tuple[Clock, str]:
+def _bridged(mapping: LogMapping, columns: Columns, clock: Clock) -> tuple[Clock, str]:
     """The clock without the gaps across which its channels are followed, and what to say about these."""
     if not len(clock.gaps):
         return clock, ""
@@ -99,7 +99,7 @@ def longest_bridged(time_s: FloatArray, channels: Sequence[FloatArray], step_s: 
 
 
 def resample_to_period(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], steady: FloatArray, stated: Stated
+    mapping: LogMapping, columns: Columns, steady: FloatArray, stated: Stated
 ) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """Resamples all columns so that the measured period of an excited channel has its stated number of samples.
 
@@ -154,7 +154,7 @@ def interpolation_error(values: FloatArray, degree: int = _DEGREE, step: float =
 
 def _interpolated(
     mapping: LogMapping,
-    columns: Mapping[str, NDArray[Any]],
+    columns: Columns,
     have: FloatArray,
     wanted: FloatArray,
     degree: int = _DEGREE,
@@ -206,7 +206,7 @@ _MARGIN = 0.4  # share of a time step by which the limits of a part may lie beyo
 _FEWEST = 8  # samples from which a piece is worth naming
 
 
-def chosen_part(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> slice:
+def chosen_part(mapping: LogMapping, columns: Columns) -> slice:
     """Returns the samples from `from_s` to `to_s`, all of them where neither is stated.
 
     Raises:
@@ -225,9 +225,7 @@ def chosen_part(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> sli
     raise DataError(what, where=str(mapping.file), remedy=f"State from_s and to_s within 0 and {time[-1]:.6g}.")
 
 
-def whole_piece(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], part: slice, stated: Stated | None = None
-) -> str:
+def whole_piece(mapping: LogMapping, columns: Columns, part: slice, stated: Stated | None = None) -> str:
     """Says what to set for the longest part of a log, within one, that has no gap and no missing value.
 
     Returns:
@@ -278,7 +276,7 @@ def limits_of(time: FloatArray, first: int, last: int) -> tuple[float, float]:
     return low, _between(time[last], time[last] + _MARGIN * (time[last] - time[last - 1]))
 
 
-def _seconds(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> FloatArray:
+def _seconds(mapping: LogMapping, columns: Columns) -> FloatArray:
     """Time of each sample since the first one: the log's own, filled where it is missing, or by the sampling period."""
     count = min((len(column) for column in columns.values()), default=0)
     index = np.arange(count)

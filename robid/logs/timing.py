@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
-from robid.logs.mapping import LogMapping, Stated
+from robid.logs.mapping import Columns, LogMapping, Stated
 from robid.logs.pace import longest_piece, measure_pace
 
 RESAMPLED_RATE = 0.05
@@ -108,15 +107,13 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
     usual = pace.step
     exponent = round(np.log10(usual / stated))
     if exponent and exponent % 3 == 0 and abs(usual / stated / 10.0**exponent - 1) < _FACTOR_OF_1000:
-        what = (
-            f"D123 The time unit is off by a factor of {10.0**exponent:g}: the steps are {usual:g} s, not {stated:g} s."
-        )
+        what = f"D123 The time unit is off by a factor of {10.0**exponent:g}: steps are {usual:g} s, not {stated:g} s."
         return None, [DataError(what, where=where, remedy=_unit_remedy(mapping, exponent))]
     unsure = min(pace.unsure, UNSURE)
     return Clock(where, time, stated, pace.step, pace.gaps, unsure=unsure, differs=mapping.differs), []
 
 
-def even_stamps(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> tuple[dict[str, NDArray[Any]], list[str]]:
+def even_stamps(mapping: LogMapping, columns: Columns) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """Puts the times of evenly spaced samples in the place of their stamps where these are only rounded.
 
     Where they are so coarse that they cannot tell the rate, the stated sampling period stands.

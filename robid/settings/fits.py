@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Literal, Protocol, TypeAlias, TypeV
 import pydantic.dataclasses
 from pydantic import Field
 
-from robid.arrays import option
 from robid.robot.parameters import ElasticKind
 from robid.settings.base import STRICT, Name
 
@@ -34,13 +33,13 @@ class FitSettings:
         alias="from",
         description="Name of the campaign it reads, or of several with the same lines, such as two amplitudes.",
     )
-    configurations: tuple[Annotated[int, Field(ge=0)], ...] | None = option(
-        None,
-        "Indices, from 0, of the campaign's configurations to use, those of further campaigns counted on;"
+    configurations: tuple[Annotated[int, Field(ge=0)], ...] | None = Field(
+        default=None,
+        description="Indices, from 0, of the campaign's configurations to use, those of further campaigns counted on;"
         " all when not given.",
         min_length=1,
     )
-    validate_on: Name | None = option(None, "Name of the campaign it is validated on.")
+    validate_on: Name | None = Field(default=None, description="Name of the campaign it is validated on.")
 
     @property
     def campaigns(self) -> tuple[str, ...]:

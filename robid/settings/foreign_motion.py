@@ -174,9 +174,7 @@ def _led_faults(model: ForeignModel, motion: Motion) -> Found:
         beyond = [name for name in others if carrier_of(model, name, [tie.follower]) == tie.follower]
         if beyond:
             names = ", ".join(f"`{name}`" for name in beyond)
-            message = (
-                f"S324 {told}, and carries {names}: a chain has no such joint in it; leave {names} out of `joints`"
-            )
+            message = f"S324 {told}, and carries {names}: a chain has no such joint; leave {names} out of `joints`"
             yield ("model",), message
         elif tie.follower in model.slides or not tie.is_linear:
             what = "slides" if tie.follower in model.slides else "does so by a law that is not linear"

@@ -203,9 +203,7 @@ class InputChannel(LogChannel):
         elif self.is_current and self.normalised and self.torque_constant_nm_a not in (None, 1):
             found.append("S369 `normalised` needs a torque constant of 1")
         elif self.is_current and not self.normalised and self.torque_constant_nm_a is None:
-            found.append(
-                "S370 a current needs `torque_constant_nm_a` (1 together with `normalised: true` where it is unknown)"
-            )
+            found.append("S370 a current needs `torque_constant_nm_a` (1 with `normalised: true` where it is unknown)")
         return found
 
 

@@ -240,9 +240,15 @@ class _Table:
         for column, moments in list(self._moments.items()):
             wrong = moments.add(["" if is_missing(cell) else cell for cell in cells[column]])
             if wrong is not None:
-                self._refuse(column, f"D080 In line {rows[wrong][0]} `{cells[column][wrong]}` is no date or time.")
+                self._refuse(column, rows[wrong][0], cells[column][wrong])
 
-    def _refuse(self, column: int, what: str, remedy: str = "Correct or delete this line.") -> None:
+    def _refuse(self, column: int, line: int, cell: str, either: str = "") -> None:
+        """Gives a column up for a cell that is none of its kind, or may be either of two numbers."""
+        kind = "date or time" if column in self._moments else "number"
+        what, remedy = f"D080 In line {line} `{cell}` is no {kind}.", "Correct or delete this line."
+        if either:
+            what = f"D081 In line {line} `{cell}` may be {either}."
+            remedy = 'Say so by `dialect: {decimal: "."}` or `{decimal: ","}`.'
         self._found.unreadable[self._names[column]] = Reason(what, remedy)
         self._parts.pop(column, None)
         self._moments.pop(column, None)
@@ -270,12 +276,10 @@ class _Table:
             try:
                 values[index] = self._value(cell, column)
             except ValueError:
-                self._refuse(column, f"D080 In line {rows[index][0]} `{cell}` is no number.")
+                self._refuse(column, rows[index][0], cell)
                 return
             if "," in cell and self._layout.is_open(cell, column):
-                either = f"{without_groups(cell)} or {cell.replace(',', '.')}"
-                remedy = 'Say so by `dialect: {decimal: "."}` or `{decimal: ","}`.'
-                self._refuse(column, f"D081 In line {rows[index][0]} `{cell}` may be {either}.", remedy)
+                self._refuse(column, rows[index][0], cell, f"{without_groups(cell)} or {cell.replace(',', '.')}")
                 return
         self._parts[column].append(values)
 

@@ -73,9 +73,7 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
             return replace(tell_layout(joined, dialect), join=join)
     if len(names) != len(kinds):
         told = f"{width} values for {len(names)} columns of line {header + 1}"
-        remedy = (
-            "Correct that line, or set `dialect: {header_line: 0}`: columns are then named by their numbers, from 1."
-        )
+        remedy = "Correct that line, or set `dialect: {header_line: 0}`: columns are then named by numbers, from 1."
         raise UnreadableLogError(f"D085 line {start + 1}: The table is broken: {told}.", remedy)
     headers = frozenset(
         line.strip(AROUND) for line in lines[:start] if not fits(split(line, separator), kinds, comma=comma)

@@ -48,9 +48,7 @@ def check_pose_campaign(field: FieldPath, campaign: Campaign, robot: RobotFile) 
             yield (*field, "source", "simulate", "measured_pose"), "S115 is for the excitation `signal: pose_chirp`"
         return
     if campaign.experiments is not None:
-        message = (
-            "S116 a pose chirp is one experiment for each channel: leave it out, or say `channels` of the excitation"
-        )
+        message = "S116 a pose chirp is one experiment a channel: leave it out, or say `channels` of the excitation"
         yield (*field, "experiments"), message
     if campaign.outputs != ("motors",):
         yield (*field, "outputs"), "S117 a pose chirp measures the channels that it moves: leave it out"

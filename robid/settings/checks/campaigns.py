@@ -37,7 +37,7 @@ def _factors(field: FieldPath, truth: TruthSettings, robot: RobotFile) -> Found:
     joints = [joint.name for joint in robot.joints]
     own = {"payload": robot.payload, "base": robot.base}
     bodies = [*joints, *(name for name in _BODIES if own[name] is not None)]
-    known = {**dict.fromkeys(("rotor_inertia_factor", "torque_constant_factor"), joints)}
+    known = dict.fromkeys(("rotor_inertia_factor", "torque_constant_factor"), joints)
     known |= dict.fromkeys(("mass_factor", "inertia_factor"), bodies)
     for key, names in known.items():
         for name, factor in getattr(truth, key).items():

@@ -209,22 +209,22 @@ def _lines(field: FieldPath, campaign: Campaign, robot: RobotFile) -> Found:
 
 def _fit(experiment: Experiment, name: str, fit: FitSettings, families: Families) -> Found:
     field, reads = ("fits", name), families[fit.family].reads
-    for key, name in (*(("from", name) for name in fit.campaigns), ("validate_on", fit.validate_on)):
-        if name is None:
+    for key, of in (*(("from", of) for of in fit.campaigns), ("validate_on", fit.validate_on)):
+        if of is None:
             continue
-        campaign = experiment.campaigns.get(name)
+        campaign = experiment.campaigns.get(of)
         if campaign is None:
-            yield (*field, key), _unknown("campaign", name, experiment.campaigns)
+            yield (*field, key), _unknown("campaign", of, experiment.campaigns)
         elif campaign.source is None:
-            yield (*field, key), f"S194 campaign `{name}` has no `source`, so there is no record to read"
+            yield (*field, key), f"S194 campaign `{of}` has no `source`, so there is no record to read"
         elif "frf" not in reads:
             continue
         elif campaign.is_one_shot:
-            yield (*field, key), f"S195 campaign `{name}` is one shot, which has no frequency response to read"
+            yield (*field, key), f"S195 campaign `{of}` is one shot, which has no frequency response to read"
         elif campaign.is_trajectory:
-            yield (*field, key), f"S196 campaign `{name}` plays a trajectory, which has no frequency response to read"
+            yield (*field, key), f"S196 campaign `{of}` plays a trajectory, which has no frequency response to read"
         elif campaign.travels:
-            yield (*field, key), f"S197 campaign `{name}` travels, so it has no frequency response to read"
+            yield (*field, key), f"S197 campaign `{of}` travels, so it has no frequency response to read"
     if fit.validate_on in fit.campaigns:
         message = f"S198 campaign `{fit.validate_on}` is what the fit reads: validate on another one"
         yield (*field, "validate_on"), message

@@ -139,9 +139,7 @@ def _mass(robot: RobotFile) -> Found:
 
 
 _PARALLEL = 1e-6
-NO_MOTOR = (
-    "S298 is missing (or `torque_measured_at: joint`, where a sensor behind the gear measures the joint's torque)"
-)
+NO_MOTOR = "S298 is missing (or `torque_measured_at: joint`, where a sensor behind the gear measures its torque)"
 _NO_GEOMETRY = "S299 is missing (or `frame`, or a `model` for the whole robot)"
 
 
