@@ -143,9 +143,8 @@ def _add_stage(stage: Stage) -> None:
         backend: Backend = None,
         workers: Workers = None,
         scheduler: Scheduler = None,
-        debug: Debug = False,
+        _debug: Debug = False,
     ) -> int:
-        del debug
         from robid.commands.run import check_strict, check_try, run_stage
 
         if tried:
@@ -175,10 +174,9 @@ def run_everything(
     backend: Backend = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    debug: Debug = False,
+    _debug: Debug = False,
 ) -> int:
     """Runs everything that is not fresh, in order; goes on where a killed run stopped."""
-    del debug
     from robid.commands.run import run_experiment
 
     return run_experiment(_open(experiment, run_dir, backend, workers, scheduler), strict=strict, as_json=as_json)
@@ -213,10 +211,9 @@ def reprocess_rows(
     backend: Backend = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    debug: Debug = False,
+    _debug: Debug = False,
 ) -> int:
     """Runs an experiment for every row of a manifest, only what changed; results in one table."""
-    del debug
     from robid.commands.reprocess import reprocess
     from robid.fleet.run import Options
 
@@ -245,10 +242,9 @@ def run_a_study(
     backend: Backend = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    debug: Debug = False,
+    _debug: Debug = False,
 ) -> int:
     """Runs the study of an experiment file; goes on where a stopped one was."""
-    del debug
     from robid.commands.shared import open_run
     from robid.commands.study import study_experiment
     from robid.studies.settings.study import load_with_study
@@ -280,8 +276,7 @@ def export_model(
         typer.Option("--what", help="Of a campaign: its excitation (default), or its frequency responses (frf)."),
     ] = None,
     configuration: Annotated[
-        int | None,
-        typer.Option("--configuration", min=0, help="Index of one configuration, from 0; all by default."),
+        int | None, typer.Option("--configuration", min=0, help="Index of one configuration, from 0; all by default.")
     ] = None,
     friction: Annotated[
         bool | None,
@@ -291,10 +286,9 @@ def export_model(
     force: Annotated[bool, typer.Option("--force", help="Replace a file that differs.")] = False,
     run_dir: RunFolder = None,
     as_json: AsJson = False,
-    debug: Debug = False,
+    _debug: Debug = False,
 ) -> int:
     """Writes a fitted model, or the excitation or responses of a campaign, for other programs."""
-    del debug
     from robid.commands.export import export_campaign, export_fit, export_response
     from robid.pipeline.export import ExportOptions
     from robid.pipeline.export_campaign import ExcitationExport, FrfExport
@@ -328,10 +322,9 @@ def compare_frfs(
     output: Annotated[Path | None, typer.Option("--output", help="Write a page (.html) that overlays them.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a page that differs.")] = False,
     as_json: AsJson = False,
-    debug: Debug = False,
+    _debug: Debug = False,
 ) -> int:
     """Lays frequency responses of several campaigns or runs over each other, and says where they differ."""
-    del debug
     from robid.commands.compare import compare_responses
 
     return compare_responses(responses, output, force=force, as_json=as_json)
@@ -339,10 +332,9 @@ def compare_frfs(
 
 @app.command("status")
 def tell_status(
-    experiment: ExperimentFile, run_dir: RunFolder = None, as_json: AsJson = False, debug: Debug = False
+    experiment: ExperimentFile, run_dir: RunFolder = None, as_json: AsJson = False, _debug: Debug = False
 ) -> int:
     """Says what is fresh, stale or missing, and why."""
-    del debug
     from robid.commands.status import show_status
 
     return show_status(_open(experiment, run_dir), as_json=as_json)
@@ -359,8 +351,7 @@ def inspect_file(
         Path | None, typer.Option("--propose", help="Write the proposed experiment file here, as a new bench.yaml.")
     ] = None,
     format_: Annotated[
-        LogFormat | None,
-        typer.Option("--format", help="Format of the log; told from the file when not given."),
+        LogFormat | None, typer.Option("--format", help="Format of the log; told from the file when not given.")
     ] = None,
     dialect: Annotated[
         list[str] | None,
@@ -370,10 +361,9 @@ def inspect_file(
         float | None, typer.Option("--sampling-period", help="Sampling period of a log that has no time [s].")
     ] = None,
     as_json: AsJson = False,
-    debug: Debug = False,
+    _debug: Debug = False,
 ) -> int:
     """Says what is in an artifact; of a log also what its variables look like, and how to import it."""
-    del debug
     from robid.commands.inspect import LogInspection, describe_artifact, is_artifact, read_dialect
 
     options = LogInspection(format_, sampling_period_s, output, propose, read_dialect(dialect or []))
@@ -387,11 +377,10 @@ def inspect_file(
 @app.command("schema")
 def show_schema(
     robot: Annotated[bool, typer.Option("--robot", help="That of the robot file instead.")] = False,
-    as_json: AsJson = False,
-    debug: Debug = False,
+    _as_json: AsJson = False,
+    _debug: Debug = False,
 ) -> int:
     """Prints the JSON schema of the experiment file, for editors."""
-    del as_json, debug
     from robid.models.known import experiment_schema
     from robid.settings.load import robot_schema
     from robid.studies.settings.study import Study
@@ -408,8 +397,8 @@ def _print_version(wanted: bool) -> None:
 
 @app.callback()
 def _common(
-    version: Annotated[
+    _version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    del version
+    pass

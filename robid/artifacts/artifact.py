@@ -24,12 +24,9 @@ ROW_AXIS = ("configuration",)
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of artifact.
+    """A kind of artifact, its schema version and the command that makes it, for remedies.
 
-    Attributes:
-        name: `record`, `frf`, ...
-        version: Schema version `major.minor`: a reader refuses another major; a minor only adds fields.
-        made_by: The command that makes it, for remedies.
+    A reader refuses another major version; a minor one only adds fields.
     """
 
     name: str
@@ -73,15 +70,11 @@ class Provenance:
     """How an artifact came about; never part of its content hash.
 
     Attributes:
-        stage: The stage that made it.
         settings: Resolved settings that the stage read; no absolute paths.
         settings_hash: Their hash, see `robid.artifacts.artifact.canonical_hash`.
         inputs: Content hash of each input artifact or file, by name.
-        seed: Seed of the task, or None.
         versions: Version of each package that matters.
         git_commit: Commit of the source tree, or "".
-        started_utc: ISO 8601 time.
-        finished_utc: ISO 8601 time.
     """
 
     stage: str
@@ -103,7 +96,6 @@ class Artifact:
         kind: Its kind; after reading, with the version found in the file.
         datasets: Arrays by path, as in `response` or `starts/cost`.
         attributes: Scalars and short lists; the unit is part of the name.
-        provenance: How it came about.
     """
 
     kind: Kind
@@ -121,9 +113,6 @@ class Label:
 
     Attributes:
         dtype: Type of the stored values, `str` for text.
-        shape: Shape of the dataset.
-        units: Unit of the values.
-        axes: Name of each axis.
         description: What it holds; not part of the hash.
         scales: Scale of each row where the values are compact, else None.
         digests: SHA-256 of each row's stored bytes, of text as JSON.
@@ -174,7 +163,13 @@ def decode(label: Label, values: NDArray[Any]) -> Dataset:
 
 def digest_rows(values: NDArray[Any], axes: tuple[str, ...]) -> tuple[str, ...]:
     """SHA-256 of each row of stored values."""
-    return tuple(hashlib.sha256(_row_bytes(row)).hexdigest() for row in _rows(values, axes))
+
+    def stored(row: NDArray[Any]) -> bytes | memoryview:
+        if row.dtype.kind == "U":
+            return _canonical(row.tolist())
+        return np.ascontiguousarray(row).reshape(-1).view(np.uint8).data
+
+    return tuple(hashlib.sha256(stored(np.asarray(row))).hexdigest() for row in _rows(values, axes))
 
 
 def content_hash(kind: str, attributes: Mapping[str, Attribute], labels: Mapping[str, Label]) -> str:
@@ -203,13 +198,6 @@ def _rows(values: NDArray[Any], axes: tuple[str, ...]) -> NDArray[Any]:
     return values if axes[:1] == ROW_AXIS else values[None]
 
 
-def _row_bytes(row: NDArray[Any]) -> bytes | memoryview:
-    row = np.asarray(row)
-    if row.dtype.kind == "U":
-        return _canonical(row.tolist())
-    return np.ascontiguousarray(row).reshape(-1).view(np.uint8).data
-
-
 def _spread(scales: tuple[float, ...], n_axis: int) -> NDArray[np.float64]:
     """Shapes the scales of all rows, or of the one, so that they go with the values."""
     return np.reshape(scales, (-1,) + (1,) * (n_axis - 1)) if n_axis else np.asarray(scales[0])
@@ -226,8 +214,7 @@ def _canonical(value: object) -> bytes:
 
 def canonical_hash(value: object) -> str:
     """SHA-256 of a plain value (mappings, lists, scalars), whatever the order of its keys."""
-    text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
-    return hashlib.sha256(text.encode()).hexdigest()
+    return hashlib.sha256(_canonical(value)).hexdigest()
 
 
 def git_commit() -> str:

@@ -27,12 +27,7 @@ _PLACES = ("", "*", "*/*", "fits/*/export")
 
 
 def remove_leftovers(folder: Path, resumable: Collection[Path]) -> None:
-    """Removes unfinished files from a run folder that nobody else works in, and parts that nobody resumes.
-
-    Args:
-        folder: The run folder.
-        resumable: Artifacts whose parts stay.
-    """
+    """Removes unfinished files of a run folder in which nobody else works, and parts of artifacts nobody resumes."""
     for place in _PLACES:
         for path in folder.glob(f"{place}/*.partial" if place else "*.partial"):
             if _UNFINISHED.fullmatch(path.name) and path.is_file():
@@ -43,12 +38,7 @@ def remove_leftovers(folder: Path, resumable: Collection[Path]) -> None:
 
 
 def remove_parts(folder: Path, *, keep: str | None = None) -> None:
-    """Removes parts, and their folder once it is empty; files that are no parts stay.
-
-    Args:
-        folder: The folder of the parts.
-        keep: End of the names of parts that stay.
-    """
+    """Removes parts but those with this end of their names, and their folder if it is empty; other files stay."""
     if not folder.is_dir():
         return
     for path in folder.iterdir():
@@ -80,11 +70,9 @@ def replacing(path: Path, *, alone: bool = True) -> Iterator[Path]:
         partial.replace(path)
         _sync(path.parent)
     except OSError as error:
-        raise ArtifactError(
-            f"A001 The file cannot be written: {error.strerror or error}.",
-            where=str(path),
-            remedy="check that the folder may be written to and that the disk has room",
-        ) from error
+        what = f"A001 The file cannot be written: {error.strerror or error}."
+        remedy = "check that the folder may be written to and that the disk has room"
+        raise ArtifactError(what, where=str(path), remedy=remedy) from error
     finally:
         with suppress(OSError):
             partial.unlink()
@@ -113,9 +101,8 @@ def read_json(path: Path, *, made_by: str = "robid run") -> Any:  # noqa: ANN401
     except FileNotFoundError as error:
         raise ArtifactError("A002 The file is missing.", where=str(path), remedy=remedy) from error
     except (OSError, ValueError) as error:
-        raise ArtifactError(
-            f"A003 The file is damaged: {error}.", where=str(path), remedy=f"delete it; {remedy}"
-        ) from error
+        what, remedy = f"A003 The file is damaged: {error}.", f"delete it; {remedy}"
+        raise ArtifactError(what, where=str(path), remedy=remedy) from error
 
 
 def plain(value: object) -> object:
@@ -160,11 +147,9 @@ def locked(path: Path, does: str) -> Iterator[None]:
         path.parent.mkdir(parents=True, exist_ok=True)
         file = _hold(path)
     except OSError as error:
-        raise ArtifactError(
-            f"A004 The lock cannot be written: {error.strerror or error}.",
-            where=str(path),
-            remedy="name another folder with --run-dir, or change its permissions",
-        ) from error
+        what = f"A004 The lock cannot be written: {error.strerror or error}."
+        remedy = "name another folder with --run-dir, or change its permissions"
+        raise ArtifactError(what, where=str(path), remedy=remedy) from error
     with file:
         try:
             file.truncate(0)
@@ -198,11 +183,9 @@ def _hold(path: Path) -> IO[str]:
 def _taken(path: Path) -> ArtifactError:
     holder = _holder(path)
     who = f"process {holder['pid']}, since {holder['since_utc']}: {holder['does']}" if holder else "it says not which"
-    return ArtifactError(
-        f"A005 Another robid is at work here ({who}).",
-        where=str(path),
-        remedy="wait until it is done, or name another folder with --run-dir",
-    )
+    what = f"A005 Another robid is at work here ({who})."
+    remedy = "wait until it is done, or name another folder with --run-dir"
+    return ArtifactError(what, where=str(path), remedy=remedy)
 
 
 def _holder(path: Path) -> dict[str, Any]:

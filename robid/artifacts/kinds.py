@@ -49,7 +49,7 @@ from __future__ import annotations
 
 import dataclasses
 import types
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -57,10 +57,12 @@ import numpy as np
 from robid.arrays import Quantity, quantities
 from robid.artifacts.artifact import Artifact, Attribute, Dataset, Kind, Provenance
 from robid.errors import ArtifactError
+from robid.later import imported, later
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
-if TYPE_CHECKING:
+
+with later(__name__):
     from robid.design.configurations.information import ConfigurationDesign
     from robid.design.excitation.excitation import CampaignExcitation
     from robid.frf.frf import Frf
@@ -101,7 +103,9 @@ def to_datasets(
             if said is None:
                 raise ValueError(f"`{kind.__name__}.{field.name}` declares no unit and axes.")
             unit = said.unit.format_map(value.own_units) if "{" in said.unit else said.unit  # type: ignore[attr-defined]
-            columns = {name: content} if row is None else _columns(row, name, content)
+            # A tuple of dataclasses is one column for each of their fields.
+            keys = [] if row is None else [one.name for one in dataclasses.fields(row)]
+            columns = {f"{name}/{key}": tuple(getattr(one, key) for one in content) for key in keys} or {name: content}
             datasets |= {key: _dataset(key, values, said, unit) for key, values in columns.items()}
         elif isinstance(content, bool | int | float | str | np.generic):
             attributes[name] = content.item() if isinstance(content, np.generic) else content
@@ -113,13 +117,7 @@ def to_datasets(
 def from_datasets(
     cls: type[Instance], artifact: Artifact, prefix: str = "", given: Mapping[str, object] | None = None
 ) -> Instance:
-    """Puts a dataclass together again, from what lies below a prefix such as `grade/`.
-
-    Args:
-        cls: The dataclass.
-        artifact: Where it lies.
-        prefix: What it lies below.
-        given: Values of the fields that lie elsewhere.
+    """Puts a dataclass together again, from what lies below a prefix as `grade/` and values of other fields.
 
     Raises:
         ArtifactError: If the artifact lacks a field that has no default and may not be None.
@@ -127,31 +125,19 @@ def from_datasets(
     missing: list[str] = []
     instance = _build(cls, artifact, prefix, missing, given)
     if instance is None or missing:
-        raise ArtifactError(
-            f"A006 The {artifact.kind.name} lacks {', '.join(missing)}.",
-            remedy=f"make it again with `{artifact.kind.made_by} EXPERIMENT.yaml --force`",
-        )
+        what = f"A006 The {artifact.kind.name} lacks {', '.join(missing)}."
+        remedy = f"make it again with `{artifact.kind.made_by} EXPERIMENT.yaml --force`"
+        raise ArtifactError(what, remedy=remedy)
     return instance
 
 
 def _row_type(hint: object) -> type[DataclassInstance] | None:
-    """The dataclass of which a field holds a tuple, if it does."""
     inner = get_args(hint)[0] if get_origin(hint) is tuple and get_args(hint) else None
     return inner if isinstance(inner, type) and dataclasses.is_dataclass(inner) else None
 
 
-def _columns(row: type[DataclassInstance], name: str, rows: Iterable[object]) -> dict[str, tuple[Any, ...]]:
-    """A tuple of dataclasses as one column for each of their fields."""
-    names = [field.name for field in dataclasses.fields(row)]
-    return {f"{name}/{key}": tuple(getattr(one, key) for one in rows) for key in names}
-
-
 def _build(
-    cls: type[Instance],
-    artifact: Artifact,
-    prefix: str,
-    missing: list[str],
-    given: Mapping[str, object] | None = None,
+    cls: type[Instance], artifact: Artifact, prefix: str, missing: list[str], given: Mapping[str, object] | None = None
 ) -> Instance | None:
     hints = get_type_hints(cls)
     content: dict[str, Any] = dict(given or {})
@@ -219,9 +205,7 @@ def excitation_to_artifact(content: CampaignExcitation, provenance: Provenance) 
 
 def excitation_from_artifact(artifact: Artifact) -> CampaignExcitation:
     """The inverse of `excitation_to_artifact`, up to the rounding of the reference to float32."""
-    from robid.design.excitation.excitation import CampaignExcitation
-
-    return from_datasets(CampaignExcitation, artifact)
+    return from_datasets(imported(CampaignExcitation), artifact)
 
 
 def record_to_artifact(record: Record, provenance: Provenance) -> Artifact:
@@ -231,9 +215,7 @@ def record_to_artifact(record: Record, provenance: Provenance) -> Artifact:
 
 def record_from_artifact(artifact: Artifact) -> Record:
     """The inverse of `record_to_artifact`, up to the rounding of the samples to float32."""
-    from robid.signals.record import Record
-
-    return from_datasets(Record, artifact)
+    return from_datasets(imported(Record), artifact)
 
 
 def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
@@ -243,9 +225,7 @@ def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:
 
 def frf_from_artifact(artifact: Artifact) -> Frf:
     """The inverse of `frf_to_artifact`."""
-    from robid.frf.frf import Frf
-
-    return from_datasets(Frf, artifact)
+    return from_datasets(imported(Frf), artifact)
 
 
 def design_to_artifact(design: ConfigurationDesign, provenance: Provenance) -> Artifact:
@@ -255,6 +235,4 @@ def design_to_artifact(design: ConfigurationDesign, provenance: Provenance) -> A
 
 def design_from_artifact(artifact: Artifact) -> ConfigurationDesign:
     """The inverse of `design_to_artifact`."""
-    from robid.design.configurations.information import ConfigurationDesign
-
-    return from_datasets(ConfigurationDesign, artifact)
+    return from_datasets(imported(ConfigurationDesign), artifact)

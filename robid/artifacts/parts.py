@@ -118,11 +118,9 @@ class Parts:
         try:
             check_artifact(unfinished, self._kind)
         except ArtifactError as error:
-            raise ArtifactError(
-                "A007 The parts did not merge into a sound artifact.",
-                where=str(self.folder),
-                remedy="the same command makes damaged parts again",
-            ) from error
+            what = "A007 The parts did not merge into a sound artifact."
+            remedy = "the same command makes damaged parts again"
+            raise ArtifactError(what, where=str(self.folder), remedy=remedy) from error
 
     def _path(self, index: int) -> Path:
         return self.folder / f"{index:05d}{self._suffix}"

@@ -17,18 +17,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from robid.artifacts.artifact import Artifact, Attribute, Dataset, Kind, Provenance
 from robid.artifacts.kinds import from_datasets, to_datasets
 from robid.artifacts.store import read_group
+from robid.later import imported, later
 
-if TYPE_CHECKING:
+with later(__name__):
     from robid.results.estimate import Estimate
     from robid.results.grade import Grade
     from robid.results.outcome import Outcome
+    from robid.results.scale import read_scale
 
 MODEL = Kind("model", "2.3", "robid fit")
 VALIDATION = Kind("validation", "3.2", "robid validate")
@@ -46,35 +48,24 @@ def estimate_content(estimate: Estimate) -> Parts:
 
 def estimate_from_artifact(artifact: Artifact) -> Estimate:
     """The inverse of `estimate_content`."""
-    from robid.results.estimate import Estimate
-
-    return from_datasets(Estimate, artifact, "estimate/")
+    return from_datasets(imported(Estimate), artifact, "estimate/")
 
 
 def model_to_artifact(
     family: str, estimate: Estimate, grade: Grade, own: Parts, provenance: Provenance | None = None
 ) -> Artifact:
-    """Turns a fit into an artifact.
+    """Turns a fit into an artifact; what only its family has lies in a group of the family's name.
 
-    Args:
-        family: Name of its family.
-        estimate: Its parameters.
-        grade: What it is worth by itself.
-        own: What only its family has, in a group of the family's name.
-        provenance: Where it comes from; the stage fills in what is missing.
+    The stage fills in what provenance lacks.
     """
     parts = estimate_content(estimate), grade_content(grade), own
     return Artifact(MODEL, *_joined(family, parts), provenance or Provenance(stage="fit"))
 
 
 def validation_to_artifact(family: str, outcome: Outcome, own: Parts, provenance: Provenance | None = None) -> Artifact:
-    """Turns a validation into an artifact.
+    """Turns a validation into an artifact; what only its family has lies in a group of the family's name.
 
-    Args:
-        family: Name of the model's family.
-        outcome: What every family says.
-        own: What only this one has, in a group of the family's name.
-        provenance: Where it comes from; the stage fills in what is missing.
+    The stage fills in what provenance lacks.
     """
     parts = to_datasets(outcome, "outcome/", without=("grade",)), grade_content(outcome.grade), own
     return Artifact(VALIDATION, *_joined(family, parts), provenance or Provenance(stage="validate"))
@@ -82,9 +73,7 @@ def validation_to_artifact(family: str, outcome: Outcome, own: Parts, provenance
 
 def outcome_from_artifact(artifact: Artifact) -> Outcome:
     """What every family says of a validated model."""
-    from robid.results.outcome import Outcome
-
-    return from_datasets(Outcome, artifact, "outcome/", {"grade": grade_from_artifact(artifact)})
+    return from_datasets(imported(Outcome), artifact, "outcome/", {"grade": grade_from_artifact(artifact)})
 
 
 def grade_content(grade: Grade) -> Parts:
@@ -98,12 +87,9 @@ def grade_content(grade: Grade) -> Parts:
 
 def grade_from_artifact(artifact: Artifact) -> Grade:
     """The grade that a model or a validation holds."""
-    from robid.results.grade import Grade
-    from robid.results.scale import read_scale
-
     told = artifact.datasets[_SCALES].values.tolist() if _SCALES in artifact.datasets else []
     scales = tuple(tuple(read_scale(one) for one in text.split("; ") if one) for text in told)
-    return from_datasets(Grade, artifact, "grade/", {"scales": scales})
+    return from_datasets(imported(Grade), artifact, "grade/", {"scales": scales})
 
 
 def read_grade(path: Path, kind: Kind) -> Grade:

@@ -172,7 +172,13 @@ def read_outline(path: Path, kind: Kind) -> Outline:
 
 def check_artifact(path: Path, kind: Kind) -> None:
     """Reads an artifact one configuration at a time and compares it with its hash; see `read_artifact` for errors."""
-    _read(path, kind, _check)
+
+    def check(file: h5py.File, header: Header) -> None:
+        for name, label in _outline(file, header).labels.items():
+            for row in range(file[name].shape[0] if label.by_row else 0):
+                _values(file, name, label, row)
+
+    _read(path, kind, check)
 
 
 def visit(path: Path, kind: Kind, read: Callable[[h5py.File], Result]) -> Result:
@@ -207,24 +213,28 @@ def inspect_artifact(path: Path) -> dict[str, Any]:
 
 def _read(path: Path, kind: Kind | None, read: Callable[[h5py.File, Header], Result]) -> tuple[Header, Result]:
     """Opens a file, checks its header, and applies `read` to it."""
+    where, command = str(path), f"`{kind.made_by if kind else 'robid run'} EXPERIMENT.yaml`"
     if not path.exists():
-        command = kind.made_by if kind else "robid run"
-        raise ArtifactError(
-            "A008 The artifact is missing.", where=str(path), remedy=f"`{command} EXPERIMENT.yaml` makes it"
-        )
+        raise ArtifactError("A008 The artifact is missing.", where=where, remedy=f"{command} makes it")
     if kind is None and not h5py.is_hdf5(path):
-        raise ArtifactError(
-            "A009 The file is not an artifact of robid.", where=str(path), remedy="name an .h5 file of a run folder"
-        )
+        remedy = "name an .h5 file of a run folder"
+        raise ArtifactError("A009 The file is not an artifact of robid.", where=where, remedy=remedy)
     try:
         with h5py.File(path, "r") as file:
-            header = _header(file)
-            _check_format(path, kind, str(get_attributes(file).get("format", "1")))
+            said = get_attributes(file)
+            name, version, digest, provenance = (str(said[key]) for key in _HEADER)
+            header = Header(name, version, digest, Provenance(**json.loads(provenance)))
+            found = str(said.get("format", "1"))
+            if found != _FORMAT:
+                what = f"A010 The artifact has file format {found}; this robid reads format {_FORMAT}."
+                remedy = f"use the robid that wrote it, or delete it and make it again with {command}"
+                raise ArtifactError(what, where=where, remedy=remedy)
             if kind is not None:
                 _check_kind(path, kind, header)
             return header, read(file, header)
     except DAMAGE as error:
-        raise _damaged(path, kind, str(error)) from error
+        remedy = f"delete it and make it again with {command}"
+        raise ArtifactError(f"A013 The artifact is damaged: {error}.", where=where, remedy=remedy) from error
 
 
 @lru_cache(maxsize=256)
@@ -235,38 +245,19 @@ def _read_header(path: Path, kind: Kind | None, _: tuple[object, ...]) -> Header
 def _identity(path: Path) -> tuple[object, ...]:
     """What the system says of a file; it differs when the file was written again."""
     try:
-        with path.open(
-            "rb"
-        ) as file:  # a network's file system looks again when a file is opened, not when asked for it
+        # Opened, since a network's file system looks again when a file is opened, not when it is asked for.
+        with path.open("rb") as file:
             status = os.fstat(file.fileno())
     except OSError:
         return ()
     return str(path), status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
 
 
-def _header(file: h5py.File) -> Header:
-    attributes = get_attributes(file)
-    kind, version, digest, provenance = (str(attributes[name]) for name in _HEADER)
-    return Header(kind, version, digest, Provenance(**json.loads(provenance)))
-
-
-def _check_format(path: Path, kind: Kind | None, found: str) -> None:
-    if found != _FORMAT:
-        command = kind.made_by if kind else "robid run"
-        raise ArtifactError(
-            f"A010 The artifact has file format {found}; this robid reads format {_FORMAT}.",
-            where=str(path),
-            remedy=f"use the robid that wrote it, or delete it and make it again with `{command} EXPERIMENT.yaml`",
-        )
-
-
 def _check_kind(path: Path, kind: Kind, header: Header) -> None:
     if header.kind != kind.name:
-        raise ArtifactError(
-            f"A011 The file holds an artifact of kind `{header.kind}`, but `{kind.name}` is needed.",
-            where=str(path),
-            remedy=f"name another file; where it lies in the way of one that `{kind.made_by}` makes, move it away",
-        )
+        what = f"A011 The file holds an artifact of kind `{header.kind}`, but `{kind.name}` is needed."
+        remedy = f"name another file; where it lies in the way of one that `{kind.made_by}` makes, move it away"
+        raise ArtifactError(what, where=str(path), remedy=remedy)
     major = header.version.partition(".")[0]
     if major != kind.major:
         raise ArtifactError(
@@ -316,13 +307,7 @@ def _content(
             continue
         values = _values(file, name, label, row) if label.by_row else outline.shared[name].copy()
         datasets[name] = decode(label if row is None else label.row(row), values)
-    return outline.attributes, datasets
-
-
-def _check(file: h5py.File, header: Header) -> None:
-    for name, label in _outline(file, header).labels.items():
-        for row in range(file[name].shape[0] if label.by_row else 0):
-            _values(file, name, label, row)
+    return dict(outline.attributes), datasets
 
 
 def _description(file: h5py.File, _: Header) -> tuple[dict[str, Attribute], dict[str, dict[str, Any]]]:
@@ -336,12 +321,3 @@ def _description(file: h5py.File, _: Header) -> tuple[dict[str, Attribute], dict
         few = dtype == "str" and dataset.size <= _FEW_TEXTS
         rows[name] = row | ({"values": read_values(dataset, label, None).tolist()} if few else {})
     return get_attributes(file[_ATTRIBUTES]), rows
-
-
-def _damaged(path: Path, kind: Kind | None, why: str) -> ArtifactError:
-    command = kind.made_by if kind else "robid run"
-    return ArtifactError(
-        f"A013 The artifact is damaged: {why}.",
-        where=str(path),
-        remedy=f"delete it and make it again with `{command} EXPERIMENT.yaml`",
-    )

@@ -92,19 +92,15 @@ def read_truth(path: Path, record: Path) -> TrueRobot:
         ArtifactError: If it is missing, damaged, or not the one that the record was simulated with.
     """
     if not check_vouched(path, record):
-        raise ArtifactError(
-            "A014 The record does not say which truth it was simulated with.",
-            where=str(record),
-            remedy=f"`{_MAKER} --force` makes it again",
-        )
+        what = "A014 The record does not say which truth it was simulated with."
+        remedy = f"`{_MAKER} --force` makes it again"
+        raise ArtifactError(what, where=str(record), remedy=remedy)
     try:
         return from_plain(TrueRobot, read_json(path, made_by=_MAKER))
     except (KeyError, TypeError, ValueError) as error:
-        raise ArtifactError(
-            f"A015 The truth is not one of this version ({error}).",
-            where=str(path),
-            remedy=f"`{_MAKER} --force` makes it again",
-        ) from error
+        what = f"A015 The truth is not one of this version ({error})."
+        remedy = f"`{_MAKER} --force` makes it again"
+        raise ArtifactError(what, where=str(path), remedy=remedy) from error
 
 
 def _text(truth: TrueRobot) -> bytes:

@@ -144,11 +144,9 @@ def _map_in_processes(
             if on_done is not None:
                 on_done(index, results[index])
     except BrokenProcessPool as error:
-        raise WorkerError(
-            "B010 A worker process ended before its task was done.",
-            where=f"{len(results)} of {len(tasks)} tasks were done",
-            remedy="most often memory ran out: use fewer --workers or --backend serial; finished parts are kept",
-        ) from error
+        what = "B010 A worker process ended before its task was done."
+        remedy = "most often memory ran out: use fewer --workers or --backend serial; finished parts are kept"
+        raise WorkerError(what, where=f"{len(results)} of {len(tasks)} tasks were done", remedy=remedy) from error
     finally:
         for future in indices:
             future.cancel()

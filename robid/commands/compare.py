@@ -108,7 +108,6 @@ def _load(name: str) -> _Named:
 
 
 def _distinct(responses: Sequence[_Named]) -> list[_Named]:
-    """Gives responses of one name numbers."""
     labels = [response.label for response in responses]
     return [
         dataclasses.replace(response, label=f"{response.label} ({labels[: index + 1].count(response.label)})")
@@ -127,7 +126,6 @@ def _compared(first: _Named, other: _Named) -> Compared:
 
 
 def _told(other: Compared) -> dict[str, Any]:
-    """What `--json` says of a comparison."""
     aligned = other.comparison.aligned
     return {
         "label": other.label,
@@ -150,14 +148,11 @@ def _element(element: ElementDifference) -> dict[str, Any]:
 
 def _shown(label: str, other: Compared) -> Group:
     """The elements that differ the most, and what the reader must know."""
-    ordered = sorted(other.comparison.elements, key=_worst_first)
+    elements = other.comparison.elements
+    ordered = sorted(elements, key=lambda one: -one.ratio / one.limit if one.agrees is not None else 0.0)
     rows = [(*element_cells(element), agreement_word(element)) for element in ordered[:_SHOWN]]
     title = f"{other.label} against {label}, {comparison_place(other.comparison)}"
     parts: list[Table | str] = [title, section_table("", COLUMNS, rows)]
     if len(ordered) > _SHOWN:
         parts.append(f"{len(ordered) - _SHOWN} more elements, nearer than these, are on the page of --output")
     return Group(*parts, *other.comparison.notes)
-
-
-def _worst_first(element: ElementDifference) -> float:
-    return -element.ratio / element.limit if element.agrees is not None else 0.0

@@ -78,7 +78,6 @@ def _write(
     force: bool,
     as_json: bool,
 ) -> int:
-    """Writes exported files and says what became of each."""
     with locked(lock_of(run, target), f"robid export {run.loaded.path}"):
         outcomes = {str(path): write_export(path, content, read, force=force) for path, content in files.items()}
     if as_json:

@@ -19,15 +19,7 @@ _DIALECT = {"delimiter": "tab", "decimal": ",", "header_line": "3", "encoding": 
 
 @dataclass(frozen=True)
 class LogInspection:
-    """What the command line says about a log.
-
-    Attributes:
-        format: Its format; None where the file tells it.
-        sampling_period_s: Its sampling period, None where the log tells it [s].
-        page: Where to draw it; None for nowhere.
-        experiment: Where to write the proposed experiment file; None for nowhere.
-        dialect: How a table of text is written, by key; what is not given is told from it.
-    """
+    """What the command line says about a log; None for what the log itself tells, or where nobody asks for it."""
 
     format: LogFormat | None = None
     sampling_period_s: float | None = None

@@ -36,12 +36,7 @@ _STYLES: tuple[ColumnStyle, ...] = ("name", "text", "text", "number", "number", 
 
 
 def draw_log(found: Findings, proposal: str) -> str:
-    """Renders what was found in a log as one self-contained page.
-
-    Args:
-        found: What was found.
-        proposal: The proposed experiment file.
-    """
+    """Renders what was found in a log, and the proposed experiment file, as one self-contained page."""
     contents = found.contents
     return render(
         ReportContent(
@@ -102,20 +97,20 @@ def _variables(found: Findings) -> Section:
 
 def _pictures(found: Findings) -> Section:
     drawn = [one for one in found.signals if not (one.quality.is_still or one.twin)][:_DRAWN]
-    parts = tuple(Beside((_over_time(found, one), _over_frequency(found, one)), 2) for one in drawn)
+    parts = tuple(Beside(_curves(found, one), 2) for one in drawn)
     left = len(found.signals) - len(drawn)
     lead = f"{left} signals that are the same as others or hardly change are not drawn." if left else ""
     return Section("Signals", lead, parts, "signals")
 
 
-def _over_time(found: Findings, signal: Signal) -> Figure:
+def _curves(found: Findings, signal: Signal) -> tuple[Figure, Figure]:
+    """A signal over time and over frequency."""
     places, values = thin_out(signal.column.values)
-    time = tuple((places * found.step_s).tolist())
-    curve = Curve(signal.name, time, tuple(values.tolist()))
-    return Figure(signal.name, "time [s]", _axis(signal), (curve,), log_x=False, log_y=False, height=240, legend=False)
-
-
-def _over_frequency(found: Findings, signal: Signal) -> Figure:
+    curve = Curve(signal.name, tuple((places * found.step_s).tolist()), tuple(values.tolist()))
+    unit = signal.column.unit or signal.hint.unit
+    title = signal.role if signal.role not in ("", "other") else "value"
+    axis = f"{title} [{pretty_unit(unit)}]" if unit else f"{title} (no unit stated)"
+    over = Figure(signal.name, "time [s]", axis, (curve,), log_x=False, log_y=False, height=240, legend=False)
     values = np.where(np.isfinite(signal.column.values), signal.column.values, np.nanmean(signal.column.values))
     if found.shared is None or found.shared.held < 2:
         spectra = spectra_of_all(values, found.step_s)
@@ -123,26 +118,16 @@ def _over_frequency(found: Findings, signal: Signal) -> Figure:
         blocks = cut_periods(values[found.unbroken], found.shared.whole, last=from_end(found.shared))
         spectra = spectra_of_periods(blocks, found.step_s)
     frequency = tuple(spectra.frequency_hz.tolist())
-    curves = [
-        Curve(
-            "amplitude", frequency, tuple(spectra.amplitude.tolist()), points=bool(len(spectra.noise)), symbol="small"
-        )
-    ]
-    if len(spectra.noise):
+    amplitude, has_noise = tuple(spectra.amplitude.tolist()), bool(len(spectra.noise))
+    curves = [Curve("amplitude", frequency, amplitude, points=has_noise, symbol="small")]
+    if has_noise:
         curves.append(Curve("scatter of the periods", frequency, tuple(spectra.noise.tolist())))
-    return Figure(signal.name, "frequency [Hz]", _axis(signal), tuple(curves), height=240, legend=len(curves) > 1)
-
-
-def _axis(signal: Signal) -> str:
-    unit = signal.column.unit or signal.hint.unit
-    title = signal.role if signal.role not in ("", "other") else "value"
-    return f"{title} [{pretty_unit(unit)}]" if unit else f"{title} (no unit stated)"
+    return over, Figure(signal.name, "frequency [Hz]", axis, tuple(curves), height=240, legend=has_noise)
 
 
 def _mapping(proposal: str) -> Section:
-    rows = tuple(
-        (line.replace("  ", "\N{NO-BREAK SPACE}" * 2) or "\N{NO-BREAK SPACE}",) for line in proposal.splitlines()
-    )
+    space = "\N{NO-BREAK SPACE}"
+    rows = tuple((line.replace("  ", 2 * space) or space,) for line in proposal.splitlines())
     lead = "An experiment file that imports this log; what is marked `check` is a guess."
     return Section("Proposed mapping", lead, (Table(("experiment file",), rows, styles=("code",)),), "mapping")
 
@@ -195,20 +180,17 @@ def _check_targets(paths: Sequence[Path], options: LogInspection) -> None:
     if options.sampling_period_s is not None and not options.sampling_period_s > 0:
         what = f"A020 --sampling-period {options.sampling_period_s:g} is no time between samples."
         raise SettingsError(what, remedy="state it in seconds, as in `--sampling-period 1e-3`")
-    if options.page is not None and options.page.exists() and not _is_own(options.page):
+    page = options.page
+    is_own = page is not None and page.is_file() and page.read_bytes().endswith(_MARK.encode())
+    if page is not None and page.exists() and not is_own:
         what = "A021 The output would take the place of a file that is no page of `robid inspect`."
-        raise ArtifactError(what, where=str(options.page), remedy="name another file by `--output`")
-    for target in filter(None, (options.page, options.experiment)):
+        raise ArtifactError(what, where=str(page), remedy="name another file by `--output`")
+    for target in filter(None, (page, options.experiment)):
         if not target.absolute().parent.is_dir():
-            raise SettingsError(
-                "S012 There is no such folder.", where=str(target.parent), remedy="make it, or name another"
-            )
+            where = str(target.parent)
+            raise SettingsError("S012 There is no such folder.", where=where, remedy="make it, or name another")
     if any(path.is_dir() for path in paths) and len(paths) > 1:
         raise SettingsError("S013 A bag is a log of its own.", where=str(paths[0]), remedy="inspect it alone")
-
-
-def _is_own(page: Path) -> bool:
-    return page.is_file() and page.read_bytes().endswith(_MARK.encode())
 
 
 def _write_new(path: Path, text: str) -> None:
@@ -228,14 +210,17 @@ def _print(shell: Shell, found: Findings, text: str, options: LogInspection) -> 
     for line in (describe_sampling(found), describe_period(found), *contents.notes):
         shell.say(f"  {line}")
     shell.out.print(_table(found))
-    others = [f"{one.key} ({len(one.values)} samples)" for one in found.others]
-    numbers = [f"{name} = {value:.6g}" for name, value in contents.scalars.items()]
-    reasons = [f"{name}: {why}" for name, why in contents.unreadable.items()]
-    _say_some(shell, "of another length or topic", others)
-    _say_some(shell, "further times", list(found.sampling.others))
-    _say_some(shell, "single numbers", numbers)
-    _say_some(shell, "texts", list(contents.texts))
-    _say_some(shell, "not read", reasons)
+    further = {
+        "of another length or topic": [f"{one.key} ({len(one.values)} samples)" for one in found.others],
+        "further times": list(found.sampling.others),
+        "single numbers": [f"{name} = {value:.6g}" for name, value in contents.scalars.items()],
+        "texts": list(contents.texts),
+        "not read": [f"{name}: {why}" for name, why in contents.unreadable.items()],
+    }
+    for what, items in further.items():
+        more = f" and {len(items) - _SHOWN} more" if len(items) > _SHOWN else ""
+        if items:
+            shell.say(f"{what}: {', '.join(items[:_SHOWN])}{more}")
     if options.experiment is not None:
         shell.say(f"proposal: {options.experiment}; check what it marks, then `robid run {options.experiment}`")
     else:
@@ -243,13 +228,6 @@ def _print(shell: Shell, found: Findings, text: str, options: LogInspection) -> 
         shell.say(text)
     if options.page is not None:
         shell.say(f"page: {options.page}")
-
-
-def _say_some(shell: Shell, what: str, items: list[str]) -> None:
-    """Lists the first items, and how many more there are."""
-    if items:
-        more = f" and {len(items) - _SHOWN} more" if len(items) > _SHOWN else ""
-        shell.say(f"{what}: {', '.join(items[:_SHOWN])}{more}")
 
 
 def _table(found: Findings) -> rich_table.Table:
@@ -297,6 +275,8 @@ def as_plain(found: Findings) -> dict[str, Any]:
 
 def _plain_signal(found: Findings, signal: Signal) -> dict[str, Any]:
     measured = found.periods.get(signal.name)
+    quality = vars(signal.quality).items()
+    numbers = {name: value if value is not None and math.isfinite(value) else None for name, value in quality}
     return {
         "name": signal.name,
         "unit": signal.column.unit,
@@ -307,8 +287,6 @@ def _plain_signal(found: Findings, signal: Signal) -> dict[str, Any]:
         "reasons": list(signal.reasons),
         "same_as": signal.twin or None,
         "period_samples": None if measured is None else measured.samples,
-        **{
-            key: value if value is None or math.isfinite(value) else None for key, value in vars(signal.quality).items()
-        },
+        **numbers,
         "remarks": remarks(found, signal),
     }

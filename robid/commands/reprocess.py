@@ -78,7 +78,6 @@ def reprocess(
 
 
 def _tell_row(shell: Shell, places: Mapping[str, str], stream: bool, ledger: Ledger, outcome: str) -> None:
-    """Says what became of a row."""
     if stream:
         print_json({**row_summary(ledger), "outcome": outcome}, one_line=True)
     if ledger.error is not None and outcome == "made":
@@ -123,7 +122,6 @@ def _folders(fleet: Fleet) -> Iterator[Path]:
 
 
 def _announce(shell: Shell, name: str, found: Look) -> None:
-    """Says how many rows there are to make, and why, and which logs are away."""
     if found.due:
         told = ", ".join(f"{why} {len(ids)}" for why, ids in found.reasons.items())
         shell.note(name, f"{counted(len(found.due), 'row')} to make: {told}")
@@ -132,7 +130,6 @@ def _announce(shell: Shell, name: str, found: Look) -> None:
 
 
 def _away(found: Look) -> str:
-    """Which rows stay because their logs are away."""
     kept = "stays as it is, because its log is" if len(found.away) == 1 else "stay as they are, because their logs are"
     return (
         f"{counted(len(found.away), 'row')} {kept} not there or may not be read:"
@@ -142,7 +139,6 @@ def _away(found: Look) -> str:
 
 
 def _show_look(shell: Shell, found: Look, *, as_json: bool, one_line: bool) -> None:
-    """Says what there is to do."""
     if as_json:
         away = {name: list(logs) for name, logs in found.away.items()}
         print_json({"fresh": len(found.fresh), "logs_away": away, "due": found.reasons}, one_line=one_line)
@@ -157,14 +153,12 @@ def _show_look(shell: Shell, found: Look, *, as_json: bool, one_line: bool) -> N
 
 
 def _off(batch: Batch, row: int) -> dict[str, Any]:
-    """What a row is off in most."""
     first = batch.comparison.off[row][0]
     fit, name = batch.comparison.names(first.trait)
     return {"id": batch.ledgers[row].id, "fit": fit, "name": name, "away": first.away}
 
 
 def _drift(batch: Batch, robot: int) -> dict[str, Any]:
-    """What of a robot changes most clearly."""
     first = batch.comparison.changing[robot][0]
     fit, name = batch.comparison.names(first.trait)
     return {"robot": batch.comparison.robots.names[robot], "fit": fit, "name": name, "change": first.change}

@@ -37,15 +37,7 @@ def open_run(
     scheduler: str | None = None,
     load: Callable[[Path], LoadedExperiment] = load_experiment,
 ) -> Run:
-    """Loads an experiment; backend, workers and scheduler are its own where none are given.
-
-    Args:
-        path: The experiment file.
-        folder: Run folder; one of its name where None.
-        backend: What maps tasks.
-        workers: Number of processes.
-        scheduler: Address of a Dask scheduler.
-        load: Loads and checks the file; the command of studies alone checks its study.
+    """Loads an experiment; folder, backend, workers and scheduler are its own where none are given.
 
     Raises:
         SettingsError: If the file cannot be used, a scheduler is given to another backend, or the backend is not
@@ -118,13 +110,7 @@ def tell(shell: Shell, result: Result) -> None:
 
 
 def choose_node(run: Run, stage_name: str, owner: str | None, option: str = "") -> Node:
-    """Finds the node of a command.
-
-    Args:
-        run: The run.
-        stage_name: Its stage.
-        owner: Its campaign, design or fit; None for the only one.
-        option: How the command names that, where it is not by the usual option.
+    """Finds the node of a stage for an owner, or the only one; `option` says how one is named but by the usual option.
 
     Raises:
         SettingsError: If the owner is unknown, or is not named and there is more than one.
@@ -145,12 +131,7 @@ def choose_node(run: Run, stage_name: str, owner: str | None, option: str = "") 
 
 
 def require_inputs(run: Run, node: Node, named: list[Path]) -> dict[str, Path]:
-    """Returns where a node's inputs lie.
-
-    Args:
-        run: The run.
-        node: The node.
-        named: Artifacts to read instead of the run folder's; each takes the place of the input of its kind.
+    """Returns where a node's inputs lie: in the run folder, or named artifacts in the place of those of their kinds.
 
     Raises:
         ArtifactError: If one is missing or stale, with the command that makes it.
@@ -185,14 +166,11 @@ def require_inputs(run: Run, node: Node, named: list[Path]) -> dict[str, Path]:
 
 
 def _slot(node: Node, path: Path) -> str:
-    """Name of the input whose place an artifact takes, by its kind."""
     name = "truth" if path.suffix == ".json" else read_header(path).kind
     if name not in node.plan.inputs:
-        raise SettingsError(
-            f"S008 `{node.stage.name}` reads no {name}",
-            where=f"--input {path}",
-            remedy=f"it reads: {', '.join(node.plan.inputs) or 'no artifact'}",
-        )
+        what = f"S008 `{node.stage.name}` reads no {name}"
+        remedy = f"it reads: {', '.join(node.plan.inputs) or 'no artifact'}"
+        raise SettingsError(what, where=f"--input {path}", remedy=remedy)
     return name
 
 

@@ -17,7 +17,7 @@ from robid.errors import DataError
 from robid.logs.mapping import LogMapping, Stream
 from robid.logs.pace import GAP, Pace, measure_pace
 from robid.logs.resample import interpolation_error
-from robid.logs.timing import UNSURE
+from robid.logs.timing import UNSURE, Clock
 
 _DEGREE = 7  # degree of the interpolating spline
 # Points per sample of evenly spaced ones on which the spline stands: what it adds then lies far above their band
@@ -35,8 +35,8 @@ _SAME = 1e-3  # part of a step by which stamps may differ and be the same
 
 
 @dataclass(frozen=True)
-class Joined:
-    """The columns of a log, all of one clock.
+class Log:
+    """The columns of a log, all of one clock, and its own time where it has one that can be read.
 
     Attributes:
         columns: The columns, the time's in its unit.
@@ -44,6 +44,7 @@ class Joined:
         slow: The variable with the longest sampling period of those that were brought to a shorter one; empty for none.
         slow_s: That sampling period [s].
         ends: What ends before the others, by more than a sample, and when; empty for nothing.
+        clock: The log's own time.
     """
 
     columns: dict[str, NDArray[Any]]
@@ -51,6 +52,12 @@ class Joined:
     slow: str = ""
     slow_s: float = 0.0
     ends: str = ""
+    clock: Clock | None = None
+
+    @property
+    def n_sample(self) -> int:
+        """Samples of the shortest column."""
+        return min((len(column) for column in self.columns.values()), default=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,18 +71,14 @@ class _Timed:
 
 def on_one_clock(
     mapping: LogMapping, streams: Sequence[Stream], stamps: NDArray[Any] | None, period_s: float | None = None
-) -> tuple[Joined, list[DataError]]:
+) -> tuple[Log, list[DataError]]:
     """Brings the variables of a log's channels to one clock and adds up those that are sums.
 
     Where all share their samples nothing is done. Where a row of a table holds some of them only, each is read at its
     own rows. The clock is the first input's, or, where others are faster, as fast as these: a torque that is held is
     never moved between the instants at which it was set.
 
-    Args:
-        mapping: The log mapping.
-        streams: The variables.
-        stamps (n_sample,): The log's own time, in its unit; None where it has none.
-        period_s: The period with which the channels repeat, None where they do not [s].
+    `stamps` (n_sample,) are the log's own time, in its unit; what repeats does so with `period_s` [s].
 
     Returns:
         The columns, and what is wrong with any of them.
@@ -84,10 +87,10 @@ def on_one_clock(
     if stamps is None or mapping.time is None:
         interleaved = _interleaved(mapping, placed)
         columns, problems = _summed(mapping, [one for one in placed if one.column not in interleaved])
-        return Joined(columns), [*interleaved.values(), *problems]
+        return Log(columns), [*interleaved.values(), *problems]
     if all(one.stamps is None or np.array_equal(one.stamps, stamps) for one in placed):
         columns, problems = _summed(mapping, placed)
-        return Joined({**columns, mapping.time.variable: stamps}), problems
+        return Log({**columns, mapping.time.variable: stamps}), problems
     problems = []
     timed: list[_Timed] = []
     for one in placed:
@@ -95,17 +98,12 @@ def on_one_clock(
         problems += found
         timed += [] if clock is None else [clock]
     if problems or not timed:
-        return Joined({}), problems
+        return Log({}), problems
     return _brought(mapping, timed, stamps, period_s)
 
 
 def own_rows(stream: Stream, stamps: NDArray[Any] | None) -> Stream:
-    """Returns a variable at its own rows, where the others are those of others: time goes on evenly without them.
-
-    Args:
-        stream: The variable.
-        stamps (n_sample,): The log's own time; None where it has none.
-    """
+    """Returns a variable at its own rows, where the others are those of others: time goes on evenly without them."""
     own = stamps if stream.stamps is None else stream.stamps
     if own is None or len(own) != len(stream.values) or stream.values.dtype.kind != "f":
         return stream
@@ -130,9 +128,8 @@ def _interleaved(mapping: LogMapping, streams: Sequence[Stream]) -> dict[str, Da
         places = int(np.count_nonzero(np.diff(missing.astype(np.int8)) > 0))
         if places >= _PLACES and missing.mean() > 1 / _PLACES:
             what = (
-                f"D031 {np.count_nonzero(missing)} of {len(missing)} rows hold no value of `{one.name}`, in {places} "
-                "places:"
-                " they are those of other channels, which have a clock of their own."
+                f"D031 {np.count_nonzero(missing)} of {len(missing)} rows hold no value of `{one.name}`, in {places}"
+                " places: they are those of other channels, which have a clock of their own."
             )
             remedy = "State `time`, the variable of the time stamps: each channel is then read at its own rows."
             problems[one.column] = DataError(what, where=mapping.place(one.column), remedy=remedy)
@@ -151,9 +148,7 @@ def _summed(mapping: LogMapping, streams: Sequence[Stream]) -> tuple[dict[str, N
             columns[one.column] = columns[one.column].astype(float) + values
         else:
             what = f"D032 `{one.name}` has {len(values)} samples, what it is added to has {len(columns[one.column])}."
-            remedy = (
-                "Add variables that were sampled together, or state `time`, by which they are brought to one clock."
-            )
+            remedy = "Add variables that were sampled together, or state `time`, which brings them to one clock."
             problems.append(DataError(what, where=mapping.place(one.column), remedy=remedy))
     return columns, problems
 
@@ -193,7 +188,7 @@ def _timed(mapping: LogMapping, stream: Stream, stamps: NDArray[Any]) -> tuple[_
 
 def _brought(
     mapping: LogMapping, timed: list[_Timed], stamps: NDArray[Any], period_s: float | None
-) -> tuple[Joined, list[DataError]]:
+) -> tuple[Log, list[DataError]]:
     """The columns at the instants of one clock."""
     first = mapping.inputs[0].column
     leading = next((one for one in timed if one.stream.column == first), timed[0])
@@ -207,7 +202,7 @@ def _brought(
         spans = "; ".join(f"`{one.stream.name}` from {one.times[0]:.6g} s to {one.times[-1]:.6g} s" for one in timed)
         what = f"D036 Its channels were hardly sampled at the same time: {spans}, by their own time stamps."
         remedy = "Check the variables and the unit of the time stamps, and that all count from one moment."
-        return Joined({}), [DataError(what, where=str(mapping.file), remedy=remedy)]
+        return Log({}), [DataError(what, where=str(mapping.file), remedy=remedy)]
     columns: dict[str, NDArray[Any]] = {}
     notes: dict[str, str] = {}
     slowest = max((one for one in timed if not _is_held(one, step)), key=lambda one: one.pace.step, default=leading)
@@ -217,18 +212,15 @@ def _brought(
         if one.times is not leading.times and not np.array_equal(one.times, leading.times):
             notes.setdefault(one.stream.clock or one.stream.name, _note(mapping, one, leading, error, step))
     if mapping.time is not None:
-        origin = (
-            float(np.asarray(_apart(stamps[np.isfinite(stamps)][:1], stamps[0]))[0]) if np.isfinite(stamps[0]) else 0.0
-        )
+        origin = float(_apart(stamps[np.isfinite(stamps)][:1], stamps[0])[0]) if np.isfinite(stamps[0]) else 0.0
         columns[mapping.time.variable] = origin + grid / mapping.time.to_seconds
-    joined = Joined(columns, list(notes.values()), ends=_ends(mapping, timed))
+    joined = Log(columns, list(notes.values()), ends=_ends(mapping, timed))
     if slowest.pace.step > GAP * step:
         joined = replace(joined, slow=slowest.stream.name, slow_s=slowest.pace.step)
     return joined, []
 
 
 def _ends(mapping: LogMapping, timed: Sequence[_Timed]) -> str:
-    """Says which variable ends before the others do."""
     first, last = (choose(timed, key=lambda one: float(one.times[-1])) for choose in (min, max))
     if last.times[-1] - first.times[-1] <= GAP * max(first.pace.step, last.pace.step):
         return ""
@@ -265,7 +257,6 @@ def _before(one: _Timed, grid: FloatArray, step: float) -> IntArray:
 
 
 def _is_met(one: _Timed, grid: FloatArray, step: float) -> bool:
-    """Whether a variable was sampled at all instants, gaps aside."""
     before = _before(one, grid, step)
     return bool(np.all((np.abs(one.times[before] - grid) <= _EVEN * step) | np.isin(before, one.pace.gaps)))
 
@@ -317,11 +308,7 @@ def _interpolated(
     Evenly spaced ones are continued at both ends, by their period or else oddly, and written as sines, whose sum is the
     same at the samples and can be had at finer steps: the spline between these then sees nothing near half their rate.
 
-    Args:
-        times (n_sample,): Their times.
-        values (n_sample,): The samples.
-        wanted (n_wanted,): The instants.
-        period: Samples of their period; 0 where none is known.
+    `times` (n_sample,) are those of `values`, `wanted` (n_wanted,) the instants; `period` in samples, 0 for none.
     """
     if np.ptp(values) == 0:
         return np.full(len(wanted), values[0]), 0.0
@@ -330,9 +317,8 @@ def _interpolated(
     origin, step = float(line.coef[0]), float(line.coef[1])
     at = (wanted - origin) / step
     if np.abs(times - line(index)).max() > _JITTER * step:
-        return np.asarray(make_interp_spline((times - origin) / step, values, k=_DEGREE)(at)), interpolation_error(
-            values
-        )
+        curve = make_interp_spline((times - origin) / step, values, k=_DEGREE)
+        return np.asarray(curve(at)), interpolation_error(values)
     if period:
         values, beyond = _continued(values, period)
         at += beyond
@@ -354,7 +340,6 @@ def _continued(values: FloatArray, period: int) -> tuple[FloatArray, int]:
 
 
 def _note(mapping: LogMapping, one: _Timed, leading: _Timed, error: float, step: float) -> str:
-    """Says that a channel was brought to another clock."""
     near = np.clip(np.searchsorted(one.times, leading.times, side="right") - 1, 0, len(one.times) - 1)
     late = float(np.median(leading.times - one.times[near]))
     rate = f"every {one.pace.step:.6g} s" if abs(one.pace.step / leading.pace.step - 1) > _RATE else ""

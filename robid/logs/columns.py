@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from robid.errors import DataError
 from robid.logs.formats.load import load_variables
 from robid.logs.formats.variables import Variables, find_variable, series_of, tell_format
-from robid.logs.mapping import LogMapping, Stream
+from robid.logs.mapping import Columns, LogMapping, Stream
 from robid.logs.streams import (
     NoSumError,
     UnknownNameError,
@@ -99,9 +99,7 @@ def _read_channel(mapping: LogMapping, channel: LogChannel, variables: Variables
     try:
         weights, variables = _weights(mapping, channel, path, variables)
     except NoSumError as e:
-        remedy = (
-            "Write a weighted sum of variables, as `a + b` or `0.5*a - 2*b`; names in quotes are taken as they are."
-        )
+        remedy = "Write a weighted sum of variables, as `a + b` or `0.5*a - 2*b`; names in quotes stand as they are."
         if isinstance(e, UnknownNameError):
             remedy = _which_name(e.name, variables.sizes)
         found.problems.append(
@@ -262,16 +260,13 @@ def _which_name(name: str, sizes: Mapping[str, int]) -> str:
 
 
 def _which_series(variable: str, matrix: NDArray[Any]) -> str:
-    """Says how to name one column or row of a matrix."""
     series = series_of(matrix.shape) if matrix.size else []
     if matrix.ndim < 2 or len(series) < 2 or max(matrix.shape) <= _SHOWN:
         return "Save one column per channel."
     return f"Name one of them, `{variable}{series[0]}` to `{variable}{series[-1]}`."
 
 
-def check_values(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], first: int = 0, remedy: str = ""
-) -> list[DataError]:
+def check_values(mapping: LogMapping, columns: Columns, first: int = 0, remedy: str = "") -> list[DataError]:
     """Finds columns with values that are none, and channels that never change.
 
     A channel that never changes cannot have been excited; in one shot its joint may have stood still, and of several
@@ -297,9 +292,7 @@ def check_values(
             check = "Check that the channel was connected and that the variable is the right one."
             problems.append(DataError(f"D044 It is constant ({column[0]:g}).", where=where, remedy=check))
         elif name != time and (lone := _absurd_sample(column)) is not None:
-            what = (
-                f"D045 It is {column[lone]:g} for one sample, more than {_ABSURD:g} times the range of all others away."
-            )
+            what = f"D045 It is {column[lone]:g} for one sample, over {_ABSURD:g} times the range of all others away."
             read = f"{remedy or 'Record again'}, or copy the log again: it may be damaged."
             problems.append(DataError(what, where=f"{where}, sample {first + lone}", remedy=read))
     return problems
@@ -328,7 +321,7 @@ def _every_size(mapping: LogMapping, name: str, variables: Variables) -> Mapping
     return load_variables(path, mapping.format).sizes
 
 
-def check_motion(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> list[DataError]:
+def check_motion(mapping: LogMapping, columns: Columns) -> list[DataError]:
     """Refuses a log of commands given one after the other in which nothing moves: no input, or no output."""
     groups: tuple[tuple[str, Sequence[LogChannel]], ...] = (("input", mapping.inputs), ("output", mapping.outputs))
     remedy = "Check that the channels were connected and that their variables are the right ones."
@@ -357,7 +350,7 @@ def check_turns(record: Record, where: str) -> None:
         raise DataError(f"D047 No experiment moves {', '.join(still)}.", where=where, remedy=remedy)
 
 
-def check_lengths(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> list[DataError]:
+def check_lengths(mapping: LogMapping, columns: Columns) -> list[DataError]:
     """Compares the channels' lengths; the most frequent one counts as right."""
     lengths = [len(column) for column in columns.values()]
     usual = max(lengths, key=lengths.count, default=0)

@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robid.arrays import FloatArray, IntArray, check_shape
+from robid.arrays import FloatArray, IntArray, check_shape, part_of
 from robid.errors import DataError
-from robid.logs.clocks import on_one_clock
+from robid.logs.clocks import Log, on_one_clock
 from robid.logs.columns import check_lengths, check_motion, check_values, read_columns
-from robid.logs.mapping import LogMapping, Stated, check_mapping, check_shot, check_wraps, still_note
+from robid.logs.mapping import Columns, LogMapping, Stated, check_mapping, check_shot, check_wraps, still_note
 from robid.logs.period import check_found, find_lines, found_note
 from robid.logs.period_checks import OtherPeriodError
-from robid.logs.placing import Log, PlayedExcitation, check_band, match_periods, place_periods, strongest_channel
+from robid.logs.placing import PlayedExcitation, check_band, match_periods, place_periods, strongest_channel
 from robid.logs.resample import chosen_part, resample_to_period, resample_to_time, whole_piece
-from robid.logs.timing import Clock, check_segment, check_steps, clock_problems, even_stamps, read_clock
+from robid.logs.timing import check_segment, check_steps, clock_problems, even_stamps, read_clock
 from robid.signals.log_channels import LogChannel
 from robid.signals.pose import POSE, displacement, rotation_from_zyx
-from robid.signals.quantities import INJECTED, Channel, motor_channels
+from robid.signals.quantities import INJECTED, motor_channels
 from robid.signals.record import Record
 
 
-def channel_values(channels: Sequence[LogChannel], columns: Mapping[str, NDArray[Any]], used: slice) -> FloatArray:
+def channel_values(channels: Sequence[LogChannel], columns: Columns, used: slice) -> FloatArray:
     """Returns samples (n_sample, n_channel) in the channels' units."""
     return np.stack([channel.factor * columns[channel.column][used].astype(float) for channel in channels], axis=-1)
 
@@ -44,12 +43,11 @@ def _seen_from_home(
     rotations = rotation_from_zyx(values[:, at[3:]])
     turned[:, at] = displacement(home[:3], rotation_from_zyx(home[3:]), values[:, at[:3]], rotations)
     shown = ", ".join(f"{value:.4g}" for value in (*home[:3], *np.rad2deg(home[3:])))
-    return turned, (
-        f"The {key} are displacements in the tool frame of the home pose {shown} (X Y Z in m, A B C in deg).",
-    )
+    told = f"The {key} are displacements in the tool frame of the home pose {shown} (X Y Z in m, A B C in deg)."
+    return turned, (told,)
 
 
-def sample_channels(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], used: slice, periods: int) -> Record:
+def sample_channels(mapping: LogMapping, columns: Columns, used: slice, periods: int) -> Record:
     """Returns the record of some samples of a log, without what was played."""
     inputs, told = _seen_from_home(mapping, "inputs", channel_values(mapping.inputs, columns, used))
     outputs, further = _seen_from_home(mapping, "outputs", channel_values(mapping.outputs, columns, used))
@@ -116,7 +114,8 @@ def import_log(
     notes += told
     # By a period that is not the log's own the gaps between its periods would be counted wrongly.
     named = not any(isinstance(one, OtherPeriodError) for one in found)
-    found += [] if log.clock is None else _checked_steps(mapping, log.clock, used, stated, named=named)
+    counted = mapping.take == "first" and not mapping.references
+    found += [] if log.clock is None else check_steps(log.clock, used, stated, counted=counted, named=named)
     _raise(mapping.file, problems + found)
     if find:
         excited_lines, line_note = _found_lines(mapping, columns, used, periods, excited_lines)
@@ -126,7 +125,9 @@ def import_log(
         record,
         configurations=configurations,
         reference=None if played is None else played.expected[None, None, None],
-        reference_channels=() if played is None else _played_channels(mapping, played),
+        reference_channels=()
+        if played is None
+        else motor_channels((channel.name for channel in mapping.inputs), INJECTED[played.kind]),
         excited_lines=np.asarray(excited_lines),
         detection_lines=np.zeros(0, int) if detection_lines is None else np.asarray(detection_lines),
         notes=(*_notes(mapping), *record.notes, *notes),
@@ -158,9 +159,7 @@ def import_shot(mapping: LogMapping) -> Record:
     return replace(record, notes=(*record.notes, *notes, *still))
 
 
-def _with_logged_references(
-    record: Record, mapping: LogMapping, columns: Mapping[str, NDArray[Any]], used: slice
-) -> Record:
+def _with_logged_references(record: Record, mapping: LogMapping, columns: Columns, used: slice) -> Record:
     """The record with the references of its log, where it has some, and what is to be said of its torque."""
     record = replace(record, notes=(*_notes(mapping), *record.notes))
     if not mapping.references:
@@ -227,22 +226,14 @@ def _read(mapping: LogMapping, stated: Stated | None = None) -> tuple[Log, list[
             clock, found = read_clock(mapping, stamps)
             clock = None if clock is None else replace(clock, first=part.start or 0, whole=whole)
             problems += found
-    notes += [] if part == slice(None) else [_cut_note(mapping, part)]
+    if part != slice(None):
+        told = f"{mapping.from_s:g} s to {'its end' if mapping.to_s is None else f'{mapping.to_s:g} s'}"
+        notes.append(f"{mapping.file.name}: used from {told}, samples {part.start} to {part.stop - 1}.")
     if mapping.resample == "time" and clock is not None and not problems:
         period_s = None if stated is None else stated.period_s
         columns, clock, told = resample_to_time(mapping, columns, clock, period_s)
         notes += told
-    return Log(columns, clock, joined.slow, joined.slow_s, joined.ends), problems, notes
-
-
-def _checked_steps(mapping: LogMapping, clock: Clock, used: slice, stated: Stated, *, named: bool) -> list[DataError]:
-    """Gaps and jitter of periods that are used, counted from the first sample unless from the end or by references."""
-    return check_steps(clock, used, stated, counted=mapping.take == "first" and not mapping.references, named=named)
-
-
-def _cut_note(mapping: LogMapping, part: slice) -> str:
-    end = "its end" if mapping.to_s is None else f"{mapping.to_s:g} s"
-    return f"{mapping.file.name}: used from {mapping.from_s:g} s to {end}, samples {part.start} to {part.stop - 1}."
+    return replace(joined, columns=columns, clock=clock), problems, notes
 
 
 def _to_period(mapping: LogMapping, log: Log, stated: Stated) -> tuple[Log, list[str]]:
@@ -256,18 +247,12 @@ def _to_period(mapping: LogMapping, log: Log, stated: Stated) -> tuple[Log, list
 
 
 def _found_lines(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], used: slice, periods: int, candidates: IntArray
+    mapping: LogMapping, columns: Columns, used: slice, periods: int, candidates: IntArray
 ) -> tuple[IntArray, str]:
-    """The excited lines that the inputs show, and what to say about them."""
     inputs = channel_values(mapping.inputs, columns, used)
     found = find_lines([values.reshape(periods, -1) for values in inputs.T], candidates)
     _raise(mapping.file, check_found(f"{mapping.file}: inputs", found, candidates))
     return found, found_note(found, len(candidates))
-
-
-def _played_channels(mapping: LogMapping, played: PlayedExcitation) -> tuple[Channel, ...]:
-    """What the columns of the matched excitation are, in the order of the inputs."""
-    return motor_channels((channel.name for channel in mapping.inputs), INJECTED[played.kind])
 
 
 def _notes(mapping: LogMapping) -> list[str]:
@@ -299,15 +284,7 @@ def join_shots(records: list[Record], n_experiment: int = 1) -> Record:
     """Joins repeated shots, realization by realization, cut to the shortest, which is noted."""
     lengths = {record.inputs.shape[4] for record in records}
     shortest = min(lengths)
-    cut = [
-        replace(
-            record,
-            inputs=record.inputs[..., :shortest, :],
-            outputs=record.outputs[..., :shortest, :],
-            reference=None if record.reference is None else record.reference[..., :shortest, :],
-        )
-        for record in records
-    ]
+    cut = [part_of(record, "sample", slice(shortest)) for record in records]
     joined = join_experiments(cut, n_experiment)
     told = f"The shots have {shortest} to {max(lengths)} samples; all were cut to the shortest."
     return joined if len(lengths) == 1 else replace(joined, notes=(*joined.notes, told))

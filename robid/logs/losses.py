@@ -38,12 +38,7 @@ _LENGTH = 0.8
 
 @dataclass(frozen=True)
 class Loss:
-    """Samples that are missing after one of a signal.
-
-    Attributes:
-        after: The sample, about.
-        samples: How many are missing; negative where there are too many.
-    """
+    """Samples that are missing after about one of a signal; a negative number where there are too many."""
 
     after: int
     samples: int
@@ -231,13 +226,7 @@ class Part:
 
 
 def part_losses(steady: FloatArray, stated: Stated, part: Part) -> tuple[list[Loss], FloatArray]:
-    """Losses of samples that touch what is used, by samples of the log; else the channel up to the first beside it.
-
-    Args:
-        steady (n_sample,): An excited channel.
-        stated: What was said of its period.
-        part: Which part of the log it is.
-    """
+    """Losses of samples that touch what is used, by samples of the log; else the channel up to the first beside it."""
     found = measure_repetition(steady, stated.samples, stated.lines)
     measured = None if found.samples is None else found.samples * found.multiple(stated.samples)
     losses = [
@@ -261,20 +250,17 @@ def lost_samples(
     inside = [one for one in inside if not any(abs(gap - one.after) * _BESIDE < stated.samples for gap in gaps)]
     if not inside:
         return []
-    told = ", ".join(f"{_counted(one.samples)} after about sample {one.after}" for one in inside)
+    told = ", ".join(
+        f"{abs(one.samples)} sample{'' if abs(one.samples) == 1 else 's'}"
+        f" {'missing' if one.samples > 0 else 'too many'} after about sample {one.after}"
+        for one in inside
+    )
     what = f"D093 Its periods are whole, but move apart on the way, as no other clock makes them: {told}."
-    return [
-        DataError(what, where=f"{where}, about sample {inside[0].after}", remedy=_remedy(losses, length, stated, part))
-    ]
-
-
-def _counted(samples: int) -> str:
-    noun, many = ("sample", abs(samples)) if abs(samples) == 1 else ("samples", abs(samples))
-    return f"{many} {noun} {'missing' if samples > 0 else 'too many'}"
+    remedy = _remedy(losses, length, stated, part)
+    return [DataError(what, where=f"{where}, about sample {inside[0].after}", remedy=remedy)]
 
 
 def _remedy(losses: list[Loss], length: int, stated: Stated, part: Part) -> str:
-    """Settings that use the longest part without a loss."""
     size, total = stated.samples, part.start + length
     origin = part.start if part.matched else 0
     edges = [origin, *(one.after + 1 for one in losses), total]

@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError, SettingsError
-from robid.signals.log_channels import LogChannel, input_problems
+from robid.signals.log_channels import input_problems
 from robid.signals.log_options import LogOptions
 from robid.signals.quantities import INJECTED, units_of
+
+Columns: TypeAlias = Mapping[str, NDArray[Any]]
+"""The columns of a log by their names."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +25,6 @@ class LogMapping(LogOptions):
     """The logs of one recording and their channels.
 
     Attributes:
-        file: The log.
         files: Further logs, by what their channels call them.
         differs: Whether other logs that are read by the same settings have other clocks.
     """
@@ -30,11 +32,6 @@ class LogMapping(LogOptions):
     file: Path
     files: Mapping[str, Path] = field(default_factory=dict)
     differs: bool = False
-
-    @property
-    def channels(self) -> list[LogChannel]:
-        """All channels but the time: inputs, outputs, references."""
-        return [*self.inputs, *self.outputs, *self.references]
 
     @property
     def variables(self) -> dict[str, tuple[Path, str]]:
@@ -56,7 +53,6 @@ class Stream:
 
     Attributes:
         column: The column that it is, or is a part of.
-        name: Its name.
         weight: Its weight in the column.
         values (n_sample,): Its samples.
         stamps (n_sample,): Its own time stamps, in the unit of the log's time; None where it has none.
@@ -118,13 +114,7 @@ _USUAL = 4.0  # usual steps by which a jump may be beside the range
 
 
 def check_mapping(mapping: LogMapping, samples_per_period: int, lines: IntArray, kind: str = "") -> None:
-    """Checks units, signs, torque constants and lines before the file is read.
-
-    Args:
-        mapping: The log mapping.
-        samples_per_period: The stated period.
-        lines (n_freq,): Lines that were said to be excited.
-        kind: Kind of the excitation that references are matched to.
+    """Checks units, signs, torque constants, lines (n_freq,) and references to a kind of excitation before reading.
 
     Raises:
         SettingsError: With every contradiction.
@@ -138,9 +128,8 @@ def check_mapping(mapping: LogMapping, samples_per_period: int, lines: IntArray,
     if mapping.references and [channel.name for channel in mapping.references] != names:
         problems.append(f"S347 the references must be those of the inputs, in their order: {', '.join(names)}")
     if not len(lines) or lines.min() < 1 or 2 * lines.max() >= samples_per_period:
-        problems.append(
-            f"S348 the excited lines are not all within 1 to {(samples_per_period - 1) // 2}, below Nyquist"
-        )
+        most = (samples_per_period - 1) // 2
+        problems.append(f"S348 the excited lines are not all within 1 to {most}, below Nyquist")
     _refuse(mapping, problems)
 
 
@@ -155,9 +144,8 @@ def check_shot(mapping: LogMapping) -> None:
 
 def _refuse(mapping: LogMapping, problems: list[str]) -> None:
     if problems:
-        raise SettingsError(
-            "; ".join(problems), where=f"log mapping of {mapping.file}", remedy="Correct the acquire section."
-        )
+        where = f"log mapping of {mapping.file}"
+        raise SettingsError("; ".join(problems), where=where, remedy="Correct the acquire section.")
 
 
 def _channels(mapping: LogMapping) -> list[str]:
@@ -167,11 +155,10 @@ def _channels(mapping: LogMapping) -> list[str]:
         problems.append("S349 there is no output channel")
     if not mapping.inputs:
         problems.append("S350 there is no input channel")
-    channels: list[LogChannel] = [*mapping.inputs, *mapping.outputs, *mapping.references]
-    problems += [f"{channel.name}: {problem}" for channel in channels for problem in channel.problems()]
+    problems += [f"{channel.name}: {problem}" for channel in mapping.channels for problem in channel.problems()]
     problems += input_problems(mapping.inputs)
     problems += [f"{key}: {problem}" for key, problem in mapping.pose_problems()]
-    for group in (mapping.inputs, mapping.outputs, mapping.references):
+    for group in mapping.groups.values():
         names = [channel.name for channel in group]
         problems += [f"S351 {name}: the name occurs twice" for name in dict.fromkeys(names) if names.count(name) > 1]
     return problems
@@ -182,10 +169,7 @@ def check_wraps(mapping: LogMapping, streams: Sequence[Stream], part: slice) -> 
 
     Their numbers stay within one range, and all that moves them further in a sample is a jump by nearly all of it.
 
-    Args:
-        mapping: The log mapping.
-        streams: The variables.
-        part: The samples that are used, where all have the same.
+    All samples count but where `part` says which of them are used.
     """
     unsaid = [one for one in mapping.outputs if one.unwrap is None and not one.unwraps and not one.problems()]
     measured = {one.column: one for one in unsaid}
@@ -209,12 +193,7 @@ def check_wraps(mapping: LogMapping, streams: Sequence[Stream], part: slice) -> 
 
 
 def _wrap_of(values: FloatArray, turns: Sequence[float]) -> tuple[float, int] | None:
-    """The range after which numbers begin again, and how often they do; None where they do not.
-
-    Args:
-        values (n_sample,): The numbers.
-        turns: What a turn may be in them; nothing where they are no angle.
-    """
+    """The range, a turn's or a counter's, after which numbers (n_sample,) begin again, and how often; else None."""
     values = values[np.isfinite(values)]
     if len(values) < _FEWEST:
         return None
@@ -233,20 +212,16 @@ def _wrap_of(values: FloatArray, turns: Sequence[float]) -> tuple[float, int] | 
     return None
 
 
-def still_note(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> tuple[str, ...]:
+def still_note(mapping: LogMapping, columns: Columns) -> tuple[str, ...]:
     """Names the channels of one shot that never change: their joints stood still, or they were not connected.
 
     Raises:
         DataError: If no output changes, so that nothing moved.
     """
-    outputs: list[LogChannel] = [*mapping.outputs]
-    still = [one for one in (*mapping.inputs, *outputs, *mapping.references) if np.ptp(columns[one.column]) == 0]
-    if all(channel in still for channel in outputs):
-        raise DataError(
-            "D095 No output changes: nothing moved.",
-            where=str(mapping.file),
-            remedy="Check that the channels were connected and that their variables are the right ones.",
-        )
+    still = [one for one in mapping.channels if np.ptp(columns[one.column]) == 0]
+    if all(channel in still for channel in mapping.outputs):
+        remedy = "Check that the channels were connected and that their variables are the right ones."
+        raise DataError("D095 No output changes: nothing moved.", where=str(mapping.file), remedy=remedy)
     told = ", ".join(f"`{channel.variable}` ({columns[channel.column][0]:g})" for channel in still)
     return (f"{_STILL} {mapping.file.name}: {told}; right only where these joints stood still.",) if still else ()
 

@@ -57,6 +57,13 @@ class Pace:
         return self.rounding > self.step
 
 
+def longest_piece(gaps: IntArray, count: int) -> tuple[int, int]:
+    """Returns first sample of the longest part between gaps, each behind one of these, and the one after its last."""
+    edges = np.concatenate([[0], gaps + 1, [count]])
+    longest = int(np.argmax(np.diff(edges)))
+    return int(edges[longest]), int(edges[longest + 1])
+
+
 def measure_pace(stamps: FloatArray, stated: float | None = None) -> Pace | None:
     """Measures how stamps advance.
 
@@ -121,18 +128,13 @@ def _fine(stamps: FloatArray, steps: FloatArray, usual: float, rounding: float, 
     unsure = float(np.abs(inside - step).max()) / (step * len(inside))
     if rounding and np.ptp(inside) > _FINE * step:
         at = np.arange(float(len(stamps)))
-        at[1:] += _missing_before(gaps, np.round(steps[gaps] / step - 1), len(steps))
+        missing = np.zeros(len(steps))
+        missing[gaps] = np.round(steps[gaps] / step - 1)
+        at[1:] += np.cumsum(missing)
         line = _narrowest(at, stamps)
         if line.width <= _width(line.slope, rounding):
             return _on_line(at, line, rounding, gaps, stated)
     return Pace(step, unsure, 0.0, stamps, gaps)
-
-
-def _missing_before(gaps: IntArray, missing: FloatArray, count: int) -> FloatArray:
-    """Samples that are missing before each sample but the first."""
-    each = np.zeros(count)
-    each[gaps] = missing
-    return np.asarray(np.cumsum(each))
 
 
 def _coarse(stamps: FloatArray, steps: FloatArray, rounding: float, stated: float | None) -> Pace | None:
@@ -164,11 +166,7 @@ def _numbered(
     Between two changes of the stamp they may lie anywhere: some are told at both ends, so that no part between gaps
     holds them.
 
-    Args:
-        places (n_change,): Samples at which the stamp changes.
-        n_sample: Samples of the log.
-        lost: Change before which samples are missing, and how many.
-        repeats: Whether several samples share a stamp.
+    `places` (n_change,) are the samples at which the stamp changes, `lost` the change before each loss and its size.
     """
     whole, gaps = np.arange(float(n_sample)), set()
     for place, count in lost:
@@ -181,7 +179,6 @@ def _numbered(
 
 
 def _losses(at: FloatArray, values: FloatArray, rounding: float) -> list[tuple[int, int]]:
-    """Places before which samples are missing where stamps change, and how many."""
     step, span = _agreed(at, values, rounding)
     beside = values - step * at
     length = int(np.clip(span // 2, 1, _LONGEST))

@@ -80,13 +80,10 @@ class Repetition:
 def measure_repetition(signal: FloatArray, stated: int, lines: IntArray) -> Repetition:
     """Measures the shortest period of a signal, whatever was stated.
 
-    Shifts at which the signal is most like itself are its periods; the farther of them give the period to a fraction
-    of a sample.
+    Shifts at which the signal is most like itself are its periods; the farther of them give the period to a fraction of
+    a sample.
 
-    Args:
-        signal (n_sample,): The signal.
-        stated: The period that it is said to have [samples].
-        lines (n_lines,): Lines of that period that are said to be excited.
+    `lines` (n_lines,) of the stated period [samples] are said to be excited in the signal (n_sample,).
     """
     # Slow drift is told from the excitation only where the first lines are left out.
     low = lines.min() / stated if lines.min() > _DRIFT_LINES else 0.0
@@ -163,12 +160,7 @@ def _refine(signal: FloatArray, period: float, count: int) -> tuple[float, float
 
 
 def measure_share(periods: FloatArray, lines: IntArray) -> tuple[float, IntArray]:
-    """Returns the stated lines' share of the averaged period's energy, and the lines that really carry it.
-
-    Args:
-        periods (n_period, n_sample): The signal.
-        lines (n_lines,): Stated lines.
-    """
+    """Returns the share of lines (n_lines,) of the mean period's energy (n_period, n_sample), and which carry it."""
     mean, _ = line_power(periods)
     mean[0] = 0
     carrying = np.flatnonzero(mean > 1e-2 * np.sort(mean)[-max(len(lines) // 2, 1)])
@@ -242,10 +234,7 @@ def band_of(first: float, last: float, period_s: float) -> tuple[float, float]:
 def check_lines(where: str, blocks: FloatArray, lines: IntArray) -> list[DataError]:
     """Refuses stated lines of which hardly any carries the excitation; single weak ones are left to the estimate.
 
-    Args:
-        where: File and variable.
-        blocks (n_period, n_sample): The input's periods; nothing is checked when there is none.
-        lines (n_freq,): Lines that were said to be excited.
+    `blocks` (n_period, n_sample) are the input's periods; nothing is checked where there is none.
     """
     if not len(blocks):
         return []

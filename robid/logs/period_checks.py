@@ -29,15 +29,8 @@ def check_period(
     Period and clock are judged together, so that what is advised for one does not spoil the other. Lost samples are no
     other period: they are named where they are used. Then the excited lines are checked.
 
-    Args:
-        where: File and variable.
-        steady (n_sample,): The channel without its dropped periods.
-        stated: What was said.
-        clock: The log's own time, if it has one.
-        part: Which part of the log the channel is; its first periods from sample 0 on when not given.
-
-    Returns:
-        Problems and notes.
+    `steady` (n_sample,) is the channel without its dropped periods; `part` says which part of the log, its first
+    periods by default. Returns problems and notes.
     """
     part = Part() if part is None else part
     used = part.used(len(steady), stated)
@@ -71,7 +64,6 @@ def _across_gaps(where: str, steady: FloatArray, stated: Stated, clock: Clock, g
 def _check_whole(
     where: str, steady: FloatArray, stated: Stated, clock: Clock | None
 ) -> tuple[list[DataError], list[str]]:
-    """Checks a channel that lost no sample."""
     found = measure_repetition(steady, stated.samples, stated.lines)
     notes = [] if found.reachable else ["The log holds one period: its length could not be checked by repetition."]
     if found.samples is None and found.reachable:
@@ -104,9 +96,7 @@ def _shares_no_clock(found: Repetition, stated: Stated) -> bool:
 def _two_clocks(where: str, stated: Stated, found: Repetition) -> DataError:
     length = (found.samples or 0.0) * found.multiple(stated.samples)
     what = f"D099 Its period is {length:.4f} samples, not a whole number: generator and log have different clocks."
-    remedy = (
-        f"Set resample to period, which makes {stated.samples} samples of a period that lasts {stated.period_s:.9g} s."
-    )
+    remedy = f"Set resample to period, which makes {stated.samples} samples of a period of {stated.period_s:.9g} s."
     return DataError(what, where=where, remedy=remedy)
 
 
@@ -120,9 +110,8 @@ def _other_clock(where: str, steady: FloatArray, stated: Stated, clock: Clock, f
     if abs(lasts / stated.period_s - 1) < max(_WHOLE, 0.5 * step / stated.period_s):
         return DataError(f"D101 {clock.told}.", where=clock.where, remedy=_same_period(stated, clock))
     what = (
-        f"D102 {clock.told}; and {where.partition('variable ')[2] or 'it'} repeats every {real} samples ({lasts:.9g} "
-        "s), not"
-        f" every {stated.samples} ({stated.period_s:.9g} s)."
+        f"D102 {clock.told}; and {where.partition('variable ')[2] or 'it'} repeats every {real} samples ({lasts:.9g}"
+        f" s), not every {stated.samples} ({stated.period_s:.9g} s)."
     )
     changed = {"sampling_period_s": _number(step), **_period_settings(steady, stated, real, step)}
     # Once the clock is right, a fraction of a sample would be the next message's reason.

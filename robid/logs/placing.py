@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
+from robid.logs.clocks import Log
 from robid.logs.losses import Part
 from robid.logs.mapping import LogMapping, Stated
 from robid.logs.period import measure_repetition
 from robid.logs.period_checks import check_period
-from robid.logs.timing import Clock, check_count
+from robid.logs.timing import check_count
 from robid.signals.log_channels import LogChannel
 
 ALIKE = 0.9
@@ -142,13 +141,7 @@ def correlation(logged: FloatArray, period: FloatArray) -> FloatArray:
 
 
 def explain_mismatch(logged: FloatArray, played: PlayedExcitation, names: tuple[str, ...]) -> tuple[str, str]:
-    """Says what a log holds instead of the expected period, and what to do.
-
-    Args:
-        logged (n_log, n_motor): Logged references.
-        played: The excitation.
-        names: Names of the motors.
-    """
+    """Says what logged references (n_log, n_motor) hold instead of the expected period, and what to do."""
     n_real, n_exp = played.reference.shape[:2]
     each = correlation(logged, played.expected)
     at = int(np.argmax(np.abs(each).mean(axis=1)))
@@ -176,16 +169,7 @@ def explain_mismatch(logged: FloatArray, played: PlayedExcitation, names: tuple[
 
 
 def check_size(gain: FloatArray, names: tuple[str, ...], rms: FloatArray) -> tuple[list[str], list[str]]:
-    """Compares the size of the logged references with the excitation's.
-
-    Args:
-        gain (n_motor,): Logged over designed size.
-        names: Names of the motors.
-        rms (n_motor,): RMS of the excitation, in its unit.
-
-    Returns:
-        Problems and notes, one phrase for each motor.
-    """
+    """Finds problems and notes of the sizes (n_motor,) of references over the excitation's, whose RMS is (n_motor,)."""
     problems, notes = [], []
     for name, value, size in zip(names, gain.tolist(), rms.tolist(), strict=True):
         if abs(value - 1) > _SIZE_TOLERANCE:
@@ -200,49 +184,16 @@ def check_size(gain: FloatArray, names: tuple[str, ...], rms: FloatArray) -> tup
 _STILL = 1e-3  # distance from its last sample, relative to its span, within which a reference rests
 
 
-@dataclass(frozen=True)
-class Log:
-    """The columns of a log, and its own time where it has one that can be read.
-
-    Attributes:
-        columns: The columns, all of one clock.
-        clock: The log's own time.
-        slow: The variable with the longest sampling period of those that were brought to a shorter one; empty for none.
-        slow_s: That sampling period [s].
-        ends: What ends before the others, and when; empty for nothing.
-    """
-
-    columns: dict[str, NDArray[Any]]
-    clock: Clock | None
-    slow: str = ""
-    slow_s: float = 0.0
-    ends: str = ""
-
-    @property
-    def n_sample(self) -> int:
-        """Samples of the shortest column."""
-        return min((len(column) for column in self.columns.values()), default=0)
-
-
 def check_band(mapping: LogMapping, log: Log, frequencies_hz: FloatArray) -> list[DataError]:
-    """Refuses lines of which a channel that was sampled more slowly than the others tells nothing.
-
-    Args:
-        mapping: The log mapping.
-        log: The log.
-        frequencies_hz (n_freq,): The lines [Hz].
-    """
+    """Refuses lines [Hz] of which a channel that was sampled more slowly than the others tells nothing."""
     if not log.slow or frequencies_hz.max(initial=0.0) < 0.5 / log.slow_s:
         return []
     below = frequencies_hz[frequencies_hz < 0.5 / log.slow_s]
     what = (
-        f"D105 `{log.slow}` was sampled every {log.slow_s:.6g} s: it shows nothing above {0.5 / log.slow_s:.6g} Hz, "
-        "and the"
-        f" lines go up to {frequencies_hz.max():.6g} Hz."
+        f"D105 `{log.slow}` was sampled every {log.slow_s:.6g} s: it shows nothing above {0.5 / log.slow_s:.6g} Hz, and"
+        f" the lines go up to {frequencies_hz.max():.6g} Hz."
     )
-    remedy = (
-        f"Set excitation.high_hz to {below.max():.6g}, or leave out the lines above." if len(below) else "Log faster."
-    )
+    remedy = f"Set excitation.high_hz to {below.max():.6g}, or leave out lines above." if len(below) else "Log faster."
     return [DataError(what, where=str(mapping.file), remedy=remedy)]
 
 
@@ -267,21 +218,15 @@ def place_periods(mapping: LogMapping, log: Log, stated: Stated) -> tuple[int, l
     if mapping.take == "last":
         start = max(log.n_sample - stated.periods * stated.samples, 0)
     part = Part(0 if problems else start, mapping.take == "last")
-    stop = None if problems else _next_gap(log, start + stated.periods * stated.samples)
+    gaps = np.zeros(0, int) if problems or log.clock is None else log.clock.gaps
+    # What comes after the first gap at or behind the end of what is used need not fit it.
+    stop = next((int(gap) + 1 for gap in gaps if gap >= start + stated.periods * stated.samples - 1), None)
     strongest = strongest_channel(mapping, log, mapping.inputs, part.start, stop)
     if strongest is None:
         return start, problems, []
     found, notes = check_period(*strongest, stated, log.clock, part)
     # A wrong period is why a log holds too few of it.
     return start, found or problems, notes
-
-
-def _next_gap(log: Log, used: int) -> int | None:
-    """Where the first gap at or after the end of what is used begins: what comes later need not fit it."""
-    if log.clock is None:
-        return None
-    gaps = log.clock.gaps[log.clock.gaps >= used - 1]
-    return int(gaps[0]) + 1 if len(gaps) else None
 
 
 def match_periods(
@@ -326,14 +271,15 @@ def _sizes(mapping: LogMapping, match: Match, played: PlayedExcitation) -> tuple
 def _unmatched(
     mapping: LogMapping, logged: FloatArray, played: PlayedExcitation, stated: Stated, log: Log
 ) -> list[DataError]:
-    """Says why a log does not hold the periods that are needed."""
     names = tuple(channel.name for channel in mapping.references)
     where, n_sample = f"{mapping.file}: references", len(played.expected)
     match = find_periods(logged, played.expected)
     if match.count == 0:
         what, remedy = explain_mismatch(logged, played, names)
         return [DataError(what, where=where, remedy=remedy)]
-    steady = _playing(logged[match.start :, int(np.argmax(np.ptp(logged, axis=0)))])
+    steady = logged[match.start :, int(np.argmax(np.ptp(logged, axis=0)))]
+    moving = np.flatnonzero(np.abs(steady - steady[-1]) > _STILL * np.ptp(steady))
+    steady = steady[: moving[-1] + 2] if len(moving) else steady  # without the rest at its end
     # Where samples were lost on the way nothing repeats, and the count says more.
     if measure_repetition(steady, n_sample, stated.lines).samples is not None:
         problems, _ = check_period(where, steady, stated, log.clock, Part(match.start, matched=True))
@@ -342,9 +288,8 @@ def _unmatched(
     stop = match.start + match.count * n_sample
     what = (
         f"D107 The excitation is there from sample {match.start} to {stop}, {match.count} whole"
-        f" period{'' if match.count == 1 else 's'}, fewer than the"
-        f" {stated.dropped + stated.periods} that were said ({stated.dropped} dropped and {stated.periods} used)."
-        f"{log.ends and f' {log.ends}'}"
+        f" period{'' if match.count == 1 else 's'}, fewer than the {stated.dropped + stated.periods} that were said"
+        f" ({stated.dropped} dropped and {stated.periods} used).{log.ends and f' {log.ends}'}"
     )
     fewer = match.count - stated.dropped
     shorter = f"set periods to {fewer}" if fewer > 0 else "record longer"
@@ -352,9 +297,3 @@ def _unmatched(
     remedy = f"Look for lost samples {before}after sample {stop}, or {shorter}."
     # A wrong size would only come up once the count is right.
     return [DataError(what, where=where, remedy=remedy), *_sizes(mapping, match, played)[0]]
-
-
-def _playing(signal: FloatArray) -> FloatArray:
-    """A reference without the rest at its end."""
-    moving = np.flatnonzero(np.abs(signal - signal[-1]) > _STILL * np.ptp(signal))
-    return signal[: moving[-1] + 2] if len(moving) else signal

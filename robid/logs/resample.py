@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,8 +16,8 @@ from scipy.signal.windows import hann
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.logs.losses import Part, part_losses
-from robid.logs.mapping import LogMapping, Stated, set_all
-from robid.logs.pace import GAP
+from robid.logs.mapping import Columns, LogMapping, Stated, set_all
+from robid.logs.pace import GAP, longest_piece
 from robid.logs.period import measure_repetition
 from robid.logs.timing import ALONE, RESAMPLED_RATE, Clock, since_first
 
@@ -32,15 +32,11 @@ _COARSE = 2.0
 
 
 def resample_to_time(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], clock: Clock, period_s: float | None = None
+    mapping: LogMapping, columns: Columns, clock: Clock, period_s: float | None = None
 ) -> tuple[dict[str, NDArray[Any]], Clock, list[str]]:
     """Resamples all columns to the stated sampling period of the log's own time.
 
-    Args:
-        mapping: The log mapping.
-        columns: Columns of the log.
-        clock: Its time.
-        period_s: The stated period, which stays whole samples; None where nothing repeats [s].
+    A stated period [s] stays whole samples.
 
     Returns:
         The columns, their new time, and what to say about it.
@@ -71,7 +67,7 @@ def resample_to_time(
     return made, resampled, [_error_note(mapping, told, error)]
 
 
-def _bridged(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], clock: Clock) -> tuple[Clock, str]:
+def _bridged(mapping: LogMapping, columns: Columns, clock: Clock) -> tuple[Clock, str]:
     """The clock without the gaps across which its channels are followed, and what to say about these."""
     if not len(clock.gaps):
         return clock, ""
@@ -88,17 +84,9 @@ def _bridged(mapping: LogMapping, columns: Mapping[str, NDArray[Any]], clock: Cl
 
 
 def longest_bridged(time_s: FloatArray, channels: Sequence[FloatArray], step_s: float) -> float:
-    """Returns the longest time step across which a spline follows some channels [s].
-
-    Args:
-        time_s (n_sample,): Time of each sample [s].
-        channels: The channels (n_sample,).
-        step_s: Usual time step [s].
-    """
+    """Returns the longest step of a time (n_sample,) across which a spline follows some channels (n_sample,) [s]."""
     # What nothing bridges says nothing of the channels.
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(time_s) > _BRIDGES[0] * step_s) + 1, [len(time_s)]])
-    longest = int(np.argmax(np.diff(edges)))
-    part = slice(int(edges[longest]), int(edges[longest + 1]))
+    part = slice(*longest_piece(np.flatnonzero(np.diff(time_s) > _BRIDGES[0] * step_s), len(time_s)))
     if part.stop - part.start <= _UNEVEN_DEGREE:
         return step_s
     even = np.arange(time_s[part][0], time_s[part][-1], step_s)
@@ -111,15 +99,11 @@ def longest_bridged(time_s: FloatArray, channels: Sequence[FloatArray], step_s: 
 
 
 def resample_to_period(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], steady: FloatArray, stated: Stated
+    mapping: LogMapping, columns: Columns, steady: FloatArray, stated: Stated
 ) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """Resamples all columns so that the measured period of an excited channel has its stated number of samples.
 
-    Args:
-        mapping: The log mapping.
-        columns: Columns of the log.
-        steady (n_sample,): The excited channel without its dropped periods.
-        stated: What was said of the period.
+    `steady` (n_sample,) is that channel without its dropped periods.
 
     Returns:
         The columns, and what to say about it; unchanged where the period cannot be measured, is too far from the
@@ -170,7 +154,7 @@ def interpolation_error(values: FloatArray, degree: int = _DEGREE, step: float =
 
 def _interpolated(
     mapping: LogMapping,
-    columns: Mapping[str, NDArray[Any]],
+    columns: Columns,
     have: FloatArray,
     wanted: FloatArray,
     degree: int = _DEGREE,
@@ -222,12 +206,8 @@ _MARGIN = 0.4  # share of a time step by which the limits of a part may lie beyo
 _FEWEST = 8  # samples from which a piece is worth naming
 
 
-def chosen_part(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> slice:
+def chosen_part(mapping: LogMapping, columns: Columns) -> slice:
     """Returns the samples from `from_s` to `to_s`, all of them where neither is stated.
-
-    Args:
-        mapping: The log mapping.
-        columns: Columns of the log, as they were read.
 
     Raises:
         DataError: If hardly any sample lies there.
@@ -245,16 +225,8 @@ def chosen_part(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> sli
     raise DataError(what, where=str(mapping.file), remedy=f"State from_s and to_s within 0 and {time[-1]:.6g}.")
 
 
-def whole_piece(
-    mapping: LogMapping, columns: Mapping[str, NDArray[Any]], part: slice, stated: Stated | None = None
-) -> str:
+def whole_piece(mapping: LogMapping, columns: Columns, part: slice, stated: Stated | None = None) -> str:
     """Says what to set for the longest part of a log, within one, that has no gap and no missing value.
-
-    Args:
-        mapping: The log mapping.
-        columns: Columns of the log, as they were read.
-        part: The samples among which it is looked for.
-        stated: What was said of the period; None where nothing repeats.
 
     Returns:
         The remedy, with the periods that it then holds; empty where no part is long enough, or nothing is missing.
@@ -299,18 +271,12 @@ def _with_periods(ends: dict[str, str], n_sample: int, stated: Stated, *, from_s
 
 
 def limits_of(time: FloatArray, first: int, last: int) -> tuple[float, float]:
-    """Returns numbers with few digits between which, inclusive, the samples from one to another lie.
-
-    Args:
-        time (n_sample,): Time of each sample since the first [s].
-        first: The first sample that is meant.
-        last: The last one, after it.
-    """
+    """Returns numbers with few digits between which samples of a time (n_sample,) lie, from one to a later one [s]."""
     low = _between(time[first] - _MARGIN * (time[first + 1] - time[first]), time[first])
     return low, _between(time[last], time[last] + _MARGIN * (time[last] - time[last - 1]))
 
 
-def _seconds(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> FloatArray:
+def _seconds(mapping: LogMapping, columns: Columns) -> FloatArray:
     """Time of each sample since the first one: the log's own, filled where it is missing, or by the sampling period."""
     count = min((len(column) for column in columns.values()), default=0)
     index = np.arange(count)

@@ -51,10 +51,6 @@ def may_be_time(name: str, stamps: NDArray[Any]) -> bool:
     """Returns whether a variable that was looked for by its name may hold time stamps.
 
     One that is named by its place, a column's number or that of a matrix, has to advance: any may stand there.
-
-    Args:
-        name: The variable.
-        stamps: Its samples.
     """
     if stamps.dtype.kind not in "fiu" or stamps.ndim != 1 or len(stamps) < 2:
         return False
@@ -64,15 +60,9 @@ def may_be_time(name: str, stamps: NDArray[Any]) -> bool:
 def on_time_of_log(
     stamps: NDArray[Any], recorded: NDArray[Any] | None, time: NDArray[Any] | None
 ) -> NDArray[Any] | None:
-    """Returns a recorder's stamps of a variable as times of the log's own time, a variable with such stamps itself.
+    """Returns a recorder's stamps (n_sample,) of a variable as times of the log's own time (n_time,), in its unit.
 
-    Args:
-        stamps (n_sample,): The stamps.
-        recorded (n_time,): Those of the log's own time; None where it has none.
-        time (n_time,): The log's own time, in its unit.
-
-    Returns:
-        The times in that unit; None where both were not recorded so.
+    The log's own time has such stamps itself, `recorded` (n_time,); None where both were not recorded so.
     """
     if recorded is None or time is None or len(recorded) != len(time):
         return None
@@ -118,11 +108,7 @@ def apart_without_time(mapping: LogMapping) -> list[str]:
 
 
 def times_of_groups(names: Sequence[str]) -> list[str]:
-    """Returns the columns of a table that are times of the columns behind them, as `Time1` and `Time2`; else nothing.
-
-    Args:
-        names: The columns in their order.
-    """
+    """Returns the columns of a table that are times of those behind them, as `Time1` and `Time2`; else nothing."""
     stems: dict[str, list[str]] = {}
     for name in names:
         stem = _NUMBER.sub("", name).lower()
@@ -147,12 +133,7 @@ def is_table(path: Path, stated: LogFormat | None) -> bool:
 
 
 def unwrapped(values: NDArray[Any], wrap: float) -> tuple[FloatArray, int]:
-    """Samples without the jumps where numbers begin again, and how many of them there were.
-
-    Args:
-        values (n_sample,): The samples; those that are no numbers stay.
-        wrap: The range after which they begin again.
-    """
+    """Samples (n_sample,) without jumps by the range after which they begin again, and how many of these there were."""
     known = np.isfinite(values)
     found = values.astype(float)
     kept = found[known]
@@ -181,12 +162,7 @@ class NoSumError(Exception):
 
 @dataclass(frozen=True)
 class Sum:
-    """A weighted sum.
-
-    Attributes:
-        weights: Weight of each variable by its name.
-        constant: What is added.
-    """
+    """A weighted sum: the weight of each variable by its name, and what is added."""
 
     weights: dict[str, float] = field(default_factory=dict)
     constant: float = 0.0
@@ -211,10 +187,6 @@ def parse_sum(text: str, known: Collection[str]) -> Sum:
 
     A name is the longest of the log's that stands there, whatever it is made of; one in quotes is taken as it is. A
     number is a weight, unless it is a column's, has no factor but numbers, and is the last of them.
-
-    Args:
-        text: The sum.
-        known: The variables that the log has.
 
     Raises:
         NoSumError: If it is none.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,8 +10,8 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
-from robid.logs.mapping import LogMapping, Stated
-from robid.logs.pace import measure_pace
+from robid.logs.mapping import Columns, LogMapping, Stated
+from robid.logs.pace import longest_piece, measure_pace
 
 RESAMPLED_RATE = 0.05
 """Largest relative difference of two clocks that resampling bridges: it has no filter against aliases."""
@@ -72,9 +71,8 @@ class Clock:
     @property
     def told(self) -> str:
         """What to say where it is off."""
-        return (
-            f"The mean time step is {self.told_step_s:.9g} s, but a sampling period of {self.stated_s:g} s was stated"
-        )
+        step = f"{self.told_step_s:.9g} s"
+        return f"The mean time step is {step}, but a sampling period of {self.stated_s:g} s was stated"
 
     @property
     def usual_s(self) -> float:
@@ -89,21 +87,17 @@ class Clock:
 
 
 def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, list[DataError]]:
-    """Reads the time stamps of a log: unit, order and rate; a wrong rate alone is no problem here.
-
-    Args:
-        mapping: The log mapping, with a time channel.
-        stamps (n_sample,): The time in its unit.
-    """
+    """Reads the time stamps (n_sample,) of a log: unit, order and rate; a wrong rate alone is no problem here."""
     if mapping.time is None:
         return None, []
     where, stated = mapping.place(mapping.time.variable), mapping.sampling_period_s
     time = since_first(stamps) * mapping.time.to_seconds
     if np.ptp(time) == 0:
-        remedy = f"{_logged(mapping.time.variable)}, or leave out `time`."
-        return None, [
-            DataError(f"D121 Time does not advance: it is constant ({stamps[0]:g}).", where=where, remedy=remedy)
-        ]
+        # Messages have the time of their logging beside a stamp in their header that nobody set.
+        topic, stamp, _ = mapping.time.variable.partition(".header.stamp")
+        remedy = f"Set time.variable to {topic}.log_time" if stamp else "Correct time.variable"
+        what = f"D121 Time does not advance: it is constant ({stamps[0]:g})."
+        return None, [DataError(what, where=where, remedy=f"{remedy}, or leave out `time`.")]
     pace = measure_pace(time, stated)
     if pace is None:
         backward = np.flatnonzero(np.diff(time) <= 0)
@@ -113,26 +107,18 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
     usual = pace.step
     exponent = round(np.log10(usual / stated))
     if exponent and exponent % 3 == 0 and abs(usual / stated / 10.0**exponent - 1) < _FACTOR_OF_1000:
-        what = (
-            f"D123 The time unit is off by a factor of {10.0**exponent:g}: the steps are {usual:g} s, not {stated:g} s."
-        )
+        what = f"D123 The time unit is off by a factor of {10.0**exponent:g}: steps are {usual:g} s, not {stated:g} s."
         return None, [DataError(what, where=where, remedy=_unit_remedy(mapping, exponent))]
-    return Clock(
-        where, time, stated, pace.step, pace.gaps, unsure=min(pace.unsure, UNSURE), differs=mapping.differs
-    ), []
+    unsure = min(pace.unsure, UNSURE)
+    return Clock(where, time, stated, pace.step, pace.gaps, unsure=unsure, differs=mapping.differs), []
 
 
-def even_stamps(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> tuple[dict[str, NDArray[Any]], list[str]]:
+def even_stamps(mapping: LogMapping, columns: Columns) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """Puts the times of evenly spaced samples in the place of their stamps where these are only rounded.
 
     Where they are so coarse that they cannot tell the rate, the stated sampling period stands.
 
-    Args:
-        mapping: The log mapping.
-        columns: Columns of the log, as they were read.
-
-    Returns:
-        The columns, and what to say about it.
+    Returns the columns, and what to say about it.
     """
     if mapping.time is None or mapping.time.variable not in columns:
         return dict(columns), []
@@ -152,18 +138,8 @@ def even_stamps(mapping: LogMapping, columns: Mapping[str, NDArray[Any]]) -> tup
     return {**columns, name: pace.times}, [f"{told} {sure}"]
 
 
-def _logged(variable: str) -> str:
-    """What to take for a time that nobody set: messages have that of their logging beside the stamp in their header."""
-    topic, stamp, _ = variable.partition(".header.stamp")
-    return f"Set time.variable to {topic}.log_time" if stamp else "Correct time.variable"
-
-
 def since_first(stamps: NDArray[Any]) -> FloatArray:
-    """Time of each sample since the first one, in its unit: nanoseconds since 1970 have more digits than a float holds.
-
-    Args:
-        stamps (n_sample,): The time, numbers of any kind.
-    """
+    """Time (n_sample,) since the first one, in its unit: nanoseconds since 1970 have more digits than a float holds."""
     # Unsigned ones that go back would come out far ahead.
     exact = stamps.astype(np.int64) if stamps.dtype.kind in "iu" else stamps.astype(float)
     return np.asarray((exact - exact[0]).astype(float))
@@ -194,12 +170,7 @@ def check_steps(
 
     A gap between two periods loses whole periods only: what follows is checked to repeat what was before.
 
-    Args:
-        clock: The log's time.
-        used: The samples that are used.
-        stated: What was said of the period; None where nothing repeats.
-        counted: Whether the periods are counted from the log's first sample.
-        named: Whether gaps are named.
+    Periods are counted from the log's first sample where `counted`; gaps are named where `named`.
     """
     first, stop, _ = used.indices(len(clock.time_s))
     gaps = clock.gaps[(clock.gaps >= first) & (clock.gaps < stop - 1)]
@@ -224,12 +195,11 @@ def _gaps(clock: Clock, gaps: IntArray, steps: FloatArray, stated: Stated | None
         f"D126 {len(gaps)} gap{'s' if len(gaps) > 1 else ''}, about {missing} missing samples; the first after sample"
         f" {clock.first + gaps[0]}: {steps[gaps[0]]:.6g} s instead of {clock.usual_s:g} s."
     )
-    edges = np.concatenate([[0], clock.gaps + 1, [len(clock.time_s)]])
-    longest = int(np.argmax(np.diff(edges)))
     remedy = clock.whole or "Record again, or cut the log to a part without a gap."
     if stated is not None:
-        dropped = max(-(-int(edges[longest]) // stated.samples), stated.dropped)
-        whole = int(edges[longest + 1]) // stated.samples - dropped
+        begin, end = longest_piece(clock.gaps, len(clock.time_s))
+        dropped = max(-(-begin // stated.samples), stated.dropped)
+        whole = end // stated.samples - dropped
         if whole > 0:
             remedy = f"Set drop_periods to {dropped} and periods to {whole}: the longest part without a gap."
     return DataError(what, where=f"{clock.where}, sample {clock.first + gaps[0]}", remedy=remedy)
@@ -245,14 +215,12 @@ def check_count(
         return []
     fewer = int(held) - mapping.drop_periods
     remedy = f"Set periods to {fewer} at most" if fewer > 0 else "Record longer"
-    return [
-        DataError(
-            f"D127 It holds {held:.4g} periods of {samples_per_period} samples, fewer than the {wanted} that were said"
-            f" ({mapping.drop_periods} dropped and {periods} used).{ends and f' {ends}'}",
-            where=f"{mapping.file}: {n_sample} samples",
-            remedy=f"{remedy}, or correct the period.",
-        )
-    ]
+    what = (
+        f"D127 It holds {held:.4g} periods of {samples_per_period} samples, fewer than the {wanted} that were said"
+        f" ({mapping.drop_periods} dropped and {periods} used).{ends and f' {ends}'}"
+    )
+    where = f"{mapping.file}: {n_sample} samples"
+    return [DataError(what, where=where, remedy=f"{remedy}, or correct the period.")]
 
 
 def check_segment(mapping: LogMapping, n_sample: int, segment_samples: int) -> list[DataError]:

@@ -6,7 +6,9 @@ import os
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import BaseModel, ConfigDict, StringConstraints
+
+from robid.arrays import option
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 DATA_VARIABLE = "${ROBID_DATA}"
@@ -25,12 +27,7 @@ class Section(BaseModel):
 
 
 def data_path(name: str, folder: Path) -> Path:
-    """Returns the path of a file that lies in the data folder or beside a settings file.
-
-    Args:
-        name: As written; `${ROBID_DATA}` at its start stands for the data folder.
-        folder: Folder of the settings file, for other paths.
-    """
+    """Returns the path of a file beside a settings file, or in the data folder for `${ROBID_DATA}` at its start."""
     if name.startswith(DATA_VARIABLE):
         return Path(os.environ.get("ROBID_DATA") or DATA_DEFAULT) / name.removeprefix(DATA_VARIABLE).lstrip("/")
     return folder / name
@@ -39,6 +36,4 @@ def data_path(name: str, folder: Path) -> Path:
 class Assumed(Section):
     """A section some of whose values no source gives."""
 
-    assumed: tuple[str, ...] = Field(
-        default=(), description="Dotted names, within this section, of the values that no source gives."
-    )
+    assumed: tuple[str, ...] = option((), "Dotted names, within this section, of the values that no source gives.")

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, Union
 import pydantic.dataclasses
 from pydantic import ConfigDict, Field, create_model, model_validator
 
+from robid.arrays import group, option
 from robid.design.configurations.options import CostOptions, DesignOptions, InformationOptions
 from robid.design.excitation.options import (
     ArbitraryOptions,
@@ -47,37 +48,34 @@ class RandomConfigurations(Section):
     """Robot configurations drawn uniformly within the joint limits; what is out of reach is drawn again."""
 
     count: int = Field(description="Number of configurations.", ge=1)
-    seed: int = Field(default=1, description="Seed of the draw.", ge=0)
-    margin_deg: float = Field(default=10.0, description="Distance kept from the joint limits [deg].", ge=0)
-    margin_m: float = Field(default=0.05, description="The same of prismatic joints [m].", ge=0)
+    seed: int = option(1, "Seed of the draw.", ge=0)
+    margin_deg: float = option(10.0, "Distance kept from the joint limits [deg].", ge=0)
+    margin_m: float = option(0.05, "The same of prismatic joints [m].", ge=0)
 
 
 class Configurations(OneKey):
     """The robot configurations of a campaign; exactly one of the keys."""
 
-    list_deg: Rows | None = Field(default=None, description="Joint angles, one row per configuration [deg].")
+    list_deg: Rows | None = option(None, "Joint angles, one row per configuration [deg].")
     positions: Rows | None = Field(
         default=None,
         alias="list",
         description="In place of `list_deg` where joints are prismatic: angles [deg] and positions [m].",
     )
-    random: RandomConfigurations | None = Field(default=None, description="Drawn within the joint limits.")
-    grid_deg: Rows | None = Field(
-        default=None, description="Angles of each joint, one row per joint; every combination is measured [deg]."
+    random: RandomConfigurations | None = option(None, "Drawn within the joint limits.")
+    grid_deg: Rows | None = option(
+        None, "Angles of each joint, one row per joint; every combination is measured [deg]."
     )
-    grid: Rows | None = Field(
-        default=None, description="In place of `grid_deg` where joints are prismatic: angles [deg] and positions [m]."
+    grid: Rows | None = option(
+        None, "In place of `grid_deg` where joints are prismatic: angles [deg] and positions [m]."
     )
     chosen_by: Name | Annotated[tuple[Name, ...], Field(min_length=1)] | None = Field(
         default=None, alias="from", description="Name of the design that chooses them, or of several in a row."
     )
-    mirror: Name | None = Field(
-        default=None,
-        description="Name of a design whose choice is mirrored at the vertical plane through the world's x axis.",
+    mirror: Name | None = option(
+        None, "Name of a design whose choice is mirrored at the vertical plane through the world's x axis."
     )
-    join: tuple[Configurations, ...] | None = Field(
-        default=None, description="Several such sections in a row.", min_length=1
-    )
+    join: tuple[Configurations, ...] | None = option(None, "Several such sections in a row.", min_length=1)
 
     @property
     def key(self) -> str:
@@ -107,41 +105,32 @@ class Configurations(OneKey):
 class Source(OneKey):
     """Where a campaign's record comes from; exactly one of the keys."""
 
-    simulate: SimulateSettings | None = Field(default=None, description="Simulated in closed loop.")
-    acquire: Acquire | None = Field(default=None, description="Imported from a log.")
+    simulate: SimulateSettings | None = option(None, "Simulated in closed loop.")
+    acquire: Acquire | None = option(None, "Imported from a log.")
 
 
 class Campaign(Section):
     """One set of experiments in one set of robot configurations."""
 
-    configurations: Configurations | None = Field(
-        default=None, description="The robot configurations; logs of one shot need none."
-    )
-    payload_kg: float | None = Field(
-        default=None, description="Payload mass; the robot file's when not given [kg].", ge=0
-    )
-    excitation: ExcitationSettings = Field(
-        default_factory=MultisineOptions, description="What the motors are told to do."
-    )
-    realizations: int = Field(default=1, description="Blocks of experiments with new random phases.", ge=1)
-    experiments: int | None = Field(
-        default=None,
-        description="Experiments of each block; as many as motors when not given. Fewer need `estimate.estimator:"
+    configurations: Configurations | None = option(None, "The robot configurations; logs of one shot need none.")
+    payload_kg: float | None = option(None, "Payload mass; the robot file's when not given [kg].", ge=0)
+    excitation: ExcitationSettings = group(MultisineOptions, "What the motors are told to do.")
+    realizations: int = option(1, "Blocks of experiments with new random phases.", ge=1)
+    experiments: int | None = option(
+        None,
+        "Experiments of each block; as many as motors when not given. Fewer need `estimate.estimator:"
         " local_periodic` and dense linear lines. On the simulated KR300 (195 odd lines, noise, no friction) the"
         " diagonal's error stays within 1.5x of the full block's with 2 of 6 experiments and `local_denominator: 2`;"
         " with 3 and a polynomial in a single realization; with 4 realizations, with 1, `local_order: 4` and"
         " `local_denominator: 2`. Logs of one shot have one unless given.",
         ge=1,
     )
-    periods: int = Field(default=2, description="Recorded periods of each experiment.", ge=1)
-    outputs: tuple[str, ...] = Field(
-        default=("motors",),
-        description="What a simulation records: `motors` first, then `<joint>.arm` and the robot's `sensors`.",
+    periods: int = option(2, "Recorded periods of each experiment.", ge=1)
+    outputs: tuple[str, ...] = option(
+        ("motors",), "What a simulation records: `motors` first, then `<joint>.arm` and the robot's `sensors`."
     )
-    source: Source | None = Field(default=None, description="Where the record comes from; none if never measured.")
-    estimate: EstimateOptions = Field(
-        default_factory=EstimateOptions, description="How the record becomes a frequency response."
-    )
+    source: Source | None = option(None, "Where the record comes from; none if never measured.")
+    estimate: EstimateOptions = group(EstimateOptions, "How the record becomes a frequency response.")
 
     @property
     def designs(self) -> tuple[str, ...]:
@@ -198,42 +187,25 @@ class Campaign(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _arbitrary_signals_are_read_locally(cls, values: Any) -> Any:  # noqa: ANN401
-        """Estimates arbitrary signals by `local` unless told otherwise: no other estimator reads them."""
-        if not isinstance(values, Mapping) or _signal(values.get("excitation")) != "arbitrary":
-            return values
-        estimate = values.get("estimate", {})
-        if not isinstance(estimate, Mapping) or "estimator" in estimate:
-            return values
-        return {**values, "estimate": {**estimate, "estimator": "local"}}
+    def _estimate_follows_signal(cls, values: Any) -> Any:  # noqa: ANN401
+        """Chooses what is not told of the estimate.
 
-    @model_validator(mode="before")
-    @classmethod
-    def _poses_have_no_friction(cls, values: Any) -> Any:  # noqa: ANN401
-        """Compensates pose commands by `none` unless told otherwise: they are no torques."""
-        if not isinstance(values, Mapping) or _signal(values.get("excitation")) != "pose_chirp":
+        Only `local` reads arbitrary signals; pose commands are no torques, of which friction could be subtracted; logs
+        are compensated by `auto`, as nobody knows their friction's form beforehand.
+        """
+        estimate = values.get("estimate", {}) if isinstance(values, Mapping) else None
+        if not isinstance(estimate, Mapping):
             return values
-        estimate = values.get("estimate", {})
-        if not isinstance(estimate, Mapping) or "compensation" in estimate:
-            return values
-        return {**values, "estimate": {**estimate, "compensation": "none"}}
-
-    @model_validator(mode="before")
-    @classmethod
-    def _logs_look_at_their_silent_lines(cls, values: Any) -> Any:  # noqa: ANN401
-        """Compensates logs by `auto` unless told otherwise: nobody knows their friction's form beforehand."""
-        if not isinstance(values, Mapping) or not isinstance(values.get("source"), Mapping):
-            return values
-        estimate = values.get("estimate", {})
-        if _signal(values.get("excitation")) == "pose_chirp":
-            return values
-        if "acquire" not in values["source"] or not isinstance(estimate, Mapping) or "compensation" in estimate:
-            return values
-        return {**values, "estimate": {**estimate, "compensation": "auto"}}
+        signal, source = _signal(values.get("excitation")), values.get("source")
+        usual = {"estimator": "local"} if signal == "arbitrary" else {}
+        if signal == "pose_chirp":
+            usual["compensation"] = "none"
+        elif isinstance(source, Mapping) and "acquire" in source:
+            usual["compensation"] = "auto"
+        return {**values, "estimate": {**usual, **estimate}} if usual.keys() - estimate.keys() else values
 
 
 def _signal(excitation: Any) -> str | None:  # noqa: ANN401
-    """Which signal a section states, read or not yet read."""
     if isinstance(excitation, PoseChirpOptions | ArbitraryOptions):
         return excitation.signal
     return excitation.get("signal") if isinstance(excitation, Mapping) else None
@@ -244,19 +216,19 @@ class Design(CostOptions, InformationOptions, DesignOptions):
     """A choice of robot configurations among those of a campaign."""
 
     campaign: Name = Field(description="Name of the campaign with the configurations to choose from.")
-    prior: Name | None = Field(
-        default=None,
-        description="Name of an earlier fit: what it knows counts beforehand, and its estimates take the place of the"
+    prior: Name | None = option(
+        None,
+        "Name of an earlier fit: what it knows counts beforehand, and its estimates take the place of the"
         " robot file's values. The configuration that adds most to it comes first.",
     )
-    between: Name | None = Field(
-        default=None,
-        description="Name of an earlier fit, of four configurations or more: how far parameters differed between those"
+    between: Name | None = option(
+        None,
+        "Name of an earlier fit, of four configurations or more: how far parameters differed between those"
         " takes the place of `between_relative_std`.",
     )
-    fit: Name | None = Field(
-        default=None,
-        description="Name of the fit that the choice is for, with `weights: {mean: fit}`: its estimator and weights"
+    fit: Name | None = option(
+        None,
+        "Name of the fit that the choice is for, with `weights: {mean: fit}`: its estimator and weights"
         " take the place of user weights with the design's `off_diagonal` and `low_cut_hz`.",
     )
 
@@ -272,20 +244,17 @@ class Design(CostOptions, InformationOptions, DesignOptions):
 class Execution(Section):
     """How the experiment is computed; nothing here changes a result."""
 
-    backend: Literal["serial", "processes", "dask"] = Field(
-        default="processes", description="How tasks are mapped to cores; `dask` needs the extra of that name."
+    backend: Literal["serial", "processes", "dask"] = option(
+        "processes", "How tasks are mapped to cores; `dask` needs the extra of that name."
     )
-    workers: int | None = Field(
-        default=None, description="Number of processes; all cores when not given. A scheduler has its own.", ge=1
-    )
-    scheduler: str | None = Field(
-        default=None,
-        description="Address of a Dask scheduler, as in tcp://10.0.0.1:8786, for `backend: dask`; a local cluster when"
-        " not given.",
+    workers: int | None = option(None, "Number of processes; all cores when not given. A scheduler has its own.", ge=1)
+    scheduler: str | None = option(
+        None,
+        "Address of a Dask scheduler, as in tcp://10.0.0.1:8786, for `backend: dask`; a local cluster when not given.",
         min_length=1,
     )
-    log_level: Literal["info", "warning"] = Field(
-        default="info", description="What is told while it runs: progress, messages and warnings, or warnings alone."
+    log_level: Literal["info", "warning"] = option(
+        "info", "What is told while it runs: progress, messages and warnings, or warnings alone."
     )
 
 
@@ -294,26 +263,21 @@ class Experiment(Section):
 
     schema_version: Literal[1] = Field(description="Version of this format.")
     name: Name = Field(description="Name of the experiment and of its run folder.")
-    robot: str | None = Field(
-        default=None,
-        description="The robot file, relative to this file. Logs alone need none where no fit asks for the inside of"
+    robot: str | None = option(
+        None,
+        "The robot file, relative to this file. Logs alone need none where no fit asks for the inside of"
         " the robot: names of channels are then free.",
         min_length=1,
     )
     campaigns: dict[Name, Campaign] = Field(description="Campaigns by name.", min_length=1)
-    designs: dict[Name, Design] = Field(default_factory=dict, description="Choices of configurations by name.")
-    fits: dict[Name, FitSettings] = Field(default_factory=dict, description="Fits by name.")
-    study: Any = Field(default=None, description="What `robid study` does beyond the campaigns and fits.")
-    execution: Execution = Field(default_factory=Execution, description="How it is computed.")
+    designs: dict[Name, Design] = group(dict, "Choices of configurations by name.")
+    fits: dict[Name, FitSettings] = group(dict, "Fits by name.")
+    study: Any = option(None, "What `robid study` does beyond the campaigns and fits.")
+    execution: Execution = group(Execution, "How it is computed.")
 
 
 def experiment_type(families: Families, study: Any = Any) -> type[Experiment]:  # noqa: ANN401
-    """Returns the type of an experiment file whose fits are of these families.
-
-    Args:
-        families: The families by name.
-        study: Type of the study; anything by default, as only `robid study` knows studies.
-    """
+    """Returns the type of an experiment file of these families of fits, and of the study that `robid study` knows."""
     return _experiment_type(tuple(imported(family.settings) for family in families.values()), study)
 
 

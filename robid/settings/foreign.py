@@ -17,7 +17,7 @@ from robid.settings.foreign_motion import Motion, motion_faults, motion_notes, m
 from robid.settings.joint_sections import CounterbalanceSection, Frame
 from robid.settings.problems import Found, SettingsProblem, problem_at, suggest
 from robid.settings.robot import LoopLinkSection, RobotFile
-from robid.settings.robot_sections import JointSection, MotorSection, SpringSection, moved
+from robid.settings.robot_sections import JointSection, MotorSection, moved
 from robid.settings.robot_values import body_section
 from robid.settings.yaml import Document
 
@@ -27,12 +27,9 @@ _LEAST_GRAVITY, _MOST_GRAVITY = 9.7, 9.9
 
 @dataclass(frozen=True)
 class Completed:
-    """A robot file with what its model brings, and what is wrong with the two together.
+    """A robot file with what its model brings, or as it is where that is of no use, and what is wrong with the two.
 
-    Attributes:
-        robot: The completed file, or the file as it is where the model cannot be read or used.
-        problems: What is wrong.
-        immobile: Joints of the model that do not move, with the reason.
+    The joints of the model that do not move have a reason.
     """
 
     robot: RobotFile
@@ -129,13 +126,8 @@ def _units(robot: RobotFile, model: ForeignModel) -> Found:
     ranges = {name: joint.range for name, joint in found.items() if model.compiled.jnt_limited[joint.id]}
     widest = max((float(np.abs(limits).max()) for limits in ranges.values()), default=0.0)
     if model.in_degrees and len(ranges) > 1 and np.rad2deg(widest) <= _MOST_RADIANS:
-        told = (
-            f"no limit of a hinge in `{model.name}` is beyond {np.rad2deg(widest):.4g} deg, as where radians are read"
-        )
-        yield (
-            ("model",),
-            f'S314 {told} as degrees: write `<compiler angle="radian"/>` in it, or limits in `limits_deg` here',
-        )
+        told = f"no limit of a hinge in `{model.name}` is beyond {np.rad2deg(widest):.4g} deg, as where radians are"
+        yield ("model",), f'S314 {told} read as degrees: write `<compiler angle="radian"/>` in it, or `limits_deg` here'
     for name, limits in ranges.items():
         if np.abs(limits).max() > _MOST_TURNS * 2 * np.pi:
             shown = " to ".join(f"{limit:.4g}" for limit in limits)
@@ -162,10 +154,8 @@ def _links(robot: RobotFile, model: ForeignModel, motion: Motion) -> Found:
             yield ("model",), f"S316 link `{names[0]}` of `{model.name}`: it has a mass but no inertia"
     if massless:
         named = ", ".join(f"`{link}`" for link in massless)
-        yield (
-            ("model",),
-            f"S317 links without an `inertial` in `{model.name}`: {named}; a dynamic model needs their masses",
-        )
+        message = f"S317 links without an `inertial` in `{model.name}`: {named}; a dynamic model needs their masses"
+        yield ("model",), message
 
 
 def _gravity(robot: RobotFile, model: ForeignModel) -> Found:
@@ -190,7 +180,6 @@ def _gravity(robot: RobotFile, model: ForeignModel) -> Found:
 
 
 def _with_motion(robot: RobotFile, model: ForeignModel, motion: Motion) -> RobotFile:
-    """Writes down what the model says of gravity and of joints that are held."""
     held = {name: value for name, value in motion.held.items() if name not in robot.held}
     turned = {name: float(np.rad2deg(value)) for name, value in held.items() if name in model.hinges}
     slid = {name: value for name, value in held.items() if name in model.slides}
@@ -214,7 +203,9 @@ def _merge(
     springs = []
     for spring in robot.springs:
         update: dict[str, Any] = {}
-        position, rotation = _frame_of(spring, bodies, (held, turned))
+        # The frame that it is given in, in its joint's frame; the base's is the world's own.
+        frame = bodies.get(spring.joint or "", (np.zeros(3), np.eye(3)))
+        position, rotation = (held, turned) if spring.place == "payload" else frame
         if spring.axis is not None:
             update["axis"] = tuple((rotation @ spring.axis).tolist())
         if spring.point_m is not None or spring.place == "payload":
@@ -236,15 +227,6 @@ def _merge(
     update["loop_links"] = tuple(_loop_link(link, bodies) for link in robot.loop_links)
     update["notes"] = (*robot.notes, *model.notes)
     return robot.model_copy(update=update)
-
-
-def _frame_of(
-    spring: SpringSection, bodies: dict[str, tuple[FloatArray, FloatArray]], flange: tuple[FloatArray, FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """Returns the frame that a spring is given in, in its joint's frame; the base's is the world's own."""
-    if spring.place == "payload":
-        return flange
-    return bodies.get(spring.joint or "", (np.zeros(3), np.eye(3)))
 
 
 def _joint(section: JointSection, found: ForeignJoint, model: ForeignModel) -> JointSection:

@@ -132,10 +132,8 @@ def _held_faults(robot: RobotFile, model: ForeignModel, motion: Motion) -> Found
         for name in getattr(robot, key):
             if name in model.driven and name not in names:
                 kind = "hinge" if name in model.hinges else "slide"
-                yield (
-                    (key, name),
-                    f"S321 joint `{name}` of `{model.name}` is a {kind}: write it under `{_LOCKED[kind]}`",
-                )
+                message = f"S321 joint `{name}` of `{model.name}` is a {kind}: write it under `{_LOCKED[kind]}`"
+                yield (key, name), message
             elif name not in names:
                 yield (key, name), f"S322 `{model.name}` has no joint `{name}`; {suggest(name, names)}"
             else:
@@ -172,19 +170,16 @@ def _led_faults(model: ForeignModel, motion: Motion) -> Found:
     led = [tie.follower for tie in motion.led]
     for tie in sorted(motion.led, key=lambda tie: int(model.compiled.joint(tie.follower).bodyid[0])):
         told = f"joint `{tie.follower}` of `{model.name}` follows `{tie.leader}`, so that the two move together"
-        beyond = [name for name in motion.listed if _is_beyond(model, name, tie.follower)]
+        others = [name for name in motion.listed if name != tie.follower]
+        beyond = [name for name in others if carrier_of(model, name, [tie.follower]) == tie.follower]
         if beyond:
             names = ", ".join(f"`{name}`" for name in beyond)
-            yield (
-                ("model",),
-                f"S324 {told}, and carries {names}: a chain has no such joint in it; leave {names} out of `joints`",
-            )
+            message = f"S324 {told}, and carries {names}: a chain has no such joint; leave {names} out of `joints`"
+            yield ("model",), message
         elif tie.follower in model.slides or not tie.is_linear:
             what = "slides" if tie.follower in model.slides else "does so by a law that is not linear"
-            yield (
-                ("model",),
-                f"S325 {told}; it {what}, which no entry of `loop_links` does: such robots are not known here",
-            )
+            message = f"S325 {told}; it {what}, which no entry of `loop_links` does: such robots are not known here"
+            yield ("model",), message
         else:
             apart = [*led, *motion.apart]
             carrier = carrier_of(model, tie.follower, [*motion.listed, *apart])
@@ -193,22 +188,15 @@ def _led_faults(model: ForeignModel, motion: Motion) -> Found:
     if entries:
         told = "; ".join(told for told, _ in entries)
         shown = ", ".join(entry for _, entry in entries)
-        yield (
-            ("model",),
-            (
-                f"S326 {told}: a chain has no such joint, but a loop link of a rigid fit turns like that: add"
-                f" `loop_links: [{shown}]`; a loop link of a joint's name stands in the place of what that joint moves"
-                " in the model"
-            ),
+        message = (
+            f"S326 {told}: a chain has no such joint, but a loop link of a rigid fit turns like that: add"
+            f" `loop_links: [{shown}]`; a loop link of a joint's name stands in the place of what that joint moves"
+            " in the model"
         )
-
-
-def _is_beyond(model: ForeignModel, joint: str, carrier: str) -> bool:
-    return joint != carrier and carrier_of(model, joint, [carrier]) == carrier
+        yield ("model",), message
 
 
 def _entry(tie: Tie, carrier: str | None, position: FloatArray, rotation: FloatArray, link: Inertial) -> str:
-    """Writes a loop link of the robot file."""
     tensor = link.inertia_kgm2
     pairs = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "yz": (1, 2), "xz": (0, 2)}
     inertia = ", ".join(f"{key}: {_number(float(tensor[pair]))}" for key, pair in pairs.items())
@@ -248,15 +236,12 @@ def _bond_faults(model: ForeignModel, motion: Motion) -> Found:
         if not _strains(bond.bodies, bond.joints, model, motion):
             continue
         between = " and ".join(f"`{name}`" for name in bond.bodies) or ", ".join(f"`{name}`" for name in bond.joints)
-        yield (
-            ("model",),
-            (
-                f"S328 {bond.what} of `{model.name}` ties {between}, which move against each other: a chain has no "
-                "such tie;"
-                " take it out of the model if the robot has none, and write a closed loop's cranks and rods as"
-                " `loop_links`, each by the name of its joint in the model"
-            ),
+        message = (
+            f"S328 {bond.what} of `{model.name}` ties {between}, which move against each other: a chain has no such"
+            " tie; take it out of the model if the robot has none, and write a closed loop's cranks and rods as"
+            " `loop_links`, each by the name of its joint in the model"
         )
+        yield ("model",), message
 
 
 def _strains(bodies: tuple[str, ...], joints: tuple[str, ...], model: ForeignModel, motion: Motion) -> bool:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import numpy as np
 from pydantic import Field
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, option
 from robid.robot.description import HarmonicBalance, SpringBalance, StiffnessLaw
 from robid.robot.inertia import turn_about
 from robid.robot.nuisance import NuisanceStd
@@ -26,32 +26,20 @@ HARMONIC_KEYS = ("sine_nm", "cosine_nm")
 class CounterbalanceSection(Assumed):
     """What takes gravity off a motor: harmonics of the joint's angle, or a spring or cylinder between two points."""
 
-    sine_nm: tuple[float, ...] = Field(
-        default=(), description="Torque on the arm per sine of the joint's angle, of twice the angle and so on [N m]."
+    sine_nm: tuple[float, ...] = option(
+        (), "Torque on the arm per sine of the joint's angle, of twice the angle and so on [N m]."
     )
-    cosine_nm: tuple[float, ...] = Field(default=(), description="The same per cosine [N m].")
-    carrier_point_m: Vector | None = Field(
-        default=None,
-        description="End of the spring on what carries the joint, in the link's frame as it is at zero position [m].",
+    cosine_nm: tuple[float, ...] = option((), "The same per cosine [N m].")
+    carrier_point_m: Vector | None = option(
+        None, "End of the spring on what carries the joint, in the link's frame as it is at zero position [m]."
     )
-    link_point_m: Vector | None = Field(
-        default=None, description="End of the spring on the link, in the link's frame [m]."
-    )
-    free_length_m: float | None = Field(
-        default=None, description="Length at which the spring pulls with `preload_n` [m].", ge=0
-    )
-    stiffness_n_m: float | None = Field(default=None, description="Stiffness of the spring [N/m].", ge=0)
-    preload_n: float = Field(
-        default=0.0, description="Pull of the spring at its free length; negative where it pushes [N]."
-    )
+    link_point_m: Vector | None = option(None, "End of the spring on the link, in the link's frame [m].")
+    free_length_m: float | None = option(None, "Length at which the spring pulls with `preload_n` [m].", ge=0)
+    stiffness_n_m: float | None = option(None, "Stiffness of the spring [N/m].", ge=0)
+    preload_n: float = option(0.0, "Pull of the spring at its free length; negative where it pushes [N].")
 
     def counterbalance(self, position: FloatArray, rotation: FloatArray) -> HarmonicBalance | SpringBalance:
-        """Returns the plain description.
-
-        Args:
-            position (3,): Origin of the link's frame in the joint frame [m].
-            rotation (3, 3): Its orientation there.
-        """
+        """Returns the plain description, by origin (3,) [m] and orientation (3, 3) of the link in the joint frame."""
         ends, length, stiffness = (self.carrier_point_m, self.link_point_m), self.free_length_m, self.stiffness_n_m
         if ends[0] is None or ends[1] is None or length is None or stiffness is None:
             n_harmonic = max(len(self.sine_nm), len(self.cosine_nm))
@@ -67,36 +55,26 @@ _FOR_ALL = "in place of the robot's; 0 takes it for granted"
 class JointNuisanceStd(Section):
     """Standard deviations of what a robot file may have wrong of one joint."""
 
-    mass_relative_std: float | None = Field(default=None, description=f"Of the link's mass, {_FOR_ALL}.", ge=0)
-    com_m: float | None = Field(default=None, description=f"Of the link's centre of mass, {_FOR_ALL} [m].", ge=0)
-    inertia_relative_std: float | None = Field(
-        default=None, description=f"Of the link's inertia about its centre of mass, {_FOR_ALL}.", ge=0
+    mass_relative_std: float | None = option(None, f"Of the link's mass, {_FOR_ALL}.", ge=0)
+    com_m: float | None = option(None, f"Of the link's centre of mass, {_FOR_ALL} [m].", ge=0)
+    inertia_relative_std: float | None = option(
+        None, f"Of the link's inertia about its centre of mass, {_FOR_ALL}.", ge=0
     )
-    torque_relative_std: float | None = Field(
-        default=None, description=f"Of the motor's torque constant, {_FOR_ALL}.", ge=0
+    torque_relative_std: float | None = option(None, f"Of the motor's torque constant, {_FOR_ALL}.", ge=0)
+    coupling_std: float | None = option(None, f"Of the joint's gear couplings, {_FOR_ALL}.", ge=0)
+    arm_friction: float | None = option(None, f"Of viscous friction behind the transmission, {_FOR_ALL}.", ge=0)
+    friction: float | None = option(None, f"Of what friction leaves in the motor's torque, {_FOR_ALL}.", ge=0)
+    loss_factor: float | None = option(None, f"Of the largest loss factor of the gear's hysteresis, {_FOR_ALL}.", ge=0)
+    stiffness_relative_std: float | None = option(
+        None, f"Of the joint's springs where no fit estimates them, {_FOR_ALL}.", ge=0
     )
-    coupling_std: float | None = Field(default=None, description=f"Of the joint's gear couplings, {_FOR_ALL}.", ge=0)
-    arm_friction: float | None = Field(
-        default=None, description=f"Of viscous friction behind the transmission, {_FOR_ALL}.", ge=0
+    damping_relative_std: float | None = option(
+        None, f"Of the joint's dampers where no fit estimates them, {_FOR_ALL}.", ge=0
     )
-    friction: float | None = Field(
-        default=None, description=f"Of what friction leaves in the motor's torque, {_FOR_ALL}.", ge=0
+    load_stiffness: float | None = option(
+        None, f"Of the gear's stiffness over the range of its loads, {_FOR_ALL}.", ge=0
     )
-    loss_factor: float | None = Field(
-        default=None, description=f"Of the largest loss factor of the gear's hysteresis, {_FOR_ALL}.", ge=0
-    )
-    stiffness_relative_std: float | None = Field(
-        default=None, description=f"Of the joint's springs where no fit estimates them, {_FOR_ALL}.", ge=0
-    )
-    damping_relative_std: float | None = Field(
-        default=None, description=f"Of the joint's dampers where no fit estimates them, {_FOR_ALL}.", ge=0
-    )
-    load_stiffness: float | None = Field(
-        default=None, description=f"Of the gear's stiffness over the range of its loads, {_FOR_ALL}.", ge=0
-    )
-    compliance: float | None = Field(
-        default=None, description=f"Of the compliance of bearings that the file lacks, {_FOR_ALL}.", ge=0
-    )
+    compliance: float | None = option(None, f"Of the compliance of bearings that the file lacks, {_FOR_ALL}.", ge=0)
 
     def over(self, robot: NuisanceStd) -> NuisanceStd:
         """Returns the robot's deviations with what is said of this joint."""
@@ -110,23 +88,21 @@ class StiffnessOver(Section):
     """A factor on a spring's stiffness by the position of a joint: a table, or a polynomial of either kind."""
 
     joint: Name = Field(description="Name of the joint.")
-    positions_m: Coefficients | None = Field(
-        default=None, description="Table: positions of a prismatic joint, ascending, over all of its range [m]."
+    positions_m: Coefficients | None = option(
+        None, "Table: positions of a prismatic joint, ascending, over all of its range [m]."
     )
-    positions_deg: Coefficients | None = Field(
-        default=None, description="Table: angles of a revolute joint, ascending, over all of its range [deg]."
+    positions_deg: Coefficients | None = option(
+        None, "Table: angles of a revolute joint, ascending, over all of its range [deg]."
     )
-    factors: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=2)] | None = Field(
-        default=None,
-        description="Table: what the stiffness is multiplied by at each of these; monotone cubics lie between.",
+    factors: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=2)] | None = option(
+        None, "Table: what the stiffness is multiplied by at each of these; monotone cubics lie between."
     )
-    stiffness: Coefficients | None = Field(
-        default=None,
-        description="In place of a table: the factor as a polynomial of the position [m, or rad], constant first.",
+    stiffness: Coefficients | None = option(
+        None, "In place of a table: the factor as a polynomial of the position [m, or rad], constant first."
     )
-    compliance: Coefficients | None = Field(
-        default=None,
-        description="In place of a table: one over the factor as such a polynomial. Springs in series of which one"
+    compliance: Coefficients | None = option(
+        None,
+        "In place of a table: one over the factor as such a polynomial. Springs in series of which one"
         " grows with the position, as a screw from its fixed bearing to the nut, are `[1, slope]`.",
     )
 
@@ -160,35 +136,24 @@ class StiffnessOver(Section):
 class SpringDamper(Assumed):
     """Stiffness and damping of a spring-damper pair, arm side: turning, or of a prismatic joint's transmission."""
 
-    stiffness_nm_rad: float | None = Field(default=None, description="Stiffness [N m/rad].", gt=0)
-    damping_nms_rad: float | None = Field(default=None, description="Damping [N m s/rad].", ge=0)
-    cubic_nm_rad3: float | None = Field(
-        default=None, description="Coefficient of the cubic, stiffening part; 0 when not given [N m/rad^3].", ge=0
+    stiffness_nm_rad: float | None = option(None, "Stiffness [N m/rad].", gt=0)
+    damping_nms_rad: float | None = option(None, "Damping [N m s/rad].", ge=0)
+    cubic_nm_rad3: float | None = option(
+        None, "Coefficient of the cubic, stiffening part; 0 when not given [N m/rad^3].", ge=0
     )
-    stiffness_n_m: float | None = Field(
-        default=None, description="Transmission of a prismatic joint: stiffness [N/m].", gt=0
+    stiffness_n_m: float | None = option(None, "Transmission of a prismatic joint: stiffness [N/m].", gt=0)
+    damping_ns_m: float | None = option(None, "Transmission of a prismatic joint: damping [N s/m].", ge=0)
+    cubic_n_m3: float | None = option(
+        None, "Transmission of a prismatic joint: coefficient of the cubic part; 0 when not given [N/m^3].", ge=0
     )
-    damping_ns_m: float | None = Field(
-        default=None, description="Transmission of a prismatic joint: damping [N s/m].", ge=0
-    )
-    cubic_n_m3: float | None = Field(
-        default=None,
-        description="Transmission of a prismatic joint: coefficient of the cubic part; 0 when not given [N/m^3].",
-        ge=0,
-    )
-    stiffness_over: StiffnessOver | None = Field(
-        default=None,
-        description="How the stiffness, its cubic part with it, depends on a joint's position: what the numbers above"
+    stiffness_over: StiffnessOver | None = option(
+        None,
+        "How the stiffness, its cubic part with it, depends on a joint's position: what the numbers above"
         " are multiplied by. The damping does not.",
     )
 
     def value(self, kind: str, *, linear: bool) -> float | None:
-        """Returns a stated value of a kind of parameters.
-
-        Args:
-            kind: Of `robid.robot.parameters`.
-            linear: Whether the spring works along a line.
-        """
+        """Returns a stated value of a kind of parameters, of a spring that turns, or works along a line."""
         about = PARAMETER_KINDS[kind]
         value: float | None = getattr(self, about.linear_field if linear else about.field)
         return value
@@ -204,10 +169,10 @@ Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 class Dh(Assumed):
     """Standard Denavit-Hartenberg parameters: Rz(q + offset) Tz(d) Tx(a) Rx(alpha); prismatic, q is added to d."""
 
-    d_m: float = Field(default=0.0, description="Translation along the joint axis [m].")
-    a_m: float = Field(default=0.0, description="Translation along the turned x axis [m].")
-    alpha_deg: float = Field(default=0.0, description="Turn about the turned x axis [deg].")
-    offset_deg: float = Field(default=0.0, description="Joint angle of the DH frame at zero robot angle [deg].")
+    d_m: float = option(0.0, "Translation along the joint axis [m].")
+    a_m: float = option(0.0, "Translation along the turned x axis [m].")
+    alpha_deg: float = option(0.0, "Turn about the turned x axis [deg].")
+    offset_deg: float = option(0.0, "Joint angle of the DH frame at zero robot angle [deg].")
 
     def link_frame(self) -> tuple[FloatArray, FloatArray]:
         """Returns position (3,) [m] and orientation (3, 3) of the DH frame at the link's end in the joint frame."""
@@ -221,10 +186,8 @@ class Dh(Assumed):
 class Frame(Assumed):
     """A joint's frame, its axis along z, in the previous joint's frame at zero angle; links are given in it."""
 
-    position_m: Vector = Field(default=(0.0, 0.0, 0.0), description="Origin [m].")
-    rotation: Matrix = Field(
-        default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), description="Orientation, row by row."
-    )
+    position_m: Vector = option((0.0, 0.0, 0.0), "Origin [m].")
+    rotation: Matrix = option(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), "Orientation, row by row.")
 
     def joint_frame(self) -> tuple[FloatArray, FloatArray]:
         """Returns position (3,) [m] and orientation (3, 3) of the joint frame in the previous link's frame."""

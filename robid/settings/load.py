@@ -21,7 +21,6 @@ from robid.settings.placeholders import Row, fill, refuse_placeholders
 from robid.settings.problems import SettingsProblem, problem_at, raise_problems, validate_document
 from robid.settings.robot import RobotFile, UnknownRobot
 from robid.settings.robot_parts import plain_settings
-from robid.settings.sources import Acquire
 from robid.settings.yaml import Document, FieldPath, load_yaml
 from robid.signals.log_channels import InputChannel, OutputChannel, ReferenceChannel
 
@@ -42,20 +41,16 @@ def with_sides(experiment: Experiment, robot: RobotFile) -> Experiment:
         acquire = None if source is None else source.acquire
         if source is None or acquire is None:
             continue
-        found = _in_robot(acquire, robot)
+        joints, sensed = [joint.name for joint in robot.joints], robot.without_motor
+        found = replace(
+            acquire,
+            inputs=tuple(_drive(one, joints, sensed) for one in acquire.inputs),
+            references=tuple(_drive(one, joints, sensed) for one in acquire.references),
+            outputs=tuple(_output(one, joints, sensed) for one in acquire.outputs),
+        )
         if found != acquire:
             changed[name] = campaign.model_copy(update={"source": source.model_copy(update={"acquire": found})})
     return experiment.model_copy(update={"campaigns": {**experiment.campaigns, **changed}}) if changed else experiment
-
-
-def _in_robot(acquire: Acquire, robot: RobotFile) -> Acquire:
-    joints, sensed = [joint.name for joint in robot.joints], robot.without_motor
-    return replace(
-        acquire,
-        inputs=tuple(_drive(one, joints, sensed) for one in acquire.inputs),
-        references=tuple(_drive(one, joints, sensed) for one in acquire.references),
-        outputs=tuple(_output(one, joints, sensed) for one in acquire.outputs),
-    )
 
 
 def _drive(channel: _One, joints: Collection[str], sensed: Collection[str]) -> _One:
@@ -103,7 +98,6 @@ class LoadedExperiment:
 
     Attributes:
         path: The experiment file, as the user named it.
-        experiment: The experiment.
         robot: The robot file; without joints where there is none.
         families: The families of its fits, by name.
         written: Names of files as a row of a manifest says them, by field; `experiment` holds where they are.
@@ -133,12 +127,7 @@ class LoadedExperiment:
 
 
 def load_experiment_of(families: Families, path: Path, studies: Studies | None = None) -> LoadedExperiment:
-    """Loads an experiment file and the robot file it names, if it names one, and checks both.
-
-    Args:
-        families: The families that its fits may be of, by name.
-        path: The experiment file.
-        studies: What the file's study may be; what stands there is not looked at without.
+    """Loads an experiment file and the robot file it names, if it names one, and checks both; a study if one is known.
 
     Raises:
         SettingsError: With every problem of both files, each with its line and field.
@@ -152,12 +141,6 @@ def load_row_of(
     families: Families, document: Document, row: Row, read: RobotReader
 ) -> tuple[LoadedExperiment | None, list[SettingsProblem]]:
     """Checks the experiment that a row of a manifest makes of an experiment file.
-
-    Args:
-        families: The families that its fits may be of, by name.
-        document: The file, with placeholders.
-        row: The row; it has all columns that the file asks for.
-        read: Reads the robot file.
 
     Returns:
         The experiment, None where there is a problem; every problem with its line and field.

@@ -33,7 +33,6 @@ class Row:
     """A row of a manifest.
 
     Attributes:
-        id: Its name.
         place: Where it stands, as `fleet.csv:7`.
         folder: Folder of the manifest, an absolute path.
         values: Its values by column.
@@ -161,12 +160,7 @@ def _outside(name: str) -> str:
 
 
 def leads_outside(path: Path, folder: Path) -> str:
-    """Says that a path leads out of its folder through links, or nowhere; empty where it does not.
-
-    Args:
-        path: The path, below the folder by its name.
-        folder: The folder.
-    """
+    """Says that a path in a folder, by its name, leads out of it through links, or nowhere; empty where it does not."""
     try:
         inside = path.resolve().is_relative_to(folder.resolve())
     except (OSError, RuntimeError):
@@ -207,7 +201,6 @@ def _text(value: Value) -> str:
 
 
 def _texts(data: object) -> list[tuple[FieldPath, str]]:
-    """Every text of a file that may hold a placeholder, with its field."""
     found: list[tuple[FieldPath, str]] = []
 
     def note(field: FieldPath, text: str) -> object:
@@ -220,7 +213,6 @@ def _texts(data: object) -> list[tuple[FieldPath, str]]:
 
 
 def _walk(node: object, field: FieldPath, change: Callable[[FieldPath, str], object]) -> Any:  # noqa: ANN401
-    """A copy of plain values with every text changed."""
     if isinstance(node, dict):
         return {key: _walk(item, (*field, key), change) for key, item in node.items()}
     if isinstance(node, list):

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, group, option
 from robid.errors import DataError, SettingsError
 from robid.robot.description import Inertial, Joint, LoopLink, Pin, Robot
 from robid.robot.inertia import roll_pitch_yaw
@@ -34,29 +34,18 @@ class LoopLinkSection(Assumed):
     """A link beside the chain, in a closed loop that fixes its angle: a crank or a rod of a parallelogram."""
 
     name: Name = Field(description="Name of the link.")
-    parent: Name | None = Field(
-        default=None, description="Joint or loop link, listed before, that carries it; the base when not given."
-    )
-    frame: Frame = Field(
-        default_factory=Frame, description="Its frame at zero angle, its axis along z, in the frame of that link."
-    )
+    parent: Name | None = option(None, "Joint or loop link, listed before, that carries it; the base when not given.")
+    frame: Frame = group(Frame, "Its frame at zero angle, its axis along z, in the frame of that link.")
     turns: dict[Name, float] = Field(
         description="How far it turns against what carries it per turn of each joint, by the joint's name; the sum of"
         " the angles in a parallelogram stays the same, so that these are mostly 1 and -1."
     )
-    offset_deg: float = Field(default=0.0, description="Its angle where all joints are at zero [deg].")
+    offset_deg: float = option(0.0, "Its angle where all joints are at zero [deg].")
     link: Body = Field(description="Its mass properties, in its frame.")
-    pin: PinSection | None = Field(
-        default=None, description="Where it closes the loop; the file is refused where it does not close."
-    )
+    pin: PinSection | None = option(None, "Where it closes the loop; the file is refused where it does not close.")
 
     def loop_link(self, joints: Sequence[JointSection], base: FloatArray) -> LoopLink:
-        """Returns the plain description, in joint frames.
-
-        Args:
-            joints: The robot's joints.
-            base (3, 3): Orientation of the base in the world.
-        """
+        """Returns the plain description, in joint frames; `base` (3, 3) is the orientation of the base in the world."""
         frames = {joint.name: joint.geometry.link_frame() for joint in joints}
         still = (np.zeros(3), base if self.parent is None else np.eye(3))
         position, rotation = frames.get(self.parent or "", still)
@@ -87,59 +76,50 @@ class RobotFile(Assumed):
 
     schema_version: Literal[1] = Field(description="Version of this format.")
     name: str = Field(description="Name of the robot.", min_length=1)
-    notes: tuple[str, ...] = Field(default=(), description="Sources and gaps that the reader must know.")
-    gravity_m_s2: Vector = Field(default=(0.0, 0.0, -9.81), description="Gravity in the world frame [m/s^2].")
-    base_rpy_deg: Vector = Field(
-        default=(0.0, 0.0, 0.0), description="Turns of the base about the world's x, then y, then z axis [deg]."
-    )
-    floor_m: float | None = Field(
-        default=None,
-        description="Height of the floor in the world frame: configurations that take a joint, a link's or the"
+    notes: tuple[str, ...] = option((), "Sources and gaps that the reader must know.")
+    gravity_m_s2: Vector = option((0.0, 0.0, -9.81), "Gravity in the world frame [m/s^2].")
+    base_rpy_deg: Vector = option((0.0, 0.0, 0.0), "Turns of the base about the world's x, then y, then z axis [deg].")
+    floor_m: float | None = option(
+        None,
+        "Height of the floor in the world frame: configurations that take a joint, a link's or the"
         " payload's centre of mass below it are out of reach [m].",
     )
-    rotor: Literal["spong", "on_link"] = Field(
-        default="spong", description="Whether the rotors' motion with the links is neglected or not."
+    rotor: Literal["spong", "on_link"] = option(
+        "spong", "Whether the rotors' motion with the links is neglected or not."
     )
-    controller: Controller | None = Field(default=None, description="The controller of a simulated robot.")
-    pose_interface: PoseInterface | None = Field(
-        default=None, description="How the controller takes commands of the tool's pose, and reports it."
+    controller: Controller | None = option(None, "The controller of a simulated robot.")
+    pose_interface: PoseInterface | None = option(
+        None, "How the controller takes commands of the tool's pose, and reports it."
     )
-    model: str | None = Field(
-        default=None,
-        description="A rigid MJCF or URDF that brings frames, links and limits; `${ROBID_DATA}` stands for the data "
+    model: str | None = option(
+        None,
+        "A rigid MJCF or URDF that brings frames, links and limits; `${ROBID_DATA}` stands for the data "
         "folder, other paths start at this file.",
     )
-    locked_deg: dict[str, float] = Field(
-        default_factory=dict, description="Joints of `model` that do not move, with their angles [deg]."
-    )
-    locked_m: dict[str, float] = Field(
-        default_factory=dict, description="Prismatic joints of `model` that do not move, with their positions [m]."
-    )
-    locked: Literal["rest"] | None = Field(
-        default=None,
-        description="`rest`: all joints of `model` that are named neither in `joints` nor above do not move: they stay"
+    locked_deg: dict[str, float] = group(dict, "Joints of `model` that do not move, with their angles [deg].")
+    locked_m: dict[str, float] = group(dict, "Prismatic joints of `model` that do not move, with their positions [m].")
+    locked: Literal["rest"] | None = option(
+        None,
+        "`rest`: all joints of `model` that are named neither in `joints` nor above do not move: they stay"
         " where the model has them at rest, at 0, or in the middle of their limits where these leave that out.",
     )
-    flange: str | None = Field(
-        default=None, description="Body or site of `model` in whose frame the payload is given; else the last link."
+    flange: str | None = option(
+        None, "Body or site of `model` in whose frame the payload is given; else the last link."
     )
-    total_mass_kg: float | None = Field(
-        default=None, description="Mass of all links that move, payload excluded: stated to be checked [kg].", gt=0
+    total_mass_kg: float | None = option(
+        None, "Mass of all links that move, payload excluded: stated to be checked [kg].", gt=0
     )
     joints: tuple[JointSection, ...] = Field(description="The joints, base to flange.", min_length=1)
-    springs: tuple[SpringSection, ...] = Field(default=(), description="The spring-damper pairs.")
-    payload: Body | None = Field(default=None, description="The payload, in the last link's frame.")
-    base: Body | None = Field(
-        default=None, description="What base springs carry beneath the first joint, in the world frame."
-    )
-    sensors: tuple[SensorSection, ...] = Field(default=(), description="Sensors beyond motors and link encoders.")
-    loop_links: tuple[LoopLinkSection, ...] = Field(
-        default=(), description="Links beside the chain, in closed loops; only rigid models know them."
+    springs: tuple[SpringSection, ...] = option((), "The spring-damper pairs.")
+    payload: Body | None = option(None, "The payload, in the last link's frame.")
+    base: Body | None = option(None, "What base springs carry beneath the first joint, in the world frame.")
+    sensors: tuple[SensorSection, ...] = option((), "Sensors beyond motors and link encoders.")
+    loop_links: tuple[LoopLinkSection, ...] = option(
+        (), "Links beside the chain, in closed loops; only rigid models know them."
     )
 
-    doubts: NuisanceStd = Field(
-        default_factory=NuisanceStd,
-        description="How far the file may be off in what no data sheet states; 0 for what is sure.",
+    doubts: NuisanceStd = group(
+        NuisanceStd, "How far the file may be off in what no data sheet states; 0 for what is sure."
     )
 
     @property
@@ -202,11 +182,7 @@ class RobotFile(Assumed):
         return None if self.model is None else data_path(self.model, folder)
 
     def to_robot(self, payload_kg: float | None = None) -> Robot:
-        """Returns the plain description.
-
-        Args:
-            payload_kg: Payload mass that replaces the file's; its inertia is scaled with it, its centre of
-                mass stays [kg].
+        """Returns the plain description; another payload mass [kg] scales the file's inertia, its centre of mass stays.
 
         Raises:
             SettingsError: If a payload is asked for and the file has none to scale.
@@ -273,11 +249,9 @@ class RobotFile(Assumed):
     def _payload(self, payload_kg: float | None) -> Inertial:
         if self.payload is None or self.payload.mass_kg == 0:
             if payload_kg:
-                raise SettingsError(
-                    f"S330 a payload of {payload_kg} kg is asked for, but the robot file has none to scale",
-                    where=self.name,
-                    remedy="give the robot file a `payload` with mass, centre of mass and inertia",
-                )
+                what = f"S330 a payload of {payload_kg} kg is asked for, but the robot file has none to scale"
+                remedy = "give the robot file a `payload` with mass, centre of mass and inertia"
+                raise SettingsError(what, where=self.name, remedy=remedy)
             return Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
         body = self.payload.inertial()
         scale = 1.0 if payload_kg is None else payload_kg / body.mass_kg

@@ -40,55 +40,27 @@ Part: TypeAlias = Literal[
 ]
 
 _MOTOR: dict[str, Part] = {
-    "inertia_kgm2": "mechanics",
-    "inertia_relative_std": "inertia_std",
-    "torque_constant_nm_a": "torque_constant",
-    "gear_ratio": "mechanics",
-    "gear_ratio_rad_m": "mechanics",
-    "max_speed_rad_s": "motor_limits",
-    "max_torque_nm": "motor_limits",
-    "ripple_nm": "friction",
-    "ripple_order": "friction",
+    **dict.fromkeys(("inertia_kgm2", "gear_ratio", "gear_ratio_rad_m"), "mechanics"),
+    **{"inertia_relative_std": "inertia_std", "torque_constant_nm_a": "torque_constant"},
+    **dict.fromkeys(("max_speed_rad_s", "max_torque_nm"), "motor_limits"),
+    **dict.fromkeys(("ripple_nm", "ripple_order"), "friction"),
 }
 _ONLY_STATED = ("torque_constant_nm_a",)
 """What is left out where no file states it, so that what was made before it could be stated stays fresh."""
 
 _FRICTION: dict[str, Part] = {
-    "viscous_nms_rad": "mechanics",
-    "coulomb_nm": "friction",
-    "static_nm": "friction",
-    "stribeck_rad_s": "friction",
-    "presliding_rad": "friction",
-    "relative_std": "friction_std",
+    **{"viscous_nms_rad": "mechanics", "relative_std": "friction_std"},
+    **dict.fromkeys(("coulomb_nm", "static_nm", "stribeck_rad_s", "presliding_rad"), "friction"),
 }
 _JOINT: dict[str, Part] = {
-    "dh": "mechanics",
-    "frame": "mechanics",
-    "type": "mechanics",
-    "rigid": "mechanics",
-    "limits_deg": "range",
-    "limits_m": "range",
-    "link": "mechanics",
-    "gear": "mechanics",
-    "couplings": "mechanics",
-    "counterbalance": "rigid",
-    "arm_viscous_nms_rad": "mechanics",
-    "arm_viscous_ns_m": "mechanics",
-    "doubts": "doubts",
+    **dict.fromkeys(("dh", "frame", "type", "rigid", "link", "gear", "couplings"), "mechanics"),
+    **dict.fromkeys(("arm_viscous_nms_rad", "arm_viscous_ns_m"), "mechanics"),
+    **{"limits_deg": "range", "limits_m": "range", "counterbalance": "rigid", "doubts": "doubts"},
 }
 _ROBOT: dict[str, Part] = {
-    "gravity_m_s2": "mechanics",
-    "base_rpy_deg": "mechanics",
-    "rotor": "mechanics",
-    "springs": "mechanics",
-    "payload": "mechanics",
-    "base": "mechanics",
-    "loop_links": "rigid",
-    "controller": "controller",
-    "sensors": "sensors",
-    "pose_interface": "pose",
-    "floor_m": "range",
-    "doubts": "doubts",
+    **dict.fromkeys(("gravity_m_s2", "base_rpy_deg", "rotor", "springs", "payload", "base"), "mechanics"),
+    **{"loop_links": "rigid", "controller": "controller", "sensors": "sensors"},
+    **{"pose_interface": "pose", "floor_m": "range", "doubts": "doubts"},
 }
 
 _TIMING = ("sampling_period_s", "delay_samples")
@@ -128,11 +100,9 @@ def require_controller(loaded: LoadedExperiment) -> Controller:
         SettingsError: If it has none.
     """
     if loaded.robot.controller is None:
-        raise SettingsError(
-            "S332 the robot file has no `controller`, which gives the sampling period",
-            where=loaded.experiment.robot or str(loaded.path),
-            remedy="add a `controller` section",
-        )
+        what = "S332 the robot file has no `controller`, which gives the sampling period"
+        remedy = "add a `controller` section"
+        raise SettingsError(what, where=loaded.experiment.robot or str(loaded.path), remedy=remedy)
     return loaded.robot.controller
 
 
@@ -187,11 +157,9 @@ def require_pose_interface(robot: RobotFile) -> PoseInterface:
         SettingsError: If it has none.
     """
     if robot.pose_interface is None:
-        raise SettingsError(
-            "S331 the robot file has no `pose_interface`, which takes pose commands",
-            where=robot.name,
-            remedy="add a `pose_interface` section",
-        )
+        what = "S331 the robot file has no `pose_interface`, which takes pose commands"
+        remedy = "add a `pose_interface` section"
+        raise SettingsError(what, where=robot.name, remedy=remedy)
     return robot.pose_interface
 
 

@@ -8,7 +8,7 @@ from typing import Literal, TypeVar
 import numpy as np
 from pydantic import Field
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, group, option
 from robid.robot.description import Inertial, JointType, Motor, Sensor, Spring, TorquePlace, no_motor
 from robid.robot.friction import Friction
 from robid.robot.parameters import PARAMETER_KINDS
@@ -24,9 +24,9 @@ class InertiaTensor(Section):
     xx: float = Field(description="Entry (x, x) of the matrix [kg m^2].")
     yy: float = Field(description="Entry (y, y) of the matrix [kg m^2].")
     zz: float = Field(description="Entry (z, z) of the matrix [kg m^2].")
-    xy: float = Field(default=0.0, description="Entry (x, y) of the matrix, minus the integral of x y dm [kg m^2].")
-    yz: float = Field(default=0.0, description="Entry (y, z) of the matrix, minus the integral of y z dm [kg m^2].")
-    xz: float = Field(default=0.0, description="Entry (x, z) of the matrix, minus the integral of x z dm [kg m^2].")
+    xy: float = option(0.0, "Entry (x, y) of the matrix, minus the integral of x y dm [kg m^2].")
+    yz: float = option(0.0, "Entry (y, z) of the matrix, minus the integral of y z dm [kg m^2].")
+    xz: float = option(0.0, "Entry (x, z) of the matrix, minus the integral of x z dm [kg m^2].")
 
     def matrix(self) -> FloatArray:
         """Returns the tensor (3, 3) [kg m^2]."""
@@ -48,16 +48,14 @@ class Body(Assumed):
 class FrictionSection(Assumed):
     """LuGre friction of a motor, motor side."""
 
-    viscous_nms_rad: float = Field(default=0.0, description="Viscous coefficient [N m s/rad].", ge=0)
-    coulomb_nm: float = Field(default=0.0, description="Coulomb level [N m].", ge=0)
-    static_nm: float | None = Field(
-        default=None, description="Breakaway level, not below the Coulomb level; that level when not given [N m].", ge=0
+    viscous_nms_rad: float = option(0.0, "Viscous coefficient [N m s/rad].", ge=0)
+    coulomb_nm: float = option(0.0, "Coulomb level [N m].", ge=0)
+    static_nm: float | None = option(
+        None, "Breakaway level, not below the Coulomb level; that level when not given [N m].", ge=0
     )
-    stribeck_rad_s: float = Field(default=1.0, description="Stribeck speed [rad/s].", gt=0)
-    presliding_rad: float = Field(default=0.02, description="Bristle deflection at the Coulomb level [rad].", gt=0)
-    relative_std: float = Field(
-        default=0.1, description="Standard deviation of the relative error of the coefficients.", ge=0
-    )
+    stribeck_rad_s: float = option(1.0, "Stribeck speed [rad/s].", gt=0)
+    presliding_rad: float = option(0.02, "Bristle deflection at the Coulomb level [rad].", gt=0)
+    relative_std: float = option(0.1, "Standard deviation of the relative error of the coefficients.", ge=0)
 
     def friction(self) -> Friction:
         """Returns the plain description."""
@@ -69,36 +67,27 @@ class MotorSection(Assumed):
     """A motor and its gear, motor side."""
 
     inertia_kgm2: float = Field(description="Rotor inertia [kg m^2].", gt=0)
-    inertia_relative_std: float = Field(
-        default=0.05, description="Standard deviation of the relative error of the rotor inertia.", gt=0
-    )
-    gear_ratio: float | None = Field(
-        default=None, description="Motor turns per arm turn, negative where the two turn opposite ways."
-    )
-    gear_ratio_rad_m: float | None = Field(
-        default=None,
-        description="Of a prismatic joint, in place of `gear_ratio`: motor radians per metre, 2 pi over the lead of a"
+    inertia_relative_std: float = option(0.05, "Standard deviation of the relative error of the rotor inertia.", gt=0)
+    gear_ratio: float | None = option(None, "Motor turns per arm turn, negative where the two turn opposite ways.")
+    gear_ratio_rad_m: float | None = option(
+        None,
+        "Of a prismatic joint, in place of `gear_ratio`: motor radians per metre, 2 pi over the lead of a"
         " screw or gear ratio over the radius of a pinion; negative where the motor turns the other way [rad/m].",
     )
-    max_speed_rad_s: float | None = Field(
-        default=None,
-        description="Speed limit; that of `model` when not given, not needed where there are only logs [rad/s].",
+    max_speed_rad_s: float | None = option(
+        None, "Speed limit; that of `model` when not given, not needed where there are only logs [rad/s].", gt=0
+    )
+    max_torque_nm: float | None = option(
+        None, "Torque limit; that of `model` when not given, not needed where there are only logs [N m].", gt=0
+    )
+    torque_constant_nm_a: float | None = option(
+        None,
+        "Torque per ampere, where it is known: logs are told from it whose currents are read as torques [N m/A].",
         gt=0,
     )
-    max_torque_nm: float | None = Field(
-        default=None,
-        description="Torque limit; that of `model` when not given, not needed where there are only logs [N m].",
-        gt=0,
-    )
-    torque_constant_nm_a: float | None = Field(
-        default=None,
-        description="Torque per ampere, where it is known: logs are told from it whose currents are read as torques"
-        " [N m/A].",
-        gt=0,
-    )
-    friction: FrictionSection = Field(default_factory=FrictionSection, description="Nominal friction.")
-    ripple_nm: float = Field(default=0.0, description="Amplitude of the torque ripple [N m].", ge=0)
-    ripple_order: int = Field(default=6, description="Ripple periods per motor turn.", ge=1)
+    friction: FrictionSection = group(FrictionSection, "Nominal friction.")
+    ripple_nm: float = option(0.0, "Amplitude of the torque ripple [N m].", ge=0)
+    ripple_order: int = option(6, "Ripple periods per motor turn.", ge=1)
 
     @property
     def ratio(self) -> float | None:
@@ -129,50 +118,38 @@ class JointSection(Assumed):
     """A joint, its motor, and the link that it moves."""
 
     name: Name = Field(description="Name of the joint.")
-    type: JointType = Field(
-        default="revolute", description="Whether the link turns about the joint's axis z, or slides along it."
+    type: JointType = option("revolute", "Whether the link turns about the joint's axis z, or slides along it.")
+    rigid: bool = option(False, "No transmission spring: the arm follows the motor, whose inertia moves with it.")
+    dh: Dh | None = option(None, "From this joint's frame to the next one.")
+    frame: Frame | None = option(None, "In place of `dh`: this joint's frame in the previous one.")
+    limits_deg: tuple[float, float] | None = option(
+        None, "Lower and upper joint limit; those of `model` when not given [deg]."
     )
-    rigid: bool = Field(
-        default=False, description="No transmission spring: the arm follows the motor, whose inertia moves with it."
-    )
-    dh: Dh | None = Field(default=None, description="From this joint's frame to the next one.")
-    frame: Frame | None = Field(default=None, description="In place of `dh`: this joint's frame in the previous one.")
-    limits_deg: tuple[float, float] | None = Field(
-        default=None, description="Lower and upper joint limit; those of `model` when not given [deg]."
-    )
-    limits_m: tuple[float, float] | None = Field(
-        default=None, description="Of a prismatic joint, in place of `limits_deg` [m]."
-    )
-    couplings: dict[Name, float] = Field(
-        default_factory=dict,
-        description="Arm turns of this joint per turn of another joint's motor, by that joint's name; of a"
+    limits_m: tuple[float, float] | None = option(None, "Of a prismatic joint, in place of `limits_deg` [m].")
+    couplings: dict[Name, float] = group(
+        dict,
+        "Arm turns of this joint per turn of another joint's motor, by that joint's name; of a"
         " prismatic joint metres per motor radian.",
     )
-    link: Body | None = Field(default=None, description="The link, in its frame; `model` brings it.")
-    torque_measured_at: TorquePlace = Field(
-        default="motor",
-        description="`joint` where a sensor behind the gear measures the torque: the joint then has no `motor`, whose"
+    link: Body | None = option(None, "The link, in its frame; `model` brings it.")
+    torque_measured_at: TorquePlace = option(
+        "motor",
+        "`joint` where a sensor behind the gear measures the torque: the joint then has no `motor`, whose"
         " rotor such a sensor does not feel; only rigid models know it.",
     )
-    motor: MotorSection | None = Field(
-        default=None, description="The motor and its gear; needed but with `torque_measured_at: joint`."
+    motor: MotorSection | None = option(None, "The motor and its gear; needed but with `torque_measured_at: joint`.")
+    gear: GearSection | None = option(None, "The transmission; or an entry among `springs`.")
+    counterbalance: CounterbalanceSection | None = option(
+        None, "What takes gravity off the motor; only rigid models know it."
     )
-    gear: GearSection | None = Field(default=None, description="The transmission; or an entry among `springs`.")
-    counterbalance: CounterbalanceSection | None = Field(
-        default=None, description="What takes gravity off the motor; only rigid models know it."
-    )
-    arm_viscous_nms_rad: float = Field(
-        default=0.0,
-        description="Viscous friction of the link on what carries it, behind the transmission: of bearings, seals, a"
+    arm_viscous_nms_rad: float = option(
+        0.0,
+        "Viscous friction of the link on what carries it, behind the transmission: of bearings, seals, a"
         " load motor; arm side [N m s/rad].",
         ge=0,
     )
-    arm_viscous_ns_m: float = Field(
-        default=0.0, description="Of a prismatic joint, in place of `arm_viscous_nms_rad` [N s/m].", ge=0
-    )
-    doubts: JointNuisanceStd = Field(
-        default_factory=JointNuisanceStd, description="Of this joint, in place of the robot's `doubts`."
-    )
+    arm_viscous_ns_m: float = option(0.0, "Of a prismatic joint, in place of `arm_viscous_nms_rad` [N s/m].", ge=0)
+    doubts: JointNuisanceStd = group(JointNuisanceStd, "Of this joint, in place of the robot's `doubts`.")
 
     @property
     def arm_viscous_key(self) -> str:
@@ -228,31 +205,26 @@ class SpringSection(SpringDamper):
     """A spring-damper pair, arm side: torsional, but for the transmission of a prismatic joint; shafts motor side."""
 
     name: Name = Field(description="Name of the spring.")
-    joint: Name | None = Field(
-        default=None, description="Name of the joint it belongs to; springs of the base and the payload have none."
-    )
+    joint: Name | None = option(None, "Name of the joint it belongs to; springs of the base and the payload have none.")
     place: Literal["transmission", "shaft", "bearing", "split", "base", "payload"] = Field(
         description="Between motor and arm, between the motor and its transmission, about a further axis of the joint,"
         " inside the joint's link, beneath the first joint, or between the last link and the payload."
     )
-    axis: Vector | None = Field(
-        default=None,
-        description="Axis. Bearing: in the joint frame at zero joint angle (z is the joint axis), it does not turn "
-        "with the joint; of a prismatic joint it rides on the link. Split: in the link's frame. Payload: in the "
-        "payload's. Base: in the world frame. "
-        "A transmission and a shaft have none.",
+    axis: Vector | None = option(
+        None,
+        "Axis. Bearing: in the joint frame at zero joint angle (z is the joint axis), it does not turn with the joint;"
+        " of a prismatic joint it rides on the link. Split: in the link's frame. Payload: in the payload's. Base: in"
+        " the world frame. A transmission and a shaft have none.",
     )
-    point_m: Vector | None = Field(
-        default=None,
-        description="Where the link is split, or the payload or the base is hinged (their frame's origin when not "
+    point_m: Vector | None = option(
+        None,
+        "Where the link is split, or the payload or the base is hinged (their frame's origin when not "
         "given), in the same frame as the axis [m].",
     )
-    outboard: Body | None = Field(
-        default=None, description="Split only: the part of the link beyond the split, in the link's frame."
-    )
-    inertia_kgm2: float | None = Field(
-        default=None,
-        description="Shaft only: inertia that it turns, motor side as its stiffness and damping; shafts of a joint"
+    outboard: Body | None = option(None, "Split only: the part of the link beyond the split, in the link's frame.")
+    inertia_kgm2: float | None = option(
+        None,
+        "Shaft only: inertia that it turns, motor side as its stiffness and damping; shafts of a joint"
         " follow each other as they are listed, from the motor on [kg m^2].",
         gt=0,
     )
@@ -294,12 +266,8 @@ class SensorSection(Assumed):
     kind: Literal["tracker", "accelerometer"] = Field(
         description="A point's position, or its acceleration less gravity, along an axis."
     )
-    joint: Name | None = Field(
-        default=None, description="Joint whose link carries it, on its outermost part; the payload when not given."
-    )
-    point_m: Vector = Field(
-        default=(0.0, 0.0, 0.0), description="Where it sits, in the link's frame, or the payload's [m]."
-    )
+    joint: Name | None = option(None, "Joint whose link carries it, on its outermost part; the payload when not given.")
+    point_m: Vector = option((0.0, 0.0, 0.0), "Where it sits, in the link's frame, or the payload's [m].")
     axis: Vector = Field(description="Axis. Tracker: in the world frame. Accelerometer: in the frame of the point.")
 
     def sensor(self, joints: tuple[JointSection, ...]) -> Sensor:
@@ -318,13 +286,7 @@ class SensorSection(Assumed):
 
 
 def moved(body: Inertial, position: FloatArray, rotation: FloatArray) -> Inertial:
-    """Returns mass properties in another frame.
-
-    Args:
-        body: Mass properties in their frame.
-        position (3,): Origin of that frame in the other one [m].
-        rotation (3, 3): Its orientation there.
-    """
+    """Returns mass properties in another frame, in which theirs has this origin (3,) [m] and orientation (3, 3)."""
     return Inertial(body.mass_kg, position + rotation @ body.com_m, rotation @ body.inertia_kgm2 @ rotation.T)
 
 

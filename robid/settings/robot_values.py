@@ -34,12 +34,8 @@ def body_section(found: Inertial, stated: Body | None = None) -> Body:
 def with_values(file: RobotFile, robot: Robot) -> RobotFile:
     """Returns a robot file with the values of a robot of the same joints, links and springs, complete in itself.
 
-    Masses, inertias, friction and counterbalances are the robot's; frames, limits and springs stay. What differs
-    from the file is no longer assumed.
-
-    Args:
-        file: The robot file, completed from its model.
-        robot: The robot.
+    Masses, inertias, friction and counterbalances are the robot's; frames, limits and springs stay. What differs from
+    the file is no longer assumed.
     """
     joints = tuple(_joint(section, joint) for section, joint in zip(file.joints, robot.joints, strict=True))
     outboard = {spring.name: spring.outboard for spring in robot.springs}
@@ -103,7 +99,6 @@ def _spring(section: SpringSection, outboard: Inertial | None, joints: tuple[Joi
 
 
 def _into_link(body: Inertial, section: JointSection) -> Inertial:
-    """Moves mass properties from the joint frame into the link's frame."""
     position, rotation = section.geometry.link_frame()
     return moved(body, -rotation.T @ position, rotation.T)
 
@@ -121,7 +116,6 @@ def _same(first: object, second: object) -> bool:
 
 
 def _numbers(value: object) -> list[float]:
-    """All numbers of a value or section."""
     if isinstance(value, int | float):
         return [float(value)]
     if isinstance(value, BaseModel):

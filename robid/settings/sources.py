@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
@@ -12,6 +12,7 @@ import pydantic.dataclasses
 from pydantic import Discriminator, Field, GetJsonSchemaHandler, Tag
 from pydantic_core import CoreSchema
 
+from robid.arrays import group, option
 from robid.design.excitation.options import (
     ArbitraryOptions,
     ChirpOptions,
@@ -25,7 +26,6 @@ from robid.robot.description import Robot
 from robid.settings.base import DATA_VARIABLE, STRICT, data_path
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import SpringSection
-from robid.signals.log_channels import LogChannel
 from robid.signals.log_options import LogOptions
 from robid.simulate.options import SimulateOptions, Truth
 from robid.simulate.truth import true_robot
@@ -69,12 +69,10 @@ ExcitationSettings: TypeAlias = Annotated[
 class TruthSettings(Truth):
     """How the simulated robot differs from the robot file, in springs that the file lacks too."""
 
-    springs: tuple[SpringSection, ...] = field(
-        default=(),
-        metadata={
-            "description": "Springs that the simulated robot has and the robot file lacks, written as in a robot file;"
-            " no transmissions. They have no random deviation."
-        },
+    springs: tuple[SpringSection, ...] = option(
+        (),
+        "Springs that the simulated robot has and the robot file lacks, written as in a robot file;"
+        " no transmissions. They have no random deviation.",
     )
 
 
@@ -82,9 +80,7 @@ class TruthSettings(Truth):
 class SimulateSettings(SimulateOptions):
     """One simulated campaign, as the experiment file describes it."""
 
-    truth: TruthSettings = field(
-        default_factory=TruthSettings, metadata={"description": "How the true robot differs from the robot file."}
-    )
+    truth: TruthSettings = group(TruthSettings, "How the true robot differs from the robot file.")
 
 
 def with_truth_springs(robot: RobotFile, truth: TruthSettings) -> RobotFile:
@@ -93,13 +89,7 @@ def with_truth_springs(robot: RobotFile, truth: TruthSettings) -> RobotFile:
 
 
 def true_robot_of(robot: RobotFile, payload_kg: float | None, truth: Truth) -> Robot:
-    """Returns the true robot of a campaign.
-
-    Args:
-        robot: The robot file.
-        payload_kg: Payload mass that replaces the file's [kg].
-        truth: How it differs.
-    """
+    """Returns the true robot of a campaign, whose payload mass replaces the file's where it is given [kg]."""
     springs = truth.springs if isinstance(truth, TruthSettings) else ()
     further = tuple(spring.spring(robot.joints) for spring in springs)
     return true_robot(robot.to_robot(payload_kg), truth, further)
@@ -119,11 +109,6 @@ class Acquire(LogOptions):
         " `{configuration}`, `{realization}` and `{experiment}` for their numbers, from 1."
     )
 
-    @property
-    def channels(self) -> tuple[LogChannel, ...]:
-        """Inputs, outputs and references."""
-        return (*self.inputs, *self.outputs, *self.references)
-
     def log_path(self, folder: Path, configuration: int = 0, realization: int = 0, experiment: int = 0) -> Path:
         """Returns the path of a log.
 
@@ -136,33 +121,21 @@ class Acquire(LogOptions):
         return _path(self.file, folder, (configuration, realization, experiment))
 
     def further_paths(self, folder: Path, *indices: int) -> dict[str, Path]:
-        """Returns the paths of the logs that channels name beside `file`, by that name.
-
-        Args:
-            folder: As in `log_path`.
-            *indices: Of configuration, realization and experiment, each from 0.
-        """
+        """Returns the paths of the logs that channels name beside `file`, by that name; indices as in `log_path`."""
         return {one.file: _path(one.file, folder, indices) for one in self.channels if one.file is not None}
 
     def in_place(self, *indices: int) -> LogOptions:
-        """Returns what the log means, numbers from 1 in the place of their names in its variables.
-
-        Args:
-            *indices: Of configuration, realization and experiment, each from 0.
-        """
-        changed: dict[str, Any] = {
-            key: tuple(_in_place(one, indices) for one in getattr(self, key))
-            for key in ("inputs", "outputs", "references")
-        }
+        """Returns what the log means, numbers in place of their names in its variables; indices as in `log_path`."""
+        changed: dict[str, Any] = {}
+        for key, channels in self.groups.items():
+            times = [None if one.time is None else _numbered(one.time, indices) for one in channels]
+            pairs = zip(channels, times, strict=True)
+            changed[key] = tuple(
+                replace(one, variable=_numbered(one.variable, indices), time=time) for one, time in pairs
+            )
         if self.time is not None:
             changed["time"] = replace(self.time, variable=_numbered(self.time.variable, indices))
         return LogOptions(**{one.name: changed.get(one.name, getattr(self, one.name)) for one in fields(LogOptions)})
-
-
-def _in_place(channel: LogChannel, indices: Sequence[int]) -> LogChannel:
-    """A channel with numbers in the names of its variable and of its time."""
-    time = None if channel.time is None else _numbered(channel.time, indices)
-    return replace(channel, variable=_numbered(channel.variable, indices), time=time)
 
 
 def is_numbered(variable: str, place: str) -> bool:
@@ -177,9 +150,7 @@ def _numbered(variable: str, indices: Sequence[int]) -> str:
 
 
 def _path(file: str, folder: Path, indices: Sequence[int]) -> Path:
-    """The path of a log, numbers from 1 in the place of their names."""
     rest = file.removeprefix(DATA_VARIABLE)
     start = file.removesuffix(rest) if rest else file
-    return data_path(
-        start + rest.format(**{key: index + 1 for key, index in zip(PLACES, indices, strict=True)}), folder
-    )
+    numbers = {key: index + 1 for key, index in zip(PLACES, indices, strict=True)}
+    return data_path(start + rest.format(**numbers), folder)

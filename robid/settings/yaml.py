@@ -142,7 +142,6 @@ def _mapping(path: Path, node: CommentedMap) -> dict[str, Any]:
 
 
 def _value(path: Path, node: Any, line: int) -> Any:  # noqa: ANN401
-    """Turns ruamel.yaml's containers and scalars into Python's own."""
     if isinstance(node, CommentedMap):
         return _mapping(path, node)
     if isinstance(node, CommentedSeq):
@@ -156,8 +155,6 @@ def _value(path: Path, node: Any, line: int) -> Any:  # noqa: ANN401
     for kind in (int, float, str):
         if isinstance(node, kind):
             return kind(node)
-    raise SettingsError(
-        "S340 tags, sets and binary values of YAML are not used here",
-        where=f"{path}:{line + 1}",
-        remedy="use plain numbers, texts, lists and sections",
-    )
+    what = "S340 tags, sets and binary values of YAML are not used here"
+    remedy = "use plain numbers, texts, lists and sections"
+    raise SettingsError(what, where=f"{path}:{line + 1}", remedy=remedy)

@@ -7,6 +7,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from robid.arrays import option
 from robid.signals.quantities import DRIVES, QUANTITIES, UNITS, Channel, QuantityName, SampledName, Side, units_of
 
 UnitName: TypeAlias = Literal[
@@ -38,23 +39,10 @@ UnitName: TypeAlias = Literal[
     "counts/s",
 ]
 _COMMANDS: dict[str, QuantityName] = {
-    "N m": "torque",
-    "A": "current",
-    "N": "force",
-    "rad": "position_command",
-    "m": "position_command",
-    "rad/s": "speed_reference",
-    "m/s": "speed_reference",
-    "rad/s^2": "acceleration",
-    "m/s^2": "acceleration",
+    **{"N m": "torque", "A": "current", "N": "force", "rad": "position_command", "m": "position_command"},
+    **{"rad/s": "speed_reference", "m/s": "speed_reference", "rad/s^2": "acceleration", "m/s^2": "acceleration"},
 }
-_MEASURED: dict[str, QuantityName] = {
-    **_COMMANDS,
-    "rad": "angle",
-    "m": "position",
-    "rad/s": "speed",
-    "m/s": "speed",
-}
+_MEASURED: dict[str, QuantityName] = {**_COMMANDS, "rad": "angle", "m": "position", "rad/s": "speed", "m/s": "speed"}
 _COUNTS = ("counts", "counts/s")
 _UNIT = {"description": "Unit in the log; `counts` and `counts/s` need `counts_per_turn` or `resolution_m`."}
 
@@ -76,43 +64,20 @@ class LogChannel:
         }
     )
     unit: UnitName = field(default="rad", metadata=_UNIT)
-    sign: Literal[1, -1] = field(
-        default=1, metadata={"description": "Sign that turns the log's direction into the joint's."}
+    sign: Literal[1, -1] = option(1, "Sign that turns the log's direction into the joint's.")
+    scale: float = option(1.0, "Factor from the log's numbers to the unit, as for raw numbers.", gt=0)
+    quantity: QuantityName | None = option(None, "What it is; what its unit says when not given.")
+    side: Side | None = option(None, "Side that it belongs to; `arm` for `<joint>.arm`, else `motor` when not given.")
+    counts_per_turn: float | None = option(None, "Counts of one turn, of a rotation in counts.", gt=0)
+    resolution_m: float | None = option(None, "Length of one count, of a translation in counts [m].", gt=0)
+    unwrap: bool | float | None = option(
+        None,
+        "Whether jumps by a turn are taken out, as from 180 to -180 degrees; of a tool's angles when not given. A"
+        " number is the range after which the log's numbers begin again, as 65536 of a counter of 16 bits.",
     )
-    scale: float = field(
-        default=1.0,
-        metadata={"description": "Factor from the log's numbers to the unit, as for raw numbers.", "gt": 0},
-    )
-    quantity: QuantityName | None = field(
-        default=None, metadata={"description": "What it is; what its unit says when not given."}
-    )
-    side: Side | None = field(
-        default=None,
-        metadata={"description": "Side that it belongs to; `arm` for `<joint>.arm`, else `motor` when not given."},
-    )
-    counts_per_turn: float | None = field(
-        default=None, metadata={"description": "Counts of one turn, of a rotation in counts.", "gt": 0}
-    )
-    resolution_m: float | None = field(
-        default=None, metadata={"description": "Length of one count, of a translation in counts [m].", "gt": 0}
-    )
-    unwrap: bool | float | None = field(
-        default=None,
-        metadata={
-            "description": "Whether jumps by a turn are taken out, as from 180 to -180 degrees; of a tool's angles when"
-            " not given. A number is the range after which the log's numbers begin again, as 65536 of a counter of 16"
-            " bits.",
-        },
-    )
-    file: str | None = field(
-        default=None, metadata={"description": "Its log, written as `file` above, where a recording has several."}
-    )
-    time: str | None = field(
-        default=None,
-        metadata={
-            "description": "Variable of its own time stamps, in the unit of `time`, where channels have clocks of their"
-            " own."
-        },
+    file: str | None = option(None, "Its log, written as `file` above, where a recording has several.")
+    time: str | None = option(
+        None, "Variable of its own time stamps, in the unit of `time`, where channels have clocks of their own."
     )
 
     @property
@@ -164,7 +129,6 @@ class LogChannel:
 
     @property
     def _usual(self) -> dict[str, QuantityName]:
-        """Quantity that a unit stands for where none is stated."""
         return _MEASURED
 
     def problems(self) -> list[str]:
@@ -198,19 +162,12 @@ class InputChannel(LogChannel):
     """What drives the robot: a motor torque, the current that stands for it, a force, or a command."""
 
     unit: UnitName = field(default="N m", metadata=_UNIT)
-    torque_constant_nm_a: float | None = field(
-        default=None,
-        metadata={"description": "Torque constant K_t of a current; 1 with `normalised` [N m/A].", "gt": 0},
+    torque_constant_nm_a: float | None = option(
+        None, "Torque constant K_t of a current; 1 with `normalised` [N m/A].", gt=0
     )
-    torque_constant_relative_std: float = field(
-        default=0.0, metadata={"description": "Relative standard deviation of the torque constant.", "ge": 0}
-    )
-    normalised: bool = field(
-        default=False, metadata={"description": "The current stands for the torque: every result is a ratio to K_t."}
-    )
-    hold: Literal["zoh", "band_limited"] = field(
-        default="zoh", metadata={"description": "A command held for a sample, or measured like the outputs."}
-    )
+    torque_constant_relative_std: float = option(0.0, "Relative standard deviation of the torque constant.", ge=0)
+    normalised: bool = option(False, "The current stands for the torque: every result is a ratio to K_t.")
+    hold: Literal["zoh", "band_limited"] = option("zoh", "A command held for a sample, or measured like the outputs.")
 
     @property
     def is_current(self) -> bool:
@@ -246,9 +203,7 @@ class InputChannel(LogChannel):
         elif self.is_current and self.normalised and self.torque_constant_nm_a not in (None, 1):
             found.append("S369 `normalised` needs a torque constant of 1")
         elif self.is_current and not self.normalised and self.torque_constant_nm_a is None:
-            found.append(
-                "S370 a current needs `torque_constant_nm_a` (1 together with `normalised: true` where it is unknown)"
-            )
+            found.append("S370 a current needs `torque_constant_nm_a` (1 with `normalised: true` where it is unknown)")
         return found
 
 
@@ -272,25 +227,16 @@ def input_problems(inputs: tuple[InputChannel, ...]) -> list[str]:
     return found
 
 
-def _article(title: str) -> str:
-    return f"{'an' if title[0] in 'aeiou' else 'a'} {title}"
-
-
 @dataclass(frozen=True)
 class OutputChannel(LogChannel):
     """What was measured: an angle, a position, a speed or an acceleration."""
 
-    zero: float = field(
-        default=0.0,
-        metadata={"description": "The log's number where all joints are in their zero positions, in its own unit."},
-    )
-    sampled: SampledName = field(
-        default="instants",
-        metadata={
-            "description": "What its samples are: values at their `instants`; of a speed, the `difference` of a"
-            " position from the sample before, or the `central_difference` across both neighbours; or values"
-            " `filtered` against aliasing, so that nothing above half the sampling rate is in them."
-        },
+    zero: float = option(0.0, "The log's number where all joints are in their zero positions, in its own unit.")
+    sampled: SampledName = option(
+        "instants",
+        "What its samples are: values at their `instants`; of a speed, the `difference` of a"
+        " position from the sample before, or the `central_difference` across both neighbours; or values"
+        " `filtered` against aliasing, so that nothing above half the sampling rate is in them.",
     )
 
     @property
@@ -302,10 +248,9 @@ class OutputChannel(LogChannel):
         """Finds what contradicts itself, of its samples too."""
         found = super().problems()
         if not found and "difference" in self.sampled and self.channel.quantity != "speed":
-            found.append(
-                f"S374 `sampled: {self.sampled}` belongs to a speed; this is {_article(self.channel.title)}: leave "
-                "it out"
-            )
+            title = self.channel.title
+            told = f"this is {'an' if title[0] in 'aeiou' else 'a'} {title}: leave it out"
+            found.append(f"S374 `sampled: {self.sampled}` belongs to a speed; {told}")
         return found
 
 

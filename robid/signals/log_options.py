@@ -7,7 +7,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, option
 from robid.signals.log_channels import InputChannel, LogChannel, OutputChannel, ReferenceChannel
 from robid.signals.pose import ANGLES, POSE
 from robid.signals.quantities import DRIVES
@@ -28,26 +28,17 @@ class Dialect:
             "pattern": r"^([^\w\s.+\-]|tab|whitespace)$",
         },
     )
-    decimal: Literal[".", ","] | None = field(
-        default=None, metadata={"description": "Decimal mark; told from the table when not given."}
+    decimal: Literal[".", ","] | None = option(None, "Decimal mark; told from the table when not given.")
+    header_line: int | None = option(
+        None,
+        "Line of the column names, counted from 1; 0 where there is none and columns are named by"
+        " their numbers, from 1. Told from the table when not given.",
+        ge=0,
     )
-    header_line: int | None = field(
-        default=None,
-        metadata={
-            "description": "Line of the column names, counted from 1; 0 where there is none and columns are named by"
-            " their numbers, from 1. Told from the table when not given.",
-            "ge": 0,
-        },
-    )
-    comments: tuple[str, ...] = field(
-        default=("#", "%"), metadata={"description": "What lines begin with that are passed over."}
-    )
-    encoding: str | None = field(
-        default=None,
-        metadata={
-            "description": "Encoding of the text, as `shift_jis`; what its first bytes say, UTF-8 or else Windows-1252"
-            " when not given."
-        },
+    comments: tuple[str, ...] = option(("#", "%"), "What lines begin with that are passed over.")
+    encoding: str | None = option(
+        None,
+        "Encoding of the text, as `shift_jis`; what its first bytes say, UTF-8 or else Windows-1252 when not given.",
     )
 
     @property
@@ -65,7 +56,7 @@ class TimeChannel:
     """The log's own time, against which the sampling period is checked."""
 
     variable: str = field(metadata={"description": "Name of the variable in the log."})
-    unit: Literal["s", "ms", "us", "ns"] = field(default="s", metadata={"description": "Unit of the time."})
+    unit: Literal["s", "ms", "us", "ns"] = option("s", "Unit of the time.")
 
     @property
     def to_seconds(self) -> float:
@@ -77,19 +68,14 @@ class TimeChannel:
 class PoseOptions:
     """Which channels of a log are absolute poses, to become displacements in the tool frame of the home pose."""
 
-    absolute: tuple[Literal["inputs", "outputs"], ...] = field(
-        default=("outputs",),
-        metadata={
-            "description": "Which of `inputs` and `outputs` are absolute poses, channels X Y Z A B C: turns A about Z,"
-            " B about the new Y, C about the new X. Displacements along the home pose's axes are left as they are.",
-            "min_length": 1,
-        },
+    absolute: tuple[Literal["inputs", "outputs"], ...] = option(
+        ("outputs",),
+        "Which of `inputs` and `outputs` are absolute poses, channels X Y Z A B C: turns A about Z,"
+        " B about the new Y, C about the new X. Displacements along the home pose's axes are left as they are.",
+        min_length=1,
     )
-    home: tuple[float, float, float, float, float, float] | None = field(
-        default=None,
-        metadata={
-            "description": "The home pose, X Y Z [m] and A B C [deg]; the first sample that is used when not given."
-        },
+    home: tuple[float, float, float, float, float, float] | None = option(
+        None, "The home pose, X Y Z [m] and A B C [deg]; the first sample that is used when not given."
     )
 
     @property
@@ -102,12 +88,8 @@ class PoseOptions:
 class LogOptions:
     """What the variables of a log mean, and which part of it is used."""
 
-    format: LogFormat | None = field(
-        default=None, metadata={"description": "Format of the log; told from the file when not given."}
-    )
-    dialect: Dialect = field(
-        default=Dialect(), metadata={"description": "How a table of text is written; told from it when not given."}
-    )
+    format: LogFormat | None = option(None, "Format of the log; told from the file when not given.")
+    dialect: Dialect = option(Dialect(), "How a table of text is written; told from it when not given.")
     sampling_period_s: float = field(
         metadata={
             "description": "Sampling period of the log [s]: the controller's cycle, or what the recorder was set to.",
@@ -118,48 +100,44 @@ class LogOptions:
         metadata={"description": "What drives the robot: motor torques in the order of the joints.", "min_length": 1}
     )
     outputs: tuple[OutputChannel, ...] = field(metadata={"description": "What was measured.", "min_length": 1})
-    references: tuple[ReferenceChannel, ...] = field(
-        default=(),
-        metadata={
-            "description": "What the motors were told, in the order of the joints; the excitation is then designed"
-            " here, and each log is matched to it."
-        },
+    references: tuple[ReferenceChannel, ...] = option(
+        (),
+        "What the motors were told, in the order of the joints; the excitation is then designed"
+        " here, and each log is matched to it.",
     )
-    pose: PoseOptions | None = field(
-        default=None, metadata={"description": "Which channels are absolute poses of the tool."}
+    pose: PoseOptions | None = option(None, "Which channels are absolute poses of the tool.")
+    time: TimeChannel | None = option(None, "The log's own time, if it has one.")
+    resample: Literal["time", "period"] | None = option(
+        None,
+        "What clock the samples are brought to by interpolation: `time`, the log's own, in steps of"
+        " `sampling_period_s`; `period`, the generator's, so that a measured period has its stated samples.",
     )
-    time: TimeChannel | None = field(default=None, metadata={"description": "The log's own time, if it has one."})
-    resample: Literal["time", "period"] | None = field(
-        default=None,
-        metadata={
-            "description": "What clock the samples are brought to by interpolation: `time`, the log's own, in steps of"
-            " `sampling_period_s`; `period`, the generator's, so that a measured period has its stated samples."
-        },
+    drop_periods: int = option(0, "Periods dropped at the start of the log.", ge=0)
+    one_shot: bool = option(
+        False,
+        "The log does not repeat, as a trajectory: it is read whole, without excitation, periods and"
+        " frequency response.",
     )
-    drop_periods: int = field(default=0, metadata={"description": "Periods dropped at the start of the log.", "ge": 0})
-    one_shot: bool = field(
-        default=False,
-        metadata={
-            "description": "The log does not repeat, as a trajectory: it is read whole, without excitation, periods and"
-            " frequency response."
-        },
+    from_s: float = option(
+        0.0,
+        "From where on the log is used, since its first sample, by its own time where it has one;"
+        " periods are counted from there [s].",
+        ge=0,
     )
-    from_s: float = field(
-        default=0.0,
-        metadata={
-            "description": "From where on the log is used, since its first sample, by its own time where it has one;"
-            " periods are counted from there [s].",
-            "ge": 0,
-        },
+    to_s: float | None = option(None, "Up to where it is used; to its end when not given [s].", gt=0)
+    take: Literal["first", "last"] = option(
+        "first", "Which whole periods are used: the first after those dropped, or the last."
     )
-    to_s: float | None = field(
-        default=None,
-        metadata={"description": "Up to where it is used; to its end when not given [s].", "gt": 0},
-    )
-    take: Literal["first", "last"] = field(
-        default="first",
-        metadata={"description": "Which whole periods are used: the first after those dropped, or the last."},
-    )
+
+    @property
+    def groups(self) -> dict[str, tuple[LogChannel, ...]]:
+        """Inputs, outputs and references, by the names of their settings."""
+        return {"inputs": self.inputs, "outputs": self.outputs, "references": self.references}
+
+    @property
+    def channels(self) -> tuple[LogChannel, ...]:
+        """All channels but the time: inputs, outputs, references."""
+        return (*self.inputs, *self.outputs, *self.references)
 
     @property
     def is_cut(self) -> bool:

@@ -11,15 +11,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 
 QuantityName: TypeAlias = Literal[
-    "torque",
-    "current",
-    "force",
-    "speed_reference",
-    "position_command",
-    "angle",
-    "position",
-    "speed",
-    "acceleration",
+    "torque", "current", "force", "speed_reference", "position_command", "angle", "position", "speed", "acceleration"
 ]
 Side: TypeAlias = Literal["motor", "arm", "tool"]
 SIDES: tuple[Side, ...] = ("motor", "arm", "tool")
@@ -168,12 +160,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class UsableChannels:
-    """What a family can use as the inputs or as the outputs of a response or of a record.
-
-    Attributes:
-        quantities: Quantities, any of which will do.
-        sides: Sides, any of which will do.
-    """
+    """What a family can use as inputs or outputs of responses or records: these quantities, at these sides."""
 
     quantities: tuple[QuantityName, ...]
     sides: tuple[Side, ...] = SIDES

@@ -84,15 +84,7 @@ class _InFlight:
 
 
 class DaskMap:
-    """An ordered map over the workers of a cluster, see `robid.backends.map.Map`.
-
-    Args:
-        client: The connection.
-        address: The scheduler, for messages.
-        terms: What a worker must fulfil.
-        exchange: The folder that client and workers share.
-        memory: What a worker may use, for messages; empty where others have set it.
-    """
+    """An ordered map over the workers of a cluster, see `robid.backends.map.Map`."""
 
     def __init__(self, client: Client, address: str, terms: Terms, exchange: Exchange, memory: str) -> None:
         self._client = client
@@ -136,7 +128,10 @@ class DaskMap:
                     if on_done is not None:
                         on_done(each.index, result)
         finally:
-            self._drop(list(flying.values()))
+            for each in flying.values():
+                self._exchange.release(each.arrays)
+            if flying and self._client.status == "running":
+                self._client.cancel([each.future for each in flying.values()], force=True)
         return [results[index] for index in range(len(tasks))]
 
     def _submit(self, packer: Packer, function: Callable[[Task], Result], index: int, task: Task) -> _InFlight:
@@ -190,26 +185,17 @@ class DaskMap:
             index = flying[str(error.task)].index
         named = "A task"
         if index is not None and index < len(tasks):
-            named = f"Task {index + 1} of {len(tasks)}{_label(tasks[index])}"
+            label = getattr(tasks[index], "label", "")
+            named = f"Task {index + 1} of {len(tasks)}{f' ({label})' if label else ''}"
         times = error.allowed_failures + 1
-        return WorkerError(
-            f"B002 {named} ended its worker {times} times; {where}.",
-            where=f"worker {error.last_worker.address}",
-            remedy=f"most often memory ran out{self._memory}; {_GO_ON}",
-        )
+        what = f"B002 {named} ended its worker {times} times; {where}."
+        remedy = f"most often memory ran out{self._memory}; {_GO_ON}"
+        return WorkerError(what, where=f"worker {error.last_worker.address}", remedy=remedy)
 
     def _lost(self, where: str) -> BackendError:
-        return BackendError(
-            f"B003 The scheduler was lost; {where}.",
-            where=self._address,
-            remedy="what is finished is kept; the same command goes on once the scheduler is back",
-        )
-
-    def _drop(self, left: list[_InFlight]) -> None:
-        for each in left:
-            self._exchange.release(each.arrays)
-        if left and self._client.status == "running":
-            self._client.cancel([each.future for each in left], force=True)
+        what = f"B003 The scheduler was lost; {where}."
+        remedy = "what is finished is kept; the same command goes on once the scheduler is back"
+        return BackendError(what, where=self._address, remedy=remedy)
 
 
 def _opened(answer: Done | Failed | Refused) -> Any:  # noqa: ANN401
@@ -218,11 +204,6 @@ def _opened(answer: Done | Failed | Refused) -> Any:  # noqa: ANN401
     if isinstance(answer, Refused):
         raise refusal(answer.address, answer.complaint)
     return answer.result
-
-
-def _label(task: object) -> str:
-    label = getattr(task, "label", "")
-    return f" ({label})" if label else ""
 
 
 _CONNECT_S = 10
@@ -289,11 +270,9 @@ def _remote(address: str) -> Iterator[Client]:
         remedy = "write it as in tcp://10.0.0.1:8786"
         raise SettingsError(f"S001 `{address}` is no address of a scheduler: {found}", where="scheduler", remedy=remedy)
     if isinstance(found, Exception):
-        raise BackendError(
-            f"B004 The scheduler does not answer within {_CONNECT_S} s.",
-            where=address,
-            remedy=f"check the address, and that `dask scheduler` runs there in the same versions; {GUIDE}",
-        ) from found
+        what = f"B004 The scheduler does not answer within {_CONNECT_S} s."
+        remedy = f"check the address, and that `dask scheduler` runs there in the same versions; {GUIDE}"
+        raise BackendError(what, where=address, remedy=remedy) from found
     try:
         yield found
     finally:
@@ -363,7 +342,6 @@ def _local(workers: int, exchange: Exchange) -> Iterator[tuple[Client, str]]:
 
 
 def _kill(cluster: LocalCluster) -> None:
-    """Ends the workers at once, whatever they are doing."""
     for nanny in cluster.workers.values():
         nanny.auto_restart = False
         if nanny.pid:

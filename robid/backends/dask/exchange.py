@@ -161,8 +161,7 @@ def shared_folder(folder: Path | None) -> Iterator[Exchange]:
 
     One that a killed client left is removed, too: the system has freed its lock.
 
-    Args:
-        folder: The run folder; a temporary folder of this machine when None.
+    Without a run folder it is a temporary one of this machine.
 
     Raises:
         ArtifactError: If it cannot be written.
@@ -194,8 +193,6 @@ def _remove_left(folder: Path) -> None:
 
 
 def _not_written(path: Path, error: OSError) -> ArtifactError:
-    return ArtifactError(
-        f"A018 What workers need cannot be written: {error.strerror or error}.",
-        where=os.fspath(path),
-        remedy="check that the folder may be written to and that the disk has room",
-    )
+    what = f"A018 What workers need cannot be written: {error.strerror or error}."
+    remedy = "check that the folder may be written to and that the disk has room"
+    return ArtifactError(what, where=os.fspath(path), remedy=remedy)

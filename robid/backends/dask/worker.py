@@ -26,7 +26,7 @@ from robid.versions import package_versions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-if TYPE_CHECKING:
+
     from distributed import Client
 
 
@@ -236,11 +236,9 @@ def _wait_for_workers(client: Client, address: str) -> None:
     deadline = time.monotonic() + WAIT_FOR_WORKERS_S
     while not client.nthreads():
         if time.monotonic() > deadline:
-            raise BackendError(
-                f"B007 The scheduler has had no workers for {WAIT_FOR_WORKERS_S:.0f} s.",
-                where=address,
-                remedy=f"start some, as in `dask worker {address} --nthreads 1`; {GUIDE}",
-            )
+            what = f"B007 The scheduler has had no workers for {WAIT_FOR_WORKERS_S:.0f} s."
+            remedy = f"start some, as in `dask worker {address} --nthreads 1`; {GUIDE}"
+            raise BackendError(what, where=address, remedy=remedy)
         time.sleep(0.2)
 
 

@@ -35,7 +35,6 @@ def read_hdf5(file: Path, wanted: Wanted) -> Found:
 
 
 def _take_dataset(name: str, dataset: Any, wanted: Wanted, found: Found) -> None:  # noqa: ANN401
-    """Adds a dataset, each field of one whose elements are records."""
     unit = next((dataset.attrs[key] for key in _UNITS if key in dataset.attrs), "")
     unit = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
     for field in dataset.dtype.names or ("",):

@@ -139,12 +139,8 @@ def tell_groups(columns: Sequence[Sequence[str]]) -> tuple[str, ...]:
 def _decimal_marks(cells: Sequence[str]) -> str:
     """The marks that stand before decimals in some cells, and can be nothing else."""
     texts = [cell for cell in cells if ("," in cell or "." in cell) and is_number(cell, decimal_comma=True)]
-    last = {text[max(text.rfind(","), text.rfind("."))] for text in texts if not is_grouped(text) or _has_both(text)}
-    return "".join(sorted(last))
-
-
-def _has_both(text: str) -> bool:
-    return "," in text and "." in text
+    told = [text for text in texts if not is_grouped(text) or ("," in text and "." in text)]
+    return "".join(sorted({text[max(text.rfind(","), text.rfind("."))] for text in told}))
 
 
 class Body:
@@ -165,13 +161,7 @@ class Body:
         return rows
 
     def finish(self, column: int, values: FloatArray, time: FloatArray | None) -> FloatArray:  # noqa: ARG002
-        """Returns what a column means, once all of it is there.
-
-        Args:
-            column: The column.
-            values (n_row,): What stands in it.
-            time (n_row,): What stands in the column of its time.
-        """
+        """Returns what a column means, once all of it (n_row,) is there, and what stands in the column of its time."""
         return values
 
     def make_time(self, name: str, values: FloatArray) -> FloatArray:  # noqa: ARG002
@@ -202,7 +192,6 @@ class Layout:
     Attributes:
         separator: What separates cells; a space stands for any white space.
         decimal_comma: Whether decimal marks are commas.
-        names: Names of the columns.
         units: Their units; empty where none is stated.
         lines: Lines before the first row.
         kinds: What each column holds: `number`, `moment` (date and time), or a text that is neither.

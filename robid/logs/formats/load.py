@@ -47,10 +47,7 @@ _TOLD = Dialect()
 
 
 def load_variables(
-    file: Path,
-    format_: LogFormat | None = None,
-    names: Collection[str] | None = None,
-    dialect: Dialect = _TOLD,
+    file: Path, format_: LogFormat | None = None, names: Collection[str] | None = None, dialect: Dialect = _TOLD
 ) -> Variables:
     """Reads variables of a log.
 
@@ -139,17 +136,13 @@ class Reader:
         self._lock = threading.Lock()
 
     def read(self, file: Path, name: LogFormat, names: Collection[str] | None) -> Found:
-        """Reads a log.
-
-        Args:
-            file: The log.
-            name: Its format, a name in `FORMATS`.
-            names: Variables to read; all where it is None.
+        """Reads a log of a format in `FORMATS`: all of its variables, or those that are named.
 
         Raises:
             DataError: If it cannot be read.
         """
-        size = _size(file)
+        parts = file.rglob("*") if file.is_dir() else [file]
+        size = sum(one.stat().st_size for one in parts if one.is_file())
         seconds = self._limits.seconds + size * self._limits.seconds_per_byte
         memory = self._limits.memory + size * self._limits.memory_per_byte
         asked = {"file": str(file.absolute()), "reader": FORMATS[name].reader, "memory": memory}
@@ -234,7 +227,6 @@ def _talk(process: subprocess.Popen[bytes], question: dict[str, Any]) -> tuple[d
 
 
 def _refusal(file: Path, name: LogFormat, answer: dict[str, Any]) -> DataError:
-    """What the reader found wrong with a log as a whole."""
     told = tell_format(file)
     title = FORMATS[name].title
     if told != name and told != "csv":
@@ -247,17 +239,10 @@ def _refusal(file: Path, name: LogFormat, answer: dict[str, Any]) -> DataError:
 
 
 def _death(code: int) -> str:
-    """Says how a process ended."""
     if code >= 0:
         return f"ended its reader (exit code {code})"
     name = signal.Signals(-code).name
     return f"crashed its reader ({name})" if name != "SIGKILL" else "was ended from outside, perhaps for lack of memory"
-
-
-def _size(file: Path) -> int:
-    """Size of a file, or of all files of a folder [bytes]."""
-    files = file.rglob("*") if file.is_dir() else [file]
-    return sum(one.stat().st_size for one in files if one.is_file())
 
 
 READER = Reader()
@@ -303,17 +288,13 @@ def _send_found(answers: IO[bytes], found: Found) -> None:
     arrays = {
         name: np.ascontiguousarray(x.astype(x.dtype.newbyteorder("="), copy=False)) for name, x in found.arrays.items()
     }
-    _send(
-        answers,
-        {
-            "arrays": [(name, x.dtype.str, x.shape) for name, x in arrays.items()],
-            "sizes": found.sizes,
-            "units": found.units,
-            "texts": found.texts,
-            "unreadable": {name: (reason.what, reason.remedy) for name, reason in found.unreadable.items()},
-            "damage": None if found.damage is None else (found.damage.what, found.damage.remedy),
-        },
-    )
+    answer = {
+        "arrays": [(name, x.dtype.str, x.shape) for name, x in arrays.items()],
+        **{"sizes": found.sizes, "units": found.units, "texts": found.texts},
+        "unreadable": {name: (reason.what, reason.remedy) for name, reason in found.unreadable.items()},
+        "damage": None if found.damage is None else (found.damage.what, found.damage.remedy),
+    }
+    _send(answers, answer)
     for array in arrays.values():
         answers.write(array.ravel().view(np.uint8).data)
     answers.flush()

@@ -31,20 +31,16 @@ _SERIES = re.compile(r"(.*?)\.(Time|Data)")
 _INFO = {"Time": "TimeInfo", "Data": "DataInfo"}
 
 
-def _note_units(found: Found) -> None:
-    """Notes units that the structures of a MAT file say by what they are; those that it states stay.
+def _units(found: Found) -> Iterator[tuple[str, str]]:
+    """Units that the structures of a MAT file say by what they are.
 
     A recording of ControlDesk has channels `Y(2).Data` over times `X(1).Data`, Simulink's structure with time
     `signals(2).values` over `time`, its block To File a matrix whose first row is time, a time series `Data` over
     `Time`.
     """
-    for name, unit in list(_units(found)):
-        found.units.setdefault(name, unit)
-
-
-def _units(found: Found) -> Iterator[tuple[str, str]]:
     for name in found.sizes:
-        if (axis := _AXIS.fullmatch(name)) and _has_channels(found, axis[1]):
+        axis = _AXIS.fullmatch(name)
+        if axis and any(one.startswith(f"{axis[1]}.Y") and one.endswith(".Data") for one in found.sizes):
             if name not in found.arrays or np.all(np.diff(found.arrays[name].ravel()) > 0):
                 yield name, "s"
         elif signals := _SIGNALS.fullmatch(name):
@@ -85,10 +81,6 @@ def _add_clocks(found: Found, wanted: Wanted) -> None:
             found.add(f"{name}.time", found.arrays[times[place]].ravel(), "s")
         else:
             found.mention(f"{name}.time", found.sizes[name], "s")
-
-
-def _has_channels(found: Found, recording: str) -> bool:
-    return any(name.startswith(f"{recording}.Y") and name.endswith(".Data") for name in found.sizes)
 
 
 def _is_timed(matrix: NDArray[np.generic]) -> bool:
@@ -132,7 +124,8 @@ def read_mat(file: Path, wanted: Wanted) -> Found:
         else:
             found = Found()
             _read_elements(stream, header, wanted, found)
-    _note_units(found)
+    for name, unit in list(_units(found)):
+        found.units.setdefault(name, unit)
     _add_clocks(found, asked)
     if wanted is not asked:
         added = set(wanted.names or ()) - set(asked.names or ())
@@ -192,7 +185,6 @@ def _peek(element: bytes, wanted: Wanted, found: Found) -> str | None:
 
 
 def _read_element(name: str, element: bytes, wanted: Wanted, found: Found) -> None:
-    """Reads the variable of a file that holds one."""
     try:
         loaded = loadmat(io.BytesIO(element)) if name else None
     except MemoryError:
@@ -232,7 +224,6 @@ def _note_object(element: bytes, found: Found) -> None:
 
 
 def _text(value: Any) -> str:  # noqa: ANN401
-    """The text in the first element of an array of bytes."""
     return str(np.ravel(value)[0].decode(errors="replace"))
 
 
@@ -292,7 +283,6 @@ def _try(name: str, parent: Any, key: Any, wanted: Wanted, found: Found, depth: 
 
 
 def _take_item(name: str, item: Any, wanted: Wanted, found: Found, depth: int) -> None:  # noqa: ANN401
-    """Adds what is inside a variable."""
     kind = item.attrs.get("MATLAB_class", b"")
     kind = kind.decode() if isinstance(kind, bytes) else str(kind)
     if depth > _DEEPEST:

@@ -40,14 +40,7 @@ def named_numbers(
     path: str = "",
     labels: Sequence[str] = (),
 ) -> Iterator[tuple[str, float]]:
-    """Yields the path of every number in a message, and the number.
-
-    Args:
-        message: A message, or a part of one.
-        keep: Whether something at or below a path is of interest.
-        path: Path of the part.
-        labels: Names of the numbers in a list of the same length.
-    """
+    """Yields path and number of every number in a part of a message where `keep` says so; lists may have labels."""
     fields = _fields(message)
     if fields is not None:
         labels = labels_of(message) or labels
@@ -66,7 +59,6 @@ def named_numbers(
 
 
 def _fields(value: Any) -> dict[str, Any] | None:  # noqa: ANN401
-    """The fields of a message, or None where it is none."""
     if isinstance(value, Mapping):
         return {str(key): one for key, one in value.items()}
     names = getattr(value, "__dataclass_fields__", None)
@@ -84,14 +76,9 @@ _NEAR = 10**15  # stamps further from the log's beginning are of another clock, 
 
 @dataclass(frozen=True)
 class Topic:
-    """A stream of messages.
+    """A stream of messages: how many, of which kind, and how they are packed, by `cdr` or `json`.
 
-    Attributes:
-        name: Its name.
-        count: Number of its messages.
-        kind: What they are.
-        encoding: How they are packed: `cdr` or `json`.
-        definition: What the log says of `kind`, and in which language: `ros2msg` or `ros2idl`.
+    Its definition is what the log says of that kind, and in which language: `ros2msg` or `ros2idl`.
     """
 
     name: str
@@ -127,11 +114,9 @@ def decoder(topic: Topic) -> Decode:
 
 @dataclass
 class Streams:
-    """Gathers the columns of messages that come one by one.
+    """Gathers the columns of messages that come one by one, with times since the log's start [ns].
 
-    Attributes:
-        wanted: Which columns are kept; of each topic the first message tells the names of the others.
-        start: When the log begins, from when its times are counted [ns].
+    Of each topic the first message tells the names of the columns that are not wanted.
     """
 
     wanted: Wanted
@@ -241,9 +226,8 @@ def _read_messages(reader: Any, summary: Any, streams: Streams) -> None:  # noqa
         schema = summary.schemas.get(channel.schema_id)
         text = "" if schema is None else schema.data.decode(errors="replace")
         kind, language = ("", "") if schema is None else (schema.name, schema.encoding)
-        topics[channel.topic] = Topic(
-            channel.topic, counts[channel.topic], kind, channel.message_encoding, (text, language)
-        )
+        told = kind, channel.message_encoding, (text, language)
+        topics[channel.topic] = Topic(channel.topic, counts[channel.topic], *told)
     readable = [name for name in streams.prepare(list(topics.values())) if counts[name]]
     try:
         for name in [name for name in readable if not streams.is_wanted(name)]:
@@ -271,7 +255,12 @@ def read_bag(file: Path, wanted: Wanted) -> Found:
     Raises:
         UnreadableLogError: If it has no file that can be read.
     """
-    files = sorted(file.iterdir(), key=_number_of) if file.is_dir() else [file]
+
+    def number(one: Path) -> tuple[int, str]:  # in a name such as `bag_12.db3`
+        found = re.search(r"_(\d+)\.", one.name)
+        return (int(found[1]) if found else 0, one.name)
+
+    files = sorted(file.iterdir(), key=number) if file.is_dir() else [file]
     mcap = [one for one in files if one.suffix == ".mcap"]
     databases = [one for one in files if one.suffix == ".db3" or not file.is_dir()]
     if mcap:
@@ -299,11 +288,10 @@ def _read_database(connection: sqlite3.Connection, wanted: Wanted, streams: Stre
         rows = connection.execute("select topic_type, encoded_message_definition, encoding from message_definitions")
         definitions = {kind: (text, language) for kind, text, language in rows}
     counts = dict(connection.execute("select topic_id, count(*) from messages group by topic_id"))
+    listed = connection.execute("select id, name, type, serialization_format from topics")
     topics = {
         number: Topic(name, counts.get(number, 0), kind, encoding, definitions.get(kind, ("", "")))
-        for number, name, kind, encoding in connection.execute(
-            "select id, name, type, serialization_format from topics"
-        )
+        for number, name, kind, encoding in listed
     }
     readable = set(streams.prepare(list(topics.values())))
     asked = "select topic_id, timestamp, data from messages where topic_id = ? order by timestamp"
@@ -316,9 +304,3 @@ def _read_database(connection: sqlite3.Connection, wanted: Wanted, streams: Stre
                 raise UnreadableLogError(f"D074 a message of {topic.name} is damaged", _COPIED)
             streams.add(topic.name, time, raw, topic.count)
     return streams
-
-
-def _number_of(file: Path) -> tuple[int, str]:
-    """The number in a name such as `bag_12.db3`."""
-    found = re.search(r"_(\d+)\.", file.name)
-    return (int(found[1]) if found else 0, file.name)

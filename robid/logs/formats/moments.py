@@ -241,7 +241,6 @@ class Moments:
 
 
 def _number(codes: NDArray[np.uint32], begin: int, end: int) -> IntArray:
-    """The number in some columns of characters."""
     powers = 10 ** np.arange(end - begin - 1, -1, -1, dtype=np.int64)
     return np.asarray((codes[:, begin:end].astype(np.int64) - ord("0")) @ powers)
 

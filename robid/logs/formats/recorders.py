@@ -20,11 +20,7 @@ _HALF = 0.5
 
 
 def tell_lvm(lines: Sequence[str]) -> Layout | None:
-    """Tells the layout of a LabVIEW measurement file; None where it is none, or holds no data.
-
-    Args:
-        lines: The first lines of a table.
-    """
+    """Tells the layout of a LabVIEW measurement file by its first lines; None where it is none, or holds no data."""
     if not lines or not lines[0].startswith(_START):
         return None
     mark = _mark(lines)
@@ -34,7 +30,10 @@ def tell_lvm(lines: Sequence[str]) -> Layout | None:
         return None
     told = {row[0]: row[1:] for row in cells[:at] if row[0]}
     comma = told.get("Decimal_Separator", [","])[0] == "," and mark != ","
-    names = [name or str(column) for column, name in enumerate(_without_comment(cells[at]), start=1)]
+    # The last name is that of comments, behind which a line may end with a separator.
+    last = max(column for column, name in enumerate(cells[at]) if name)
+    named = cells[at][: last + (cells[at][last] != _COMMENT)]
+    names = [name or str(column) for column, name in enumerate(named, start=1)]
     rows = [row for row in cells[at + 1 :] if _is_data(row, comma=comma)]
     if not rows:
         return None
@@ -48,12 +47,6 @@ def tell_lvm(lines: Sequence[str]) -> Layout | None:
     # The last cells of a row may be left out: the comment, and a separator at its end.
     longest = max(len(names) + 2, width)
     return Layout(mark, comma, body.names, units, at + 1, kinds, longest, fewest=len(names), body=body)
-
-
-def _without_comment(row: Sequence[str]) -> Sequence[str]:
-    """The names of the columns: the last one is that of comments, behind which a line may end with a separator."""
-    last = max(column for column, name in enumerate(row) if name)
-    return row[:last] if row[last] == _COMMENT else row[: last + 1]
 
 
 def _mark(lines: Sequence[str]) -> str:
@@ -74,12 +67,7 @@ def _is_data(row: Sequence[str], *, comma: bool) -> bool:
 
 @dataclass
 class _Segment:
-    """A part of the data, with what its head says of each column.
-
-    Attributes:
-        first: Its first row.
-        told: Rows of its head by their names, the cells by column.
-    """
+    """A part of the data: its first row, and the rows of its head by their names, the cells by column."""
 
     first: int
     told: dict[str, list[str]] = field(default_factory=dict)
@@ -119,25 +107,12 @@ class _SegmentedBody(Body):
         self._x = frozenset(column for column in x if kinds[column] == "number")
         follows = {column: max((one for one in x if one <= column), default=-1) for column in range(len(names))}
         self.clocks = {column: one for column, one in follows.items() if one in self._x and one != column}
-        own = [
-            f"{names[column + 1]}.time" if column in x[len(x) < 2 :] and len(x) > 1 else name
-            for column, name in enumerate(names)
-        ]
-        self.names = tuple(own)
-        self.made = {} if self._x or not self._is_time else self._made_times(kinds)
-
-    def _made_times(self, kinds: Sequence[str]) -> dict[str, int]:
-        """Times by the steps that the head states, where no column has them."""
-        steps = {
-            column: self._segments[0].number("Delta_X", self._above[column])
-            for column, kind in enumerate(kinds)
-            if kind == "number"
-        }
-        if not all(steps.values()):
-            return {}
-        if len(set(steps.values())) == 1:
-            return {"time": next(iter(steps))}
-        return {f"{self.names[column]}.time": column for column in steps}
+        timed = x if len(x) > 1 else []
+        self.names = tuple(f"{names[i + 1]}.time" if i in timed else name for i, name in enumerate(names))
+        if self._is_time and not self._x:
+            numbers = [column for column, kind in enumerate(kinds) if kind == "number"]
+            steps = {one: self._segments[0].number("Delta_X", self._above[one]) for one in numbers}
+            self.made = _times_by_steps(self.names, steps)
 
     def unit(self, column: int) -> str:
         """The unit of a column; that of a time is the second."""
@@ -235,6 +210,15 @@ class _SegmentedBody(Body):
         return f"Its last part has {rows} of the {said} rows that its head states." if 0 < rows < said else ""
 
 
+def _times_by_steps(names: Sequence[str], steps: Mapping[int, float]) -> dict[str, int]:
+    """Times that stand in no column, by the steps that a head states of columns; none where it does not of one."""
+    if not all(steps.values()):
+        return {}
+    if len(set(steps.values())) == 1:
+        return {"time": next(iter(steps))}
+    return {f"{names[column]}.time": column for column in steps}
+
+
 # Rows of the head that name the channels; where they have a time, the row's own name stands above it
 _NAMES = ("Name", "SymbolName")
 _STEP = re.compile(r"SampleTime(\[ms\])?")
@@ -248,13 +232,13 @@ _MS, _TICK_S = 1e-3, 1e-7
 
 
 def tell_twincat(lines: Sequence[str]) -> Layout | None:
-    """Tells the layout of an export of TwinCAT 3 Scope; None where it is none.
-
-    Args:
-        lines: The first lines of a table.
-    """
-    mark = _mark_of_export([line for line in lines[:_HEAD] if not line.isspace()])
-    cells = [split(line, mark) for line in lines] if mark else []
+    """Tells the layout of an export of TwinCAT 3 Scope by its first lines; None where it is none."""
+    head = [line for line in lines[:_HEAD] if not line.isspace()]
+    is_export = any(_STEP.match(line) or line.lower().startswith(_BEGINNINGS) for line in head)
+    # What separates cells stands behind the name of the first row.
+    marks = (line[len(name)] for line in head for name in _NAMES if re.match(rf"{name}[\t;,: ]", line))
+    mark = next(marks, "")
+    cells = [split(line, mark) for line in lines] if mark and is_export else []
     at, names = _named(cells)
     comma = mark != ","
     start = next((i for i in range(at + 1, len(cells)) if _is_first(cells[i], comma)), None)
@@ -278,13 +262,6 @@ def tell_twincat(lines: Sequence[str]) -> Layout | None:
     # Slow groups end above the others, by empty cells or by shorter rows.
     fewest = 1 if not has_times else 2 if len(timed) > 1 else width
     return Layout(mark, comma, body.names, units, start, kinds, width, fewest=fewest, body=body)
-
-
-def _mark_of_export(head: Sequence[str]) -> str:
-    """What separates cells, behind the name of the first row; nothing where this is no such export."""
-    said = any(_STEP.match(line) or line.lower().startswith(_BEGINNINGS) for line in head)
-    marks = (line[len(name)] for line in head for name in _NAMES if re.match(rf"{name}[\t;,: ]", line))
-    return next(marks, "") if said else ""
 
 
 def _named(cells: Sequence[Sequence[str]]) -> tuple[int, list[str]]:
@@ -323,7 +300,6 @@ class _ExportBody(Body):
         begun: float = 0.0,
     ) -> None:
         self._told, self._columns, self._kinds, self._begun = told, columns, kinds, begun
-        self._steps: dict[str, float] = {}
         is_time = [heads[column] == heads[0] for column in columns]
         names, groups = [heads[column] for column in columns], sum(is_time)
         clocks = {}
@@ -338,18 +314,7 @@ class _ExportBody(Body):
             # Whoever looks for the time of a channel looks for it by the channel's name.
             self.shared = {f"{names[c]}.time": t for c, t in clocks.items() if names[t] != f"{names[c]}.time"}
         if not times:
-            self.made = self._make_times()
-
-    def _make_times(self) -> dict[str, int]:
-        """Times by the steps that the head states."""
-        steps = [self._step(column) for column in range(len(self.names))]
-        if not all(steps):
-            return {}
-        if len(set(steps)) == 1:
-            self._steps = {"time": steps[0]}
-            return {"time": 0}
-        self._steps = {f"{name}.time": step for name, step in zip(self.names, steps, strict=True)}
-        return {name: column for column, name in enumerate(self._steps)}
+            self.made = _times_by_steps(self.names, {one: self._step(one) for one in range(len(columns))})
 
     def _step(self, column: int) -> float:
         """The sampling period of a channel [s]; 0 where it is not stated."""
@@ -378,7 +343,7 @@ class _ExportBody(Body):
 
     def make_time(self, name: str, values: FloatArray) -> FloatArray:
         """A time by the stated step."""
-        return self._steps[name] * np.arange(len(values))
+        return self._step(self.made[name]) * np.arange(len(values))
 
 
 def tell_recorder(lines: Sequence[str]) -> Layout | None:

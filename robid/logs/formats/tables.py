@@ -46,14 +46,7 @@ _LEAD = 2  # cells before the samples at most: a name and a unit
 
 
 def read_across(text: Iterable[str], sample: Sequence[str], wanted: Wanted, dialect: Dialect) -> Found | None:
-    """Reads channels of a table that lies across; None where it does not, or where its names are said to be in a line.
-
-    Args:
-        text: Its lines.
-        sample: The first ones.
-        wanted: Which channels were asked for.
-        dialect: How it is written.
-    """
+    """Reads channels of a table that lies across; None where it does not, or its names are said to be in a line."""
     first = next((line for line in sample if is_row(line, dialect.comments)), "")
     if dialect.header_line is not None or len(first) < _MOST_CHANNELS * _LONGER:
         return None
@@ -73,13 +66,13 @@ def read_across(text: Iterable[str], sample: Sequence[str], wanted: Wanted, dial
     found.unreadable.update(twice)
     for name, row, unit in zip(names, cells, units_of(names), strict=True):
         stated = row[1] if lead == _LEAD else unit
-        values = _numbers_of(row[lead:], comma) if name in wanted else None
-        if isinstance(values, Reason):
-            found.unreadable[name] = values
-        elif values is not None:
-            found.add(name, values, stated)
-        else:
+        if name not in wanted:
             found.mention(name, length - lead, stated)
+            continue
+        try:
+            found.add(name, np.array([number(cell, decimal_comma=comma) for cell in row[lead:]]), stated)
+        except ValueError as e:
+            found.unreadable[name] = Reason(f"D075 It holds what is no number ({e}).")
     return found
 
 
@@ -88,13 +81,6 @@ def _lead(row: Sequence[str], comma: bool) -> int | None:
     samples = [is_number(cell, decimal_comma=comma) or is_missing(cell) for cell in row]
     lead = next((index for index, cell in enumerate(row) if is_number(cell, decimal_comma=comma)), len(row))
     return lead if lead <= _LEAD and all(samples[lead:]) and len(row) > lead else None
-
-
-def _numbers_of(cells: Sequence[str], comma: bool) -> FloatArray | Reason:
-    try:
-        return np.array([number(cell, decimal_comma=comma) for cell in cells])
-    except ValueError as e:
-        return Reason(f"D075 It holds what is no number ({e}).")
 
 
 _SAMPLE = 1 << 18
@@ -190,7 +176,8 @@ class _Table:
             pass
         while lines := text.readlines(CHUNK):
             lines = lines if layout.join is None else list(map(layout.join, lines))
-            rows = [(i, line) for i, line in enumerate(lines, start=number) if self._is_row(line)]
+            rows = [(i, line) for i, line in enumerate(lines, start=number) if is_row(line, self._dialect.comments)]
+            rows = [(i, line) for i, line in rows if line.strip(AROUND) not in layout.headers]
             rows = self._check_width(layout.body.keep(rows))
             self._read_rows(rows)
             count, number = count + len(rows), number + len(lines)
@@ -200,9 +187,6 @@ class _Table:
                 self._found.mention(name, count, "s" if kind == "moment" else layout.units[column])
         self._finish(count)
         return self._found
-
-    def _is_row(self, line: str) -> bool:
-        return is_row(line, self._dialect.comments) and line.strip(AROUND) not in self._layout.headers
 
     def _check_width(self, rows: list[tuple[int, str]]) -> list[tuple[int, str]]:
         """Returns the rows without those at the end of the table that hold no number, as `EOF`."""
@@ -241,12 +225,16 @@ class _Table:
         if not rows:
             return
         columns = list(self._parts)
-        table = self._parse(rows, columns) if columns else None
-        if table is not None:
+        parsed = self._parse(rows, columns) if columns else None
+        if parsed is not None:
             for index, column in enumerate(columns):
-                self._parts[column].append(table[:, index].copy())
+                self._parts[column].append(parsed[:, index].copy())
             columns = []
-        cells = self._cells(rows, [*columns, *self._moments])
+        cells = {}
+        if columns or self._moments:  # empty where a row is too short
+            table = split_all([line for _, line in rows], self._layout.separator)
+            for column in (*columns, *self._moments):
+                cells[column] = [row[column].strip() if column < len(row) else "" for row in table]
         for column in columns:
             self._add_numbers(column, cells[column], rows)
         for column, moments in list(self._moments.items()):
@@ -254,17 +242,18 @@ class _Table:
             if wrong is not None:
                 self._refuse(column, rows[wrong][0], cells[column][wrong])
 
-    def _refuse(self, column: int, number: int, cell: str) -> None:
-        """Gives a column up for a cell of a line."""
-        self._found.unreadable[self._names[column]] = Reason(
-            f"D080 In line {number} `{cell}` is no {'date or time' if column in self._moments else 'number'}.",
-            "Correct or delete this line.",
-        )
+    def _refuse(self, column: int, line: int, cell: str, either: str = "") -> None:
+        """Gives a column up for a cell that is none of its kind, or may be either of two numbers."""
+        kind = "date or time" if column in self._moments else "number"
+        what, remedy = f"D080 In line {line} `{cell}` is no {kind}.", "Correct or delete this line."
+        if either:
+            what = f"D081 In line {line} `{cell}` may be {either}."
+            remedy = 'Say so by `dialect: {decimal: "."}` or `{decimal: ","}`.'
+        self._found.unreadable[self._names[column]] = Reason(what, remedy)
         self._parts.pop(column, None)
         self._moments.pop(column, None)
 
     def _parse(self, rows: Sequence[tuple[int, str]], columns: Sequence[int]) -> NDArray[np.float64] | None:
-        """Parses a chunk; None where a cell is empty or no number."""
         layout = self._layout
         quoted = any('"' in line for _, line in rows)
         if layout.decimal_comma and layout.separator == ",":
@@ -280,13 +269,6 @@ class _Table:
         except ValueError:
             return None
 
-    def _cells(self, rows: Sequence[tuple[int, str]], columns: Sequence[int]) -> dict[int, list[str]]:
-        """The cells of some columns, empty where a row is too short."""
-        if not columns:
-            return {}
-        table = split_all([line for _, line in rows], self._layout.separator)
-        return {column: [row[column].strip() if column < len(row) else "" for row in table] for column in columns}
-
     def _add_numbers(self, column: int, cells: Sequence[str], rows: Sequence[tuple[int, str]]) -> None:
         """Adds numbers cell by cell; gives the column up where one is none."""
         values = np.empty(len(cells))
@@ -297,7 +279,7 @@ class _Table:
                 self._refuse(column, rows[index][0], cell)
                 return
             if "," in cell and self._layout.is_open(cell, column):
-                self._refuse_mark(column, rows[index][0], cell)
+                self._refuse(column, rows[index][0], cell, f"{without_groups(cell)} or {cell.replace(',', '.')}")
                 return
         self._parts[column].append(values)
 
@@ -312,13 +294,6 @@ class _Table:
                 pass
         return layout.number(cell, column)
 
-    def _refuse_mark(self, column: int, number: int, cell: str) -> None:
-        """Gives a column up whose numbers have marks of which nothing tells what they are."""
-        what = f"D081 In line {number} `{cell}` may be {without_groups(cell)} or {cell.replace(',', '.')}."
-        remedy = 'Say so by `dialect: {decimal: "."}` or `{decimal: ","}`.'
-        self._found.unreadable[self._names[column]] = Reason(what, remedy)
-        self._parts.pop(column)
-
     def _start(self, moments: Moments) -> tuple[int, int] | None:
         """The moment from which a column counts: the first of all that have dates as it has, or have none either."""
         dated = moments.kind in _DATED
@@ -326,7 +301,6 @@ class _Table:
         return min((start for start in starts if start is not None), default=None)
 
     def _finish(self, count: int) -> None:
-        """Hands over the columns that were asked for."""
         body, none = self._layout.body, np.zeros(0)
         values = {column: np.concatenate(parts or [none]) for column, parts in self._parts.items()}
         for column, moments in list(self._moments.items()):
@@ -346,10 +320,8 @@ class _Table:
                     self._found.add(name, done, self._layout.units[column])
                 for name in [name for name, of in self._made.items() if of == column]:
                     self._found.add(name, body.make_time(name, done), "s")
-        times = {name: self._layout.units[column] for name, column in body.shared.items()} | dict.fromkeys(
-            body.made, "s"
-        )
-        for name, unit in times.items():
+        times = {name: self._layout.units[column] for name, column in body.shared.items()}
+        for name, unit in (times | dict.fromkeys(body.made, "s")).items():
             if name not in self._found.arrays:
                 self._found.mention(name, count, unit)
         if lost := body.damage(count):

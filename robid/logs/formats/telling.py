@@ -72,7 +72,9 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
         if joined != list(lines):
             return replace(tell_layout(joined, dialect), join=join)
     if len(names) != len(kinds):
-        raise _no_fit(start, width, len(names), header)
+        told = f"{width} values for {len(names)} columns of line {header + 1}"
+        remedy = "Correct that line, or set `dialect: {header_line: 0}`: columns are then named by numbers, from 1."
+        raise UnreadableLogError(f"D085 line {start + 1}: The table is broken: {told}.", remedy)
     headers = frozenset(
         line.strip(AROUND) for line in lines[:start] if not fits(split(line, separator), kinds, comma=comma)
     )
@@ -85,12 +87,6 @@ def _groups(rows: Sequence[Sequence[str]], count: int, *, comma: bool, dialect: 
     if dialect.decimal is not None:
         return ("." if dialect.decimal == "," else ",",) * count
     return tell_groups([[row[column] for row in rows] for column in range(count)]) if comma else ("",) * count
-
-
-def _no_fit(line: int, width: int, count: int, header: int) -> UnreadableLogError:
-    what = f"D085 line {line + 1}: The table is broken: {width} values for {count} columns of line {header + 1}."
-    remedy = "Correct that line, or set `dialect: {header_line: 0}`: columns are then named by their numbers, from 1."
-    return UnreadableLogError(what, remedy)
 
 
 def tell_marks(lines: Sequence[str], dialect: Dialect) -> tuple[str, bool]:
@@ -125,13 +121,7 @@ def _decimal_commas(cells: Sequence[Sequence[str]], separator: str, dialect: Dia
 
 
 def tell_kinds(tail: Sequence[Sequence[str]], rows: Sequence[Sequence[str]], *, comma: bool) -> tuple[str, ...]:
-    """Tells what each column holds.
-
-    Args:
-        tail: The last rows, which say it mostly.
-        rows: All rows that were looked at, for columns that are empty there.
-        comma: Whether decimal marks are commas.
-    """
+    """Tells what each column holds, mostly by the last rows; by all that were looked at where it is empty in these."""
     kinds = [_kind([row[column] for row in tail], comma) for column in range(len(tail[0]))]
     for column in [column for column, kind in enumerate(kinds) if not kind]:
         cells = [row[column] for row in rows]
@@ -217,7 +207,6 @@ def units_of(names: Sequence[str]) -> list[str]:
 
 
 def _are_units(cells: Sequence[str]) -> bool:
-    """Whether cells are units, mostly."""
     stated = [cell for cell in cells if cell]
     known = [
         cell for cell in stated if _UNITS.fullmatch(cell.strip("[]() ").lower().replace(" ", "")) or cell[0] in "[("

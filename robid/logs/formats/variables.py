@@ -13,7 +13,7 @@ import re
 import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import IO, Any, Literal
@@ -52,39 +52,22 @@ class Format:
 
 
 _TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log", ".lvm")
-_HERE, _ROS = "robid.logs.formats", ("mcap", "rosbags")
-FORMATS: dict[LogFormat, Format] = {
-    "csv": Format("a table of text", f"{_HERE}.tables:read_table", _TEXT, holds="columns"),
-    "mat": Format("a MAT file", f"{_HERE}.mat:read_mat", (".mat",), (b"MATLAB ",)),
-    "hdf5": Format("an HDF5 file", f"{_HERE}.containers:read_hdf5", (".h5", ".hdf5", ".hdf"), (b"\x89HDF\r\n\x1a\n",)),
+_ROS = ("mcap", "rosbags")
+_IN_HERE: dict[LogFormat, Format] = {
+    "csv": Format("a table of text", "tables:read_table", _TEXT, holds="columns"),
+    "mat": Format("a MAT file", "mat:read_mat", (".mat",), (b"MATLAB ",)),
+    "hdf5": Format("an HDF5 file", "containers:read_hdf5", (".h5", ".hdf5", ".hdf"), (b"\x89HDF\r\n\x1a\n",)),
     "parquet": Format(
-        "a Parquet file",
-        f"{_HERE}.containers:read_parquet",
-        (".parquet", ".pq"),
-        (b"PAR1",),
-        "columns",
-        ("pyarrow",),
-        "parquet",
+        "a Parquet file", "containers:read_parquet", (".parquet", ".pq"), (b"PAR1",), "columns", ("pyarrow",), "parquet"
     ),
-    "mcap": Format(
-        "an MCAP file", f"{_HERE}.messages:read_mcap", (".mcap",), (b"\x89MCAP0\r\n",), "messages", _ROS, "ros"
-    ),
-    "rosbag": Format(
-        "a ROS 2 bag", f"{_HERE}.messages:read_bag", (".db3",), (b"SQLite format 3\x00",), "messages", _ROS, "ros"
-    ),
-    "tdms": Format(
-        "a TDMS file", f"{_HERE}.containers:read_tdms", (".tdms",), (b"TDSm",), "timed", ("nptdms",), "tdms"
-    ),
+    "mcap": Format("an MCAP file", "messages:read_mcap", (".mcap",), (b"\x89MCAP0\r\n",), "messages", _ROS, "ros"),
+    "rosbag": Format("a ROS 2 bag", "messages:read_bag", (".db3",), (b"SQLite format 3\x00",), "messages", _ROS, "ros"),
+    "tdms": Format("a TDMS file", "containers:read_tdms", (".tdms",), (b"TDSm",), "timed", ("nptdms",), "tdms"),
     "mdf": Format(
-        "an MDF file",
-        f"{_HERE}.containers:read_mdf",
-        (".mf4", ".mdf"),
-        (b"MDF     ", b"UnFinMF "),
-        "timed",
-        ("asammdf",),
-        "mdf",
+        "an MDF file", "containers:read_mdf", (".mf4", ".mdf"), (b"MDF     ", b"UnFinMF "), "timed", ("asammdf",), "mdf"
     ),
 }
+FORMATS = {name: replace(one, reader=f"robid.logs.formats.{one.reader}") for name, one in _IN_HERE.items()}
 """What a log may be; settings and the command line take the same names from `LogFormat`."""
 
 _PACKED: tuple[tuple[bytes, Callable[[Path], Any]], ...] = (
@@ -238,12 +221,7 @@ _KINDS = {"U": "text", "S": "text", "T": "text", "M": "dates", "m": "time spans"
 
 @dataclass(frozen=True)
 class Variables(Mapping[str, NDArray[Any]]):
-    """The variables of a log that were asked for, and what is known of the others.
-
-    Attributes:
-        file: The log.
-        found: What its reader found.
-    """
+    """The variables of a log that were asked for, and what its reader found of the others."""
 
     file: Path
     found: Found

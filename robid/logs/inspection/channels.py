@@ -12,7 +12,7 @@ import numpy as np
 from robid.logs.inspection.names import DRIVING, MOVING
 from robid.logs.inspection.relations import response_at, sense_of_inertia
 from robid.logs.inspection.roles import Comparison, Signal, derivatives
-from robid.logs.inspection.sides import SIDES, Place, find_sides
+from robid.logs.inspection.sides import SIDES, find_sides
 from robid.logs.inspection.vocabulary import CONVERTED, Role
 from robid.signals.quantities import UNITS
 
@@ -36,14 +36,9 @@ Settings: TypeAlias = dict[str, str | float | int | bool]
 
 @dataclass(frozen=True)
 class Entry:
-    """A channel of the proposed mapping.
+    """A channel of the proposed mapping: its signal, name, settings by key, and what the user has to check.
 
-    Attributes:
-        signal: The signal.
-        name: Name of the channel.
-        settings: What else is said of it, by key.
-        checks: What the user has to check.
-        is_open: Whether a person has to say what it is, so that it is proposed as a comment.
+    One that is open is proposed as a comment, as a person has to say what it is.
     """
 
     signal: Signal
@@ -55,13 +50,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Chosen:
-    """The signals of a mapping.
-
-    Attributes:
-        inputs: What drives, a signal for each joint.
-        outputs: What was measured.
-        references: What was commanded besides.
-    """
+    """The signals of a mapping: what drives, one for each joint, what was measured, and what was commanded besides."""
 
     inputs: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
@@ -112,13 +101,7 @@ def _one_kind(signals: list[Signal]) -> list[Signal]:
 
 
 def propose_inputs(chosen: Chosen, comparison: Comparison, band: tuple[float, float]) -> tuple[Entry, ...]:
-    """Proposes the channels that drive.
-
-    Args:
-        chosen: The signals.
-        comparison: Where they are compared.
-        band: Lowest and highest excited frequency [Hz].
-    """
+    """Proposes the channels that drive; `band` are the lowest and the highest excited frequency [Hz]."""
     found = [_input(one, joint_name(one.hint.joint, single=chosen.is_single)) for one in chosen.inputs]
     if chosen.by_torque or len(found) != 1:
         return tuple(found)
@@ -126,15 +109,10 @@ def propose_inputs(chosen: Chosen, comparison: Comparison, band: tuple[float, fl
 
 
 def propose_outputs(chosen: Chosen, comparison: Comparison, band: tuple[float, float]) -> tuple[Entry, ...]:
-    """Proposes the channels that were measured: those of each axis by the side, the others as they are.
-
-    Args:
-        chosen: The signals.
-        comparison: Where they are compared.
-        band: Lowest and highest excited frequency [Hz].
-    """
+    """Proposes the channels that were measured: those of each axis by the side, the others as they are."""
     if not chosen.by_torque:
-        names = _distinct([_short(one.column.name) for one in chosen.outputs])
+        short = [_short(one.column.name) for one in chosen.outputs]
+        names = [one if short.count(one) == 1 else f"{one}_{index}" for index, one in enumerate(short, start=1)]
         pairs = zip(chosen.outputs, names, strict=True)
         return tuple(_with(_plain_entry(one, name), side="tool") for one, name in pairs)
     if chosen.is_single:
@@ -145,7 +123,12 @@ def propose_outputs(chosen: Chosen, comparison: Comparison, band: tuple[float, f
     for joint in dict.fromkeys(one.hint.joint for one in chosen.outputs):
         own = tuple(one for one in chosen.outputs if one.hint.joint == joint)
         name = joint_name(joint, single=False)
-        entries += _of_axis(name, drives[joint], own, comparison, band) if joint in drives else _unmatched(name, own)
+        if joint in drives:
+            entries += _of_axis(name, drives[joint], own, comparison, band)
+            continue
+        ordered = sorted(own, key=lambda one: SIDES[one.hint.side])
+        own_names = [name, f"{name}.arm", *(f"{name}.{_short(one.column.name)}" for one in ordered[2:])]
+        entries += [_plain_entry(one, own_name) for one, own_name in zip(ordered, own_names, strict=False)]
     return tuple(entries)
 
 
@@ -174,7 +157,6 @@ def _input(signal: Signal, name: str) -> Entry:
 
 
 def _plain_entry(signal: Signal, name: str) -> Entry:
-    """A channel with its unit."""
     settings, checks = _unit_of(signal)
     if not signal.is_sure:
         reason = "; ".join(signal.reasons) or _BY.get(signal.by, "")
@@ -206,10 +188,8 @@ def _size_of(signal: Signal) -> tuple[Settings, list[str]]:
         known, factor = CONVERTED[unit]
         return {"unit": known, "scale": factor}, [f"from {signal.hint.stated}"]
     turn = "" if signal.wrap is None or signal.states_unit else signal.wrap.unit
-    if turn not in ("", "counts"):
-        return {"unit": turn}, [
-            f"unit by the range of {signal.wrap.size:.6g} after which it starts again" if signal.wrap else ""
-        ]
+    if turn not in ("", "counts") and signal.wrap is not None:
+        return {"unit": turn}, [f"unit by the range of {signal.wrap.size:.6g} after which it starts again"]
     coarse = not signal.states_unit and quality.resolution is not None and quality.resolution >= _COUNT
     if unit.startswith("counts") or (along and (turn == "counts" or coarse)):
         guess = [] if unit else ["unit not stated, its steps look like counts"]
@@ -239,7 +219,8 @@ def _of_axis(
     for place in places:
         one = place.signal
         motion = comparison.spectrum(one)
-        entry = _plain_entry(one, _channel_name(name, place))
+        part = "" if place.side == "motor" else ".arm" if place.side == "arm" else f".{_short(one.column.name)}"
+        entry = _plain_entry(one, f"{name}{part}")
         entry = replace(entry, is_open=place.is_open, checks=(*entry.checks, *place.told))
         if one is motor:
             # Behind the resonance a load goes against the torque: only lines below it tell its sign.
@@ -255,16 +236,7 @@ def _of_axis(
     return entries
 
 
-def _channel_name(name: str, place: Place) -> str:
-    return (
-        name
-        if place.side == "motor"
-        else f"{name}.{'arm' if place.side == 'arm' else _short(place.signal.column.name)}"
-    )
-
-
 def _signed(entry: Entry, sense: float, by: str) -> Entry:
-    """A channel with its sign, where the data tell it."""
     if abs(sense) < _SENSED:
         return replace(entry, checks=(*entry.checks, "the data do not tell its sign"))
     told = replace(entry, checks=(*entry.checks, f"sign by {by} ({sense:+.2f} of 1)"))
@@ -279,20 +251,11 @@ def _with_command_sign(
     command = comparison.spectrum(entry.signal)
     for one in outputs:
         order = derivatives(one.role) - derivatives(entry.signal.role)
-        middle = float(np.sqrt(band[0] * band[1]))
-        sense, _ = response_at(
-            command, command, comparison.spectrum(one), order, (2 * np.pi * band[0], 2 * np.pi * middle)
-        )
+        part = 2 * np.pi * band[0], 2 * np.pi * float(np.sqrt(band[0] * band[1]))
+        sense, _ = response_at(command, command, comparison.spectrum(one), order, part)
         if abs(sense) > abs(best):
             best, follower = sense, one.name
     return _signed(entry, best, f"how `{follower}` follows it at low frequencies")
-
-
-def _unmatched(name: str, own: tuple[Signal, ...]) -> list[Entry]:
-    """Outputs of a joint whose drive was not found."""
-    ordered = sorted(own, key=lambda one: SIDES[one.hint.side])
-    names = [name, f"{name}.arm", *(f"{name}.{_short(one.column.name)}" for one in ordered[2:])]
-    return [_plain_entry(one, name) for one, name in zip(ordered, names, strict=False)]
 
 
 def _with(entry: Entry, **settings: str | int) -> Entry:
@@ -300,10 +263,5 @@ def _with(entry: Entry, **settings: str | int) -> Entry:
 
 
 def _short(name: str) -> str:
-    """A name for a channel from its variable's."""
     last = re.sub(r"\.(Data|data|Value)$", "", name).rpartition("/")[2]
     return re.sub(r"[^A-Za-z0-9]+", "_", last).strip("_")[:60] or "signal"
-
-
-def _distinct(names: list[str]) -> list[str]:
-    return [name if names.count(name) == 1 else f"{name}_{index + 1}" for index, name in enumerate(names)]

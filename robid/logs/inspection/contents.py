@@ -29,10 +29,7 @@ _COLUMNS = 64  # columns or rows of a matrix that are looked at
 _TOLD = 20  # variables of which it is told why they are no signals
 _REMEDIES = 3  # remedies that are told with them
 _TEXT = "It holds text, not numbers."
-_TITLES = {
-    **dict.fromkeys(("Data", "Signal", "Value"), ("Name",)),
-    "values": ("label", "title", "blockName"),
-}
+_TITLES = {**dict.fromkeys(("Data", "Signal", "Value"), ("Name",)), "values": ("label", "title", "blockName")}
 """Fields of a structure that say what the numbers in another one are."""
 
 
@@ -43,8 +40,6 @@ class Column:
     Attributes:
         name: Its name, as a mapping writes it.
         values (n_sample,): Its samples.
-        unit: Unit that the log states; empty where it states none.
-        title: What else the log calls it.
         group: What it shares its samples with, as the topic of its messages.
         file: The log that it is of; None for the first of several.
         source: Name of its log without what follows the dot.
@@ -66,16 +61,9 @@ class Column:
 
 @dataclass(frozen=True)
 class Contents:
-    """What was read of a log.
+    """What was read of a log: signals, single numbers, names of texts, what cannot be read with the reason.
 
-    Attributes:
-        file: The log.
-        format: Its format.
-        columns: Its signals.
-        scalars: Its single numbers.
-        texts: Names of its texts.
-        unreadable: What else cannot be read, with the reason.
-        notes: What was not looked at, and damage.
+    Notes say what was not looked at, and damage.
     """
 
     file: Path
@@ -88,12 +76,7 @@ class Contents:
 
 
 def read_contents(file: Path, format_: LogFormat | None = None, dialect: Dialect | None = None) -> Contents:
-    """Reads the signals of a log.
-
-    Args:
-        file: The log.
-        format_: Its format; told from the file where it is None.
-        dialect: How a table of text is written; told from it where it is None.
+    """Reads the signals of a log; format and dialect are told from it where they are None.
 
     Raises:
         DataError: If it cannot be read, or holds no numbers.
@@ -120,7 +103,6 @@ def read_contents(file: Path, format_: LogFormat | None = None, dialect: Dialect
 def _without_signals(
     file: Path, variables: Variables, scalars: Mapping[str, float], odd: Mapping[str, str]
 ) -> DataError:
-    """Says why each variable of a log is no signal."""
     found = [(name, one.what, one.remedy) for name, one in variables.unreadable.items()]
     found += [(name, why, "") for name, why in odd.items()]
     found += [(name, "It is a single number.", "") for name in scalars]
@@ -188,7 +170,6 @@ def _read_table(file: Path, dialect: Dialect) -> tuple[Variables, list[str]]:
 
 
 def _sort_out(variables: Variables) -> tuple[list[Column], dict[str, float], dict[str, str]]:
-    """Signals, single numbers, and what is neither."""
     columns: list[Column] = []
     scalars: dict[str, float] = {}
     odd: dict[str, str] = {}
@@ -301,14 +282,7 @@ class Numbered:
 
 
 def part_numbered(columns: Sequence[Column]) -> tuple[Numbered | None, list[Column]]:
-    """Parts recordings that lie beside each other in one log.
-
-    Args:
-        columns: The signals of the log.
-
-    Returns:
-        The recordings, None where there is one only; and the signals of the first one, with those of none.
-    """
+    """Parts recordings beside each other in one log: these, or None, and the signals of the first one and of none."""
     members: dict[str, dict[str, dict[str, Column]]] = {}
     for one in columns:
         found = _NUMBER.search(one.name)

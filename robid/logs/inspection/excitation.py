@@ -99,13 +99,7 @@ def _is_everywhere(values: FloatArray, period: FloatArray) -> bool:
 
 
 def share_period(periods: Mapping[str, Repetition], leading: Sequence[str], n_sample: int) -> Shared | None:
-    """Returns the period that the leading signals have: the one of most of them, or none.
-
-    Args:
-        periods: How each signal repeats.
-        leading: Signals that say what was played, the best first.
-        n_sample: Samples of the log.
-    """
+    """Returns the period that most of the leading signals share, which say what was played, the best first; or none."""
     known = [periods[name] for name in leading if periods[name].samples is not None]
     if not known:
         return None
@@ -158,13 +152,8 @@ def shorten(shared: Shared, lines: IntArray) -> tuple[Shared, IntArray]:
     count = int(np.gcd.reduce(lines))
     if count == 1 or shared.whole % count:
         return shared, lines
-    shorter = replace(
-        shared,
-        samples=shared.samples / count,
-        std_samples=shared.std_samples / count,
-        held=shared.held * count,
-    )
-    return shorter, lines // count
+    samples, std_samples = shared.samples / count, shared.std_samples / count
+    return replace(shared, samples=samples, std_samples=std_samples, held=shared.held * count), lines // count
 
 
 def energy_band(values: FloatArray, step_s: float, part: float = _ENERGY) -> tuple[float, float]:
@@ -204,12 +193,7 @@ class Proposal:
     """A mapping that is proposed.
 
     Attributes:
-        inputs: What drives.
-        outputs: What was measured.
-        references: What was commanded besides.
         excitation: What was played; None for one shot.
-        periods: Periods to use, None where there are none.
-        drop_periods: Periods to drop before.
         take_last: Whether periods are counted from the end.
         resample: Clock to resample to; empty for none.
         one_shot: Whether the log is a record without a response.
@@ -229,13 +213,7 @@ class Proposal:
 
 
 def propose_lines(shared: Shared, lines: IntArray, step_s: float) -> Excitation:
-    """Proposes period, band and lines of a signal that repeats.
-
-    Args:
-        shared: How it repeats.
-        lines (n_line,): Lines that carry energy.
-        step_s: Sampling period [s].
-    """
+    """Proposes period, band and lines of a signal that repeats, by lines (n_line,) with energy and its step [s]."""
     period_s, dense = float(f"{shared.whole * step_s:.9g}"), _dense_part(lines)
     told = (f"lines with energy: {format_lines(lines)}; the period was measured to {shared.samples:.6g} samples",)
     low, high = int(dense[0]), int(dense[-1])
@@ -268,13 +246,7 @@ def _dense_part(lines: IntArray) -> IntArray:
 
 
 def propose_band(band: tuple[float, float], duration_s: float, n_input: int) -> Excitation:
-    """Proposes band and resolution of a signal that does not repeat.
-
-    Args:
-        band: Where its energy is [Hz].
-        duration_s: How long it lasts [s].
-        n_input: Inputs to be told apart.
-    """
+    """Proposes band and resolution of inputs that do not repeat, by their band [Hz] and how long they last [s]."""
     resolution = _resolution(band, duration_s, n_input)
     low, high = max(float(f"{band[0]:.3g}"), resolution), float(f"{band[1]:.3g}")
     told: tuple[str, ...] = ("nothing repeats; band by where the inputs have their energy",)
@@ -291,11 +263,7 @@ def is_broad(band: tuple[float, float], step_s: float, duration_s: float) -> boo
 def is_resolved(band: tuple[float, float], middle_hz: float, duration_s: float, n_input: int) -> bool:
     """Returns whether the resolution that tells some inputs apart is finer than what half of their energy needs.
 
-    Args:
-        band: Where the energy is [Hz].
-        middle_hz: Frequency below which half of it is, of the slowest input [Hz].
-        duration_s: How long the log lasts [s].
-        n_input: Inputs to be told apart.
+    That half lies below `middle_hz` [Hz] in the slowest one, all of it in `band` [Hz]; the log lasts `duration_s` [s].
     """
     return n_input == 1 or _resolution(band, duration_s, n_input) < _RESOLVED * middle_hz
 

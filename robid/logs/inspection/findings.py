@@ -30,11 +30,10 @@ from robid.logs.inspection.names import DRIVING, MOVING, read_names
 from robid.logs.inspection.quality import judge
 from robid.logs.inspection.roles import Comparison, Signal, find_roles
 from robid.logs.inspection.sampling import Sampling, find_sampling, on_common_instants
-from robid.logs.inspection.vocabulary import PER_SECOND
-from robid.logs.pace import roundest
+from robid.logs.pace import longest_piece, roundest
 from robid.logs.period import Repetition
 from robid.logs.resample import limits_of, longest_bridged
-from robid.signals.log_options import Dialect, LogFormat
+from robid.signals.log_options import TIME_UNITS, Dialect, LogFormat
 
 _MEASURED = 24  # signals whose period is measured at most
 _JITTER = 0.05  # deviation of time steps from which samples are resampled to the log's time
@@ -51,15 +50,11 @@ class Findings:
     """What is in a log.
 
     Attributes:
-        contents: What was read.
-        sampling: Its time.
         signals: The signals that share their samples with the mapping's, and what each is.
         others: Signals of other lengths or topics.
         periods: How signals repeat, by name.
         shared: The period that the inputs have, None where nothing repeats.
         lines: Lines of it that carry energy.
-        proposal: The mapping that is proposed.
-        n_sample: Samples of the signals.
         numbered: The recordings of which they are the first one; None where the log is a single one.
         evened_s: From where to where its signals were brought from an uneven clock to even steps, zeros for all of it;
             None where they are as they were recorded [s].
@@ -110,14 +105,7 @@ def inspect_log(
     sampling_period_s: float | None = None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Findings:
-    """Finds what is in a log.
-
-    Args:
-        files: The log; several where a recording has several.
-        format_: Its format; told from the file where it is None.
-        dialect: How a table of text is written; told from it where it is None.
-        sampling_period_s: Its sampling period, where that is known [s].
-        tell: Is told what is done.
+    """Finds what is in a log, of one file or several; what is not stated of it is told from it, what is done by `tell`.
 
     Raises:
         DataError: If it cannot be read, or holds no signals.
@@ -206,13 +194,11 @@ def _evened(
     scattered = sampling.longest[1] - sampling.longest[0] < _SCATTERED * len(clock.values)
     if sampling.jitter <= _JITTER and not (sampling.gaps and scattered):
         return None, columns
-    time_s = (clock.values - clock.values[0]) * PER_SECOND[sampling.unit]
+    time_s = (clock.values - clock.values[0]) * TIME_UNITS[sampling.unit]
     moving = [one for one, hint in zip(columns, read_names(columns), strict=True) if hint.role in (*DRIVING, *MOVING)]
     followed = [_filled(one.values) for one in moving]
     bridged_s = longest_bridged(time_s, followed, sampling.step_s) if sampling.gaps else np.inf
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(time_s) > bridged_s) + 1, [len(time_s)]])
-    longest = int(np.argmax(np.diff(edges)))
-    begin, end = int(edges[longest]), int(edges[longest + 1])
+    begin, end = longest_piece(np.flatnonzero(np.diff(time_s) > bridged_s), len(time_s))
     even = np.arange(time_s[begin], time_s[end - 1], sampling.step_s)
     if len(even) < _FEWEST:
         return None, columns
@@ -235,11 +221,11 @@ def _main_group(columns: Sequence[Column]) -> list[Column]:
 
 
 def _with_periods(found: Findings, chosen: Chosen) -> Findings:
-    """Measures periods, and the lines that carry energy."""
     commands = [one for one in chosen.references if one.role in (*MOVING, *DRIVING)]
     leading = [one.name for one in (*commands, *chosen.inputs)]
     looked = list(dict.fromkeys([*leading, *(one.name for one in chosen.outputs)]))
-    looked += [one.name for one in found.signals if one.name not in looked and _is_of_interest(one)]
+    further = [one for one in found.signals if not (one.twin or one.quality.is_still or one.quality.missing)]
+    looked += [one.name for one in further if one.role != "other" and one.name not in looked]
     by_name = {one.name: one for one in found.signals}
     part = found.unbroken
     periods = {name: measure_period(_filled(by_name[name].column.values[part])) for name in looked[:_MEASURED]}
@@ -262,17 +248,12 @@ def _with_periods(found: Findings, chosen: Chosen) -> Findings:
     return replace(found, periods=periods, shared=shared, lines=lines)
 
 
-def _is_of_interest(signal: Signal) -> bool:
-    return not (signal.twin or signal.quality.is_still or signal.quality.missing or signal.role == "other")
-
-
 def from_end(shared: Shared) -> bool:
     """Returns whether the log begins within a period, so that periods are counted from its end."""
     return shared.held - int(shared.held) > _REST
 
 
 def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposal:
-    """Proposes the mapping with what was played."""
     band = _band(found, chosen)
     made = Proposal(
         propose_inputs(chosen, comparison, band),
@@ -291,8 +272,10 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
         duration_s = (part.stop - part.start) * found.step_s
         told_apart = count == 1 or (count > 1 and chosen.by_torque)
         broad = told_apart and is_broad(band, found.step_s, duration_s)
-        if broad and is_resolved(band, _middle(found, chosen), duration_s, count):
-            return replace(made, excitation=propose_band(band, duration_s, count))
+        if broad:  # half of the energy of the slowest input is below this frequency [Hz]
+            halves = [energy_band(_filled(one.column.values), found.step_s, 0.0)[0] for one in chosen.inputs]
+            if is_resolved(band, min(halves), duration_s, count):
+                return replace(made, excitation=propose_band(band, duration_s, count))
         return replace(made, one_shot=True)
     shared = found.shared
     drop, count, last = _place(found, shared, cut=made.part_s is not None)
@@ -333,11 +316,6 @@ def _band(found: Findings, chosen: Chosen) -> tuple[float, float]:
     nyquist = 0.4 / found.step_s
     low = min((one[0] for one in bands), default=1 / found.duration_s)
     return low, min(max((one[1] for one in bands), default=nyquist), nyquist)
-
-
-def _middle(found: Findings, chosen: Chosen) -> float:
-    """Frequency below which half of the energy of the slowest input is [Hz]."""
-    return min(energy_band(_filled(one.column.values), found.step_s, 0.0)[0] for one in chosen.inputs)
 
 
 def _filled(values: FloatArray) -> FloatArray:

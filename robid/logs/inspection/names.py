@@ -48,10 +48,7 @@ class Hint:
     """What a name and a unit say of a signal.
 
     Attributes:
-        role: What it is.
-        by: What says so.
         commanded: Whether it was commanded; None where nothing says so.
-        side: Its side, where the name says so.
         joint: What tells its joint from others, as a number or a label.
         unit: Its unit as settings or `CONVERTED` have it; empty where it is not stated, or is none such.
         stated: Its unit as the log writes it; empty where it states none.
@@ -74,14 +71,11 @@ def unit_of_name(column: Column) -> str:
 
 
 def _stated(column: Column) -> Stated:
-    return read_unit(_called(column), column.unit, is_message=column.name.startswith("/"))
-
-
-def _called(column: Column) -> str:
-    """The title in place of a name that says nothing but where it lies, as Simulink's `out.signals(2).values`."""
+    """Unit by the title in place of a name that says only where it lies, as Simulink's `out.signals(2).values`."""
     index = _COLUMN.search(column.name)
     lies = column.title and _SIGNALS.search(_COLUMN.sub("", column.name))
-    return f"{column.title}{index[0] if index else ''}" if lies else column.name
+    called = f"{column.title}{index[0] if index else ''}" if lies else column.name
+    return read_unit(called, column.unit, is_message=column.name.startswith("/"))
 
 
 def read_names(columns: Sequence[Column]) -> list[Hint]:
@@ -129,17 +123,14 @@ def _with_labels(columns: Sequence[Column], hints: list[Hint]) -> list[Hint]:
     known = {rest for one in several for rest in one if sum(rest in other for other in several) > 1}
     if len(known) < 2:
         return hints
-    return [
-        replace(hint, joint=rest) if hint.role and rest in known else hint
-        for rest, hint in zip(left, hints, strict=True)
-    ]
+    pairs = zip(left, hints, strict=True)
+    return [replace(hint, joint=rest) if hint.role and rest in known else hint for rest, hint in pairs]
 
 
 def _left_over(column: Column, hint: Hint) -> str:
     """The words of a name that say neither quantity, unit, side nor command."""
-    words = [
-        word for word in tokens(_plain(_stated(column).rest if hint.stated else column.name)) if not word.isdigit()
-    ]
+    name = _stated(column).rest if hint.stated else column.name
+    words = [word for word in tokens(_plain(name)) if not word.isdigit()]
     told = [word for word in words if word in ROLES or word in SIDES or word in COMMANDED or word in MEASURED]
     if not any(word in ROLES for word in told):
         told += [word for word in words if word in LETTERS or _SHORT.fullmatch(word)][:1]

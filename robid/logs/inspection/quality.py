@@ -32,8 +32,6 @@ class Quality:
     """What is to be said of a signal by itself.
 
     Attributes:
-        lowest: Its lowest value.
-        highest: Its highest value.
         rms: RMS about its mean.
         missing: Values that are NaN or infinite.
         first_missing: The first of them.
@@ -131,12 +129,7 @@ def _is_coarse(values: FloatArray) -> bool:
 
 
 def resolution(different: FloatArray, values: FloatArray) -> float | None:
-    """Returns the step of which the distances of all values are multiples, None where there is none.
-
-    Args:
-        different (n_value,): The different values, ascending.
-        values (n_sample,): The samples.
-    """
+    """Returns the step of which distances of samples (n_sample,) and of different values are multiples; else None."""
     apart = np.concatenate([np.diff(different), np.abs(np.diff(values[: 1 << 14]))])
     scale = float(np.abs(different).max())
     apart = apart[apart > _FORMAT * scale]
@@ -200,13 +193,7 @@ _SMOOTH = 5.0  # how much more the speed may change at a jump, once that is take
 
 @dataclass(frozen=True)
 class Wrap:
-    """How a signal wraps.
-
-    Attributes:
-        size: The range that it starts again after, in its own numbers.
-        unit: Unit of which that is a turn; `counts` of counts.
-        count: How often it does.
-    """
+    """How a signal wraps: the range that it starts again after, the unit of which that is a turn, how often it does."""
 
     size: float
     unit: str
@@ -214,12 +201,7 @@ class Wrap:
 
 
 def find_wrap(values: FloatArray, unit: str) -> Wrap | None:
-    """Finds the range of an angle or a counter that starts again; None where it does not, or that is not told.
-
-    Args:
-        values (n_sample,): The signal, NaN where samples are missing.
-        unit: Its unit, as far as the log states one.
-    """
+    """Finds the range after which an angle or counter (n_sample,) starts again; None where it does not or is open."""
     kept = values[np.isfinite(values)]
     if len(kept) < 3 or np.ptp(kept) == 0:
         return None

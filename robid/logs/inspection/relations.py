@@ -121,14 +121,7 @@ def _window(count: int) -> tuple[FloatArray, ComplexArray]:
 
 
 def compare(first: Spectrum, second: Spectrum, order: int, step_s: float) -> Likeness:
-    """Compares a signal with a derivative of another where the signal has its energy.
-
-    Args:
-        first: The signal that is differentiated.
-        second: The signal that it is compared with.
-        order: Number of derivatives, 0 for none.
-        step_s: Sampling period [s].
-    """
+    """Compares a signal with the derivative of an order of the first one where it has its energy, by the step [s]."""
     at = second.strongest
     x, y = first.derivative(order)[at], second.values[at]
     size = float(np.sqrt(np.sum(np.abs(x) ** 2) * np.sum(np.abs(y) ** 2)))
@@ -143,14 +136,7 @@ def compare(first: Spectrum, second: Spectrum, order: int, step_s: float) -> Lik
 
 
 def relate_signals(first: FloatArray, second: FloatArray, order: int, step_s: float) -> Relation | None:
-    """Says how much of a derivative of one signal another one is, None where the two do not tell.
-
-    Args:
-        first (n_sample,): The signal that is differentiated, without gaps.
-        second (n_sample,): The signal that it is compared with.
-        order: Number of derivatives, 0 to 2.
-        step_s: Sampling period [s].
-    """
+    """Says how much of a derivative of a signal (n_sample,) another one is, None if they do not tell; see `relate`."""
     return relate(spectrum_of(first, step_s), spectrum_of(second, step_s), order, step_s)
 
 
@@ -158,19 +144,16 @@ def relate(first: Spectrum, second: Spectrum, order: int, step_s: float) -> Rela
     """Says how much of a derivative of one signal another one is, None where the two do not tell.
 
     Noise of the first signal grows with its derivative and lowers a ratio of amplitudes; so the factor is that of the
-    transfer function, at lines with coherence alone. Between `H1 = S_xy / S_xx`, low by noise of x, and
-    `H2 = S_yy / S_yx`, high by noise of y, lies the true one: their geometric mean is taken, and half of their distance
-    counts as a deviation. Speeds that are filtered, or differences of samples, bend it by the square of the frequency.
+    transfer function, at lines with coherence alone. Between `H1 = S_xy / S_xx`, low by noise of x, and `H2 = S_yy /
+    S_yx`, high by noise of y, lies the true one: their geometric mean is taken, and half of their distance counts as a
+    deviation. Speeds that are filtered, or differences of samples, bend it by the square of the frequency.
 
-    Args:
-        first: The signal that is differentiated.
-        second: The signal that it is compared with.
-        order: Number of derivatives, 0 to 2.
-        step_s: Sampling period [s].
+    The order of the derivative is 0 to 2, the step in s.
     """
     x, y = (one / max(float(np.linalg.norm(one)), 1e-300) for one in (first.derivative(order), second.values))
     ratio = float(np.linalg.norm(second.values)) / max(float(np.linalg.norm(first.derivative(order))), 1e-300)
-    delay_s = _delay(*_strong_cross(x, y, second))
+    strong = second.strongest
+    delay_s = _delay(np.conj(x[strong]) * y[strong], second.omega[strong])
     cross = np.conj(x) * y * np.exp(1j * first.omega * delay_s)
     averaged = uniform_filter1d(cross.real, _NEIGHBOURS) + 1j * uniform_filter1d(cross.imag, _NEIGHBOURS)
     power_x, power_y = (np.maximum(uniform_filter1d(np.abs(one) ** 2, _NEIGHBOURS), 1e-150) for one in (x, y))
@@ -194,12 +177,7 @@ def _towards_zero(size: FloatArray, apart: FloatArray, energy: FloatArray, omega
     """Value towards zero frequency of an even curve over frequency, and its deviation.
 
     A constant and a parabola are fitted to all lines and to the lower ones alone; the one counts that scatters least.
-
-    Args:
-        size (n_line,): Logarithm of the factor at each line.
-        apart (n_line,): How far noise may have moved it.
-        energy (n_line,): Energy of the signal at each line.
-        omega (n_line,): Frequency [rad per sample].
+    `size` (n_line,) is the logarithm of the factor, `apart` how far noise may have moved it, `omega` in rad per sample.
     """
     # Lines count by what they say, those with hardly any energy by that.
     every = 1 / (apart**2 + 1e-6) * np.minimum(energy / (1e-4 * energy.max()), 1.0)
@@ -223,22 +201,10 @@ def _towards_zero(size: FloatArray, apart: FloatArray, energy: FloatArray, omega
     return min(found, key=lambda one: one[1])
 
 
-def _strong_cross(x: ComplexArray, y: ComplexArray, second: Spectrum) -> tuple[ComplexArray, FloatArray]:
-    at = second.strongest
-    return np.conj(x[at]) * y[at], second.omega[at]
-
-
 def response_at(
     drive: Spectrum, first: Spectrum, second: Spectrum, order: int, band: tuple[float, float]
 ) -> tuple[float, float]:
-    """Compares two signals at the frequencies of a band that a third one excites.
-
-    Args:
-        drive: What excites.
-        first: The signal that the other is compared with.
-        second: The signal that is differentiated.
-        order: Number of derivatives.
-        band: Ends of the band [rad/s].
+    """Compares a derivative of a signal with another one at the frequencies of a band [rad/s] that a third one excites.
 
     Returns:
         Mean cosine of the phase between them, and the usual size of the second's derivative per size of the first.
@@ -259,11 +225,7 @@ def sense_of_inertia(drive: Spectrum, motion: Spectrum, order: int, band: tuple[
     In `torque = inertia x acceleration + damping x speed + stiffness x position` the inertia is positive. Phases alone
     do not tell: below where gravity or a spring to the base gives way to inertia, acceleration goes against torque.
 
-    Args:
-        drive: The torque.
-        motion: The motion.
-        order: How often it is to be differentiated to an acceleration.
-        band: Ends of the band that is looked at [rad/s].
+    The motion becomes an acceleration by `order` derivatives; only lines of the drive within the band [rad/s] count.
 
     Returns:
         Correlation of torque and acceleration once speed and position are taken out of both, -1 to 1.

@@ -9,7 +9,6 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from robid.arrays import FloatArray
 from robid.logs.inspection.contents import Column
 from robid.logs.inspection.names import DRIVING, MOVING, Hint, read_names
 from robid.logs.inspection.quality import Quality, Wrap, find_wrap, unwrapped
@@ -55,11 +54,7 @@ class Signal:
 
     Attributes:
         column: The signal, without jumps where it wraps.
-        hint: What its name and unit say.
-        quality: What is to be said of it by itself.
-        role: What it is.
         by: What says so.
-        commanded: Whether it was commanded.
         reasons: What else speaks for it.
         twin: Another signal with the same samples; empty where there is none.
         implied: Its unit, where none is stated but the factor to another signal's derivative tells it.
@@ -126,13 +121,7 @@ class Comparison:
 
 
 def find_roles(columns: Sequence[Column], qualities: Sequence[Quality], comparison: Comparison) -> list[Signal]:
-    """Finds what each signal is, of signals that share their samples.
-
-    Args:
-        columns: The signals, without the time.
-        qualities: What is to be said of each by itself.
-        comparison: Where they are compared.
-    """
+    """Finds what each signal is, of signals that share their samples, the time left out."""
     found: list[Signal] = []
     for column, quality, hint in zip(columns, qualities, read_names(columns), strict=True):
         one = Signal(column, hint, quality, hint.role, hint.by, commanded=hint.commanded is True)
@@ -158,11 +147,13 @@ def _without_wraps(signal: Signal) -> Signal:
     if wrap is None:
         return signal
     column = replace(signal.column, values=unwrapped(signal.column.values, wrap.size))
-    if signal.role:
-        return replace(signal, column=column, wrap=wrap)
-    return replace(
-        signal, column=column, wrap=wrap, role="angle", by="relation", reasons=("it starts again as angles do",)
-    )
+    signal = replace(signal, column=column, wrap=wrap)
+    return signal if signal.role else _taken(signal, "angle", "it starts again as angles do")
+
+
+def _taken(signal: Signal, role: Role, reason: str) -> Signal:
+    """A signal with the role that its relation to others gives it."""
+    return replace(signal, role=role, by="relation", reasons=(*signal.reasons, reason))
 
 
 def same_joint(first: Signal, second: Signal) -> bool:
@@ -172,29 +163,17 @@ def same_joint(first: Signal, second: Signal) -> bool:
 
 
 def _find_twins(signals: dict[str, Signal]) -> None:
-    """Marks signals that repeat an earlier one, sample by sample."""
     for first, second in combinations(list(signals), 2):
         x, y = signals[first].column.values, signals[second].column.values
-        if not signals[first].twin and _are_equal(x, y):
+        if not signals[first].twin and len(x) == len(y) and np.all(np.abs(x - y) <= _EQUAL * np.abs(x).max()):
             signals[second] = replace(signals[second], twin=first)
 
 
-def _are_equal(x: FloatArray, y: FloatArray) -> bool:
-    return len(x) == len(y) and bool(np.all(np.abs(x - y) <= _EQUAL * np.abs(x).max()))
-
-
 def _find_encoders(signals: dict[str, Signal]) -> None:
-    """Takes an unnamed signal in coarse, equal steps for an encoder's counts."""
     for name, one in signals.items():
-        step = one.quality.resolution
-        if (
-            not one.role
-            and step is not None
-            and step >= _COUNT
-            and one.quality.highest - one.quality.lowest > _COUNTS * step
-        ):
-            told = f"its steps of {step:g} look like an encoder's counts"
-            signals[name] = replace(one, role="angle", by="relation", reasons=(*one.reasons, told))
+        step, span = one.quality.resolution or 0.0, one.quality.highest - one.quality.lowest
+        if not one.role and step >= _COUNT and span > _COUNTS * step:
+            signals[name] = _taken(one, "angle", f"its steps of {step:g} look like an encoder's counts")
 
 
 def _find_derivatives(signals: dict[str, Signal], comparison: Comparison) -> None:
@@ -218,7 +197,7 @@ def _find_derivatives(signals: dict[str, Signal], comparison: Comparison) -> Non
         signals[first], signals[second] = a, b
         if not a.is_sure:
             own: Role = a.role if a.role in ("angle", "position") else "angle"
-            signals[first] = replace(a, role=own, by="relation", reasons=(*a.reasons, f"`{second}` is its derivative"))
+            signals[first] = _taken(a, own, f"`{second}` is its derivative")
 
 
 def _times(found: Relation | None) -> str:
@@ -281,8 +260,7 @@ def _find_drives(signals: dict[str, Signal], comparison: Comparison) -> None:
         _, best, motion = max((one for one in rated if one[1] > _DRIVES), default=(False, 0.0, ""))
         if best > _DRIVES:
             told = f"goes with the acceleration of `{motion}` (correlation {best:.2f})"
-            role: Role = one.role if one.role in DRIVING else "torque"
-            signals[name] = replace(one, role=role, by="relation", reasons=(*one.reasons, told))
+            signals[name] = _taken(one, one.role if one.role in DRIVING else "torque", told)
 
 
 def derivatives(role: Role) -> int:

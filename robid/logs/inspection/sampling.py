@@ -11,30 +11,23 @@ from robid.arrays import FloatArray
 from robid.logs.clocks import on_one_clock, own_rows
 from robid.logs.inspection.contents import Column, Contents
 from robid.logs.inspection.names import DRIVING, MOVING, read_name, read_names, unit_of_name
-from robid.logs.inspection.vocabulary import PER_SECOND, tokens
+from robid.logs.inspection.vocabulary import tokens
 from robid.logs.mapping import LogMapping, Stream
-from robid.logs.pace import GAP, Pace, measure_pace
+from robid.logs.pace import GAP, Pace, longest_piece, measure_pace
 from robid.logs.resample import limits_of
 from robid.logs.streams import is_table, time_before, times_of_groups
 from robid.logs.timing import UNSURE
 from robid.signals.log_channels import InputChannel, OutputChannel
-from robid.signals.log_options import TimeChannel
+from robid.signals.log_options import TIME_UNITS, TimeChannel
 
 _TIME = {
-    "time": 3,
-    "timestamp": 3,
     "stamp": 4,
-    "t": 2,
-    "zeit": 3,
-    "zeitstempel": 3,
-    "temps": 3,
-    "horodatage": 3,
-    "sec": 1,
-    "seconds": 2,
-    "log": 1,
-    "clock": 2,
-    "ms": 1,
+    **dict.fromkeys(("time", "timestamp", "zeit", "zeitstempel", "temps", "horodatage"), 3),
+    **dict.fromkeys(("t", "seconds", "clock"), 2),
+    **dict.fromkeys(("sec", "log", "ms"), 1),
 }
+"""Words of a name, and how surely each says that it is a time's."""
+
 _REGULAR = 0.5  # share of usual steps from which a variable can be a time
 _AGREES = 0.01
 _EVEN = 0.01  # deviation of steps up to which a signal that says nothing of itself is a clock: rounded stamps have it
@@ -52,12 +45,9 @@ class Sampling:
 
     Attributes:
         variable: The variable of the time; empty where there is none.
-        unit: Its unit.
         is_stated: Whether name or unit say so, or a number of the log agrees.
         step_s: Time step, those across gaps left out; None where nothing tells it [s].
         jitter: Largest deviation of a step from the usual one, relative, without gaps.
-        gaps: Places where samples are missing.
-        missing: Samples that are missing there, about.
         first_gap: Sample before the first of them.
         longest_step: Longest step, in usual ones.
         longest: First sample of the longest part without one, and the sample after its last.
@@ -88,13 +78,7 @@ class Sampling:
 
 
 def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], stated_s: float | None = None) -> Sampling:
-    """Finds the time among signals of one length, or else a number that tells the sampling period.
-
-    Args:
-        columns: The signals.
-        scalars: Single numbers of the log by name.
-        stated_s: The sampling period as the user knows it [s].
-    """
+    """Finds the time among signals of one length, else what tells the sampling period: the user [s], or a number."""
     known, told_by = (stated_s, "the command line") if stated_s else _from_scalars(scalars)
     coarse, doubt = _from_coarse(columns, known)
     if known is None and coarse is not None:
@@ -108,7 +92,7 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
     usual = float(np.median(np.diff(column.values))) if pace is None else pace.step
     likely, is_stated = _units(column, usual, known)
     unit = likely[0]
-    found = _measure(column.name, column.values if pace is None else pace.times, pace, PER_SECOND[unit])
+    found = _measure(column.name, column.values if pace is None else pace.times, pace, TIME_UNITS[unit])
     others = tuple(
         columns[-place].key
         for score, place in rated
@@ -129,23 +113,20 @@ def _from_coarse(columns: Sequence[Column], known_s: float | None) -> tuple[Samp
     doubt = ""
     for column in columns:
         unit, values = unit_of_name(column), column.values
-        if unit not in PER_SECOND or len(values) < _LEAST or not np.all(np.isfinite(values)):
+        if unit not in TIME_UNITS or len(values) < _LEAST or not np.all(np.isfinite(values)):
             continue
-        to_s, pace = PER_SECOND[unit], None
+        to_s, pace = TIME_UNITS[unit], None
         if np.mean(np.diff(values) == 0) > _REPEATED:
             pace = measure_pace(values, None if known_s is None else known_s / to_s)
         if pace is None or not pace.rounding:
             continue
         told = f"rounded to {pace.rounding * to_s:.4g} s, it tells the rate"
         if pace.unsure > UNSURE:
-            doubt = (
-                f"`{column.key}` does not tell the sampling period: {told} to {100 * min(pace.unsure, 1.0):.2g} % only"
-            )
+            sure = f"to {100 * min(pace.unsure, 1.0):.2g} % only"
+            doubt = f"`{column.key}` does not tell the sampling period: {told} {sure}"
         elif known_s is None or abs(pace.step * to_s / known_s - 1) <= pace.unsure:
-            found = _measure(column.name, pace.times, pace, to_s)
-            return replace(
-                found, unit=unit, is_stated=True, told_by=f"`{column.key}` ({told} to {100 * pace.unsure:.1g} %)"
-            ), ""
+            found, told_by = _measure(column.name, pace.times, pace, to_s), f"{told} to {100 * pace.unsure:.1g} %"
+            return replace(found, unit=unit, is_stated=True, told_by=f"`{column.key}` ({told_by})"), ""
     return None, doubt
 
 
@@ -162,7 +143,7 @@ def _rate(column: Column, known_s: float | None) -> int:
     words = tokens(column.name.rpartition("/")[2])
     score = max((_TIME.get(word, 0) for word in words), default=0)
     score += 1 if known_s is not None and abs(usual / known_s - 1) < _AGREES else 0
-    score += 3 if unit_of_name(column) in PER_SECOND else 0
+    score += 3 if unit_of_name(column) in TIME_UNITS else 0
     return score or int(known_s is None and _is_clock(column, steps, float(usual)))
 
 
@@ -186,24 +167,19 @@ def is_ramp(values: FloatArray) -> bool:
 
 
 def _units(column: Column, usual: float, known_s: float | None) -> tuple[tuple[str, ...], bool]:
-    """Units that a time may have, and whether the log says so."""
     stated = unit_of_name(column)
-    if stated in PER_SECOND:
+    if stated in TIME_UNITS:
         return (stated,), True
     if known_s is not None:
-        for unit, factor in PER_SECOND.items():
+        for unit, factor in TIME_UNITS.items():
             if abs(known_s / (usual * factor) - 1) < _AGREES:
                 return (unit,), True
-    return _likely(column, usual) or ("s",), False
-
-
-def _likely(column: Column, usual: float) -> tuple[str, ...]:
-    """Units in which a time with such steps is that of a robot's log."""
+    # Units in which a time with such steps is that of a robot's log
     whole = bool(np.all(column.values == np.round(column.values)))
-    rates = {unit: 1 / (usual * factor) for unit, factor in PER_SECOND.items()}
+    rates = {unit: 1 / (usual * factor) for unit, factor in TIME_UNITS.items()}
     within = [unit for unit, rate in rates.items() if _USUAL_HZ[0] <= rate <= _USUAL_HZ[1]]
     slow = not whole and _SLOWEST_HZ <= rates["s"] < _USUAL_HZ[0]
-    return ("s", *within) if slow else tuple(within)
+    return tuple(["s", *within] if slow else within or ["s"]), False
 
 
 def _measure(variable: str, times: FloatArray, pace: Pace | None, to_s: float) -> Sampling:
@@ -213,9 +189,7 @@ def _measure(variable: str, times: FloatArray, pace: Pace | None, to_s: float) -
     inside = np.delete(steps, gaps)
     inside = inside[inside > 0]
     mean = float(inside.mean()) if pace is None else pace.step
-    edges = np.concatenate([[0], gaps + 1, [len(steps) + 1]])
-    longest = int(np.argmax(np.diff(edges)))
-    begin, end = int(edges[longest]), int(edges[longest + 1])
+    begin, end = longest_piece(gaps, len(times))
     return Sampling(
         variable,
         "s",
@@ -254,7 +228,6 @@ def _from_scalars(scalars: Mapping[str, float]) -> tuple[float | None, str]:
     return None, ""
 
 
-_SECONDS = ("s", "ms", "us", "ns")
 _NAMES = ("time", "timestamp", "stamp", "t", "zeit", "sec", "seconds", "clock")
 _TIMES = ("header.stamp", "log_time")
 
@@ -271,7 +244,9 @@ def _by_rows(contents: Contents) -> Contents | None:
     times = [one for one in table if _may_be_time(one)]
     if len(table) < 3 or not times or all(np.isfinite(one.values).all() for one in table):
         return None
-    time = max(times, key=_names_time)
+    # Name and unit say how surely a signal that rises is the time.
+    named = [2 * (unit_of_name(one) in TIME_UNITS) + any(word in _NAMES for word in tokens(one.name)) for one in times]
+    time = times[named.index(max(named))]
     placed = [own_rows(Stream(one.name, one.name, 1.0, one.values), time.values) for one in table]
     apart = {one.name: one for one in placed if one.stamps is not None}
     if not apart:
@@ -296,11 +271,6 @@ def _by_rows(contents: Contents) -> Contents | None:
 def _may_be_time(column: Column) -> bool:
     values = column.values
     return bool(np.isfinite(values).all()) and bool(np.all(np.diff(values) >= 0)) and float(np.ptp(values)) > 0
-
-
-def _names_time(column: Column) -> int:
-    """How surely a signal that rises is the time, by its name and unit."""
-    return 2 * (unit_of_name(column) in _SECONDS) + any(word in _NAMES for word in tokens(column.name))
 
 
 def _by_times(contents: Contents) -> Contents | None:

@@ -8,7 +8,7 @@ load moves more than the motor, and above the resonance that depends on the iner
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal, TypeAlias
@@ -16,7 +16,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.logs.inspection.relations import Spectrum
 from robid.logs.inspection.roles import Comparison, Signal, derivatives
 
@@ -57,23 +57,12 @@ def find_motor(
 ) -> Order | None:
     """Tells which of two motions of a drive is the motor's; None where their responses do not tell.
 
-    Args:
-        drive: What drives.
-        first: One motion.
-        second: The other one.
-        orders: How often each is to be differentiated so that both are the same quantity.
-        step_s: Sampling period [s].
+    `orders` say how often each is to be differentiated so that both are the same quantity.
     """
     x, y = first.derivative(orders[0]), second.derivative(orders[1])
     # Whatever moves them, as the torque of another joint: what they have in common tells.
-    at = np.flatnonzero((_coherence(x, y) > _COHERENT) & (drive.omega * step_s < 2 * np.pi * _HIGHEST))
-    at = np.intersect1d(at, drive.strongest)
-    verdicts: list[Order] = []
-    for part in _PARTS:
-        inside = at[drive.omega[at] <= part * drive.omega[at[-1]]] if len(at) else at
-        if len(inside) >= _FEWEST:
-            found = _judge(x[inside], y[inside], drive.omega[inside])
-            verdicts += [found] if found is not None else []
+    judged = [_judge(x[inside], y[inside], drive.omega[inside]) for inside in _common_lines(drive, x, y, step_s)]
+    verdicts = [one for one in judged if one is not None]
     if not verdicts or len({one.first for one in verdicts}) > 1:
         return None
     return min(verdicts, key=lambda one: one.misfit / max(one.other, 1e-12))
@@ -112,11 +101,18 @@ def _solve(
     return rest, np.asarray(found)
 
 
-def _coherence(u: ComplexArray, x: ComplexArray) -> FloatArray:
+def _common_lines(drive: Spectrum, u: ComplexArray, x: ComplexArray, step_s: float) -> Iterator[IntArray]:
+    """Lines of a drive at which two signals are coherent, in ever smaller parts of the band; those that are enough."""
     cross = np.conj(u) * x
     averaged = uniform_filter1d(cross.real, _NEIGHBOURS) ** 2 + uniform_filter1d(cross.imag, _NEIGHBOURS) ** 2
     power = uniform_filter1d(np.abs(u) ** 2, _NEIGHBOURS) * uniform_filter1d(np.abs(x) ** 2, _NEIGHBOURS)
-    return np.asarray(averaged / np.maximum(power, 1e-300))
+    coherence = averaged / np.maximum(power, 1e-300)
+    at = np.flatnonzero((coherence > _COHERENT) & (drive.omega * step_s < 2 * np.pi * _HIGHEST))
+    at = np.intersect1d(at, drive.strongest)
+    for part in _PARTS:
+        inside = at[drive.omega[at] <= part * drive.omega[at[-1]]] if len(at) else at
+        if len(inside) >= _FEWEST:
+            yield inside
 
 
 def is_behind_spring(drive: Spectrum, motion: Spectrum, order: int, step_s: float) -> bool:
@@ -124,21 +120,10 @@ def is_behind_spring(drive: Spectrum, motion: Spectrum, order: int, step_s: floa
 
     A motor's acceleration goes with the torque at low lines and at high ones, and stands still between; a load's has no
     such line, `torque = acceleration J (d / s + 1 + c s + s^2 / w_r^2)`, and its sign changes at the resonance.
-
-    Args:
-        drive: The torque.
-        motion: The motion.
-        order: How often it is to be differentiated to an acceleration.
-        step_s: Sampling period [s].
     """
     a, u = motion.derivative(order), drive.values
-    at = np.flatnonzero((_coherence(u, a) > _COHERENT) & (drive.omega * step_s < 2 * np.pi * _HIGHEST))
-    at = np.intersect1d(at, drive.strongest)
-    for part in _PARTS:
-        inside = at[drive.omega[at] <= part * drive.omega[at[-1]]] if len(at) else at
-        if len(inside) >= _FEWEST and _turns(u[inside], a[inside], drive.omega[inside]):
-            return True
-    return False
+    lines = _common_lines(drive, u, a, step_s)
+    return any(_turns(u[inside], a[inside], drive.omega[inside]) for inside in lines)
 
 
 def _turns(u: ComplexArray, a: ComplexArray, omega: FloatArray) -> bool:
@@ -160,14 +145,7 @@ _EXCHANGE = "exchange them where it is the other way round, and take the marks a
 
 @dataclass(frozen=True)
 class Place:
-    """Where a motion of an axis was measured.
-
-    Attributes:
-        signal: The motion.
-        side: The motor's, the first behind it, or another one.
-        told: What says so.
-        is_open: Whether nothing says so, so that a person has to.
-    """
+    """Where a motion of an axis was measured, and what says so; open where nothing does, so that a person has to."""
 
     signal: Signal
     side: Where
@@ -176,13 +154,7 @@ class Place:
 
 
 def find_sides(drive: Signal, own: Sequence[Signal], comparison: Comparison) -> list[Place]:
-    """Finds the motor's motion among those of an axis, and puts the others behind it.
-
-    Args:
-        drive: What drives it.
-        own: Its motions.
-        comparison: Where signals are compared.
-    """
+    """Finds the motor's motion among those of an axis, and puts the others behind it."""
     if len(own) == 1:
         return [_lone(drive, own[0], comparison)]
     named = sorted(own, key=lambda one: SIDES[one.hint.side])
@@ -236,20 +208,15 @@ def _behind(motor: Signal, one: Signal, verdict: Order | None) -> tuple[str, ...
         return ()
     if verdict is None:
         return (f"taken for a side behind `{motor.name}` by the names alone: the response does not tell",)
-    at = (
-        f" on which `{motor.name}` stands still at {verdict.antiresonance / (2 * np.pi):.3g} Hz"
-        if verdict.is_seen
-        else ""
-    )
-    return (f"taken for the load's side: by the response it moves behind a spring{at}",)
+    told = "taken for the load's side: by the response it moves behind a spring"
+    if verdict.is_seen:
+        told += f" on which `{motor.name}` stands still at {verdict.antiresonance / (2 * np.pi):.3g} Hz"
+    return (told,)
 
 
 def _lone(drive: Signal, one: Signal, comparison: Comparison) -> Place:
-    """A motion without another one to compare with."""
-    behind = is_behind_spring(
-        comparison.spectrum(drive), comparison.spectrum(one), derivatives(one.role), comparison.step_s
-    )
-    by_name = one.hint.side
+    torque, motion, by_name = comparison.spectrum(drive), comparison.spectrum(one), one.hint.side
+    behind = is_behind_spring(torque, motion, derivatives(one.role), comparison.step_s)
     if behind and by_name == "motor":
         told = f"its name says the motor's side, but it turns against `{drive.name}` behind a resonance, as a load does"
         return Place(one, "motor", (f"{told}: add `.arm` to its name if it is, and take the mark away",), is_open=True)

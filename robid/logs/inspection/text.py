@@ -12,10 +12,10 @@ from robid.logs.inspection.channels import Entry
 from robid.logs.inspection.findings import Findings
 from robid.logs.inspection.roles import Signal
 from robid.logs.period import format_lines
+from robid.signals.log_options import TIME_UNITS
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_./-]*( [A-Za-z]+)?")
 _WORDS = ("true", "false", "yes", "no", "on", "off", "null", "y", "n")
-_UNITS = ("s", "ms", "us", "ns")
 _ONE_SHOT = (
     "nothing repeats, so it is taken for a record without a response; for one say excitation:"
     " {signal: arbitrary, low_hz: .., high_hz: .., resolution_hz: ..} in place of this"
@@ -42,33 +42,29 @@ def write_experiment(
 ) -> str:
     """Writes the proposal as an experiment file, with what to check as comments.
 
-    Args:
-        found: What is in the log.
-        name: Name of the experiment.
-        path: How the experiment file shall name a log.
-        format_: Format to state, None where the file tells it.
-        dialect: How a table is written, as far as that is to be stated.
+    `path` says how the file shall name a log; format and dialect are stated as far as they are given.
     """
-    counts, numbering = _recordings(found)
+    counts: dict[str, int] = {}
+    numbering: tuple[str, ...] = ()
+    if found.numbered is not None:
+        place, check = found.numbered.place_among(len(found.proposal.inputs))
+        counts, numbering = {place: found.numbered.count} if found.numbered.count > 1 else {}, (check,)
     found = _renamed(found, next(iter(counts), ""))
-    made = found.proposal
-    lines = ["schema_version: 1", f"name: {_name(name)}"]
-    lines += [f"# robot: {_ROBOT}"]
-    lines += ["campaigns:", "  log:"]
-    lines += _campaign(found)
-    lines += _source(found, counts, numbering, path, _stated(format_, dialect))
+    made, is_arbitrary, experiments = found.proposal, _is_arbitrary(found), counts.get("experiment", 1)
+    stated = [f"format: {format_}"] if format_ else []
+    stated += [f"dialect: {_flow(dialect)}"] if dialect else []
+    lines = ["schema_version: 1", f"name: {re.sub('[^A-Za-z0-9_-]+', '_', name).strip('_-') or 'log'}"]
+    lines += [f"# robot: {_ROBOT}", "campaigns:", "  log:", *_campaign(found)]
+    lines += _source(found, counts, numbering, path, stated)
     if "experiment" in counts:
-        lines += [f"    experiments: {counts['experiment']}"]
-    elif len(made.inputs) > 1 and not (made.one_shot or _is_arbitrary(found)):
+        lines += [f"    experiments: {experiments}"]
+    elif len(made.inputs) > 1 and not (made.one_shot or is_arbitrary):
         lines += ["    experiments: 1 # check: to tell n inputs apart takes n logs, `{experiment}` in their names"]
-    lines += _estimate(found, counts.get("experiment", 1))
+    if not made.one_shot:
+        local = ", estimator: local_periodic" if len(made.inputs) > experiments and not is_arbitrary else ""
+        lines += [f"    estimate: {{compensation: none{local}}}"]
     lines += ["execution: {backend: serial} # a single log is one task"]
     return "\n".join(lines) + "\n"
-
-
-def _stated(format_: str | None, dialect: Mapping[str, object] | None) -> list[str]:
-    """What the file itself does not tell of its format."""
-    return [*([f"format: {format_}"] if format_ else []), *([f"dialect: {_flow(dialect)}"] if dialect else [])]
 
 
 def _source(
@@ -81,18 +77,23 @@ def _source(
     """Where the record comes from: the log, how it is read, which part of it, its channels."""
     made, inside = found.proposal, " " * 8
     lines = [f"    realizations: {counts['realization']}"] if "realization" in counts else []
-    lines += [
-        "    source:",
-        "      acquire:",
-        f"{inside}file: {_text(_braced(path(found.contents.file)))}{_comment(numbering)}",
-    ]
-    lines += [f"{inside}{one}" for one in (*stated, *_sampling(found), *_part(made.part_s))]
-    lines += [f"{inside}resample: {made.resample}{_comment(_resampled(found))}"] if made.resample else []
+    lines += ["    source:", "      acquire:"]
+    lines += [f"{inside}file: {_text(_braced(path(found.contents.file)))}{_comment(numbering)}"]
+    lines += [f"{inside}{one}" for one in (*stated, *_sampling(found))]
+    if made.part_s is not None:
+        lines += [f"{inside}from_s: {_value(made.part_s[0])} # the longest part without a gap"]
+        lines += [f"{inside}to_s: {_value(made.part_s[1])}"]
+    if made.resample:
+        longest = f", the longest is {found.sampling.longest_step:.2g} usual ones" if found.sampling.gaps else ""
+        uneven = f"time steps deviate by up to {100 * found.sampling.jitter:.0f} %{longest}"
+        why = uneven if made.resample == "time" else "the period is no whole number of samples"
+        lines += [f"{inside}resample: {made.resample}{_comment((why,))}"]
     lines += [f"{inside}one_shot: true # check: {_ONE_SHOT}"] * made.one_shot
     lines += [f"{inside}drop_periods: {made.drop_periods}{_comment(_dropped(found))}"] if made.drop_periods else []
     if made.take_last:
         gaps = found.has_gaps and made.part_s is None
-        reason = "the longest part without a gap is at its end" if gaps else _held(found)
+        held = f"the log holds {found.shared.held if found.shared else 0:.4g} periods"
+        reason = "the longest part without a gap is at its end" if gaps else held
         lines += [f"{inside}take: last # {reason}"]
     lines += _entries("inputs", made.inputs, inside, "a torque, a current or a command", path)
     lines += _entries("outputs", made.outputs, inside, "an angle or a speed", path)
@@ -101,15 +102,6 @@ def _source(
         lines += _entries("references", made.references, inside + mark, "", path)
         lines += [] if made.one_shot else [f"{inside}# ({_REFERENCES})"]
     return lines
-
-
-def _recordings(found: Findings) -> tuple[dict[str, int], tuple[str, ...]]:
-    """How many configurations, realizations or experiments one log holds by number, and what to check about that."""
-    if found.numbered is None:
-        return {}, ()
-    place, check = found.numbered.place_among(len(found.proposal.inputs))
-    count = found.numbered.count
-    return {place: count} if count > 1 else {}, (check,)
 
 
 def _renamed(found: Findings, place: str) -> Findings:
@@ -127,14 +119,6 @@ def _renamed(found: Findings, place: str) -> Findings:
     sampling = replace(found.sampling, variable=write(found.sampling.variable, place))
     made = replace(made, inputs=inputs, outputs=outputs, references=references)
     return replace(found, sampling=sampling, proposal=made)
-
-
-def _estimate(found: Findings, experiments: int) -> list[str]:
-    made = found.proposal
-    if made.one_shot:
-        return []
-    local = ", estimator: local_periodic" if len(made.inputs) > experiments and not _is_arbitrary(found) else ""
-    return [f"    estimate: {{compensation: none{local}}}"]
 
 
 def _is_arbitrary(found: Findings) -> bool:
@@ -163,12 +147,6 @@ def _without_times(found: Findings) -> str:
     return f"    # excitation: {{period_s: .., low_hz: .., high_hz: ..}}{_comment((f'{repeats}; {wanted}',))}"
 
 
-def _part(part_s: tuple[float, float] | None) -> list[str]:
-    if part_s is None:
-        return []
-    return [f"from_s: {_value(part_s[0])} # the longest part without a gap", f"to_s: {_value(part_s[1])}"]
-
-
 def _sampling(found: Findings) -> list[str]:
     sampling, step_s = found.sampling, found.step_s
     if sampling.step_s is None:
@@ -178,29 +156,16 @@ def _sampling(found: Findings) -> list[str]:
         why = sampling.doubt or f"nothing in the log tells {which}"
         return [f"# sampling_period_s: SECONDS # check: {why}; {_CYCLE}"]
     lines = [f"sampling_period_s: {_value(step_s)}"]
-    if sampling.variable and sampling.unit in _UNITS:
-        told: tuple[str, ...] = (
-            () if sampling.is_stated else (f"unit not stated; {sampling.unit} gives {1 / step_s:.6g} Hz",)
-        )
+    if sampling.variable and sampling.unit in TIME_UNITS:
+        told = [] if sampling.is_stated else [f"unit not stated; {sampling.unit} gives {1 / step_s:.6g} Hz"]
         if found.has_gaps:
             count = "one place" if sampling.gaps == 1 else f"{sampling.gaps} places"
             places = f"samples are missing at {count}, first after {sampling.first_gap}"
-            told += (f"{places}: the longest part without is used",)
+            told += [f"{places}: the longest part without is used"]
         if sampling.backward:
-            told += (f"it stands still or goes back {sampling.backward} times: sort the log, or leave `time` out",)
+            told += [f"it stands still or goes back {sampling.backward} times: sort the log, or leave `time` out"]
         lines.append(f"time: {{variable: {_text(sampling.variable)}, unit: {sampling.unit}}}{_comment(told)}")
     return lines
-
-
-def _resampled(found: Findings) -> tuple[str, ...]:
-    if found.proposal.resample == "time":
-        longest = f", the longest is {found.sampling.longest_step:.2g} usual ones" if found.sampling.gaps else ""
-        return (f"time steps deviate by up to {100 * found.sampling.jitter:.0f} %{longest}",)
-    return ("the period is no whole number of samples",)
-
-
-def _held(found: Findings) -> str:
-    return f"the log holds {found.shared.held if found.shared else 0:.4g} periods"
 
 
 def _dropped(found: Findings) -> tuple[str, ...]:
@@ -219,18 +184,16 @@ def _entries(key: str, entries: tuple[Entry, ...], inside: str, none: str, path:
         inside += "# "
     common = tuple(one for one in entries[0].checks if len(entries) > 1 and all(one in e.checks for e in entries))
     rest = [replace(one, checks=tuple(check for check in one.checks if check not in common)) for one in entries]
-    head = f"{inside}{key}:{_comment(common)}"
-    return [head, *(f"{inside}  - {_entry(one, path)}" for one in rest)]
+    lines = [f"{inside}{key}:{_comment(common)}"]
+    for one in rest:
+        column = one.signal.column
+        file = {} if column.file is None else {"file": _braced(path(column.file))}
+        settings = {"name": one.name, "variable": column.name, **file, **one.settings}
+        lines.append(f"{inside}  - {_flow(settings)}{_comment(one.checks)}")
+    return lines
 
 
-def _entry(entry: Entry, path: Callable[[Path], str]) -> str:
-    column = entry.signal.column
-    file = {} if column.file is None else {"file": _braced(path(column.file))}
-    settings = {"name": entry.name, "variable": column.name, **file, **entry.settings}
-    return _flow(settings) + _comment(entry.checks)
-
-
-def _comment(checks: tuple[str, ...]) -> str:
+def _comment(checks: Sequence[str]) -> str:
     return f" # check: {'; '.join(checks)}" if checks else ""
 
 
@@ -258,10 +221,6 @@ def _text(text: str) -> str:
 def _braced(path: str) -> str:
     """A path whose braces stand for themselves."""
     return path.replace("{", "{{").replace("}", "}}")
-
-
-def _name(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_-") or "log"
 
 
 _EVEN = 1e-5  # deviation of time steps that is not worth a word

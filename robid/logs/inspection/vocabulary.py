@@ -102,9 +102,6 @@ def _split(word: str) -> tuple[str, ...]:
     return ()
 
 
-PER_SECOND = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-"""Units of a time that a mapping reads, and their size [s]."""
-
 CONVERTED: dict[str, tuple[str, float]] = {
     "N cm": ("mN m", 10.0),
     "cN m": ("mN m", 10.0),
@@ -160,10 +157,7 @@ _SPELLINGS = {
     **dict.fromkeys(("ozin", "ozfin", "inoz"), "ozf in"),
     **dict.fromkeys(("inch", "inches", '"'), "in"),
 }
-_SPELLINGS = {
-    **{name.replace(" ", "").lower(): name for name in (*CONVERTED, *UNITS)},
-    **_SPELLINGS,
-}
+_SPELLINGS = {**{name.replace(" ", "").lower(): name for name in (*CONVERTED, *UNITS)}, **_SPELLINGS}
 _FOREIGN = frozenset(
     ("%", "‰", "pct", "percent", "prozent", "mv", "kv", "bar", "pa", "hz", "w", "kw", "db", "lbf", "ft")
 )
@@ -193,13 +187,9 @@ _MOST_PARTS = 4
 
 @dataclass(frozen=True)
 class Stated:
-    """What a log says of a signal's unit.
+    """What a log says of a signal's unit, as settings write it or `CONVERTED` has it, and raw; empty where nothing.
 
-    Attributes:
-        unit: As settings write it, or as `CONVERTED` has it; empty where there is none such.
-        raw: As the log writes it; empty where it states none.
-        rest: The signal's name without it.
-        by_letter: Whether a last letter of the name alone says so.
+    The rest is the signal's name without it; `by_letter` where a last letter of that alone says so.
     """
 
     unit: str
@@ -223,13 +213,7 @@ def spell(text: str) -> str:
 
 
 def read_unit(name: str, unit: str = "", *, is_message: bool = False) -> Stated:
-    """Reads the unit of a signal.
-
-    Args:
-        name: Its name.
-        unit: What the log states beside the name.
-        is_message: Whether it is a field of a message, where brackets hold a joint's name.
-    """
+    """Reads a signal's unit by its name and what the log states beside it; brackets of messages hold a joint's name."""
     index = _INDEX.search(name)
     body, after = (name[: index.start()], index[0]) if index else (name, "")
     bracket = None if is_message else _BRACKET.search(body)

@@ -25,10 +25,8 @@ def check_pose_interface(robot: RobotFile) -> Found:
         if name not in joints:
             yield place, f"S110 there is no joint `{name}`; {suggest(name, joints)}"
         elif joints.index(name) != index:
-            yield (
-                place,
-                f"S111 external axes carry the root: they are the first joints, in their order ({joints[index]})",
-            )
+            message = f"S111 external axes carry the root: they are the first joints, in their order ({joints[index]})"
+            yield place, message
         elif not robot.joints[index].slides:
             yield place, f"S112 `{name}` is revolute: only what slides can be an external axis"
     if len(interface.external_axes) == len(joints):
@@ -50,9 +48,7 @@ def check_pose_campaign(field: FieldPath, campaign: Campaign, robot: RobotFile) 
             yield (*field, "source", "simulate", "measured_pose"), "S115 is for the excitation `signal: pose_chirp`"
         return
     if campaign.experiments is not None:
-        message = (
-            "S116 a pose chirp is one experiment for each channel: leave it out, or say `channels` of the excitation"
-        )
+        message = "S116 a pose chirp is one experiment a channel: leave it out, or say `channels` of the excitation"
         yield (*field, "experiments"), message
     if campaign.outputs != ("motors",):
         yield (*field, "outputs"), "S117 a pose chirp measures the channels that it moves: leave it out"
@@ -60,10 +56,8 @@ def check_pose_campaign(field: FieldPath, campaign: Campaign, robot: RobotFile) 
         message = "S118 friction is subtracted from motor torques, not from pose commands: use `compensation: none`"
         yield (*field, "estimate", "compensation"), message
     if robot.pose_interface is None and (campaign.source is None or campaign.source.acquire is None):
-        yield (
-            (*field, "excitation", "signal"),
-            "S119 a pose chirp needs the robot file's `pose_interface`, which is missing",
-        )
+        message = "S119 a pose chirp needs the robot file's `pose_interface`, which is missing"
+        yield (*field, "excitation", "signal"), message
         return
     yield from _channels((*field, "excitation"), options, commanded_channels(campaign, robot) or (), robot)
 
@@ -101,7 +95,8 @@ def check_sensed(field: FieldPath, robot: RobotFile, joint: JointSection) -> Fou
         yield (*field, "motor"), f"S126 {why} motor and gear: leave `motor` out, or `torque_measured_at`"
     if joint.couplings:
         yield (*field, "couplings"), f"S127 {why} all motors that turn it: leave `couplings` out"
-    springs = [spring.name for spring in robot.all_springs if _drives(spring.place) and spring.joint == joint.name]
+    own = [spring for spring in robot.all_springs if spring.joint == joint.name]
+    springs = [spring.name for spring in own if spring.place in ("transmission", "shaft")]
     if springs:
         place = "gear" if joint.gear is not None else "name"
         yield (*field, place), f"S128 {why} its gear, whose spring it does not show: leave {', '.join(springs)} out"
@@ -133,7 +128,6 @@ def without_motor_text(names: tuple[str, ...]) -> str:
 
 
 def _needs_motors(campaign: Campaign) -> tuple[FieldPath, str] | None:
-    """Where a campaign needs motors, and what of it does."""
     if campaign.source is None:
         return (), "an excitation needs"
     if campaign.source.acquire is None:
@@ -141,7 +135,3 @@ def _needs_motors(campaign: Campaign) -> tuple[FieldPath, str] | None:
     if campaign.source.acquire.references and not (campaign.is_one_shot or campaign.is_arbitrary):
         return ("source", "acquire", "references"), "an excitation that is designed here needs"
     return None
-
-
-def _drives(place: str) -> bool:
-    return place in ("transmission", "shaft")

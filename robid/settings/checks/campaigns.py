@@ -12,20 +12,12 @@ from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import parameter_names
 from robid.settings.sources import SimulateSettings, TruthSettings, with_truth_springs
 from robid.settings.yaml import FieldPath
-from robid.simulate.options import Imperfections
 
 _BODIES = ("payload", "base")
 
 
 def check_truth(field: FieldPath, campaign: Campaign, simulate: SimulateSettings, robot: RobotFile) -> Found:
-    """Yields names that the robot does not have, factors that none has, and springs that cannot be.
-
-    Args:
-        field: Where the settings of the simulation stand.
-        campaign: The campaign.
-        simulate: Its simulation.
-        robot: The robot file.
-    """
+    """Yields names that the robot does not have, factors that none has, and springs that cannot be."""
     truth = simulate.truth
     springs = [spring.name for spring in robot.all_springs]
     for index, name in enumerate(truth.keep):
@@ -34,7 +26,9 @@ def check_truth(field: FieldPath, campaign: Campaign, simulate: SimulateSettings
     yield from _factors((*field, "truth"), truth, robot)
     yield from _drives((*field, "truth"), truth, robot)
     yield from _springs((*field, "truth", "springs"), truth, robot)
-    yield from _friction((*field, "imperfections"), simulate.imperfections)
+    for key in ("load_friction", "friction_asymmetry"):
+        if getattr(simulate.imperfections, key) and simulate.imperfections.friction == "none":
+            yield (*field, "imperfections", key), "S139 changes the levels of a friction law: give `friction` too"
     extra = simulate.imperfections.unmodelled_payload_kg
     yield from _payload((*field, "imperfections", "unmodelled_payload_kg"), extra, campaign, robot)
 
@@ -43,12 +37,8 @@ def _factors(field: FieldPath, truth: TruthSettings, robot: RobotFile) -> Found:
     joints = [joint.name for joint in robot.joints]
     own = {"payload": robot.payload, "base": robot.base}
     bodies = [*joints, *(name for name in _BODIES if own[name] is not None)]
-    known = {
-        "rotor_inertia_factor": joints,
-        "mass_factor": bodies,
-        "inertia_factor": bodies,
-        "torque_constant_factor": joints,
-    }
+    known = dict.fromkeys(("rotor_inertia_factor", "torque_constant_factor"), joints)
+    known |= dict.fromkeys(("mass_factor", "inertia_factor"), bodies)
     for key, names in known.items():
         for name, factor in getattr(truth, key).items():
             if name not in names:
@@ -65,10 +55,8 @@ def _drives(field: FieldPath, truth: TruthSettings, robot: RobotFile) -> Found:
     joints = [joint.name for joint in robot.joints]
     least, most = truth.mass_relative
     if not 0 <= least <= most < 1:
-        yield (
-            (*field, "mass_relative"),
-            f"S135 must be two shares below 1, the smaller first (found {least:g}, {most:g})",
-        )
+        message = f"S135 must be two shares below 1, the smaller first (found {least:g}, {most:g})"
+        yield (*field, "mass_relative"), message
     for joint, others in truth.couplings.items():
         for name in (joint, *others):
             if name not in joints:
@@ -80,12 +68,6 @@ def _drives(field: FieldPath, truth: TruthSettings, robot: RobotFile) -> Found:
         if name not in turning:
             message = f"S138 there is no revolute joint `{name}` without a counterbalance; {suggest(name, turning)}"
             yield (*field, "counterbalance_nm", name), message
-
-
-def _friction(field: FieldPath, flaws: Imperfections) -> Found:
-    for key in ("load_friction", "friction_asymmetry"):
-        if getattr(flaws, key) and flaws.friction == "none":
-            yield (*field, key), "S139 changes the levels of a friction law: give `friction` too"
 
 
 def _springs(field: FieldPath, truth: TruthSettings, robot: RobotFile) -> Found:
@@ -121,19 +103,14 @@ def check_limits(experiment: Experiment, robot: RobotFile) -> Found:
     if not robot.is_complete:
         return
     for name, campaign in experiment.campaigns.items():
-        if _is_designed(campaign):
-            what = "a simulation needs" if campaign.source and campaign.source.simulate else "an excitation is held to"
+        source = campaign.source
+        # One that others played is not designed here.
+        if source and not campaign.is_arbitrary and (source.acquire is None or source.acquire.references):
+            what = "a simulation needs" if source.simulate else "an excitation is held to"
             yield from missing_limits(("campaigns", name, "source"), what, robot, (SPEED, TORQUE))
     for name, design in experiment.designs.items():
         if design.cost == "travel":
             yield from missing_limits(("designs", name, "cost"), "the time of travel needs", robot, (SPEED,))
-
-
-def _is_designed(campaign: Campaign) -> bool:
-    """Tells whether a campaign's excitation is designed here; one that others played is not."""
-    if campaign.source is None or campaign.is_arbitrary:
-        return False
-    return campaign.source.acquire is None or bool(campaign.source.acquire.references)
 
 
 def missing_limits(field: FieldPath, what: str, robot: RobotFile, keys: tuple[str, ...]) -> Found:
@@ -168,9 +145,7 @@ def _campaign(campaign: Campaign) -> Found:
         what = "an excitation" if campaign.source is None else "a simulation"
         yield ("source",), f"S147 {what} needs `robot`: without one, a campaign is imported from logs (`acquire`)"
     elif acquire.references and not (acquire.one_shot or campaign.is_arbitrary):
-        message = (
-            "S148 a match with an excitation that is designed here needs `robot`: name what drives it under `inputs`"
-        )
+        message = "S148 a match with an excitation designed here needs `robot`: name what drives it under `inputs`"
         yield ("source", "acquire", "references"), message
     if campaign.configurations is not None:
         yield ("configurations",), "S149 are joint angles, which need `robot`: leave them out"
@@ -209,42 +184,32 @@ def _candidates(field: FieldPath, experiment: Experiment, design: Design) -> Fou
         known = experiment.campaigns
         yield (*field, "campaign"), f"S155 there is no campaign `{design.campaign}`; {suggest(design.campaign, known)}"
         return
-    if campaign.is_trajectory:
-        message = (
-            f"S156 campaign `{design.campaign}` plays a trajectory, which tells nothing of springs: name another one"
-        )
-        yield (*field, "campaign"), message
-    if campaign.moves_poses:
-        message = f"S157 campaign `{design.campaign}` commands poses, which tells nothing of springs: name another one"
-        yield (*field, "campaign"), message
-    if campaign.travels:
-        message = f"S158 campaign `{design.campaign}` travels, so it has no responses to choose by: name another one"
-        yield (*field, "campaign"), message
+    unfit = (
+        (campaign.is_trajectory, "S156 campaign `{}` plays a trajectory, which tells nothing of springs"),
+        (campaign.moves_poses, "S157 campaign `{}` commands poses, which tells nothing of springs"),
+        (campaign.travels, "S158 campaign `{}` travels, so it has no responses to choose by"),
+    )
+    for is_so, told in unfit:
+        if is_so:
+            yield (*field, "campaign"), f"{told.format(design.campaign)}: name another one"
     if campaign.configurations is None and campaign.is_one_shot:
-        yield (
-            (*field, "campaign"),
-            f"S159 campaign `{design.campaign}` is one shot without configurations to choose from",
-        )
+        message = f"S159 campaign `{design.campaign}` is one shot without configurations to choose from"
+        yield (*field, "campaign"), message
         return
     count = configuration_count(experiment, campaign)
     if count is not None and design.count > count:
-        yield (
-            (*field, "count"),
-            f"S160 cannot choose {design.count} of the {count} configurations of `{design.campaign}`",
-        )
+        message = f"S160 cannot choose {design.count} of the {count} configurations of `{design.campaign}`"
+        yield (*field, "count"), message
     if design.information == "measured" and (campaign.source is None or campaign.is_one_shot):
         lacks = "is one shot" if campaign.is_one_shot else "has no `source`"
         message = (
-            f"S161 campaign `{design.campaign}` {lacks}, so there are no responses to read: give it one that "
-            "repeats, or use"
-            " `information: assumed`"
+            f"S161 campaign `{design.campaign}` {lacks}, so there are no responses to read: give it one that repeats,"
+            " or use `information: assumed`"
         )
         yield (*field, "information"), message
     if design.information == "assumed" and design.weights.mean == "fit":
-        yield (
-            (*field, "weights", "mean"),
-            "S162 a fit's own weights need the responses' covariance: `information: measured`",
-        )
+        message = "S162 a fit's own weights need the responses' covariance: `information: measured`"
+        yield (*field, "weights", "mean"), message
 
 
 def _fit(field: FieldPath, experiment: Experiment, design: Design) -> Found:
@@ -257,9 +222,8 @@ def _fit(field: FieldPath, experiment: Experiment, design: Design) -> Found:
         yield (*field, "fit"), _other_family(design.fit, fit)
     if design.weights != DesignWeights(mean="fit"):
         message = (
-            f"S164 a choice for fit `{design.fit}` needs `weights: {{mean: fit}}` and nothing beside it: the rest "
-            "comes from"
-            " the fit"
+            f"S164 a choice for fit `{design.fit}` needs `weights: {{mean: fit}}` and nothing beside it: the rest comes"
+            " from the fit"
         )
         yield (*field, "weights"), message
 
@@ -277,7 +241,6 @@ def _parameters(field: FieldPath, experiment: Experiment, design: Design, robot:
 
 
 def _earlier(field: FieldPath, experiment: Experiment, name: str, wanted: list[str], robot: RobotFile) -> Found:
-    """What an earlier fit does not know of the wanted parameters."""
     fit = experiment.fits.get(name)
     if fit is None:
         return

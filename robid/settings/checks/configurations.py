@@ -135,10 +135,8 @@ def _within(field: FieldPath, robot: RobotFile, joint: int, position: float) -> 
     lower, upper = section.stated_limits
     if not lower - _LIMIT_TOLERANCE <= position <= upper + _LIMIT_TOLERANCE:
         unit = section.limits_unit
-        message = (
-            f"S173 {position:g} {unit} is unreachable: joint `{section.name}` moves from {lower:g} to {upper:g} {unit}"
-        )
-        yield field, message
+        told = f"joint `{section.name}` moves from {lower:g} to {upper:g} {unit}"
+        yield field, f"S173 {position:g} {unit} is unreachable: {told}"
 
 
 _TURN = 2 * math.pi
@@ -165,7 +163,6 @@ def other_units(experiment: Experiment, robot: RobotFile) -> list[str]:
 
 
 def _angles(name: str, campaign: Campaign, robot: RobotFile) -> Iterator[str]:
-    """Configurations in degrees that look like radians."""
     for chosen in _parts(campaign.configurations):
         listed, grid = chosen.list_rows, chosen.grid_rows
         # The rows of a grid are joints, those of a list are configurations.
@@ -187,7 +184,6 @@ def _parts(chosen: Configurations | None) -> Iterator[Configurations]:
 
 
 def _limits(robot: RobotFile) -> Iterator[str]:
-    """Limits in degrees that look like radians."""
     stated = [limit for joint in robot.joints for limit in joint.limits_deg or () if not joint.slides]
     example = _radians(stated) if len(stated) == 2 * sum(not joint.slides for joint in robot.joints) else None
     if example is not None:

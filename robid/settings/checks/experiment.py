@@ -24,12 +24,7 @@ from robid.settings.yaml import Document, FieldPath
 
 @dataclass(frozen=True)
 class Studies:
-    """What loading a file asks of studies, which lie above.
-
-    Attributes:
-        settings: Type of the study in an experiment file.
-        check: Finds what is wrong with the study of an experiment, for its robot where that could be read.
-    """
+    """What loading a file asks of studies, which lie above: their type in a file, and what is wrong with one."""
 
     settings: Any
     check: Callable[[Experiment, RobotFile | None], Found]
@@ -49,8 +44,9 @@ def check_experiment(
     studies: Studies | None = None,
 ) -> list[SettingsProblem]:
     """Returns everything that is wrong across an experiment; what needs the robot is left out without one."""
+    folders = [name for name in experiment.campaigns if name in _FOLDERS]
     found: list[Iterable[tuple[FieldPath, str]]] = [
-        _folders(experiment),
+        ((("campaigns", name), f"S176 `{name}` is a folder of every run: name it otherwise") for name in folders),
         check_without_robot(experiment, families),
         check_designs(experiment, robot),
         check_cycles(experiment),
@@ -93,12 +89,6 @@ def input_names(campaign: Campaign, robot: RobotFile) -> tuple[str, ...]:
     if campaign.source is not None and campaign.source.acquire is not None:
         return tuple(channel.name for channel in campaign.source.acquire.inputs)
     return commanded_channels(campaign, robot) or tuple(joint.name for joint in robot.joints)
-
-
-def _folders(experiment: Experiment) -> Found:
-    for name in experiment.campaigns:
-        if name in _FOLDERS:
-            yield ("campaigns", name), f"S176 `{name}` is a folder of every run: give the campaign another name"
 
 
 def _unknown(kind: str, name: str, known: Mapping[str, object]) -> str:
@@ -151,10 +141,8 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> Found
         yield from check_channels(field, campaign, acquire, robot)
     elif campaign.source is not None and campaign.source.simulate is not None:
         if robot.controller is None:
-            yield (
-                (*field, "source", "simulate"),
-                "S183 a simulation needs the robot file's `controller`, which is missing",
-            )
+            message = "S183 a simulation needs the robot file's `controller`, which is missing"
+            yield (*field, "source", "simulate"), message
         yield from check_truth((*field, "source", "simulate"), campaign, campaign.source.simulate, robot)
 
 
@@ -174,9 +162,8 @@ def _travel(field: FieldPath, campaign: Campaign, robot: RobotFile) -> Found:
     if travel.joint not in joints:
         yield (*field, "joint"), f"S184 there is no joint `{travel.joint}`; {suggest(travel.joint, joints)}"
         return
-    wanted, other = (
-        ("amplitude_m", "amplitude_deg") if joints[travel.joint].slides else ("amplitude_deg", "amplitude_m")
-    )
+    slides = joints[travel.joint].slides
+    wanted, other = ("amplitude_m", "amplitude_deg") if slides else ("amplitude_deg", "amplitude_m")
     if getattr(travel, other) is not None:
         yield (*field, other), f"S185 has the wrong unit for `{travel.joint}`: write `{wanted}`"
 
@@ -222,27 +209,25 @@ def _lines(field: FieldPath, campaign: Campaign, robot: RobotFile) -> Found:
 
 def _fit(experiment: Experiment, name: str, fit: FitSettings, families: Families) -> Found:
     field, reads = ("fits", name), families[fit.family].reads
-    for key, campaign in (*(("from", name) for name in fit.campaigns), ("validate_on", fit.validate_on)):
-        if campaign is None:
+    for key, of in (*(("from", of) for of in fit.campaigns), ("validate_on", fit.validate_on)):
+        if of is None:
             continue
-        if campaign not in experiment.campaigns:
-            yield (*field, key), _unknown("campaign", campaign, experiment.campaigns)
-        elif experiment.campaigns[campaign].source is None:
-            yield (*field, key), f"S194 campaign `{campaign}` has no `source`, so there is no record to read"
-        elif experiment.campaigns[campaign].is_one_shot and "frf" in reads:
-            yield (*field, key), f"S195 campaign `{campaign}` is one shot, which has no frequency response to read"
-        elif experiment.campaigns[campaign].is_trajectory and "frf" in reads:
-            yield (
-                (*field, key),
-                f"S196 campaign `{campaign}` plays a trajectory, which has no frequency response to read",
-            )
-        elif experiment.campaigns[campaign].travels and "frf" in reads:
-            yield (*field, key), f"S197 campaign `{campaign}` travels, so it has no frequency response to read"
+        campaign = experiment.campaigns.get(of)
+        if campaign is None:
+            yield (*field, key), _unknown("campaign", of, experiment.campaigns)
+        elif campaign.source is None:
+            yield (*field, key), f"S194 campaign `{of}` has no `source`, so there is no record to read"
+        elif "frf" not in reads:
+            continue
+        elif campaign.is_one_shot:
+            yield (*field, key), f"S195 campaign `{of}` is one shot, which has no frequency response to read"
+        elif campaign.is_trajectory:
+            yield (*field, key), f"S196 campaign `{of}` plays a trajectory, which has no frequency response to read"
+        elif campaign.travels:
+            yield (*field, key), f"S197 campaign `{of}` travels, so it has no frequency response to read"
     if fit.validate_on in fit.campaigns:
-        yield (
-            (*field, "validate_on"),
-            f"S198 campaign `{fit.validate_on}` is what the fit reads: validate on another one",
-        )
+        message = f"S198 campaign `{fit.validate_on}` is what the fit reads: validate on another one"
+        yield (*field, "validate_on"), message
     if len(set(fit.campaigns)) < len(fit.campaigns):
         yield (*field, "from"), "S199 names a campaign twice"
     used = [experiment.campaigns[name] for name in fit.campaigns if name in experiment.campaigns]

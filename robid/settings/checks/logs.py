@@ -13,7 +13,7 @@ from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import JointSection
 from robid.settings.sources import PLACES, Acquire, is_numbered
 from robid.settings.yaml import FieldPath
-from robid.signals.log_channels import InputChannel, LogChannel, OutputChannel, input_problems
+from robid.signals.log_channels import LogChannel, OutputChannel, input_problems
 from robid.signals.quantities import DRIVES, INJECTED, MOTOR_TORQUE, UNITS, units_of
 
 _TURNS = {"N m": "torque", "rad": "angle", "rad/s": "speed", "rad/s^2": "acceleration"}
@@ -26,18 +26,9 @@ def wrong_kinds(acquire: Acquire, robot: RobotFile) -> Found:
     """Yields channels of joints whose unit or side is not one of their joint, below the log's section.
 
     What is measured at the tool may be anything, and so may a second sensor of a joint, which has a name of its own.
-
-    Args:
-        acquire: The logs, each side of a joint named as `with_sides` names it.
-        robot: The robot file.
     """
     joints = {joint.name: joint for joint in robot.joints}
-    groups: tuple[tuple[str, tuple[LogChannel, ...]], ...] = (
-        ("inputs", acquire.inputs),
-        ("outputs", acquire.outputs),
-        ("references", acquire.references),
-    )
-    for key, channels in groups:
+    for key, channels in acquire.groups.items():
         for index, channel in enumerate(channels):
             joint = joints.get(channel.name.removesuffix(".arm"))
             side = None if joint is None else _wrong_side(channel, joint)
@@ -55,19 +46,18 @@ def _wrong_side(channel: LogChannel, joint: JointSection) -> str:
     if channel.name.endswith(".arm") and channel.side not in (None, "arm"):
         return f"S204 `{channel.name}` is the arm side of `{joint.name}`: leave `side` out"
     if channel.side == "motor" and not joint.has_motor:
-        return (
-            f"S205 `{joint.name}` has no motor (`torque_measured_at: joint`): leave `side` out, all of it is the arm's"
-        )
+        told = "has no motor (`torque_measured_at: joint`): leave `side` out, all of it is the arm's"
+        return f"S205 `{joint.name}` {told}"
     return ""
 
 
 def _wrong_kind(channel: LogChannel, joint: JointSection) -> str:
-    """Says why a channel's unit is none of its joint; nothing where it is one."""
     unit, name = channel.si_unit, joint.name
     is_arm = channel.channel.side == "arm"
     if unit == "A":
         told = f"`{channel.variable}` is a current, but `{name}` has no motor (`torque_measured_at: joint`)"
-        return "" if joint.has_motor else f"S206 {told}: state what its sensor shows, in {_units(_own('N m', joint))}"
+        own = _TO_SLIDE["N m"] if joint.slides else "N m"
+        return "" if joint.has_motor else f"S206 {told}: state what its sensor shows, in {_units(own)}"
     as_arm = joint.slides and is_arm
     # A linear motor's own units are those of what it moves: its ratio is 1, whichever way it goes.
     either = joint.slides and not is_arm and joint.motor is not None and abs(joint.motor.ratio or 0.0) == 1
@@ -75,30 +65,19 @@ def _wrong_kind(channel: LogChannel, joint: JointSection) -> str:
         return ""
     wanted = _TO_SLIDE[unit] if as_arm else _TO_TURN[unit]
     quantity = {**_TURNS, **_SLIDES}[wanted]
-    start = f"`{channel.variable}` is in {channel.unit}{_counted(channel)}, but "
+    of = "turn" if channel.counts_per_turn is not None else "length"
+    counted = f" of a {of}" if channel.unit.startswith("counts") else ""
+    start = f"`{channel.variable}` is in {channel.unit}{counted}, but "
     if not joint.slides:
-        return (
-            f"S207 {start}`{name}` is revolute: its {quantity} is in {_units(wanted)} (or `side: tool`, measured there)"
-        )
+        told = f"its {quantity} is in {_units(wanted)} (or `side: tool`, measured there)"
+        return f"S207 {start}`{name}` is revolute: {told}"
     if is_arm:
         return f"S208 {start}`{name}` is prismatic: its arm's {quantity} is in {_units(wanted)}"
     own = f"its motor's {quantity} is in {_units(wanted)}"
     return f"S209 {start}`{name}` is prismatic and its motor turns: {own}; what its slide does is named `{name}.arm`"
 
 
-def _own(unit: str, joint: JointSection) -> str:
-    return _TO_SLIDE[unit] if joint.slides else unit
-
-
-def _counted(channel: LogChannel) -> str:
-    """What one of its counts is of, where it has some."""
-    if not channel.unit.startswith("counts"):
-        return ""
-    return " of a turn" if channel.counts_per_turn is not None else " of a length"
-
-
 def _units(unit: str) -> str:
-    """The units that logs have for an SI unit."""
     names = [name for name, known in UNITS.items() if known.si == unit]
     return f"{', '.join(names[:-1])} or {names[-1]}" if len(names) > 1 else names[0]
 
@@ -130,14 +109,7 @@ def _named(experiment: Experiment, field: FieldPath, name: str, what: HandedOn) 
 
 
 def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configuration: int | None) -> Found:
-    """Finds what is wrong with the logs of a campaign whatever the robot is.
-
-    Args:
-        field: Place of the campaign.
-        campaign: The campaign.
-        acquire: Its logs.
-        n_configuration: Its number of configurations, None where that is not known.
-    """
+    """Finds what is wrong with a campaign's logs whatever the robot is; its number of configurations may be unknown."""
     inside = (*field, "source", "acquire")
     n_experiment = campaign.experiments or 1 if acquire.one_shot else campaign.block_size(len(acquire.inputs))
     yield from _signal(field, campaign, acquire)
@@ -171,12 +143,7 @@ def check_logs(field: FieldPath, campaign: Campaign, acquire: Acquire, n_configu
 
 
 def _channels(inside: FieldPath, acquire: Acquire, counts: dict[str, int]) -> Found:
-    every: tuple[tuple[str, tuple[LogChannel, ...]], ...] = (
-        ("inputs", acquire.inputs),
-        ("outputs", acquire.outputs),
-        ("references", acquire.references),
-    )
-    for key, channels in every:
+    for key, channels in acquire.groups.items():
         names = [channel.name for channel in channels]
         for index, channel in enumerate(channels):
             if channel.name in names[:index]:
@@ -195,7 +162,8 @@ def _compensation(field: FieldPath, campaign: Campaign, acquire: Acquire) -> Fou
     if campaign.estimate.compensation == "nominal" and any(channel.normalised for channel in acquire.inputs):
         message = "S220 friction in N m cannot be subtracted from a normalised current: use `compensation: none`"
         yield (*field, "estimate", "compensation"), message
-    others = [one.channel.title for one in acquire.inputs if not one.problems() and not _is_torque(one)]
+    sound = [one.channel for one in acquire.inputs if not one.problems()]
+    others = [one.title for one in sound if not MOTOR_TORQUE.accepts([one])]
     if others and campaign.estimate.compensation_kind in ("nominal", "silent_lines", "fit"):
         message = f"S221 friction is subtracted from motor torques, not from a {others[0]}: use `compensation: none`"
         yield (*field, "estimate", "compensation"), message
@@ -205,22 +173,16 @@ def _signal(field: FieldPath, campaign: Campaign, acquire: Acquire) -> Found:
     """Finds what logs of an arbitrary signal, or whose lines are to be found, cannot have."""
     inside, estimate = (*field, "source", "acquire"), campaign.estimate
     if campaign.finds_lines and acquire.references:
-        message = (
-            "S222 `found` is for signals that others have played; one that is designed here has the lines it was given"
-        )
+        message = "S222 `found` is for signals that others have played; one designed here has the lines it was given"
         yield (*field, "excitation", "lines"), message
     if not campaign.is_arbitrary:
         return
     if acquire.one_shot:
-        yield (
-            (*inside, "one_shot"),
-            "S223 an arbitrary signal is for responses, one shot for records: leave one of them out",
-        )
+        message = "S223 an arbitrary signal is for responses, one shot for records: leave one of them out"
+        yield (*inside, "one_shot"), message
     if acquire.drop_periods:
-        yield (
-            (*inside, "drop_periods"),
-            "S224 an arbitrary signal has no periods: use `from_s` and `to_s`, or leave it out",
-        )
+        message = "S224 an arbitrary signal has no periods: use `from_s` and `to_s`, or leave it out"
+        yield (*inside, "drop_periods"), message
     if "periods" in campaign.model_fields_set:
         yield (*field, "periods"), "S225 an arbitrary signal has no periods, all of its log is used: leave it out"
     if estimate.estimator != "local":
@@ -230,10 +192,6 @@ def _signal(field: FieldPath, campaign: Campaign, acquire: Acquire) -> Found:
         yield (*field, "estimate", "compensation"), message
     if acquire.references and [one.name for one in acquire.references] != [one.name for one in acquire.inputs]:
         yield (*inside, "references"), "S228 must be those of the inputs, with their names, in their order"
-
-
-def _is_torque(channel: InputChannel) -> bool:
-    return MOTOR_TORQUE.accepts([channel.channel])
 
 
 def check_channels(field: FieldPath, campaign: Campaign, acquire: Acquire, robot: RobotFile) -> Found:
@@ -258,19 +216,14 @@ def check_channels(field: FieldPath, campaign: Campaign, acquire: Acquire, robot
     if not acquire.references or acquire.one_shot or campaign.is_arbitrary:
         return
     if robot.controller is None:
-        yield (
-            (*inside, "references"),
-            "S231 the excitation is designed for the robot file's `controller`, which is missing",
-        )
+        message = "S231 the excitation is designed for the robot file's `controller`, which is missing"
+        yield (*inside, "references"), message
     elif abs(robot.controller.sampling_period_s / acquire.sampling_period_s - 1) > 1e-9:
-        message = (
-            f"S232 must be the controller's, {robot.controller.sampling_period_s:g} s, to be matched to its excitation"
-        )
-        yield (*inside, "sampling_period_s"), message
+        told = f"{robot.controller.sampling_period_s:g} s, to be matched to its excitation"
+        yield (*inside, "sampling_period_s"), f"S232 must be the controller's, {told}"
 
 
 def _output(output: OutputChannel, joints: list[str]) -> Iterator[tuple[str, str]]:
-    """Finds a name that is no joint's, and a side that is not its name's."""
     joint, _, part = output.name.partition(".")
     unsaid = part not in ("", "arm") and output.channel.quantity == "angle" and output.quantity is None
     if output.side != "tool" and (joint not in joints or unsaid):

@@ -21,13 +21,7 @@ _ROUNDING = 1e-9
 
 
 def check_stiffness_over(field: FieldPath, law: StiffnessOver, robot: RobotFile) -> Found:
-    """Yields what is wrong with one law.
-
-    Args:
-        field: Where it stands.
-        law: The law.
-        robot: The robot file.
-    """
+    """Yields what is wrong with one law."""
     joints = {joint.name: joint for joint in robot.joints}
     if law.joint not in joints:
         yield (*field, "joint"), f"S236 there is no joint `{law.joint}`; {suggest(law.joint, joints)}"
@@ -77,13 +71,7 @@ def _polynomial(field: FieldPath, law: StiffnessOver, joint: JointSection) -> Fo
 
 
 def check_shaft(field: FieldPath, spring: SpringSection, robot: RobotFile) -> Found:
-    """Yields what is wrong with a spring that is a shaft, or that has a shaft's inertia and is none.
-
-    Args:
-        field: Where it stands.
-        spring: The spring.
-        robot: The robot file.
-    """
+    """Yields what is wrong with a spring that is a shaft, or that has a shaft's inertia and is none."""
     is_shaft = spring.place == "shaft"
     if is_shaft != (spring.inertia_kgm2 is not None):
         yield (*field, "inertia_kgm2"), "S245 is missing: a shaft needs it" if is_shaft else "S246 is for shafts only"
@@ -94,10 +82,8 @@ def check_shaft(field: FieldPath, spring: SpringSection, robot: RobotFile) -> Fo
             yield (*field, "joint"), f"S247 joint `{joint.name}` is rigid: a shaft lies before a transmission"
     for gear in robot.all_springs:
         if gear.joint == spring.joint and gear.place == "transmission" and (gear.cubic_nm_rad3 or gear.cubic_n_m3):
-            yield (
-                (*field, "place"),
-                f"S248 `{gear.name}` is cubic: what swings it can only be told without shafts before it",
-            )
+            message = f"S248 `{gear.name}` is cubic: what swings it can only be told without shafts before it"
+            yield (*field, "place"), message
 
 
 _CLOSED_M = 1e-5
@@ -113,10 +99,8 @@ def check_counterbalances(robot: RobotFile) -> Found:
         stated = [key for key in SPRING_KEYS if getattr(balance, key) is not None]
         harmonics = [key for key in HARMONIC_KEYS if getattr(balance, key)]
         if stated and harmonics:
-            yield (
-                (*field, harmonics[0]),
-                "S249 is a counterbalance of another kind than the spring: leave one of them out",
-            )
+            message = "S249 is a counterbalance of another kind than the spring: leave one of them out"
+            yield (*field, harmonics[0]), message
         elif not stated and not harmonics:
             yield field, f"S250 is empty: give {' or '.join(HARMONIC_KEYS)}, or a spring ({', '.join(SPRING_KEYS)})"
         elif stated:

@@ -23,7 +23,7 @@ from robid.settings.checks.mechanics import (
 from robid.settings.checks.values import HALVED, implausible, missing
 from robid.settings.problems import Found, SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile, assumed_sections
-from robid.settings.robot_sections import Body, FrictionSection, JointSection, SpringSection
+from robid.settings.robot_sections import Body, JointSection, SpringSection
 from robid.settings.yaml import Document, FieldPath
 
 _ROUNDING = 1e-9
@@ -34,31 +34,12 @@ _OTHER = {"revolute": "prismatic", "prismatic": "revolute"}
 def check_robot(
     document: Document, robot: RobotFile, immobile: Mapping[str, str] | None = None
 ) -> list[SettingsProblem]:
-    """Returns everything that is wrong with a robot file whose fields have the right types.
-
-    Args:
-        document: Where it was read from.
-        robot: The file, completed from its model where it names one that is there.
-        immobile: Joints of the model that do not move, with the reason.
-    """
+    """Returns all that is wrong with a robot file, completed from its model; `immobile` joints have a reason."""
     checks = (
-        _names,
-        missing,
-        _joints,
-        _values,
-        _laws,
-        _couplings,
-        _splits,
-        _payload,
-        _loop_bodies,
-        _base,
-        _sensors,
-        _assumed,
+        *(_names, missing, _joints, _values, _laws, _couplings, _splits, _bodies, _sensors, _assumed),
+        *(check_counterbalances, check_pose_interface, check_independence),
     )
     found = [*_springs(robot, immobile or {}), *(item for check in checks for item in check(robot))]
-    found += check_counterbalances(robot)
-    found += check_pose_interface(robot)
-    found += check_independence(robot)
     # Whether loops close is asked of a robot that is otherwise right.
     found += check_loop_links(robot) if not found else []
     found += implausible(robot)
@@ -99,18 +80,12 @@ def _joints(robot: RobotFile) -> Found:
             yield (*field, joint.limits_key), f"S255 the lower limit {lower:g} is not below the upper limit {upper:g}"
         if joint.link is not None:
             yield from _link(field, joint, joint.link)
-        if joint.motor is not None:
-            yield from _friction((*field, "motor", "friction"), joint.motor.friction)
+        friction = None if joint.motor is None else joint.motor.friction
+        if friction is not None and friction.static_nm is not None and friction.static_nm < friction.coulomb_nm:
+            told = f"{friction.coulomb_nm:g} N m (found {friction.static_nm:g})"
+            yield (*field, "motor", "friction", "static_nm"), f"S256 must not be below the Coulomb level, {told}"
         yield from _units(field, joint)
         yield from _transmission(field, robot, joint) if joint.has_motor else check_sensed(field, robot, joint)
-
-
-def _friction(field: FieldPath, friction: FrictionSection) -> Found:
-    if friction.static_nm is not None and friction.static_nm < friction.coulomb_nm:
-        message = (
-            f"S256 must not be below the Coulomb level, {friction.coulomb_nm:g} N m (found {friction.static_nm:g})"
-        )
-        yield (*field, "static_nm"), message
 
 
 def _units(field: FieldPath, joint: JointSection) -> Found:
@@ -132,10 +107,8 @@ def _transmission(field: FieldPath, robot: RobotFile, joint: JointSection) -> Fo
     transmissions = [s.name for s in robot.all_springs if s.joint == joint.name and s.place == "transmission"]
     found = f"{len(transmissions)} ({', '.join(transmissions)})" if transmissions else "none"
     if joint.rigid and transmissions:
-        yield (
-            (*field, "rigid"),
-            f"S260 joint `{joint.name}` is rigid, but has the transmission {', '.join(transmissions)}",
-        )
+        message = f"S260 joint `{joint.name}` is rigid, but has the transmission {', '.join(transmissions)}"
+        yield (*field, "rigid"), message
     elif not joint.rigid and len(transmissions) != 1:
         message = f"S261 joint `{joint.name}` needs exactly one transmission spring, but has {found}"
         yield (*field, "name"), message if transmissions else f"S262 {message} (`rigid: true` does without)"
@@ -162,22 +135,15 @@ def _body(field: FieldPath, body: Body) -> Found:
 
 
 def _unphysical(body: Inertial) -> str:
-    """Says why no rigid body has this inertia, or returns an empty text."""
     moments = np.linalg.eigvalsh(body.inertia_kgm2)
-    shown = ", ".join(f"{moment:.6g}" for moment in moments)
+    shown = f"{', '.join(f'{moment:.6g}' for moment in moments)} kg m^2"
+    told = ""
     if moments[0] <= 0:
-        return (
-            f"S265 must be positive definite; its principal moments are {shown} kg m^2 (where a source gives one "
-            "about the"
-            " joint axis alone, half of it about each of the others changes nothing)"
-        )
-    if moments[2] > (moments[0] + moments[1]) * (1 + _ROUNDING):
-        return (
-            f"S266 no body has these principal moments, {shown} kg m^2: each must be at most the sum of the others "
-            "(where a"
-            " source gives one about the joint axis alone, half of it about each of the others changes nothing)"
-        )
-    return ""
+        told = f"S265 must be positive definite; its principal moments are {shown}"
+    elif moments[2] > (moments[0] + moments[1]) * (1 + _ROUNDING):
+        told = f"S266 no body has these principal moments, {shown}: each must be at most the sum of the others"
+    half = "where a source gives one about the joint axis alone, half of it about each of the others changes nothing"
+    return f"{told} ({half})" if told else ""
 
 
 def _values(robot: RobotFile) -> Found:
@@ -202,17 +168,14 @@ def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Found:
     for index, spring in enumerate(robot.springs):
         field = ("springs", index)
         ends = spring.place in ("base", "payload")
-        if ends and spring.joint is not None:
-            yield (*field, "joint"), f"S269 a {spring.place} spring belongs to no joint: leave `joint` out"
-        elif ends:
-            pass
+        if ends:
+            if spring.joint is not None:
+                yield (*field, "joint"), f"S269 a {spring.place} spring belongs to no joint: leave `joint` out"
         elif spring.joint is None:
             yield (*field, "joint"), f"S270 is missing: a {spring.place} spring belongs to a joint"
         elif spring.joint in immobile:
-            message = (
-                f"S271 joint `{spring.joint}` {immobile[spring.joint]}: a spring there needs a `split` of the link"
-            )
-            yield (*field, "joint"), message
+            told = f"{immobile[spring.joint]}: a spring there needs a `split` of the link"
+            yield (*field, "joint"), f"S271 joint `{spring.joint}` {told}"
         elif spring.joint not in joints:
             yield (*field, "joint"), f"S272 there is no joint `{spring.joint}`; {suggest(spring.joint, joints)}"
         yield from _axis(field, spring, turning)
@@ -220,11 +183,8 @@ def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Found:
             if ends and key == "point_m":
                 continue
             if (spring.place == "split") != (getattr(spring, key) is not None):
-                told = (
-                    "S279 is missing: a split spring needs it"
-                    if spring.place == "split"
-                    else "S280 is for split springs only"
-                )
+                needed = spring.place == "split"
+                told = "S279 is missing: a split spring needs it" if needed else "S280 is for split springs only"
                 yield (*field, key), told
         yield from check_shaft(field, spring, robot)
         if spring.place == "payload" and (robot.payload is None or robot.payload.mass_kg == 0):
@@ -234,12 +194,9 @@ def _springs(robot: RobotFile, immobile: Mapping[str, str]) -> Found:
 def _axis(field: FieldPath, spring: SpringSection, turning: Sequence[str]) -> Found:
     if spring.place in ("transmission", "shaft"):
         if spring.axis is not None:
-            told = (
-                "S273 a transmission turns about its joint's axis"
-                if spring.place == "transmission"
-                else "S274 a shaft turns as its motor does"
-            )
-            yield (*field, "axis"), f"S275 {told}: leave `axis` out"
+            told = {"transmission": "S273 a transmission turns about its joint's axis"}
+            told["shaft"] = "S274 a shaft turns as its motor does"
+            yield (*field, "axis"), f"S275 {told[spring.place]}: leave `axis` out"
     elif spring.axis is None:
         yield (*field, "axis"), f"S276 is missing: a {spring.place} spring needs one"
     elif np.linalg.norm(spring.axis) == 0:
@@ -255,9 +212,8 @@ def _axis(field: FieldPath, spring: SpringSection, turning: Sequence[str]) -> Fo
 def _laws(robot: RobotFile) -> Found:
     for index, spring in enumerate(robot.all_springs):
         if spring.stiffness_over is not None:
-            yield from check_stiffness_over(
-                (*spring_field(robot, index), "stiffness_over"), spring.stiffness_over, robot
-            )
+            field = (*spring_field(robot, index), "stiffness_over")
+            yield from check_stiffness_over(field, spring.stiffness_over, robot)
 
 
 def _splits(robot: RobotFile) -> Found:
@@ -278,10 +234,8 @@ def _split(field: FieldPath, spring: SpringSection, outboard: Body, whole: Inert
     if outboard.mass_kg == 0:
         yield (*field, "mass_kg"), "S282 must be above 0: a part without mass leaves no centre of mass for the rest"
     if outboard.mass_kg >= whole.mass_kg:
-        message = (
-            f"S283 must be below the {whole.mass_kg:g} kg that `{spring.name}` splits (found {outboard.mass_kg:g})"
-        )
-        yield (*field, "mass_kg"), message
+        told = f"that `{spring.name}` splits (found {outboard.mass_kg:g})"
+        yield (*field, "mass_kg"), f"S283 must be below the {whole.mass_kg:g} kg {told}"
         return
     wrong = _unphysical(remove(whole, outboard.inertial()))
     if wrong and not _unphysical(whole) and not _unphysical(outboard.inertial()):
@@ -303,7 +257,11 @@ def _couplings(robot: RobotFile) -> Found:
                 yield field, f"S288 {turn:g} is implausible: arm turns per motor turn lie within 1, as behind any gear"
 
 
-def _base(robot: RobotFile) -> Found:
+def _bodies(robot: RobotFile) -> Found:
+    if robot.payload is not None and robot.payload.mass_kg > 0:
+        yield from _body(("payload",), robot.payload)
+    for index, link in enumerate(robot.loop_links):
+        yield from _body(("loop_links", index, "link"), link.link)
     if robot.base is not None:
         yield from _body(("base",), robot.base)
         if not any(spring.place == "base" for spring in robot.springs):
@@ -314,22 +272,10 @@ def _sensors(robot: RobotFile) -> Found:
     joints = [joint.name for joint in robot.joints]
     for index, sensor in enumerate(robot.sensors):
         if sensor.joint is not None and sensor.joint not in joints:
-            yield (
-                ("sensors", index, "joint"),
-                f"S290 there is no joint `{sensor.joint}`; {suggest(sensor.joint, joints)}",
-            )
+            message = f"S290 there is no joint `{sensor.joint}`; {suggest(sensor.joint, joints)}"
+            yield ("sensors", index, "joint"), message
         if np.linalg.norm(sensor.axis) == 0:
             yield ("sensors", index, "axis"), "S291 has no direction"
-
-
-def _loop_bodies(robot: RobotFile) -> Found:
-    for index, link in enumerate(robot.loop_links):
-        yield from _body(("loop_links", index, "link"), link.link)
-
-
-def _payload(robot: RobotFile) -> Found:
-    if robot.payload is not None and robot.payload.mass_kg > 0:
-        yield from _body(("payload",), robot.payload)
 
 
 def _assumed(robot: RobotFile) -> Found:

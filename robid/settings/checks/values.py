@@ -97,11 +97,8 @@ def _leads(index: int, motor: MotorSection) -> Found:
 def _inertia(joint: JointSection, motor: MotorSection, moved: tuple[float, float] | None) -> str:
     """Says why a rotor's inertia cannot be meant.
 
-    Args:
-        joint: The joint.
-        motor: Its motor.
-        moved: Largest inertia that the joint meets, and the whole arm's [kg m^2; kg where it slides]; None where they
-            are unknown.
+    `moved` are the largest inertia that the joint meets and the whole arm's [kg m^2; kg where it slides]; None if
+    unknown.
     """
     speed, torque = motor.max_speed_rad_s, motor.max_torque_nm
     run_up = None if speed is None or torque is None else motor.inertia_kgm2 * speed / torque
@@ -142,9 +139,7 @@ def _mass(robot: RobotFile) -> Found:
 
 
 _PARALLEL = 1e-6
-NO_MOTOR = (
-    "S298 is missing (or `torque_measured_at: joint`, where a sensor behind the gear measures the joint's torque)"
-)
+NO_MOTOR = "S298 is missing (or `torque_measured_at: joint`, where a sensor behind the gear measures its torque)"
 _NO_GEOMETRY = "S299 is missing (or `frame`, or a `model` for the whole robot)"
 
 
