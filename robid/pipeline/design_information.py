@@ -72,25 +72,15 @@ _CHUNK = 20
 
 @dataclass(frozen=True)
 class CandidateInformation:
-    """What a choice is made of.
+    """What a choice is made of."""
 
-    Attributes:
-        matrices (n_draw, n_conf, n_param, n_param): Information of one visit to each candidate.
-        names: Names of the parameters.
-        configurations (n_conf, n_joint): The candidates [rad].
-        halves (n_way, 2, n_conf, n_param, n_param): The same by half the realizations each; n_way may be 0.
-        fitted: What a fit with weights of its own makes of them, under each draw, or None.
-        prior (n_param, n_param): What an earlier fit knows, or None.
-        between (n_param,): Deviation of each log-parameter between configurations.
-    """
-
-    matrices: FloatArray
-    names: tuple[str, ...]
-    configurations: FloatArray
-    halves: FloatArray
-    fitted: FittedInformation | None
-    prior: FloatArray | None
-    between: FloatArray
+    matrices: FloatArray  # (n_draw, n_conf, n_param, n_param): information of one visit to each candidate
+    names: tuple[str, ...]  # names of the parameters
+    configurations: FloatArray  # (n_conf, n_joint): the candidates [rad]
+    halves: FloatArray  # (n_way, 2, n_conf, n_param, n_param): the same by half the realizations each; n_way may be 0
+    fitted: FittedInformation | None  # what a fit with weights of its own makes of them, under each draw, or None
+    prior: FloatArray | None  # (n_param, n_param): what an earlier fit knows, or None
+    between: FloatArray  # (n_param,): deviation of each log-parameter between configurations
 
 
 @dataclass(frozen=True)

@@ -21,19 +21,12 @@ from robid.settings.load import LoadedExperiment
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """What to export.
+    """What to export."""
 
-    Attributes:
-        format: The format, one of the family's.
-        configuration: Index of one configuration of the campaign; None for all of the fit.
-        friction: Whether friction and ripple are in; None where nothing was said.
-        output: Where to; None for the fit's folder.
-    """
-
-    format: str
-    configuration: int | None = None
-    friction: bool | None = None
-    output: Path | None = None
+    format: str  # the format, one of the family's
+    configuration: int | None = None  # index of one configuration of the campaign; None for all of the fit
+    friction: bool | None = None  # whether friction and ripple are in; None where nothing was said
+    output: Path | None = None  # where to; None for the fit's folder
 
 
 def export_plan(loaded: LoadedExperiment, fit: str) -> Plan:

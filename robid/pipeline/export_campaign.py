@@ -42,19 +42,12 @@ _FORMATS = {
 
 @dataclass(frozen=True)
 class FrfExport:
-    """What to export.
+    """What to export."""
 
-    Attributes:
-        campaign: The campaign.
-        format: `csv`, one table for each configuration, or `mat`, `json`, `uff`, all in one file.
-        configuration: Index of one configuration; None for all.
-        output: Folder of the tables, or the file; None for the campaign's folder.
-    """
-
-    campaign: str
-    format: str
-    configuration: int | None = None
-    output: Path | None = None
+    campaign: str  # the campaign
+    format: str  # `csv`, one table for each configuration, or `mat`, `json`, `uff`, all in one file
+    configuration: int | None = None  # index of one configuration; None for all
+    output: Path | None = None  # folder of the tables, or the file; None for the campaign's folder
 
     def target(self, folder: Path) -> Path:
         """Returns the folder of the tables, or the file."""
@@ -150,17 +143,11 @@ _HOW = {
 
 @dataclass(frozen=True)
 class ExcitationExport:
-    """What to export.
+    """What to export."""
 
-    Attributes:
-        campaign: The campaign.
-        format: `csv`, one table for each experiment, or `mat`, all in one file.
-        output: Folder of the tables, or the MAT file; None for the campaign's folder.
-    """
-
-    campaign: str
-    format: str
-    output: Path | None = None
+    campaign: str  # the campaign
+    format: str  # `csv`, one table for each experiment, or `mat`, all in one file
+    output: Path | None = None  # folder of the tables, or the MAT file; None for the campaign's folder
 
     def target(self, folder: Path) -> Path:
         """Returns the folder of the tables, or the MAT file."""

@@ -67,17 +67,11 @@ def phrase(loaded: LoadedExperiment, owner: str, output: Path) -> str:
 
 @dataclass(frozen=True)
 class Trial:
-    """A fit and what it becomes.
+    """A fit and what it becomes."""
 
-    Attributes:
-        before: The model of the fit.
-        after: The model with more freed.
-        torque_unit: What stands for N m in both.
-    """
-
-    before: Artifact
-    after: Artifact
-    torque_unit: str
+    before: Artifact  # the model of the fit
+    after: Artifact  # the model with more freed
+    torque_unit: str  # what stands for N m in both
 
 
 def tried_experiment(loaded: LoadedExperiment, fit: str, names: Sequence[str]) -> LoadedExperiment:

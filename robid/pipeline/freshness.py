@@ -49,21 +49,13 @@ def read_stamp(path: Path) -> Provenance:
 
 @dataclass(frozen=True)
 class State:
-    """Whether a node's output is there and up to date, and why not.
+    """Whether a node's output is there and up to date, and why not."""
 
-    Attributes:
-        status: `fresh`, `stale` or `missing`.
-        why: What has changed; empty when fresh.
-        problem: What went wrong numerically in a fresh output.
-        blocked: Whether a numerical problem further up keeps it from being made.
-        unreadable: Why the output cannot be read, if so.
-    """
-
-    status: Literal["fresh", "stale", "missing"]
-    why: str = ""
-    problem: str = ""
-    blocked: bool = False
-    unreadable: ArtifactError | None = None
+    status: Literal["fresh", "stale", "missing"]  # `fresh`, `stale` or `missing`
+    why: str = ""  # what has changed; empty when fresh
+    problem: str = ""  # what went wrong numerically in a fresh output
+    blocked: bool = False  # whether a numerical problem further up keeps it from being made
+    unreadable: ArtifactError | None = None  # why the output cannot be read, if so
 
 
 def state_of_output(stage: Stage, plan: Plan, folder: Path, above: Mapping[str, State]) -> State:

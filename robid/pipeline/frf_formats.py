@@ -23,21 +23,13 @@ _DIGITS = 17
 
 @dataclass(frozen=True)
 class Response:
-    """What is exported.
+    """What is exported."""
 
-    Attributes:
-        experiment: Name of the experiment.
-        campaign: Name of the campaign.
-        joints: Names of the robot's joints; empty where there is no robot file.
-        numbers: Indices of the configurations in the campaign.
-        frf: Their responses.
-    """
-
-    experiment: str
-    campaign: str
-    joints: tuple[str, ...]
-    numbers: tuple[int, ...]
-    frf: Frf
+    experiment: str  # name of the experiment
+    campaign: str  # name of the campaign
+    joints: tuple[str, ...]  # names of the robot's joints; empty where there is no robot file
+    numbers: tuple[int, ...]  # indices of the configurations in the campaign
+    frf: Frf  # their responses
 
     @property
     def origin(self) -> str:

@@ -40,23 +40,14 @@ class Node:
 
 @dataclass(frozen=True)
 class Result:
-    """What became of one node.
+    """What became of one node."""
 
-    Attributes:
-        node: The node.
-        outcome: `made`, `fresh` or `skipped`.
-        text: Its key figures, or why it was skipped.
-        problem: What went wrong numerically.
-        grade: How far to trust the model, where the node says so.
-        seconds: Time it took [s].
-    """
-
-    node: Node
-    outcome: Literal["made", "fresh", "skipped"]
-    text: str
-    problem: str = ""
-    seconds: float = 0.0
-    grade: Grade | None = None
+    node: Node  # the node
+    outcome: Literal["made", "fresh", "skipped"]  # `made`, `fresh` or `skipped`
+    text: str  # its key figures, or why it was skipped
+    problem: str = ""  # what went wrong numerically
+    seconds: float = 0.0  # time it took [s]
+    grade: Grade | None = None  # how far to trust the model, where the node says so
 
     def fails(self, *, strict: bool) -> bool:
         """Whether the command exits with 5 for it."""
@@ -65,21 +56,13 @@ class Result:
 
 @dataclass(frozen=True)
 class Run:
-    """An experiment, its run folder, and how to compute.
+    """An experiment, its run folder, and how to compute."""
 
-    Attributes:
-        loaded: The experiment.
-        folder: The run folder.
-        backend: How tasks are mapped to cores.
-        workers: Number of processes, or of simulation threads in serial.
-        scheduler: Address of a Dask scheduler; None for a local cluster.
-    """
-
-    loaded: LoadedExperiment
-    folder: Path
-    backend: Literal["serial", "processes", "dask"]
-    workers: int
-    scheduler: str | None = None
+    loaded: LoadedExperiment  # the experiment
+    folder: Path  # the run folder
+    backend: Literal["serial", "processes", "dask"]  # how tasks are mapped to cores
+    workers: int  # number of processes, or of simulation threads in serial
+    scheduler: str | None = None  # address of a Dask scheduler; None for a local cluster
 
     def path(self, relative: str) -> Path:
         """Returns where an output lies."""

@@ -62,25 +62,15 @@ _LEVELS: dict[int, Literal["ok", "warn", "bad"]] = {TRUST: "ok", PREDICTS: "warn
 
 @dataclass(frozen=True)
 class RunContent:
-    """What a run holds.
+    """What a run holds."""
 
-    Attributes:
-        content: The page.
-        fits: What each fit adds to page, terminal and summary.
-        designs: Each design.
-        excitations: The excitation of each campaign.
-        comparison: Numbers that compare fits, by dotted name.
-        responses: Numbers on each campaign's response, by dotted name.
-        measured: What each campaign's response is, in a phrase, where no fit was asked for.
-    """
-
-    content: ReportContent
-    fits: tuple[FitReport, ...]
-    designs: dict[str, ConfigurationDesign]
-    excitations: tuple[ExcitationRow, ...]
-    comparison: dict[str, float]
-    responses: dict[str, float]
-    measured: tuple[str, ...] = ()
+    content: ReportContent  # the page
+    fits: tuple[FitReport, ...]  # what each fit adds to page, terminal and summary
+    designs: dict[str, ConfigurationDesign]  # each design
+    excitations: tuple[ExcitationRow, ...]  # the excitation of each campaign
+    comparison: dict[str, float]  # numbers that compare fits, by dotted name
+    responses: dict[str, float]  # numbers on each campaign's response, by dotted name
+    measured: tuple[str, ...] = ()  # what each campaign's response is, in a phrase, where no fit was asked for
 
 
 def gather(chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> RunContent:

@@ -35,17 +35,11 @@ def make_console(*, stderr: bool) -> Console:
 
 @dataclass(frozen=True)
 class Shell:
-    """Where results, messages and progress go.
+    """Where results, messages and progress go."""
 
-    Attributes:
-        out: Results.
-        err: Messages and progress.
-        quiet: Whether progress and messages that are no warnings are left out.
-    """
-
-    out: Console
-    err: Console
-    quiet: bool
+    out: Console  # results
+    err: Console  # messages and progress
+    quiet: bool  # whether progress and messages that are no warnings are left out
 
     def say(self, text: str) -> None:
         """Prints a result as it is."""
@@ -88,31 +82,18 @@ class Shell:
 
 @dataclass
 class Bar:
-    """The progress of one stage, or of one step of a study.
+    """The progress of one stage, or of one step of a study."""
 
-    Attributes:
-        shell: Where it is shown.
-        label: What is made.
-        bars: The bar, hidden where there is no terminal.
-        task: Its own in there.
-        unit: What is counted.
-        total: How many tasks there are.
-        done: How many of them are done.
-        since: How many of them since it began.
-        begun: When it did [s].
-        told: When a line last said how far it is [s].
-    """
-
-    shell: Shell
-    label: str
-    bars: Progress
-    task: TaskID
-    unit: str = ""
-    total: int = 0
-    done: int = 0
-    since: int = 0
-    begun: float = 0.0
-    told: float = 0.0
+    shell: Shell  # where it is shown
+    label: str  # what is made
+    bars: Progress  # the bar, hidden where there is no terminal
+    task: TaskID  # its own in there
+    unit: str = ""  # what is counted
+    total: int = 0  # how many tasks there are
+    done: int = 0  # how many of them are done
+    since: int = 0  # how many of them since it began
+    begun: float = 0.0  # when it did [s]
+    told: float = 0.0  # when a line last said how far it is [s]
 
     def expect(self, total: int, unit: str, done: int = 0) -> None:
         """Says how many tasks there are, and how many of them an earlier run did."""

@@ -44,17 +44,11 @@ _HOW = {
 
 @dataclass(frozen=True)
 class Compared:
-    """A response and how it compares with the first.
+    """A response and how it compares with the first."""
 
-    Attributes:
-        label: Its name.
-        frf: The response.
-        comparison: The comparison.
-    """
-
-    label: str
-    frf: Frf
-    comparison: Comparison
+    label: str  # its name
+    frf: Frf  # the response
+    comparison: Comparison  # the comparison
 
 
 def comparison_content(label: str, first: Frf, others: Sequence[Compared]) -> ReportContent:

@@ -16,57 +16,34 @@ _LOGARITHMIC = 10
 
 @dataclass(frozen=True)
 class CostRow:
-    """The cost in one configuration.
+    """The cost in one configuration."""
 
-    Attributes:
-        campaign: Name of the campaign.
-        configuration: Index of the configuration in it.
-        cost: Weighted cost.
-        expected_cost: Its expectation when the model is exact, or None when no covariance is known.
-        excess: Cost above the expectation, or None.
-    """
-
-    campaign: str
-    configuration: int
-    cost: float
-    expected_cost: float | None = None
-    excess: float | None = None
+    campaign: str  # name of the campaign
+    configuration: int  # index of the configuration in it
+    cost: float  # weighted cost
+    expected_cost: float | None = None  # its expectation when the model is exact, or None when no covariance is known
+    excess: float | None = None  # cost above the expectation, or None
 
 
 @dataclass(frozen=True)
 class StartRow:
-    """One start of the optimizer.
+    """One start of the optimizer."""
 
-    Attributes:
-        index: Index of the start; 0 are the robot file's values.
-        cost: Cost where it ended.
-        iterations: Iterations it took.
-        status: How it ended.
-        minimum_index: Index of the minimum that it ended in; 0 is the best.
-        evaluations: Points at which the cost was computed; None where they were not counted.
-    """
-
-    index: int
-    cost: float
-    iterations: int
-    status: str
-    minimum_index: int
-    evaluations: int | None = None
+    index: int  # index of the start; 0 are the robot file's values
+    cost: float  # cost where it ended
+    iterations: int  # iterations it took
+    status: str  # how it ended
+    minimum_index: int  # index of the minimum that it ended in; 0 is the best
+    evaluations: int | None = None  # points at which the cost was computed; None where they were not counted
 
 
 @dataclass(frozen=True)
 class Effort:
-    """What the starts of a fit cost.
+    """What the starts of a fit cost."""
 
-    Attributes:
-        median: Median of the points at which a start computed the cost.
-        most: Largest number of them.
-        cap_share: Share of the starts that the iteration limit ended.
-    """
-
-    median: float
-    most: int
-    cap_share: float
+    median: float  # median of the points at which a start computed the cost
+    most: int  # largest number of them
+    cap_share: float  # share of the starts that the iteration limit ended
 
 
 def effort(rows: tuple[StartRow, ...]) -> Effort | None:

@@ -18,111 +18,64 @@ from robid.signals.quantities import METRES, readable, readable_units
 
 @dataclass(frozen=True)
 class ConfigurationRow:
-    """One measured configuration.
+    """One measured configuration."""
 
-    Attributes:
-        campaign: Name of the campaign.
-        index: Index in the campaign.
-        positions: Arm-side joint positions [rad, or m].
-        joint_units: Unit of each; None where all are angles.
-    """
-
-    campaign: str
-    index: int
-    positions: tuple[float, ...]
-    joint_units: tuple[str, ...] | None = None
+    campaign: str  # name of the campaign
+    index: int  # index in the campaign
+    positions: tuple[float, ...]  # arm-side joint positions [rad, or m]
+    joint_units: tuple[str, ...] | None = None  # unit of each; None where all are angles
 
 
 @dataclass(frozen=True)
 class PeakRow:
-    """A predicted peak against its limit.
+    """A predicted peak against its limit."""
 
-    Attributes:
-        channel: Motor or joint.
-        quantity: What peaks, as in `speed`.
-        unit: SI unit of both.
-        predicted: Predicted peak.
-        limit: Limit.
-        rms: Predicted RMS, or None.
-    """
-
-    channel: str
-    quantity: str
-    unit: str
-    predicted: float
-    limit: float
-    rms: float | None = None
+    channel: str  # motor or joint
+    quantity: str  # what peaks, as in `speed`
+    unit: str  # SI unit of both
+    predicted: float  # predicted peak
+    limit: float  # limit
+    rms: float | None = None  # predicted RMS, or None
 
 
 @dataclass(frozen=True)
 class ExcitationRow:
-    """What one campaign excites with.
+    """What one campaign excites with."""
 
-    Attributes:
-        campaign: Name of the campaign.
-        lines: Number of excited lines.
-        low_hz: Lowest excited frequency [Hz].
-        high_hz: Highest excited frequency [Hz].
-        duration_s: Measuring time over all configurations [s].
-        rms: RMS of the injected signal, one for all channels or one each.
-        rms_unit: Its unit.
-        peaks: Predicted peaks against limits.
-        detection_lines: Number of odd lines left out on purpose.
-        period_s: Length of a period [s], or None.
-        crest_factor: The highest of all experiments, or None.
-        worst_snr_db: Lowest predicted signal-to-noise ratio of all lines and motors [dB], or None.
-    """
-
-    campaign: str
-    lines: int
-    low_hz: float
-    high_hz: float
-    duration_s: float
-    rms: tuple[float, ...]
-    rms_unit: str
-    peaks: tuple[PeakRow, ...] = ()
-    detection_lines: int = 0
-    period_s: float | None = None
-    crest_factor: float | None = None
-    worst_snr_db: float | None = None
+    campaign: str  # name of the campaign
+    lines: int  # number of excited lines
+    low_hz: float  # lowest excited frequency [Hz]
+    high_hz: float  # highest excited frequency [Hz]
+    duration_s: float  # measuring time over all configurations [s]
+    rms: tuple[float, ...]  # RMS of the injected signal, one for all channels or one each
+    rms_unit: str  # its unit
+    peaks: tuple[PeakRow, ...] = ()  # predicted peaks against limits
+    detection_lines: int = 0  # number of odd lines left out on purpose
+    period_s: float | None = None  # length of a period [s], or None
+    crest_factor: float | None = None  # the highest of all experiments, or None
+    worst_snr_db: float | None = None  # lowest predicted signal-to-noise ratio of all lines and motors [dB], or None
 
 
 @dataclass(frozen=True)
 class TorqueRow:
-    """Torque that compensation removed, over a campaign.
+    """Torque that compensation removed, over a campaign."""
 
-    Attributes:
-        campaign: Name of the campaign.
-        channel: Motor.
-        removed_rms: RMS of the removed torque.
-        unit: Its unit.
-    """
-
-    campaign: str
-    channel: str
-    removed_rms: float
-    unit: str = "N m"
+    campaign: str  # name of the campaign
+    channel: str  # motor
+    removed_rms: float  # RMS of the removed torque
+    unit: str = "N m"  # its unit
 
 
 @dataclass(frozen=True)
 class StageRow:
-    """One stage that was run.
+    """One stage that was run."""
 
-    Attributes:
-        stage: Name of the stage.
-        artifact: Path of the artifact in the run folder.
-        settings_hash: Short hash of the settings it read.
-        content_hash: Short hash of what it wrote.
-        seconds: Time it took [s], or None when it was not run anew.
-        phrase: What came out.
-    """
-
-    stage: str
-    artifact: str
-    settings_hash: str
-    content_hash: str
-    seconds: float | None = None
-    phrase: str = ""
+    stage: str  # name of the stage
+    artifact: str  # path of the artifact in the run folder
+    settings_hash: str  # short hash of the settings it read
+    content_hash: str  # short hash of what it wrote
+    seconds: float | None = None  # time it took [s], or None when it was not run anew
+    phrase: str = ""  # what came out
 
 
 def experiment_section(

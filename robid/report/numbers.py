@@ -17,17 +17,11 @@ MAX_DIGITS = 6
 
 @dataclass(frozen=True)
 class Scale:
-    """How the numbers of one row are written: a common factor, unit and number of decimals.
+    """How the numbers of one row are written: a common factor, unit and number of decimals."""
 
-    Attributes:
-        exponent: Numbers are divided by 10 to this power.
-        unit: Unit that belongs to the divided numbers.
-        decimals: Digits after the decimal point.
-    """
-
-    exponent: int
-    unit: str
-    decimals: int
+    exponent: int  # numbers are divided by 10 to this power
+    unit: str  # unit that belongs to the divided numbers
+    decimals: int  # digits after the decimal point
 
     def text(self, value: float | None) -> str:
         """Writes a number in this scale, without the unit."""

@@ -33,94 +33,58 @@ from robid.report.section import (
 
 @dataclass(frozen=True)
 class Verdict:
-    """The answer in one line.
+    """The answer in one line."""
 
-    Attributes:
-        text: One sentence.
-        level: `ok` when the result can be used as it is, `warn` when the reader has to look closer, `bad` when it
-            must not be used.
-    """
-
-    text: str
+    text: str  # one sentence
+    # `ok` when the result can be used as it is, `warn` when the reader has to look closer, `bad` when it must not be
+    # used.
     level: Literal["ok", "warn", "bad"]
 
 
 @dataclass(frozen=True)
 class KeyNumber:
-    """A number that a reader looks for first, with what it means.
+    """A number that a reader looks for first, with what it means."""
 
-    Attributes:
-        label: What it is.
-        value: The number, written out.
-        detail: What stands behind it; may be empty.
-    """
-
-    label: str
-    value: str
-    detail: str = ""
+    label: str  # what it is
+    value: str  # the number, written out
+    detail: str = ""  # what stands behind it; may be empty
 
 
 @dataclass(frozen=True)
 class Headline:
-    """What stands at the top of the page about one fit.
+    """What stands at the top of the page about one fit."""
 
-    Attributes:
-        name: Name of the fit.
-        numbers: The few numbers that decide whether it can be used.
-        findings: Everything that speaks against it with its likely cause, a clause each.
-        status: How it ended.
-        advice: What to do about it; empty when there is nothing to do.
-    """
-
-    name: str = ""
-    numbers: tuple[KeyNumber, ...] = ()
-    findings: tuple[str, ...] = ()
-    status: str = ""
-    advice: str = ""
+    name: str = ""  # name of the fit
+    numbers: tuple[KeyNumber, ...] = ()  # the few numbers that decide whether it can be used
+    findings: tuple[str, ...] = ()  # everything that speaks against it with its likely cause, a clause each
+    status: str = ""  # how it ended
+    advice: str = ""  # what to do about it; empty when there is nothing to do
 
 
 @dataclass(frozen=True)
 class FitReport:
-    """What one fit adds to page, terminal and summary; all that these know of its model.
+    """What one fit adds to page, terminal and summary; all that these know of its model."""
 
-    Attributes:
-        headline: What stands at the top of the page.
-        verdict: What the answer in one line says of it.
-        grade: 2 to trust, 1 predicts but single parameters may be off, 0 not to be used; None where that is unknown.
-        sections: Its sections; their anchors are unique among them.
-        parameters: Its parameters.
-        summary: Its numbers by dotted name.
-        terminal: What the end of a run prints.
-    """
-
-    headline: Headline
-    verdict: str
+    headline: Headline  # what stands at the top of the page
+    verdict: str  # what the answer in one line says of it
+    # 2 to trust, 1 predicts but single parameters may be off, 0 not to be used; None where that is unknown.
     grade: int | None
-    sections: tuple[Section, ...]
-    parameters: tuple[ParameterRow, ...] = ()
-    summary: dict[str, float] = field(default_factory=dict)
-    terminal: tuple[Group, ...] = ()
+    sections: tuple[Section, ...]  # its sections; their anchors are unique among them
+    parameters: tuple[ParameterRow, ...] = ()  # its parameters
+    summary: dict[str, float] = field(default_factory=dict)  # its numbers by dotted name
+    terminal: tuple[Group, ...] = ()  # what the end of a run prints
 
 
 @dataclass(frozen=True)
 class ReportContent:
-    """All of a report.
+    """All of a report."""
 
-    Attributes:
-        title: Title of the page, usually the experiment's name.
-        verdict: The answer in one line.
-        robot: Name of the robot.
-        headlines: What stands at the top about each fit, the most important first.
-        warnings: What the reader must know before using a number.
-        sections: Everything below.
-    """
-
-    title: str
-    verdict: Verdict
-    robot: str
-    headlines: tuple[Headline, ...] = ()
-    warnings: tuple[str, ...] = ()
-    sections: tuple[Section, ...] = ()
+    title: str  # title of the page, usually the experiment's name
+    verdict: Verdict  # the answer in one line
+    robot: str  # name of the robot
+    headlines: tuple[Headline, ...] = ()  # what stands at the top about each fit, the most important first
+    warnings: tuple[str, ...] = ()  # what the reader must know before using a number
+    sections: tuple[Section, ...] = ()  # everything below
 
 
 def fit_sections(fits: tuple[FitReport, ...]) -> tuple[Section, ...]:

@@ -13,51 +13,31 @@ from robid.robot.parameters import DOUBT, NUISANCE, PARAMETER_KINDS
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One parameter of a fit, in SI units.
+    """One parameter of a fit, in SI units."""
 
-    Attributes:
-        name: Name of the parameter.
-        kind: Its kind, as in `stiffness`, `damping`, `delay`.
-        unit: Its SI unit, as in `N m/rad`.
-        nominal: Value in the robot file; 0 for kind `friction`, whose values are deviations from it; NaN where nobody
-            knows it beforehand.
-        estimate: Fitted value.
-        lower: Lower end of the interval.
-        upper: Upper end of the interval.
-        relative_std: Relative standard deviation after the fit.
-        truth: True value of a simulated robot, or None.
-        identifiable: Whether the data determine the parameter, fixed before the fit.
-        identified: Whether that is so and the interval after the fit bears it out.
-        predicted_relative_std: Relative deviation predicted before the fit, which decides; None where it is unknown.
-        known_relative_std: Relative deviation known beforehand, or None.
-        physical: Middle of the interval where it is told from the estimate, or None.
-        effective: Value, lower and upper end of what predicts best, where it is told apart, or None.
-        covered: Whether the interval holds the truth, or None without a truth.
-        assumed: Whether the nominal value has no published source.
-        note: What the reader should know, such as why it is not identifiable.
-        bootstrap: Lower and upper end of the bootstrap's interval, or None.
-        realization_relative_std: Relative deviation from the influence of each realization, or None.
-    """
-
-    name: str
-    kind: str
-    unit: str
+    name: str  # name of the parameter
+    kind: str  # its kind, as in `stiffness`, `damping`, `delay`
+    unit: str  # its SI unit, as in `N m/rad`
+    # Value in the robot file; 0 for kind `friction`, whose values are deviations from it; NaN where nobody knows it
+    # beforehand.
     nominal: float
-    estimate: float
-    lower: float
-    upper: float
-    relative_std: float
-    truth: float | None = None
-    identifiable: bool = True
-    covered: bool | None = None
-    assumed: bool = False
-    note: str = ""
-    bootstrap: tuple[float, float] | None = None
-    realization_relative_std: float | None = None
-    identified: bool = True
+    estimate: float  # fitted value
+    lower: float  # lower end of the interval
+    upper: float  # upper end of the interval
+    relative_std: float  # relative standard deviation after the fit
+    truth: float | None = None  # true value of a simulated robot, or None
+    identifiable: bool = True  # whether the data determine the parameter, fixed before the fit
+    covered: bool | None = None  # whether the interval holds the truth, or None without a truth
+    assumed: bool = False  # whether the nominal value has no published source
+    note: str = ""  # what the reader should know, such as why it is not identifiable
+    bootstrap: tuple[float, float] | None = None  # lower and upper end of the bootstrap's interval, or None
+    realization_relative_std: float | None = None  # relative deviation from the influence of each realization, or None
+    identified: bool = True  # whether that is so and the interval after the fit bears it out
+    # Relative deviation predicted before the fit, which decides; None where it is unknown.
     predicted_relative_std: float | None = None
-    known_relative_std: float | None = None
-    physical: float | None = None
+    known_relative_std: float | None = None  # relative deviation known beforehand, or None
+    physical: float | None = None  # middle of the interval where it is told from the estimate, or None
+    # Value, lower and upper end of what predicts best, where it is told apart, or None.
     effective: tuple[float, float, float] | None = None
 
     @property
@@ -74,25 +54,15 @@ class ParameterRow:
 
 @dataclass(frozen=True)
 class Estimates:
-    """All parameters of a fit, and what holds for all of them.
+    """All parameters of a fit, and what holds for all of them."""
 
-    Attributes:
-        rows: The parameters, in the order to show.
-        level: Level of the intervals.
-        torque_unit: What stands for N m where the torque constant is unknown.
-        misfit: Cost over what noise and the assumed model error give.
-        undetermined: Combinations of parameters that the data do not determine, a sentence each.
-        identifiable_relative_std: Predicted deviation up to which a parameter counts as identifiable.
-        interval_rule: What set the width of the intervals, in words.
-    """
-
-    rows: tuple[ParameterRow, ...] = ()
-    level: float = 0.95
-    torque_unit: str = "N m"
-    misfit: float = 0.0
-    undetermined: tuple[str, ...] = ()
-    identifiable_relative_std: float | None = None
-    interval_rule: str = ""
+    rows: tuple[ParameterRow, ...] = ()  # the parameters, in the order to show
+    level: float = 0.95  # level of the intervals
+    torque_unit: str = "N m"  # what stands for N m where the torque constant is unknown
+    misfit: float = 0.0  # cost over what noise and the assumed model error give
+    undetermined: tuple[str, ...] = ()  # combinations of parameters that the data do not determine, a sentence each
+    identifiable_relative_std: float | None = None  # predicted deviation up to which a parameter counts as identifiable
+    interval_rule: str = ""  # what set the width of the intervals, in words
 
     @property
     def with_nominal(self) -> bool:
