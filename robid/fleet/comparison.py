@@ -86,11 +86,7 @@ class Collected:
 
 
 def collect(ledgers: Iterable[Ledger | None]) -> dict[Key, Collected]:
-    """Collects the parameters of all rows, those that are nuisances apart, and their misfits.
-
-    Args:
-        ledgers: Ledger of each row, in their order; None for a row that has none.
-    """
+    """Collects the parameters of all rows, those that are nuisances apart, and their misfits."""
     found: dict[Key, Collected] = {}
     misfits: dict[Key, Collected] = {}
     for row, ledger in enumerate(ledgers):
@@ -215,12 +211,7 @@ class Comparison:
 
 
 def compare(found: Mapping[Key, Collected], robots: Robots) -> Comparison:
-    """Compares what the rows of a fleet found, each population by itself, all at the level of one fleet.
-
-    Args:
-        found: Parameters and misfits over the rows.
-        robots: Whose measurements the rows are.
-    """
+    """Compares what the rows of a fleet found, each population by itself, all at the level of one fleet."""
     named = [
         (*key, int(robots.group[trait.rows[0]]), of, trait)
         for key, of in found.items()

@@ -61,11 +61,7 @@ def begin(work: Path) -> None:
 
 
 def check_own(work: Path, files: Iterable[str] = ()) -> None:
-    """Refuses to go on where another command has removed the folder of an attempt, whatever was written since.
-
-    Args:
-        work: The folder.
-        files: What must be in it.
+    """Refuses to go on where another command has removed the folder of an attempt, or what must be in it.
 
     Raises:
         ArtifactError: If it has.

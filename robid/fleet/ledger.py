@@ -149,12 +149,7 @@ def _file_keys(found: Mapping[str, Any]) -> dict[str, FileKey]:
 
 
 def logs_away(ledger: Ledger, inputs: Mapping[str, Path]) -> tuple[str, ...]:
-    """Returns the logs of a row that is done which are not there now, or may not be read: they cannot be compared.
-
-    Args:
-        ledger: Its ledger.
-        inputs: Its logs, by name.
-    """
+    """Returns the logs of a row that is done which are not there now, or may not be read: they cannot be compared."""
     made_from = [name for name in inputs if name in ledger.inputs and ledger.inputs[name].sha256]
     return tuple(name for name in made_from if ledger.status == "done" and not os.access(inputs[name], os.R_OK))
 
@@ -165,14 +160,6 @@ def why_stale(
     """Says why a row is to be made again; empty where nothing would come out differently.
 
     A row that is done stays while one of its logs is away: made again it could only fail.
-
-    Args:
-        ledger: Its ledger, None where there is none.
-        settings_hash: Hash of its settings now.
-        inputs: Its logs, by name.
-        folder: Its folder.
-        keep: Whether records and responses are to stay.
-        force: Whether a row that has failed is tried again.
     """
     if ledger is None:
         return "not made yet"

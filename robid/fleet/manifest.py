@@ -59,12 +59,7 @@ def read_manifest(path: Path) -> Manifest:
 
 
 def wrong_rows(manifest: Manifest, used: Collection[str]) -> Iterator[str]:
-    """Yields what is wrong with the rows of a manifest, whatever they fill.
-
-    Args:
-        manifest: The manifest.
-        used: Columns that the experiment file asks for.
-    """
+    """Yields what is wrong with the rows of a manifest, whatever they fill."""
     names: dict[str, Row] = {}
     contents: dict[tuple[object, ...], Row] = {}
     compared = [column for column in manifest.columns if column != ID or ID in used]
@@ -201,12 +196,7 @@ class Robots:
 
 
 def robots_of(manifest: Manifest, robot_files: Collection[str] = ()) -> Robots:
-    """Reads whose measurements the rows of a manifest are.
-
-    Args:
-        manifest: The manifest, without wrong times.
-        robot_files: Columns that fill the name of the robot file: one of the name `robot` names no robot.
-    """
+    """Reads whose measurements the rows are; where the column `robot` fills the robot file's name it names no robot."""
     named = ROBOT in manifest.columns and ROBOT not in robot_files
     names, robot = _numbered([(named and _text(row.values[ROBOT])) or row.id for row in manifest.rows])
     grouped = GROUP in manifest.columns

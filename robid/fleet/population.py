@@ -208,11 +208,6 @@ def find_outliers(
 ) -> tuple[Outlier, ...]:
     """Finds rows that are off their population, the least likely first.
 
-    Args:
-        traits: The traits.
-        found: Their populations.
-        level: Chance that any is found where there is none, whatever the number of rows and traits.
-
     Source:
         Holm (1979), Scand. J. Statist. 6.
     """

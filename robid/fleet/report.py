@@ -176,12 +176,7 @@ def _write_failure(task: RowTask, ledger: Ledger) -> None:
 
 
 def failure_content(ledger: Ledger, settings: dict[str, Any]) -> ReportContent:
-    """Lays out the page of a row that has failed.
-
-    Args:
-        ledger: Its ledger.
-        settings: Its settings.
-    """
+    """Lays out the page of a row that has failed."""
     error = ledger.error
     if error is None:
         message = "the row has not failed"

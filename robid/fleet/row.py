@@ -36,15 +36,7 @@ from robid.settings.yaml import Document, parse_yaml
 
 
 def results_of(loaded: LoadedExperiment, folder: Path) -> list[dict[str, Any]]:
-    """Reads the parameters of all fits of a row.
-
-    Args:
-        loaded: Its experiment.
-        folder: Its folder.
-
-    Returns:
-        Entries with the names and units of the columns of the table, see `robid.fleet.table.PARAMETER_COLUMNS`.
-    """
+    """Reads the parameters of all fits of a row, as entries of columns of `robid.fleet.table.PARAMETER_COLUMNS`."""
     joints = {joint.name: joint.name for joint in loaded.robot.joints} | _joints_of_springs(loaded)
     found: list[dict[str, Any]] = []
     for fit in loaded.experiment.fits:

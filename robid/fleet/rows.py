@@ -223,12 +223,6 @@ class Look:
 def look(fleet: Fleet, rows: Path, *, keep: bool, force: bool) -> Look:
     """Tells the rows that are to be made from those that are fresh; writes nothing.
 
-    Args:
-        fleet: The rows.
-        rows: Folder of their folders.
-        keep: Whether records and responses are to stay.
-        force: Whether rows that have failed are tried again.
-
     Raises:
         ArtifactError: If a folder in the place of a row's is none.
     """

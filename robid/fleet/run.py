@@ -77,16 +77,7 @@ def run_fleet(
     tell: Callable[[Ledger, Outcome], None],
     announce: Callable[[Look], None] = lambda _: None,
 ) -> Batch:
-    """Runs what is not fresh, in any order, and writes the table.
-
-    Args:
-        fleet: The rows.
-        folder: The run folder, which nobody else works in.
-        options: How.
-        open_map: Opens what runs the rows, each whole, on one worker or on as many as were asked for.
-        progress: Is told how far it is.
-        tell: Is told what became of each row, those that are fresh first.
-        announce: Is told before what is to be made, and why.
+    """Runs what is not fresh, in any order, each row whole on one worker, and writes the table.
 
     Raises:
         RobidError: If the batch cannot go on; finished rows stay and are in the table, the others as `pending`. Where

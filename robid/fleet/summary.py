@@ -42,14 +42,7 @@ def check_summary(path: Path) -> None:
 
 
 def write_summary(path: Path, name: str, ledgers: Sequence[Ledger], comparison: Comparison) -> Literal["made", "fresh"]:
-    """Writes the file unless the one that is there says the same.
-
-    Args:
-        path: Where to.
-        name: Name of the experiment.
-        ledgers: What became of each row, in the order of the manifest.
-        comparison: The rows against each other.
-    """
+    """Writes the file unless the one that is there says the same."""
     content = {
         "kind": _KIND,
         "schema_version": SUMMARY_VERSION,

@@ -52,10 +52,6 @@ class Standard:
 def standard_from_artifact(model: Artifact, fit: str) -> Standard:
     """Reads the standard parameters from the model of a rigid fit.
 
-    Args:
-        model: Its artifact.
-        fit: Its name.
-
     Raises:
         DataError: If it has none that could be handed on.
     """
@@ -120,13 +116,10 @@ class RigidSource:
         return self._robot(self.standard.values, payload)
 
     def doubtful(self, payload: float) -> list[tuple[Robot, float]]:
-        """Returns robots that are off along the few directions that hold most of the variance, and by how much.
+        """Returns robots that are off along the directions that hold most of the variance, and by how much.
 
         Directions are independent; by how many standard deviations a robot is off along its own is such that its
         bodies stay real.
-
-        Args:
-            payload: The payload [kg].
         """
         found: list[tuple[Robot, float]] = []
         for direction in self.directions():
@@ -179,11 +172,6 @@ class RigidSource:
 def rigid_source(loaded: LoadedExperiment, fit: str, model: Artifact) -> RigidSource:
     """Reads what a rigid fit hands on.
 
-    Args:
-        loaded: The experiment.
-        fit: Name of the rigid fit.
-        model: Its artifact.
-
     Raises:
         DataError: If it has no standard parameters of real bodies.
     """
@@ -223,13 +211,7 @@ class MotorFriction:
 
 
 def friction_from_artifact(model: Artifact, fit: str, joints: Sequence[str], torque_unit: str = "N m") -> MotorFriction:
-    """Reads motor friction from the model of a fit.
-
-    Args:
-        model: Its artifact.
-        fit: Its name.
-        joints: Names of the motors' joints.
-        torque_unit: Unit of the torques that the friction is subtracted from: A for currents.
+    """Reads motor friction from the model of a fit, in the unit of the torques that it is subtracted from.
 
     Raises:
         DataError: If it knows no friction of a motor, or torques in another unit.

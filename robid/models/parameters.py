@@ -37,19 +37,7 @@ def fit_report(
     summary: Mapping[str, float],
     terminal: Estimates | None = None,
 ) -> FitReport:
-    """Lays out a fit for page, terminal and summary.
-
-    Args:
-        shown: The fit.
-        estimate: Its parameters.
-        estimates: The same as rows.
-        outcome: What its validation found, where there is one.
-        found: What was found, in a sentence of the verdict.
-        numbers: Its own numbers at the top of the page.
-        sections: Its sections.
-        summary: Its own numbers in the summary.
-        terminal: The parameters that a terminal shows; all by default.
-    """
+    """Lays out a fit for page, terminal and summary."""
     grade = grade_from_artifact(shown.model) if outcome is None else outcome.grade
     if outcome is None:
         named = shown.data.settings.validate_on is not None
@@ -112,14 +100,7 @@ def with_torque_unit(unit: str, torque_unit: str) -> str:
 def parameter_rows(
     estimate: Estimate, truth: Mapping[str, float], assumed: Collection[str] = (), torque_unit: str = "N m"
 ) -> tuple[ParameterRow, ...]:
-    """Turns estimated parameters into rows.
-
-    Args:
-        estimate: The parameters.
-        truth: True value by name, where it is known.
-        assumed: Dotted names of the robot file's values that no source gives.
-        torque_unit: What stands for N m where the torque constant is unknown.
-    """
+    """Turns estimated parameters into rows."""
     return tuple(_row(estimate, index, truth, assumed, torque_unit) for index in range(len(estimate.names)))
 
 

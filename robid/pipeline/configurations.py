@@ -28,15 +28,7 @@ _SHOWN = 5
 
 
 def configurations_of(loaded: LoadedExperiment, campaign: Campaign, inputs: Mapping[str, Path]) -> FloatArray:
-    """Returns a campaign's configurations.
-
-    Args:
-        loaded: The experiment.
-        campaign: The campaign.
-        inputs: Where the designs of `design_inputs` lie.
-
-    Returns:
-        Arm-side joint positions (n_conf, n_joint) [rad, or m]; one without joints where there is no robot.
+    """Returns a campaign's configurations (n_conf, n_joint) [rad, or m]; one without joints where no robot is.
 
     Raises:
         SettingsError: If a listed or mirrored configuration is out of reach, or too few that are drawn or on the grid

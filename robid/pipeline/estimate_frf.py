@@ -234,11 +234,6 @@ def contradictions(loaded: LoadedExperiment, campaign: str, evidence: Evidence) 
 
     The robot file is read anew each time and nothing of this is stored: a corrected file makes no response stale.
     Where the robot cannot be built, there is nothing to compare with; the stages that need it say so.
-
-    Args:
-        loaded: The experiment.
-        campaign: The campaign's name.
-        evidence: What it shows.
     """
     if loaded.experiment.robot is None:
         return ()

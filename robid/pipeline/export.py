@@ -78,13 +78,7 @@ def check_options(options: ExportOptions, loaded: LoadedExperiment, fit: str) ->
 
 
 def export(options: ExportOptions, loaded: LoadedExperiment, fit: str, inputs: Mapping[str, Path]) -> bytes:
-    """Makes the content of the exported file.
-
-    Args:
-        options: What to export; checked.
-        loaded: The experiment.
-        fit: Name of the fit.
-        inputs: Its `model` and what it was fitted to.
+    """Makes the content of the exported file; options are checked.
 
     Raises:
         SettingsError: If the configuration does not exist.
@@ -99,14 +93,7 @@ def export(options: ExportOptions, loaded: LoadedExperiment, fit: str, inputs: M
 def write_export(
     path: Path, content: bytes, read: Mapping[str, Path], *, force: bool, kind: str = "export"
 ) -> Literal["made", "fresh"]:
-    """Writes an exported file; one that differs may have been edited by hand, and is replaced only by force.
-
-    Args:
-        path: Where to.
-        content: What to write.
-        read: Files that are never replaced, by what they are; nor is anything that was not exported.
-        force: Whether to replace one that differs.
-        kind: Kind of file that may be replaced, see `check_replaceable`.
+    """Writes an exported file over none that is read; one that differs, maybe by hand, is replaced only by force.
 
     Raises:
         ArtifactError: If it differs and `force` is not set, is something else, or cannot be written.

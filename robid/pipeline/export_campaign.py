@@ -57,10 +57,6 @@ class FrfExport:
 def check_frf_export(options: FrfExport, others: Sequence[str]) -> None:
     """Refuses options that do not belong to a response, and a format whose package is missing.
 
-    Args:
-        options: What to export.
-        others: Further options that were given.
-
     Raises:
         SettingsError: With every problem.
     """
@@ -94,13 +90,7 @@ def frf_export_plan(campaign: str) -> Plan:
 
 
 def export_frf(options: FrfExport, loaded: LoadedExperiment, source: Path, folder: Path) -> dict[Path, bytes]:
-    """Makes the content of every exported file, by its path.
-
-    Args:
-        options: What to export; checked.
-        loaded: The experiment.
-        source: The artifact of the responses.
-        folder: The run folder.
+    """Makes the content of every exported file, by its path; options are checked.
 
     Raises:
         SettingsError: If the configuration does not exist.
@@ -158,10 +148,6 @@ class ExcitationExport:
 def check_excitation_export(options: ExcitationExport, others: Sequence[str]) -> None:
     """Refuses options that do not belong to an excitation, before anything is read.
 
-    Args:
-        options: What to export.
-        others: Further options that were given.
-
     Raises:
         SettingsError: With every problem.
     """
@@ -183,13 +169,7 @@ def excitation_export_plan(campaign: str) -> Plan:
 def export_excitation(
     options: ExcitationExport, loaded: LoadedExperiment, source: Path, folder: Path
 ) -> dict[Path, bytes]:
-    """Makes the content of every exported file, by its path.
-
-    Args:
-        options: What to export; checked.
-        loaded: The experiment.
-        source: The excitation artifact.
-        folder: The run folder.
+    """Makes the content of every exported file, by its path; options are checked.
 
     Raises:
         ArtifactError: If the excitation was not designed here.

@@ -59,14 +59,7 @@ class State:
 
 
 def state_of_output(stage: Stage, plan: Plan, folder: Path, above: Mapping[str, State]) -> State:
-    """Compares an output with what its stage would make now.
-
-    Args:
-        stage: The stage.
-        plan: What it reads and writes.
-        folder: Folder of the plan's paths.
-        above: State of each input that is to be there, by its path.
-    """
+    """Compares an output with what its stage would make now; `above` has the state of each input by its path."""
     output = folder / plan.outputs[0]
     if not output.exists():
         return State("missing", "not made yet")
@@ -165,10 +158,7 @@ _MARKS = {
 def check_replaceable(path: Path, kind: str, read: Mapping[str, Path]) -> None:
     """Refuses to replace what is not of the kind that is to be written, or is read by anything here.
 
-    Args:
-        path: Where it is to be written; a new file is always allowed.
-        kind: Kind of artifact, `report`, `comparison`, `summary`, `truth` or `export`.
-        read: Files that are read, by what they are; links and other spellings of their paths count.
+    The kind is one of artifacts, or `report`, `comparison`, `summary`, `truth`, `export`; a new file is always allowed.
 
     Raises:
         ArtifactError: If something else is there; it is left as it is.
@@ -189,13 +179,6 @@ def check_replaceable(path: Path, kind: str, read: Mapping[str, Path]) -> None:
 
 def check_outputs(loaded: LoadedExperiment, stage: Stage, plan: Plan, inputs: Mapping[str, Path], output: Path) -> None:
     """Refuses outputs that would take the place of a settings file, an input or another kind of artifact.
-
-    Args:
-        loaded: The experiment.
-        stage: The stage.
-        plan: What it reads and writes.
-        inputs: The artifacts that it reads, by name.
-        output: The main file to write; the others go beside it.
 
     Raises:
         ArtifactError: If one would.

@@ -154,13 +154,7 @@ def run_all(
     tell: Callable[[Result], None],
     outputs: Collection[str] | None = None,
 ) -> list[Result]:
-    """Runs what is not fresh, in order; what needs an output with a numerical problem is skipped.
-
-    Args:
-        run: The run.
-        progress: Shows how far a node is.
-        tell: Is told what became of each node.
-        outputs: Outputs to make with all that they need; everything when None.
+    """Runs what is not fresh, in order, all or for some outputs; what needs one with a numerical problem is skipped.
 
     Raises:
         RobidError: What the first node that cannot be made raised; what is finished stays.

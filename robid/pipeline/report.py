@@ -76,12 +76,6 @@ class RunContent:
 def gather(chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> RunContent:
     """Reads the artifacts of a run and lays them out.
 
-    Args:
-        chain: The stages that make them.
-        loaded: The experiment.
-        folder: The run folder.
-        present: Paths in the run folder of the artifacts that are there.
-
     Raises:
         ArtifactError: If one cannot be read.
     """

@@ -229,12 +229,7 @@ def simulated_experiment(
 
 
 def simulated_truth(experiment: SimulatedExperiment | PoseExperiment, delay_s: float) -> TrueRobot:
-    """Returns the true robot of a simulated campaign.
-
-    Args:
-        experiment: What is simulated.
-        delay_s: Delay from recorded to applied torque, or of pose commands [s].
-    """
+    """Returns the true robot of a simulated campaign; the delay is from recorded to applied torque, or of poses [s]."""
     options = experiment.options
     return TrueRobot(
         robot=bare(with_imperfections(experiment.robot, options.imperfections)),

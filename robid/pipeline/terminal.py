@@ -141,12 +141,7 @@ def _print(console: Console, text: str, style: str = "", bold: int = 0) -> None:
 
 
 def status_lines(rows: Sequence[tuple[str, str, str]], width: int | None) -> list[str]:
-    """Lays out output, status and why, in columns.
-
-    Args:
-        rows: A row an output.
-        width: Width of the terminal, which the last column keeps; None where there is none, and no colour then.
-    """
+    """Lays out output, status and why, in columns; without a terminal there is neither a width to keep nor colour."""
     first, second = (max(len(row[column]) for row in (_STATUS, *rows)) for column in (0, 1))
     indent = first + second + 4
     lines = []

@@ -81,13 +81,7 @@ def campaign_title(role: str, campaign: str) -> str:
 def cost_section(
     estimation: tuple[CostRow, ...], validation: tuple[CostRow, ...], more: str = ""
 ) -> tuple[Section, ...]:
-    """Lays out the cost of each configuration against its expectation; nothing without any.
-
-    Args:
-        estimation: Costs of the fit's own data.
-        validation: Costs of data that the fit never saw.
-        more: What else is known of the residuals, a sentence.
-    """
+    """Lays out the cost of each configuration against its expectation; nothing without any."""
     named = [(role, rows) for role, rows in (("Estimation", estimation), ("Validation", validation)) if rows]
     if not named:
         return ()

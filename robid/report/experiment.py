@@ -197,16 +197,7 @@ def _written(row: ConfigurationRow, units: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def plan_table(excitation: Excitation, names: tuple[str, ...], units: tuple[str, ...] | None = None) -> Group | None:
-    """Lays out what an excitation is predicted to do to each motor, each figure at its worst configuration.
-
-    Args:
-        excitation: The excitation.
-        names: Names of the motors.
-        units: Unit of each joint's position; None where all are angles.
-
-    Returns:
-        A row per motor, the duration and the weakest pair of motors; None without a plan.
-    """
+    """Lays out what an excitation is predicted to do to each motor, at its worst configuration; None without a plan."""
     plan = excitation.plan
     if plan is None:
         return None

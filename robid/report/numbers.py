@@ -40,16 +40,7 @@ class Scale:
 
 
 def scale_for(value: float, unit: str = "", half_width: float | None = None) -> Scale:
-    """Chooses how to write a number and what stands beside it.
-
-    Args:
-        value: The number that sets the prefix.
-        unit: Its SI unit without prefix.
-        half_width: Its uncertainty, which gets two digits; without it the number gets four.
-
-    Returns:
-        The scale for this number, its interval and its reference.
-    """
+    """Chooses the scale of a number in SI units: its half width gets two digits; without it the number gets four."""
     if not math.isfinite(value) or value == 0:
         return Scale(0, pretty_unit(unit), 3)
     digits = 4

@@ -36,12 +36,7 @@ _NUISANCE = (
 
 
 def parameter_section(estimates: Estimates, conventions: str = "") -> tuple[Section, ...]:
-    """Lays out a fit's parameters: ratios to nominal, table, what is not determined; nothing without any.
-
-    Args:
-        estimates: The parameters.
-        conventions: What their values are to be understood as, a sentence.
-    """
+    """Lays out a fit's parameters: ratios to nominal, table, what is not determined; nothing without any."""
     if not estimates.rows:
         return ()
     truth = " and the truth of the simulated robot" if _with_truth(estimates) else ""
@@ -174,12 +169,7 @@ def _nuisances(estimates: Estimates) -> tuple[Folded, ...]:
 
 
 def parameter_numbers(estimates: Estimates, *, usable: bool = True) -> tuple[KeyNumber, ...]:
-    """Picks what says how well the parameters are known.
-
-    Args:
-        estimates: The parameters.
-        usable: Whether the fit may be used at all; else none counts as identified.
-    """
+    """Picks what says how well the parameters are known; none of a fit that is of no use counts as identified."""
     candidates = (
         _identified(estimates) if usable else None,
         _half_width(estimates),
@@ -248,14 +238,7 @@ def _coverage(rows: tuple[ParameterRow, ...]) -> KeyNumber | None:
 
 
 def parameter_table(estimates: Estimates) -> Group:
-    """Lays out parameters with intervals against nominal values, and the truth where it is known.
-
-    Args:
-        estimates: The parameters; those of the compensated torque are left to the page.
-
-    Returns:
-        A table with a section per kind; rows that are not identifiable are dim, and the notes say why.
-    """
+    """Lays out parameters, those not identifiable dim, with intervals, nominal values and the truth where known."""
     rows = estimates.shown
     with_truth = any(row.truth is not None for row in rows)
     table = open_table("parameter")

@@ -23,9 +23,6 @@ def evaluate(path: Path | str) -> LpvModel:
 
     `evaluate(path).at(points)` gives A(p), B(p), C(p) and D(p) at points (n_point, n_scheduling).
 
-    Args:
-        path: The file.
-
     Raises:
         ArtifactError: If it holds no model of this family.
     """

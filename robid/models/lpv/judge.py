@@ -29,12 +29,7 @@ MISFIT = 2.0
 
 
 def assess_lpv(solution: LpvSolution, told: Sequence[Finding] = ()) -> Grade:
-    """Gathers the findings about a fit and grades it by itself: it predicts at best.
-
-    Args:
-        solution: What the fit found.
-        told: Further findings about its data.
-    """
+    """Gathers the findings about a fit and grades it by itself: it predicts at best."""
     own = error_findings(solution.own, solution.ports, "the fit's own data")
     choosing = error_findings(solution.choosing, solution.ports, "what chooses the structure")
     return graded_alone(
@@ -101,13 +96,6 @@ def validate_lpv(
     """Validates a model.
 
     The limits are absolute: an error beyond noise of 30 % of the response is a failure, one of 10 % a finding.
-
-    Args:
-        solution: What the fit found.
-        ports: Channels of the responses.
-        responses: What was measured anew.
-        degrees_of_freedom: Behind its variances.
-        findings: Doubts about the fit.
 
     Raises:
         DataError: If the channels or the sampling period differ, or a position lies outside the model's range.

@@ -44,14 +44,7 @@ def gain_title(ports: Ports, output: int, port: int) -> str:
 
 
 def response_figures(held: Held, ports: Ports, place: tuple[int, int, int], confidence: float) -> tuple[Figure, Figure]:
-    """Magnitude and phase of one element at one position, measured and modelled, with their bands.
-
-    Args:
-        held: The responses.
-        ports: Channels.
-        place: Position, output and input.
-        confidence: Level of the bands.
-    """
+    """Magnitude and phase of one element (position, output, input), measured and modelled, with their bands."""
     at = (place[0], slice(None), place[1], place[2])
     measured, model, frequency_hz = held.response[at], held.modelled[at], held.frequency_hz
     radius = np.where(np.isfinite(held.std[at]), held.std[at], np.nan) * np.sqrt(-np.log(1 - confidence))
@@ -172,14 +165,7 @@ _FITTED, _CHOOSING, _NEW = "fitted", "chooses the structure", "left out"
 def sections(
     solution: LpvSolution, estimates: Estimates, validation: LpvValidation | None, notes: tuple[str, ...]
 ) -> tuple[Section, ...]:
-    """Lays out a fit.
-
-    Args:
-        solution: What it found.
-        estimates: Its parameters as rows.
-        validation: What its validation found, if there is one.
-        notes: What the responses' estimator wants the reader to know.
-    """
+    """Lays out a fit."""
     return (
         _responses(solution, validation, notes),
         _blocks(solution),

@@ -113,16 +113,7 @@ def sections(
     sensed: Sequence[str] = (),
     pushed: Sequence[str] = (),
 ) -> tuple[Section, ...]:
-    """Lays out a rigid fit.
-
-    Args:
-        solution: What it found.
-        estimates: Its parameters as rows.
-        joints: Names of the joints.
-        validation: Its validation, if any.
-        sensed: Names of those that have no motor, whose torque is measured at the joint.
-        pushed: Names of those among them that slide, whose force it is.
-    """
+    """Lays out a rigid fit; what is pushed, of the joints without a motor, slides, and its torque is a force."""
     units = [estimates.torque_unit if name not in pushed else "N" for name in joints]
     found = [*_parameters(solution, estimates, sensed), _trust(solution, joints), _residuals(solution, joints, units)]
     if validation is not None:

@@ -44,17 +44,9 @@ def choose_structure(
     *,
     hold: Hold = "zoh",
 ) -> Choice:
-    """Chooses the numbers of poles and zeros and the delay of a block.
+    """Chooses the numbers of poles and zeros and the delay of a block; `sufficient` judges on shots held back.
 
     The delay is found with the richest structure, then the structure at this delay, and both in turn until they stay.
-
-    Args:
-        shots: Experiments of the fit.
-        inputs: Which of their inputs.
-        outputs: Which of their outputs.
-        options: Options of the fit.
-        choose_on: Experiments held back from the fits, on which the rule `sufficient` judges.
-        hold: What commands do between samples.
 
     Source:
         Oliveira et al. (2019), sec. 2.4, for the rule `sufficient`; Schwarz (1978), "Estimating the dimension of a

@@ -115,10 +115,7 @@ def map_coupling(
 def coherence_limit(averages: float, frequencies: int, level: float) -> float:
     """Returns the root coherence that the largest of unrelated signals' exceeds with a chance of `level`.
 
-    Args:
-        averages: Independent segments.
-        frequencies: Frequencies of which the largest is taken.
-        level: Chance.
+    `averages` counts independent segments, `frequencies` those of which the largest is taken.
     """
     # The largest of F independent coherences stays below x with (1 - p)^F, where one exceeds it with p = (1 - x^2)^(n -
     # 1).

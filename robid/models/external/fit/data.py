@@ -80,11 +80,6 @@ def shots_of(record: Record, options: ExternalOptions, name: str) -> tuple[Shot,
 
     Periods are averaged, and realizations with the same commands. Where an offset is estimated along, commands are
     counted from their first sample, those of a period from their mean: what a constant command does is in the offset.
-
-    Args:
-        record: The record.
-        options: Options of the fit.
-        name: Name of its campaign.
     """
     commands = commands_of(record, options).values
     # What is moved by speeds or torques need not come back to where it was.
@@ -234,15 +229,7 @@ def agreements(
     errors: Sequence[FloatArray],
     inputs: Sequence[int],
 ) -> tuple[Agreement, ...]:
-    """Compares a block's outputs with what was measured.
-
-    Args:
-        names: Name of each of its outputs.
-        shots: The shots.
-        outputs: Indices of its outputs.
-        measured: Outputs (n_sample, n_out) of each shot.
-        errors: Errors (n_sample, n_out) of each shot.
-        inputs: Indices of its commands.
+    """Compares a block's outputs with what was measured: outputs and errors (n_sample, n_out) of each shot.
 
     Source:
         Oliveira et al. (2019), Table 2.

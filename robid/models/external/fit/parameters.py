@@ -36,12 +36,7 @@ class Root:
         return float(np.linalg.norm(self.moves.real))
 
     def differs(self, other: Root, quantile: float) -> bool:
-        """Whether it lies significantly apart from another root of the same fit.
-
-        Args:
-            other: The other root.
-            quantile: Largest distance in standard deviations that chance explains.
-        """
+        """Whether it lies apart from another root of the same fit by more deviations than chance explains."""
         distance, moves = self.place - other.place, self.moves - other.moves
         both = np.stack([moves.real, moves.imag])
         value = np.array([distance.real, distance.imag])
@@ -55,12 +50,7 @@ class Root:
 
 
 def poles_of(model: TransferMatrix, root: FloatArray) -> tuple[Root, ...]:
-    """Returns the poles, slow ones first.
-
-    Args:
-        model: The transfer functions.
-        root (n_param, n_root): Root of the covariance of `[numerators, denominator]` without the latter's first.
-    """
+    """Returns the poles, slow ones first; `root` (n_param, n_root) is as in `block_parameters`."""
     n_pole = len(model.denominator) - 1
     return _roots(model.denominator, np.concatenate([np.zeros((1, root.shape[1])), root[-n_pole:]]))
 
@@ -128,15 +118,7 @@ def _gain(model: TransferMatrix, root: FloatArray, place: tuple[int, ...]) -> tu
 def estimate_of(
     blocks: Sequence[Sequence[Row]], options: ExternalOptions, undetermined: Sequence[str], status: str, advice: str
 ) -> Estimate:
-    """Puts the parameters of all blocks together; blocks are independent of each other.
-
-    Args:
-        blocks: Parameters of each block.
-        options: Options of the fit.
-        undetermined: What the data do not determine, a sentence each.
-        status: How the fit ended.
-        advice: What to try next.
-    """
+    """Puts the parameters of all blocks together; blocks are independent of each other."""
     roots = [np.array([row.moves for row in rows]) for rows in blocks]
     return estimate_of_rows(
         [row for rows in blocks for row in rows],

@@ -127,14 +127,7 @@ def build_basis(denominator: FloatArray) -> Basis:
 
 
 def reduce_shots(experiments: Sequence[Experiment], cascade: Cascade, period: float, hold: Hold) -> tuple[Reduced, ...]:
-    """Reduces experiments at the poles of a cascade.
-
-    Args:
-        experiments: The experiments.
-        cascade: The cascade.
-        period: Sampling period times the reference frequency.
-        hold: What commands do between samples.
-    """
+    """Reduces experiments at the poles of a cascade; `period` is the sampling period times the reference frequency."""
     found = []
     for experiment in experiments:
         states = states_of(experiment, cascade, period, hold)

@@ -54,16 +54,7 @@ def make_solution(
     coupling: CouplingMap,
     findings: Sequence[ChannelFinding],
 ) -> ExternalSolution:
-    """Puts together what an external fit found.
-
-    Args:
-        found: The blocks.
-        ports: Commands and outputs.
-        options: Options of the fit.
-        etfe: The empirical response.
-        coupling: The decoupling map.
-        findings: What is doubtful about the data.
-    """
+    """Puts together what an external fit found."""
     transfers = _transfers(found, ports, options)
     every = [_agreements(one, ports) for one in found]
     quality = _quality(found, ports, etfe, every)

@@ -112,15 +112,9 @@ class _Filtered:
 
 
 def _solve(signals: Sequence[_Filtered], n_told: int, *, instruments: bool) -> FloatArray:
-    """Returns the denominator's change (n_pole,) along the states' numerators.
+    """Returns the denominator's change (n_pole,) along the states' numerators; NaN where the signals overflow.
 
-    Args:
-        signals: The filtered signals.
-        n_told: Numerator coefficients of one output.
-        instruments: Whether the simulated outputs are instruments for the measured ones.
-
-    Returns:
-        The change; NaN where the signals overflow.
+    With `instruments` the simulated outputs are instruments for the measured ones.
     """
     n_out, n_pole, _ = signals[0].answered.shape
     gram, pull = np.zeros((n_told, n_told)), np.zeros((n_told, n_out))

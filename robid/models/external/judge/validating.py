@@ -71,11 +71,6 @@ def validate_external(
     The limits are absolute: an NRMSE below 0.9 is a failure, an error beyond what noise, parameters and a model error
     of one per cent of the motion give is a reason for doubt.
 
-    Args:
-        solution: What the fit found.
-        shots: What was recorded anew.
-        findings: Doubts about the fit.
-
     Raises:
         DataError: If the shots are sampled otherwise than those of the fit, or none of its commands moves.
     """

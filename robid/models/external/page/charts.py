@@ -25,14 +25,7 @@ def readable_factor(unit: str) -> tuple[float, str]:
 
 
 def excitation_figures(found: Excitation, channel: int, shot: int, units: tuple[str, str]) -> tuple[Figure, Figure]:
-    """Command and output of one shot over time, and their spectra against the resolution.
-
-    Args:
-        found: What was commanded and what came of it.
-        channel: Index of the channel.
-        shot: Index of the shot.
-        units: Units of command and output.
-    """
+    """Command and output of one shot of a channel over time, and their spectra against the resolution."""
     rows = (found.time_channel == channel) & (found.time_shot == shot)
     lines = (found.line_channel == channel) & (found.line_shot == shot)
     (to_command, unit), (to_answer, other) = (readable_factor(each) for each in units)

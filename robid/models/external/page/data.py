@@ -26,13 +26,7 @@ _LEAD = (
 
 
 def coupling_section(found: CouplingMap, ports: Ports, options: CouplingOptions) -> tuple[Section, ...]:
-    """Lays out the decoupling map; nothing where there is nothing to be coupled.
-
-    Args:
-        found: The map.
-        ports: Commands and outputs.
-        options: Thresholds.
-    """
+    """Lays out the decoupling map; nothing where there is nothing to be coupled."""
     if found.own.all():
         return ()
     parts = (_map(found, ports, options), Notes((found.sentence,)), _pairs(found, ports), _limits(found, ports))
@@ -203,14 +197,7 @@ def _traces(
     labels: tuple[IntArray, IntArray, tuple[str, ...]],
     trace: Callable[[BoolArray, str], Trace],
 ) -> Choice:
-    """Figures of the first shots of each output.
-
-    Args:
-        solution: What the fit found.
-        names: Names of the outputs.
-        labels: Index of the output and of the shot of each row, and the shots' names.
-        trace: Makes a trace of some rows.
-    """
+    """Figures of the first shots of each output."""
     units, (outputs, shots, every) = _unit_of(solution), labels
     options = []
     for output, name in enumerate(names):

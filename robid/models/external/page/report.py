@@ -28,12 +28,7 @@ _DIGITS = 5
 
 
 def transfer_text(numerator: FloatArray, denominator: FloatArray) -> str:
-    """Writes a transfer function as `(0.2 s + 3) / (s² + 4 s + 3)`.
-
-    Args:
-        numerator (n_power,): Coefficients, highest power first; zeros in front are left out.
-        denominator (n_power,): The same of the denominator.
-    """
+    """Writes a transfer function, coefficients highest power first, as `(0.2 s + 3) / (s² + 4 s + 3)`."""
     above, below = polynomial_text(numerator), polynomial_text(denominator)
     return f"{_wrapped(above)} / {_wrapped(below)}"
 
@@ -69,14 +64,7 @@ _VISIBLE = 1e-3  # of the final value
 def sections(
     solution: ExternalSolution, estimates: Estimates, data: Section, options: CouplingOptions
 ) -> tuple[Section, ...]:
-    """Lays out a fit.
-
-    Args:
-        solution: What it found.
-        estimates: Its parameters as rows.
-        data: Measured against simulated outputs.
-        options: When channels count as coupled.
-    """
+    """Lays out a fit."""
     return (
         _transfers(solution),
         data,

@@ -89,13 +89,7 @@ class LpvResult:
 
 
 def estimate_lpv(responses: LocalResponses, validation: LocalResponses, basis: Basis, options: LpvOptions) -> LpvResult:
-    """Identifies one sparse model from frequency responses at several positions.
-
-    Args:
-        responses: What is fitted.
-        validation: Responses at other positions, or of other realizations, that choose the structure.
-        basis: The basis functions and their range.
-        options: What to do.
+    """Identifies one sparse model from frequency responses at several positions; others choose the structure.
 
     Raises:
         DataError: If there are too few positions or lines, a position lies outside the range, or a local model is
@@ -167,17 +161,7 @@ def fit_lpv(
     confidence: float,
     identifiable_relative_std: float,
 ) -> LpvSolution:
-    """Identifies a model.
-
-    Args:
-        own: What is fitted; the basis holds over the range of its positions.
-        choosing: What chooses the structure.
-        ports: Channels and scheduling parameters.
-        basis: Options of the basis functions.
-        options: Options of the fit.
-        degrees_of_freedom: Behind the responses' variances.
-        confidence: Level of the intervals.
-        identifiable_relative_std: Relative deviation up to which a parameter counts as identifiable.
+    """Identifies a model; the basis holds over the range of the fitted positions, other responses choose the structure.
 
     Raises:
         DataError: If weights are asked for and the variance is unknown, there are too few positions or lines, a
@@ -216,14 +200,7 @@ def fit_lpv(
 
 
 def hold(responses: LocalResponses, model: ResponseUncertainty, degrees_of_freedom: float, *, seen: bool) -> Held:
-    """Holds a model against responses.
-
-    Args:
-        responses: What was measured.
-        model: The model's response there.
-        degrees_of_freedom: Behind the responses' variances.
-        seen: Whether the fit saw them; if not, what the parameters may be off counts too.
-    """
+    """Holds a model against responses; where no fit saw them, what the parameters may be off counts too."""
     unknown = np.full(responses.response.shape, np.nan)
     std = unknown if responses.variance is None else np.sqrt(responses.variance)
     expected = std if seen else np.hypot(std, model.total)

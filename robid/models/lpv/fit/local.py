@@ -199,14 +199,10 @@ class LocalModels:
 
 
 def fit_local_models(problem: Problem, *, max_iterations: int = 100) -> LocalModels:
-    """Fits one model of the problem's order at every position.
+    """Fits one model of the problem's order at every position; its basis functions play no part.
 
     Every fit starts from subspace models, then also from its neighbours' results: the better one stays, a stable one
     before any that is not.
-
-    Args:
-        problem: The responses; its basis functions play no part.
-        max_iterations: Limit on steps of one descent.
 
     Raises:
         DataError: If there are too few lines for the order, or a model is unstable.

@@ -129,9 +129,6 @@ def similarity_tangent(system: StateSpace) -> FloatArray:
 def balance(system: StateSpace) -> tuple[StateSpace, FloatArray]:
     """Brings one stable model to the basis in which both Gramians are the same diagonal matrix.
 
-    Args:
-        system: A stable model.
-
     Returns:
         The model and the transformation that was applied (n_state, n_state).
 

@@ -296,15 +296,9 @@ def conclude(
     vectors: Sequence[Sequence[int]] = (),
     options: ConclusionOptions | None = None,
 ) -> Conclusion:
-    """Fits rows by least squares and by Huber, and judges the fit.
+    """Fits rows, decimated to twice the cut-off, by least squares and by Huber, and judges the fit.
 
-    Args:
-        source: The rows, decimated to twice the cut-off.
-        decimator: What decimated them.
-        names: Names of the parameters.
-        instruments: Instrumental variables from the same rows, if any.
-        vectors: Indices of the parameters that are one vector, such as a body's first moments.
-        options: How.
+    `vectors` are indices of parameters that are one vector, such as a body's first moments.
     """
     chosen = options or ConclusionOptions()
     reduction = reduce_rows(source)

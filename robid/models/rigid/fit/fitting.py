@@ -47,13 +47,7 @@ _DEPENDENT = 1e-7  # share of a column that is rounding in filtered rows
 def fit_rigid(
     robot: Robot, shots: Sequence[Shot], options: RigidFitOptions, simulate: Simulate | None = None
 ) -> RigidSolution:
-    """Fits rigid dynamics and friction.
-
-    Args:
-        robot: The robot file's; its values are where nothing is known beforehand.
-        shots: What was recorded.
-        options: Model, filters, estimators.
-        simulate: Simulates the loop of each shot, for instrumental variables; without it there are none.
+    """Fits rigid dynamics and friction; without a simulation of the loop there are no instrumental variables.
 
     Returns:
         The base parameters with their uncertainty, and whether least squares is to be trusted.

@@ -132,11 +132,6 @@ def huber_weights(standardised: FloatArray, bend: float) -> FloatArray:
 def huber(source: RowSource, reduction: Reduction, options: HuberOptions | None = None) -> HuberRegression:
     """Estimates with weights that fall beyond the bend, scale and parameters in turn, from least squares on.
 
-    Args:
-        source: The rows; one pass for each iteration and one before.
-        reduction: The same rows reduced without weights.
-        options: Weights and when to stop.
-
     Raises:
         ValueError: If the median residual of a joint is zero.
 

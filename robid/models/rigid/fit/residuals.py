@@ -213,12 +213,6 @@ def long_run_covariance(
     The long-run variance of the influences is the mean of the squares of their first cosine transforms, whose
     number, 0.4 n^(2/3), is the degrees of freedom of Student's t.
 
-    Args:
-        source: The rows.
-        influences: The estimators.
-        n_row: Kept samples of a pass.
-        n_used: How many of them count for a joint in the mean; all by default.
-
     Source:
         Lazarus, Lewis, Stock and Watson (2018), "HAR inference", the equal-weighted cosine estimator.
     """

@@ -72,17 +72,7 @@ def make_solution(
     travel: Travel,
     options: RigidFitOptions,
 ) -> RigidSolution:
-    """Puts together what a rigid fit found.
-
-    Args:
-        model: The model with all of its standard parameters.
-        base: Its base parameters.
-        reduced: The model with the columns of these alone.
-        found: What the estimators found.
-        choice: How the cut-off was chosen.
-        travel: Where the arm was.
-        options: Options of the fit.
-    """
+    """Puts together what a rigid fit found."""
     name = options.estimator if options.estimator in found.by_name else "weighted"
     estimate = _estimate(model, base, reduced, found, name, options)
     standard = _standard(model, base, estimate, options) if options.physical else None

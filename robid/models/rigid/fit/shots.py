@@ -47,15 +47,9 @@ class Shot:
 
 
 def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: bool = True) -> tuple[Shot, ...]:
-    """Cuts a record into shots: one for each experiment, the mean of its periods.
+    """Cuts a record into shots: one for each experiment, the mean of its periods; torques act `late_samples` later.
 
     What repeats from period to period beside noise, such as ripple, counts once.
-
-    Args:
-        record: The record.
-        robot: The robot, by whose joints' names channels are chosen.
-        late_samples: Samples from a recorded torque to the one that is applied.
-        loaded: Whether a payload with parameters of its own was there.
 
     Raises:
         DataError: If a joint has no channel, or the channels of both sides do not determine all motors.

@@ -180,10 +180,5 @@ def _bodies(solution: RigidSolution) -> Iterator[Finding]:
 
 
 def assess_rigid(solution: RigidSolution, scales: Sequence[Finding] = ()) -> Grade:
-    """Gathers the findings about a rigid fit and grades it by itself: it predicts at best.
-
-    Args:
-        solution: What the fit found.
-        scales: Wrong units and other scales of its record; nothing else is looked for beside them.
-    """
+    """Grades a rigid fit by itself: it predicts at best. Beside wrong scales nothing else is looked for."""
     return graded_alone(scales or parameter_findings(solution), solution.estimate.status)

@@ -72,12 +72,6 @@ def rigid_scale_findings(
     Torques are explained by the model as it would be under each mistake: by gravity, which times do not change, and by
     inertia, which angles, times and torques do. What a record's channels say of each other counts too, and how far the
     arm would have moved.
-
-    Args:
-        robot: The robot file's.
-        shots: What was recorded, motor side.
-        motions: What the record says of the joints' motions.
-        options: Options of the fit.
     """
     try:
         scene = _Scene(robot, shots, motions, options)
@@ -271,11 +265,6 @@ def sum_findings(robot: Robot, shots: Sequence[Shot], options: RigidFitOptions) 
 
     Controllers show some axes against the horizontal, though their motors turn them against the link before. Where
     the torques are badly explained, they are explained again with each angle less or plus each other.
-
-    Args:
-        robot: The robot file's.
-        shots: What was recorded, motor side.
-        options: Options of the fit.
     """
     if len(robot.joints) < 2:
         return ()

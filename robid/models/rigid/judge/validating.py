@@ -122,15 +122,6 @@ def validate_rigid(
     The limits are absolute: torques may be off by 15 % of their size, those of a single motor by 30 %. A motor whose
     torque is off by more than 5 % and twice what the fit left is a reason for doubt.
 
-    Args:
-        robot: The robot file that the fit started from.
-        solution: What the fit found.
-        shots: What was recorded anew.
-        options: Options of the fit.
-        findings: Doubts about the fit, for the grade.
-        truth: True values by parameter name, of a simulated robot.
-        simulate: Simulates the loop of each shot, where it is known.
-
     Raises:
         DataError: If a shot is too short for the fit's filters.
     """
