@@ -52,14 +52,10 @@ class Population:
         """Returns the chance (n,) that a robot of this population is as far off, to both sides or above it alone.
 
         Each value is held against those nearer to the centre alone, whose own scatter says what is far. Thus neither
-        other strangers hide it, nor does a cut that left out too much accuse it. A value that lies beyond a stranger
-        is one as well. Of the spread only what it makes of different errors counts: the most that it may be, so that
-        a well known value is not off because the spread was found too small.
-
-        Args:
-            value (n,): The values that the population was found from.
-            std (n,): Standard deviations of their errors.
-            only_large: Whether a small value is nothing to worry about.
+        other strangers hide it, nor does a cut that left out too much accuse it. A value that lies beyond a stranger is
+        one as well. Of the spread only what it makes of different errors counts: the most that it may be, so that a
+        well known value is not off because the spread was found too small. The population was found from these values
+        (n,) of known deviations (n,); with `only_large` a small value is nothing to worry about.
 
         Source:
             Rosner (1983), Technometrics 25, with deleted residuals, one degree of freedom less;
@@ -91,15 +87,9 @@ def population(value: FloatArray, std: FloatArray, weight: FloatArray | None = N
     Values are normal about the centre, with the variance of the population and that of their own error. The search
     begins with the weighted median and the spread for which half of the values lie within their quartiles; then values
     beyond three deviations are left out, and mean and variance of the others are those of maximum likelihood and of
-    Paule and Mandel, corrected for what was cut off, until nothing changes.
-
-    Args:
-        value (n,): Values, logarithms where errors are relative.
-        std (n,): Standard deviations of their errors.
-        weight (n,): How much each counts; a robot that was measured several times counts once.
-
-    Returns:
-        The population; with less than three robots nothing is said to be outside.
+    Paule and Mandel, corrected for what was cut off, until nothing changes. Values (n,) are logarithms where errors are
+    relative; a robot that was measured several times counts once by its weights (n,). With less than three robots
+    nothing is said to be outside.
 
     Source:
         Paule and Mandel (1982), J. Res. NBS 87; Rousseeuw and Leroy (1987), sec. 5.1, for the reweighting.
@@ -194,12 +184,7 @@ class Outlier:
 
 
 def populations(traits: Sequence[Trait], robots: IntArray) -> tuple[Population | None, ...]:
-    """Finds each trait's population; None where fewer than eight robots have it.
-
-    Args:
-        traits: The traits.
-        robots (n_row,): Number of each row's robot; one that was measured several times counts once.
-    """
+    """Finds each trait's population, each robot of the rows (n_row,) counted once; None of fewer than eight robots."""
     return tuple(_population(trait, robots[trait.rows]) for trait in traits)
 
 

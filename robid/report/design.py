@@ -20,13 +20,9 @@ _NO_WEIGHT = 1e-4
 def skeleton_figure(
     points_m: FloatArray, weights: FloatArray, names: tuple[str, ...], candidates_m: FloatArray | None = None
 ) -> Skeletons:
-    """Shows the chosen configurations as arms in space.
+    """Shows the chosen configurations (n_conf, n_point, 3) as arms in space, points from base to tool [m].
 
-    Args:
-        points_m (n_conf, n_point, 3): Points from base to tool [m].
-        weights (n_conf,): Weight of each.
-        names: Name of each.
-        candidates_m (n_candidate, 3): Tool points of the candidates that were not chosen [m].
+    Tool points of the candidates that were not chosen (n_candidate, 3) stand beside them.
     """
     check_shape("points_m", points_m, "n_conf n_point xyz", n_conf=len(names), xyz=3)
     return Skeletons(
@@ -54,13 +50,7 @@ def weight_figure(weights: FloatArray, names: tuple[str, ...]) -> Bars:
 
 
 def information_figure(information: FloatArray, parameters: tuple[str, ...], names: tuple[str, ...]) -> Bars:
-    """Shows which configuration tells how much about which parameter.
-
-    Args:
-        information (n_conf, n_param): Weighted information of each configuration about each parameter, the diagonal.
-        parameters: Name of each parameter.
-        names: Name of each configuration.
-    """
+    """Shows the weighted information (n_conf, n_param) of each configuration about each parameter, the diagonal."""
     shares = information / information.sum(axis=0)
     return Bars(
         title="Information per parameter",
@@ -142,13 +132,7 @@ def design_tables(design: ConfigurationDesign) -> tuple[Table, ...]:
 
 
 def design_section(name: str, design: ConfigurationDesign, arms_m: FloatArray) -> Section:
-    """Lays out a choice for the page.
-
-    Args:
-        name: Name of the design.
-        design: The choice.
-        arms_m (n_conf, n_point, 3): Points of the arm in each candidate, the tool last [m].
-    """
+    """Lays out a choice for the page, with the arm (n_conf, n_point, 3) in each candidate, the tool last [m]."""
     every = tuple(number_of(index) for index in range(len(arms_m)))
     names = tuple(every[index] for index in design.chosen)
     visits = design.counts[design.chosen]

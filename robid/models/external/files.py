@@ -178,13 +178,8 @@ def write_control(task: ExportTask) -> bytes:
 def transfer_functions(path: str | Path, *, pade_order: int = 0) -> dict[str, control.TransferFunction]:
     """Reads the transfer functions of a fit as those of python-control.
 
-    Args:
-        path: The fit's `model.h5`.
-        pade_order: Order of the Padé approximation of the delay; 0 leaves the delay out. The moving average of the
-            commands is left out.
-
-    Returns:
-        Continuous transfer functions by the channel's name.
+    They come by the channel's name from the fit's `model.h5`, continuous, with a Padé approximation of the delay of the
+    given order, 0 for none, and without the moving average of the commands.
 
     Raises:
         SettingsError: If python-control is not installed.

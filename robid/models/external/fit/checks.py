@@ -109,12 +109,7 @@ def usable_blocks(
 ) -> tuple[tuple[Block, ...], tuple[ChannelFinding, ...]]:
     """Leaves out channels whose command never moves; refuses what cannot be fitted.
 
-    Args:
-        blocks: The channels.
-        shots: What was recorded.
-        floor (n_in,): Motion from which on a command counts as moving.
-        names: Names of the outputs.
-        options: Options of the fit.
+    A command moves from the motion `floor` (n_in,) on.
 
     Raises:
         DataError: If no channel is left, one that was asked for never moves, an output rests, is quantised to nothing,

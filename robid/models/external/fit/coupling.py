@@ -69,14 +69,8 @@ def map_coupling(
 ) -> CouplingMap:
     """Maps the coupling of all outputs to all commands.
 
-    Where several commands move at once, the coherence is the partial one: what the others explain is taken out.
-
-    Args:
-        shots: What was recorded.
-        floor (n_in,): Amplitude from which on a command counts as moving.
-        etfe: Their empirical response.
-        pairs: Commands and outputs.
-        options: Thresholds.
+    Where several commands move at once, the coherence is the partial one: what the others explain is taken out. A
+    command moves from the amplitude `floor` (n_in,) on.
 
     Source:
         Oliveira et al. (2019), sec. 3.2.1, Fig. 9.

@@ -43,13 +43,8 @@ def find_spread(problem: Problem, point: Point, noise: FloatArray, unseen: float
     """Computes residuals and the coefficients' covariance.
 
     For white residuals it is `sigma^2 (J'J)^-1`; where any is coloured, its smoothed spectrum takes the place of
-    `sigma^2`, which keeps intervals honest when the model leaves something over.
-
-    Args:
-        problem: Data and structure.
-        point: The fit.
-        noise (n_shot, n_out): Weights' standard deviations.
-        unseen: How fast, per sample, the fastest pole must be for samples not to tell it from an immediate answer.
+    `sigma^2`, which keeps intervals honest when the model leaves something over. The deviations `noise` (n_shot, n_out)
+    weight residuals; from `unseen` per sample on, samples do not tell the fastest pole from an immediate answer.
 
     Source:
         White (1980), "A heteroskedasticity-consistent covariance matrix estimator"; Ljung (1999), eq. 9.42.

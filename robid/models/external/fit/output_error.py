@@ -192,13 +192,7 @@ class Candidate:
 class Candidates:
     """Fits structures to the same shots.
 
-    Args:
-        shots: Experiments of the fit.
-        inputs: Which of their inputs.
-        outputs: Which of their outputs.
-        common: What all structures share.
-        held_back: Experiments that are not fitted.
-        hopeless: How much worse than the best criterion so far a structure may be to be worth more than a first try.
+    A structure that is worse than the best criterion so far by `hopeless` is worth no more than a first try.
     """
 
     def __init__(

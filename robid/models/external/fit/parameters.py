@@ -79,14 +79,8 @@ def block_parameters(
     """Turns the coefficients of a block into poles, zeros and static gains.
 
     A real root is given as its rate, positive in the left half plane, a pair as natural frequency and damping ratio.
-
-    Args:
-        name: Name of the block, which names of its poles begin with.
-        channels: Name of each of its channels, output by output.
-        units: Unit of each channel's static gain.
-        model: Its transfer functions.
-        root (n_coefficient, n_root): Root of the coefficients' covariance: numerators, then the denominator without
-            its first.
+    Channels are named output by output. `root` (n_coefficient, n_root) is one of the covariance of numerators, then of
+    the denominator without its first.
     """
     nyquist = np.pi / model.sampling_period_s
     rows = _rows_of_roots(name, "pole", poles_of(model, root), nyquist)
@@ -168,13 +162,8 @@ def find_findings(
 ) -> Findings:
     """Looks through the poles and zeros of one channel.
 
-    Args:
-        model: The transfer functions.
-        root (n_param, n_root): Root of the covariance of `[numerators, denominator]` without the latter's first.
-        output: Output of the channel.
-        input: Input of the channel.
-        confidence: Level of the tests.
-        largest_relative_std: Relative deviation above which a pole or zero counts as undetermined.
+    `root` (n_param, n_root) is as in `block_parameters`; poles and zeros of a larger relative deviation than
+    `largest_relative_std` count as undetermined.
     """
     poles, zeros = poles_of(model, root), zeros_of(model, root, output, input)
     nyquist = np.pi / model.sampling_period_s

@@ -157,12 +157,8 @@ def whiteness(residual: FloatArray, excited: BoolArray, n_taken: float) -> float
     """Chance of a white residual to look as coloured as this one.
 
     Its power where commands excite is held against the rest, and its autocorrelation at the first lags against zero;
-    the smaller chance counts twice.
-
-    Args:
-        residual (n_sample,): Residual.
-        excited (n_line,): Lines that commands excite.
-        n_taken: Degrees of freedom that the fit took from this residual.
+    the smaller chance counts twice. The lines (n_line,) that commands excite and the degrees of freedom that the fit
+    took from this residual (n_sample,) are given.
 
     Source:
         Ljung and Box (1978), "On a measure of lack of fit in time series models".

@@ -153,16 +153,9 @@ def discretise(cascade: Cascade, period: float, hold: Hold) -> Held:
 
 
 def propagate(held: Held, period: float, inputs: FloatArray, start: Start) -> FloatArray:
-    """Simulates a cascade's states for several inputs.
+    """Simulates a cascade's states (n_in, n_state, n_sample) for several inputs (n_in, n_sample).
 
-    Args:
-        held: The discretised cascade.
-        period: Sampling period times the reference frequency.
-        inputs (n_in, n_sample): The inputs.
-        start: `periodic` for the steady state of a period, else from zero.
-
-    Returns:
-        States (n_in, n_state, n_sample).
+    The start is zero, but for `periodic`: the steady state of a period, which is over the reference frequency's.
     """
     periodic = start == "periodic"
     # Beyond the last sample a period begins again, and a single shot goes on as it ended.
@@ -316,16 +309,9 @@ def reference_frequency(denominator: FloatArray) -> float:
 
 
 def delayed(inputs: FloatArray, delay_samples: int, moving_average: int, start: Start) -> FloatArray:
-    """Averages and delays commands.
+    """Averages and delays commands (n_sample, n_in): what the transfer function receives (n_in, n_sample).
 
-    Args:
-        inputs (n_sample, n_in): Commands.
-        delay_samples: Delay in samples.
-        moving_average: Samples averaged.
-        start: What came before: nothing (`rest`), the same period (`periodic`) or the first value (`free`).
-
-    Returns:
-        What the transfer function receives (n_in, n_sample).
+    Before came nothing (`rest`), the same period (`periodic`) or the first value (`free`).
     """
     signals = np.ascontiguousarray(np.asarray(inputs, dtype=float).T)
     n_sample = signals.shape[1]

@@ -75,11 +75,7 @@ class LpvResult:
     integrators: tuple[int, ...]  # how often each output integrates
 
     def uncertainty(self, points: FloatArray, frequency_hz: FloatArray) -> ResponseUncertainty:
-        """Returns the response, integrators included, with its deviations.
-
-        Args:
-            points (n_pos, n_scheduling): Scheduling parameters.
-            frequency_hz (n_freq,): Lines.
+        """Returns the response at points (n_pos, n_scheduling), integrators included, with its deviations.
 
         Raises:
             DataError: If a point lies outside the range.

@@ -20,17 +20,8 @@ def subspace_model(
     """Realises a frequency response from the space that its states span.
 
     The lines are first spread over the circle: lines far below the sampling rate crowd at 1, and their powers tell
-    states apart badly.
-
-    Args:
-        z (n_freq,): Points of the unit circle.
-        response (n_freq, n_out, n_in): Frequency response.
-        root_weight (n_freq, n_out, n_in): Root of each element's weight.
-        order: Number of states.
-        n_block: Block rows, more than `order / n_out`.
-
-    Returns:
-        A stable model.
+    states apart badly. Given are points of the unit circle (n_freq,), the response and the root of each element's
+    weight (n_freq, n_out, n_in), and more block rows than `order / n_out`; the model is stable.
 
     Source:
         McKelvey, Akcay and Ljung (1996), Subspace-based multivariable system identification from frequency response
@@ -97,11 +88,7 @@ def align_neighbours(systems: StateSpace, points: FloatArray) -> StateSpace:
     """Brings local models to the basis of a middle one, balanced, each by way of a neighbour that is there already.
 
     A transformation makes a model as much like its neighbour as a basis can: linear least squares, from its own
-    balanced basis, so that the basis it came in does not matter.
-
-    Args:
-        systems: Stable local models, one per position.
-        points (n_pos, n_scheduling): Their positions.
+    balanced basis, so that the basis it came in does not matter. Stable models stand at points (n_pos, n_scheduling).
 
     Raises:
         DataError: If a model has nothing in common with its neighbour.
@@ -146,10 +133,7 @@ def _like(system: StateSpace, other: StateSpace, index: int) -> StateSpace:
 
 
 def check_positions(values: FloatArray) -> None:
-    """Refuses positions that do not tell the basis functions apart.
-
-    Args:
-        values (n_pos, n_function + 1): The functions at the positions.
+    """Refuses positions that do not tell the basis functions (n_pos, n_function + 1) apart.
 
     Raises:
         DataError: If there are fewer positions than functions, or they leave a combination of functions open.
@@ -169,14 +153,9 @@ def check_positions(values: FloatArray) -> None:
 
 
 def interpolate(systems: StateSpace, values: FloatArray) -> FloatArray:
-    """Fits every element of the matrices over the positions by least squares.
+    """Fits every element of the matrices over the positions by least squares, packed (n_function + 1, n_local).
 
-    Args:
-        systems: Local models in one basis.
-        values (n_pos, n_function + 1): The basis functions at the positions.
-
-    Returns:
-        The packed matrices of each function (n_function + 1, n_local).
+    Local models are in one basis; `values` (n_pos, n_function + 1) are the basis functions at their positions.
 
     Raises:
         DataError: If the positions do not tell the basis functions apart.

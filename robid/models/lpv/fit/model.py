@@ -95,10 +95,7 @@ class Basis:
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
     def values(self, points: FloatArray) -> FloatArray:
-        """Returns all functions (n_point, n_function + 1), the constant one first.
-
-        Args:
-            points (n_point, n_scheduling): Scheduling parameters.
+        """Returns all functions (n_point, n_function + 1) at points (n_point, n_scheduling), the constant one first.
 
         Raises:
             DataError: If a point lies outside the range.
@@ -147,12 +144,9 @@ def make_basis(points: FloatArray, options: BasisOptions) -> Basis:
 
 
 def polynomial_basis(points: FloatArray, degree: int, *, center: FloatArray | None = None) -> Basis:
-    """Makes the basis of all monomials up to a total degree, over the range of some positions.
+    """Makes the basis of all monomials up to a total degree, over the range of positions (n_pos, n_scheduling).
 
-    Args:
-        points (n_pos, n_scheduling): Positions.
-        degree: Highest total degree.
-        center (n_scheduling,): Where the parameters are counted from; zero by default, as in the paper.
+    The parameters are counted from `center` (n_scheduling,), zero by default, as in the paper.
 
     Source:
         Turk et al. (2018), eq. 19.
@@ -166,13 +160,7 @@ def polynomial_basis(points: FloatArray, degree: int, *, center: FloatArray | No
 
 
 def spline_basis(points: FloatArray, *, pieces: int, degree: int = 3) -> Basis:
-    """Makes B-splines with evenly spaced knots over the range of some positions.
-
-    Args:
-        points (n_pos, n_scheduling): Positions.
-        pieces: Intervals of each parameter.
-        degree: Degree of the pieces.
-    """
+    """Makes B-splines with evenly spaced knots over the range of some positions (n_pos, n_scheduling)."""
     lower, upper = points.min(axis=0), points.max(axis=0)
     knots = []
     for low, high in zip(lower, upper, strict=True):
@@ -251,16 +239,10 @@ def largest_pole(model: LpvModel) -> tuple[float, FloatArray]:
 def simulate_lpv(
     model: LpvModel, inputs: FloatArray, scheduling: FloatArray, initial_state: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Runs a model while its scheduling parameters move.
+    """Runs a model while its scheduling parameters (n_sample, n_scheduling) move.
 
-    Args:
-        model: The model.
-        inputs (n_sample, n_in): Inputs.
-        scheduling (n_sample, n_scheduling): Scheduling parameters of the same samples.
-        initial_state (n_state,): State at the first sample; zero by default.
-
-    Returns:
-        Outputs (n_sample, n_out) and the state (n_state,) after the last sample.
+    Returns outputs (n_sample, n_out) to inputs (n_sample, n_in) and the state (n_state,) after the last sample; the
+    first one is zero by default.
 
     Raises:
         DataError: If the parameters leave the range.

@@ -65,13 +65,10 @@ def weighted_least_squares(reduction: Reduction) -> Regression:
 
 
 def solve_factor(factor: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Solves the least-squares problem of a triangular factor of `[W y]`.
+    """Solves the least-squares problem of a triangular factor (n_param + 1, n_param + 1) of `[W y]`.
 
-    Args:
-        factor (n_param + 1, n_param + 1): The factor.
-
-    Returns:
-        Parameters (n_param,), `(W' W)^-1` (n_param, n_param) and the condition number of W with columns of norm one.
+    Returns parameters (n_param,), `(W' W)^-1` (n_param, n_param) and the condition number of W with columns of norm
+    one.
 
     Raises:
         ValueError: If the columns are dependent.
@@ -259,13 +256,7 @@ def reduce_weighted(
 ) -> tuple[Reduction, FloatArray]:
     """Reduces rows with weights that follow from their residuals, in one pass.
 
-    Args:
-        source: The rows.
-        parameters (n_param,): Where the residuals are taken.
-        weigh: Weights of residuals (n_row, n_joint).
-
-    Returns:
-        The weighted rows' reduction, and all residuals (n_row, n_joint), NaN where a row is not used.
+    Residuals (n_row, n_joint) at the parameters (n_param,) come along, NaN where a row is not used.
     """
     running, kept = _Running(), []
     for rows in source:

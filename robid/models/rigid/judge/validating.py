@@ -61,13 +61,7 @@ class Prediction:
 def predict(
     model: RigidModel, parameters: FloatArray, shots: Sequence[Shot], filters: PreprocessingOptions
 ) -> Prediction:
-    """Predicts torques along the measured motion of some shots.
-
-    Args:
-        model: The model.
-        parameters (n_param,): Values of its columns.
-        shots: What was recorded.
-        filters: Filters of positions, torques and columns.
+    """Predicts torques along the measured motion of some shots by parameters (n_param,).
 
     Raises:
         ValueError: If a shot is too short for its filters.
