@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from importlib import resources
 from itertools import groupby
 from typing import Any, Literal
@@ -102,139 +102,25 @@ def fit_sections(fits: tuple[FitReport, ...]) -> tuple[Section, ...]:
     )
 
 
+_KINDS = {Figure: "curves", Bars: "bars", Skeletons: "skeletons", Waterfall: "waterfall", RatioChart: "ratios"}
+
+
 def figure_data(figure: AnyFigure) -> dict[str, Any]:
     """Gathers what the page draws of a figure; `kind` names the script that does it."""
-    if isinstance(figure, BodeMatrix):
-        return bode_data(figure)
-    if isinstance(figure, Skeletons):
-        return _skeleton_data(figure)
-    if isinstance(figure, Waterfall):
-        return _waterfall_data(figure)
-    if isinstance(figure, Bars):
-        return _bar_data(figure)
-    if isinstance(figure, RatioChart):
-        return _ratio_data(figure)
-    return _curve_data(figure)
+    return bode_data(figure) if isinstance(figure, BodeMatrix) else {"kind": _KINDS[type(figure)], **_drawn(figure)}
 
 
-def _curve_data(figure: Figure) -> dict[str, Any]:
-    return {
-        "kind": "curves",
-        "x_title": figure.x_title,
-        "y_title": figure.y_title,
-        "log_x": figure.log_x,
-        "log_y": figure.log_y,
-        "y_range": figure.y_range,
-        "height": figure.height,
-        "legend": figure.legend,
-        "x_labels": list(figure.x_labels),
-        "x_range": figure.x_range,
-        "equal": figure.equal,
-        "lines": [{"along": line.along, "at": rounded(line.at), "name": line.name} for line in figure.lines],
-        "curves": [
-            {
-                "name": curve.name,
-                "x": [rounded(x) for x in curve.x],
-                "y": [rounded(y) for y in curve.y],
-                **({"texts": list(curve.texts)} if curve.texts else {}),
-                **({"points": True, "symbol": curve.symbol} if curve.points else {}),
-                **({} if curve.shade is None else {"shade": curve.shade, "dashed": curve.dashed}),
-                **(_band(curve) if curve.lower else {}),
-            }
-            for curve in figure.curves
-        ],
-    }
+def _drawn(value: Any) -> Any:  # noqa: ANN401
+    """A figure as JSON knows it, numbers rounded; without title and caption, and of curves what they state alone."""
+    if is_dataclass(value):
+        parts = [(one, getattr(value, one.name)) for one in fields(value) if one.name not in ("title", "caption")]
+        return {one.name: _drawn(part) for one, part in parts if not isinstance(value, Curve) or part != one.default}
+    if isinstance(value, tuple):
+        return [_drawn(each) for each in value]
+    return value if value is None or isinstance(value, str | int) else rounded(value)
 
 
-def _band(curve: Curve) -> dict[str, list[float | None]]:
-    return {"lower": [rounded(y) for y in curve.lower], "upper": [rounded(y) for y in curve.upper]}
-
-
-def _bar_data(bars: Bars) -> dict[str, Any]:
-    return {
-        "kind": "bars",
-        "value_title": bars.value_title,
-        "label_title": bars.label_title,
-        "labels": list(bars.labels),
-        "flat": bars.flat,
-        "parts": [{"name": name, "values": [rounded(value) for value in values]} for name, values in bars.parts],
-        "groups": [{"name": name, "count": count} for name, count in bars.groups],
-        "marks": [rounded(mark) for mark in bars.marks],
-        "mark_title": bars.mark_title,
-    }
-
-
-def _skeleton_data(arms: Skeletons) -> dict[str, Any]:
-    def columns(points: tuple[tuple[float, float, float], ...]) -> list[list[float | None]]:
-        return [[rounded(value, 4) for value in column] for column in zip(*points, strict=True)]
-
-    return {
-        "kind": "skeletons",
-        "arms": [
-            {"name": name, "weight": rounded(weight, 3), "points": columns(points)}
-            for name, points, weight in zip(arms.names, arms.points, arms.weights, strict=True)
-        ],
-        "others": columns(arms.others),
-    }
-
-
-def _waterfall_data(figure: Waterfall) -> dict[str, Any]:
-    return {
-        "kind": "waterfall",
-        "x_title": figure.x_title,
-        "place_title": figure.place_title,
-        "y_title": figure.y_title,
-        "log_x": figure.log_x,
-        "height": figure.height,
-        "places": [rounded(place) for place in figure.places],
-        "layers": [
-            {
-                "name": layer.name,
-                "drawn": layer.drawn,
-                "x": [rounded(x) for x in layer.x],
-                "heights": [[rounded(height) for height in curve] for curve in layer.heights],
-            }
-            for layer in figure.layers
-        ],
-    }
-
-
-def _ratio_data(chart: RatioChart) -> dict[str, Any]:
-    return {
-        "kind": "ratios",
-        "interval": chart.interval,
-        "panels": [
-            {
-                "title": title,
-                "rows": [
-                    {
-                        "name": row.name,
-                        "estimate": rounded(row.estimate),
-                        "lower": rounded(row.lower),
-                        "upper": rounded(row.upper),
-                        "truth": rounded(row.truth),
-                        "identifiable": row.identifiable,
-                        "text": row.text,
-                    }
-                    for row in rows
-                ],
-            }
-            for title, rows in chart.panels
-        ],
-    }
-
-
-_SCRIPTS = (
-    "page.js",
-    "choice.js",
-    "quality.js",
-    "bode.js",
-    "ratios.js",
-    "curves.js",
-    "bars.js",
-    "skeletons.js",
-    "waterfall.js",
-)
+_SCRIPTS = ("page", "choice", "quality", "bode", "ratios", "curves", "bars", "skeletons", "waterfall")
 
 
 def render(content: ReportContent) -> str:
@@ -265,7 +151,7 @@ def render(content: ReportContent) -> str:
         badges=_badges,
         styles=_styles,
         style=Markup(_own("page.css")),
-        scripts=[Markup(_own(name)) for name in _SCRIPTS],
+        scripts=[Markup(_own(f"{name}.js")) for name in _SCRIPTS],
         plotly=lambda: Markup(get_plotlyjs() if drawn else ""),
         data=lambda: Markup(_script_json({"figures": drawn})),
     )
