@@ -135,17 +135,16 @@ def read_ledger(folder: Path) -> Ledger | None:
             return None
         if found.pop(_DIGEST) != canonical_hash(found):
             return None
-        keys = {name: _file_keys(found.pop(name)) for name in ("inputs", "outputs")}
+        keys = {
+            files: {name: FileKey(key["sha256"], tuple(key["stat"])) for name, key in found.pop(files).items()}
+            for files in ("inputs", "outputs")
+        }
         error = found.pop("error")
         made: dict[str, Any] = {name: tuple(found.pop(name)) for name in ("warnings", "results")}
         made["grades"] = {fit: (value, sentence) for fit, (value, sentence) in found["grades"].items()}
         return Ledger(**{**found, **keys, **made, "settings": {}, "error": error and RowError(**error)})
     except (ArtifactError, AttributeError, KeyError, TypeError, ValueError):
         return None
-
-
-def _file_keys(found: Mapping[str, Any]) -> dict[str, FileKey]:
-    return {name: FileKey(key["sha256"], tuple(key["stat"])) for name, key in found.items()}
 
 
 def logs_away(ledger: Ledger, inputs: Mapping[str, Path]) -> tuple[str, ...]:

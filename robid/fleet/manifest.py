@@ -205,7 +205,8 @@ def robots_of(manifest: Manifest, robot_files: Collection[str] = ()) -> Robots:
         return Robots(names, robot, groups, group, _order(robot), "measurement")
     values = [row.values[TIME] for row in manifest.rows]
     dated = _kind(values) == _DATE
-    time = np.array([(_days if dated else _number)(value) for value in values])
+    days = [math.nan if (day := _day_or_none(value)) is None else day for value in values]
+    time = np.array(days if dated else [_number(value) for value in values])
     return Robots(names, robot, groups, group, time, "day" if dated else f"unit of `{TIME}`")
 
 
@@ -274,11 +275,6 @@ def _number(value: Value) -> float:
         return math.nan if isinstance(value, bool) else float(_text(value))
     except ValueError:
         return math.nan
-
-
-def _days(value: Value) -> float:
-    day = _day_or_none(value)
-    return math.nan if day is None else day
 
 
 def _day_or_none(value: Value) -> float | None:

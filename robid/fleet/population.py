@@ -185,7 +185,12 @@ class Outlier:
 
 def populations(traits: Sequence[Trait], robots: IntArray) -> tuple[Population | None, ...]:
     """Finds each trait's population, each robot of the rows (n_row,) counted once; None of fewer than eight robots."""
-    return tuple(_population(trait, robots[trait.rows]) for trait in traits)
+    found: list[Population | None] = []
+    for trait in traits:
+        names, own, times = np.unique(robots[trait.rows], return_inverse=True, return_counts=True)
+        enough = len(names) >= FEWEST_ROBOTS
+        found.append(population(trait.value, trait.std, 1 / times[own]) if enough else None)
+    return tuple(found)
 
 
 def find_outliers(
@@ -216,8 +221,3 @@ def holm(chance: FloatArray) -> FloatArray:
     adjusted = np.empty_like(raised)
     adjusted[order] = np.minimum(raised, 1.0)
     return adjusted
-
-
-def _population(trait: Trait, robots: IntArray) -> Population | None:
-    names, own, times = np.unique(robots, return_inverse=True, return_counts=True)
-    return population(trait.value, trait.std, 1 / times[own]) if len(names) >= FEWEST_ROBOTS else None

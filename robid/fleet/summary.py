@@ -91,9 +91,8 @@ def _populations(comparison: Comparison) -> list[dict[str, Any]]:
 def _outlier(comparison: Comparison, outlier: Outlier, ledgers: Sequence[Ledger]) -> dict[str, Any]:
     of, robots = comparison.compared[outlier.trait], comparison.robots
     value, low, high = of.interval(outlier.row)
-    about = (
-        {} if of.population is None else {"centre": of.natural(of.population.centre), "spread": of.population.spread}
-    )
+    known = of.population
+    about = {} if known is None else {"centre": of.natural(known.centre), "spread": known.spread}
     return {
         "row": ledgers[outlier.row].id,
         "robot": robots.names[robots.robot[outlier.row]],

@@ -160,7 +160,9 @@ def _entries(
             common["outlier_row"] = index in comparison.off
         for entry in ledger.results:
             off = {} if comparison is None else _off(comparison, index, entry)
-            yield {**common, **entry, **off, **_graded(ledger, entry["fit"])}
+            value, sentence = ledger.grades.get(entry["fit"], (None, ""))
+            grade = {} if value is None else {"grade": value, "grade_word": WORDS[value], "verdict": sentence}
+            yield {**common, **entry, **off, **grade}
 
 
 def _off(comparison: Comparison, row: int, entry: Mapping[str, Any]) -> dict[str, Any]:
@@ -168,13 +170,6 @@ def _off(comparison: Comparison, row: int, entry: Mapping[str, Any]) -> dict[str
     key = entry["fit"], entry["parameter"]
     away = float(comparison.away[key][row]) if key in comparison.away else math.nan
     return {} if math.isnan(away) else {"away": away, "outlier": (row, *key) in comparison.accused}
-
-
-def _graded(ledger: Ledger, fit: str) -> dict[str, Any]:
-    if fit not in ledger.grades:
-        return {}
-    value, sentence = ledger.grades[fit]
-    return {"grade": value, "grade_word": WORDS[value], "verdict": sentence}
 
 
 def column_of(values: Sequence[Value], name: str, *, typed: bool) -> tuple[str, list[Value]]:

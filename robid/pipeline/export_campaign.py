@@ -69,19 +69,15 @@ def check_frf_export(options: FrfExport, others: Sequence[str]) -> None:
         known = ", ".join(f"`{name}`" for name in _FORMATS)
         problems.append(f"S105 responses are exported as one of {known}, not as `{options.format}`")
     elif options.output is not None:
-        problems += _output_problems(options.output, _FORMATS[options.format].suffixes)
+        suffixes = _FORMATS[options.format].suffixes
+        if suffixes and options.output.suffix not in suffixes:
+            problems.append(f"S106 `--output {options.output}` must end with {' or '.join(suffixes)}")
+        if not suffixes and options.output.suffix:
+            problems.append(f"S107 `--output {options.output}` must be a folder for one table per configuration")
     if problems:
         raise SettingsError("; ".join(problems), where=_WHERE, remedy="`robid export --help` says what goes together")
     if options.format == "uff":
         require_module("pyuff", "uff", "Writing UFF58")
-
-
-def _output_problems(output: Path, suffixes: tuple[str, ...]) -> list[str]:
-    if suffixes and output.suffix not in suffixes:
-        return [f"S106 `--output {output}` must end with {' or '.join(suffixes)}"]
-    if not suffixes and output.suffix:
-        return [f"S107 `--output {output}` must be a folder for one table per configuration"]
-    return []
 
 
 def frf_export_plan(campaign: str) -> Plan:
@@ -98,13 +94,7 @@ def export_frf(options: FrfExport, loaded: LoadedExperiment, source: Path, folde
     frf = frf_from_artifact(read_artifact(source, FRF))
     numbers = _numbers(options, len(frf.configurations))
     joints = tuple(joint.name for joint in loaded.robot.joints)
-    response = Response(
-        experiment=loaded.experiment.name,
-        campaign=options.campaign,
-        joints=joints,
-        numbers=tuple(numbers),
-        frf=frf.select(numbers),
-    )
+    response = Response(loaded.experiment.name, options.campaign, joints, tuple(numbers), frf.select(numbers))
     target, write = options.target(folder), _FORMATS[options.format].write
     if write is not None:
         return {target: write(response)}
@@ -215,13 +205,16 @@ def _periods(campaign: Campaign) -> tuple[int, int]:
 def _instructions(content: CampaignExcitation, campaign: Campaign, joints: Joints) -> list[str]:
     excitation, (transient, periods) = content.excitation, _periods(campaign)
     n_real, n_exp, n_sample, _ = excitation.reference.shape
+    of, wanted = "all motors at once", "torque and angle of every motor, and this reference"
+    if excitation.channels:
+        of, wanted = "one channel after the other", "the commands as they were sent and the measured pose"
     blocks = f"{counted(n_real, 'realization')} of {counted(n_exp, 'experiment')}"
     lines = [
-        f"{excitation.kind} of {_of(excitation)} [{UNITS[excitation.kind]}]: {_HOW[excitation.kind]}",
+        f"{excitation.kind} of {of} [{UNITS[excitation.kind]}]: {_HOW[excitation.kind]}",
         f"One period: {n_sample} samples of {excitation.sampling_period_s:g} s, {excitation.period_s:g} s.",
         f"Repeat it without a gap, at least {counted(transient + periods, 'period')} and one to spare"
         f" ({transient} until the steady state, {periods} to record).",
-        f"Play {blocks} in each of {counted(len(content.configurations), 'configuration')}; log {_wanted(excitation)},"
+        f"Play {blocks} in each of {counted(len(content.configurations), 'configuration')}; log {wanted},"
         " at this rate.",
     ]
     if excitation.travel is not None:
@@ -232,17 +225,6 @@ def _instructions(content: CampaignExcitation, campaign: Campaign, joints: Joint
         told = ", ".join(f"{name} {value:.6g}" + (" m" if unit == "m" else "") for name, value, unit in named)
         lines.append(f"Configuration {number} [deg]: {told}")
     return lines
-
-
-def _of(excitation: Excitation) -> str:
-    return "one channel after the other" if excitation.channels else "all motors at once"
-
-
-def _wanted(excitation: Excitation) -> str:
-    """What is to be logged."""
-    if excitation.channels:
-        return "the commands as they were sent and the measured pose"
-    return "torque and angle of every motor, and this reference"
 
 
 def _columns(excitation: Excitation, joints: Joints) -> list[str]:

@@ -64,7 +64,7 @@ def state_of_output(stage: Stage, plan: Plan, folder: Path, above: Mapping[str, 
     if not output.exists():
         return State("missing", "not made yet")
     try:
-        made = _provenance(stage, output)
+        made = read_stamp(output) if stage.kind is None else read_header(output, stage.kind).provenance
     except ArtifactError as error:
         return _unreadable(error)
     missing = [path for path in plan.outputs if not (folder / path).exists()]
@@ -96,7 +96,11 @@ def _unreadable(error: ArtifactError) -> State:
 
 def input_hashes(plan: Plan, inputs: Mapping[str, Path]) -> dict[str, str]:
     """Returns the content hash of each input and outside file that is there."""
-    made = {name: _content(path) for name, path in inputs.items() if path.exists()}
+    made = {
+        name: read_header(path).content_sha256 if path.suffix == ".h5" else file_sha256(path)
+        for name, path in inputs.items()
+        if path.exists()
+    }
     outside = {path: file_sha256(path) for path in dict.fromkeys(plan.files.values()) if path.exists()}
     return made | {name: outside[path] for name, path in plan.files.items() if path in outside}
 
@@ -117,16 +121,6 @@ def _differing(made: Provenance, plan: Plan, inputs: Mapping[str, Path]) -> list
     hashes = input_hashes(plan, inputs)
     names = [name for name in dict.fromkeys([*hashes, *made.inputs]) if name in hashes or name not in plan.files]
     return [name for name in names if hashes.get(name) != made.inputs.get(name)]
-
-
-def _provenance(stage: Stage, output: Path) -> Provenance:
-    return read_stamp(output) if stage.kind is None else read_header(output, stage.kind).provenance
-
-
-def _content(path: Path) -> str:
-    if path.suffix == ".h5":
-        return read_header(path).content_sha256
-    return file_sha256(path)
 
 
 def file_sha256(path: Path) -> str:
@@ -211,14 +205,6 @@ def _refusal(path: Path, what: str) -> ArtifactError:
     )
 
 
-def _is_report(path: Path) -> bool:
-    return _stage_of(path) not in {None, _COMPARISON}
-
-
-def _is_comparison(path: Path) -> bool:
-    return _stage_of(path) == _COMPARISON
-
-
 def _stage_of(path: Path) -> str | None:
     """Stage that made a page; None of one that says nothing."""
     try:
@@ -255,8 +241,8 @@ def _read_json(path: Path) -> object:
 
 
 _RECOGNISED: dict[str, Callable[[Path], bool]] = {
-    "report": _is_report,
-    "comparison": _is_comparison,
+    "report": lambda path: _stage_of(path) not in {None, _COMPARISON},
+    "comparison": lambda path: _stage_of(path) == _COMPARISON,
     "summary": _is_summary,
     "truth": is_truth,
     "export": _is_export,

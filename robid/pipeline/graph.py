@@ -127,15 +127,12 @@ def _settle(run: Run, node: Node, states: dict[str, State]) -> State:
             node.stage, node.plan, run.folder, {path: state for path, state in above.items() if not state.blocked}
         )
     if state.unreadable is not None:
-        state = replace(state, unreadable=_with_command(run, node, state.unreadable))
+        # The remedy names the command that makes this very output.
+        error = state.unreadable
+        remedy = error.remedy.replace(f"robid {node.stage.name} EXPERIMENT.yaml", run.command(node))
+        state = replace(state, unreadable=ArtifactError(error.what, where=error.where, remedy=remedy))
     states.update(dict.fromkeys(node.plan.outputs, state))
     return state
-
-
-def _with_command(run: Run, node: Node, error: ArtifactError) -> ArtifactError:
-    """The same error, its remedy naming the command that makes this very output."""
-    remedy = error.remedy.replace(f"robid {node.stage.name} EXPERIMENT.yaml", run.command(node))
-    return ArtifactError(error.what, where=error.where, remedy=remedy)
 
 
 def needed_for(nodes: tuple[Node, ...], outputs: Collection[str]) -> tuple[Node, ...]:
@@ -192,7 +189,10 @@ def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:
     """Refuses what would fail after a long computation: outputs that are not ours, a full disk, a missing log."""
     states = examine(run, nodes)
     due = [node for node, state in states.items() if state.status != "fresh"]
-    _tidy(run, {path for node in nodes if node not in due for path in node.plan.outputs})
+    # What killed runs left and none resumes goes: parts of what is fresh or unknown, unfinished files.
+    fresh = {path for node in nodes if node not in due for path in node.plan.outputs}
+    known = {path for node in graph(run.loaded) for path in node.plan.outputs}
+    remove_leftovers(run.folder, {run.path(path) for path in known - fresh})
     check_room(run.folder / "run", _SMALL_BYTES + sum(node.plan.needed_bytes for node in due))
     for state in states.values():
         if state.unreadable is not None:
@@ -200,12 +200,6 @@ def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:
     for node in due:
         _check_files(node)
         check_outputs(run.loaded, node.stage, node.plan, {}, run.path(node.output))
-
-
-def _tidy(run: Run, fresh: set[str]) -> None:
-    """Removes what killed runs left and none resumes: parts of what is fresh or unknown, unfinished files."""
-    known = {path for node in graph(run.loaded) for path in node.plan.outputs}
-    remove_leftovers(run.folder, {run.path(path) for path in known - fresh})
 
 
 def _check_files(node: Node) -> None:

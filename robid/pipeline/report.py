@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -24,7 +24,7 @@ from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import inspect_artifact, read_artifact, read_header
 from robid.artifacts.truth import read_truth
 from robid.design.configurations.information import ConfigurationDesign
-from robid.design.excitation.excitation import UNITS, CampaignExcitation, ExcitationPlan
+from robid.design.excitation.excitation import UNITS, CampaignExcitation
 from robid.frf.frf import Frf
 from robid.frf.quality import saturation_text
 from robid.models.family import Data, Shown, family_of
@@ -82,10 +82,11 @@ def gather(chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, prese
     run = _read(loaded, folder, present)
     warnings = _warnings(loaded, run.frfs)
     shown = {name: _shown(loaded, folder, name, run, warnings) for name in run.models}
-    fits = tuple(
-        family_of(loaded, name).report(replace(each, beside=_beside(loaded, name, shown)))
-        for name, each in shown.items()
-    )
+    # Fits of one family are shown beside each other, and compared.
+    families = {name: loaded.experiment.fits[name].family for name in shown}
+    alike = {family: [name for name in shown if families[name] == family] for family in families.values()}
+    besides = {name: tuple(shown[one] for one in alike[families[name]] if one != name) for name in shown}
+    fits = tuple(family_of(loaded, name).report(replace(shown[name], beside=besides[name])) for name in shown)
     excitations = tuple(_excitation(loaded, run, name) for name in run.excitations)
     alone = [(name, frf) for name, frf in run.frfs.items() if name not in _fitted(loaded, run)]
     content = ReportContent(
@@ -105,7 +106,10 @@ def gather(chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, prese
     each = ((name, response_summary(frf)) for name, frf in run.frfs.items())
     responses = {f"campaigns.{name}.{key}": value for name, summary in each for key, value in summary.items()}
     measured = () if loaded.experiment.fits else tuple(measured_sentence(*one) for one in alone)
-    return RunContent(content, fits, run.designs, excitations, _comparison(loaded, shown), responses, measured)
+    compared: dict[str, float] = {}
+    for names in alike.values():
+        compared |= family_of(loaded, names[0]).compare([shown[name] for name in names])
+    return RunContent(content, fits, run.designs, excitations, compared, responses, measured)
 
 
 def _fitted(loaded: LoadedExperiment, run: _Run) -> set[str]:
@@ -134,20 +138,6 @@ def _shown(loaded: LoadedExperiment, folder: Path, name: str, run: _Run, warning
         true=_truth(loaded, folder, name),
         told=warnings,
     )
-
-
-def _beside(loaded: LoadedExperiment, name: str, shown: Mapping[str, Shown]) -> tuple[Shown, ...]:
-    """The other fits of the same family."""
-    family = family_of(loaded, name)
-    return tuple(each for other, each in shown.items() if other != name and family_of(loaded, other) is family)
-
-
-def _comparison(loaded: LoadedExperiment, shown: Mapping[str, Shown]) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for family in {loaded.experiment.fits[name].family: family_of(loaded, name) for name in shown}.values():
-        alike = [each for name, each in shown.items() if family_of(loaded, name) is family]
-        found |= family.compare(alike)
-    return found
 
 
 def _experiment(loaded: LoadedExperiment, run: _Run, excitations: tuple[ExcitationRow, ...]) -> tuple[Section, ...]:
@@ -232,6 +222,12 @@ def _verdict(loaded: LoadedExperiment, run: _Run, fits: tuple[FitReport, ...], w
 def _excitation(loaded: LoadedExperiment, run: _Run, campaign: str) -> ExcitationRow:
     excitation = run.excitations[campaign].excitation
     low, high = excitation.frequency_hz[[0, -1]].tolist()
+    motors = tuple(joint.name for joint in loaded.robot.joints)
+    if campaign in run.frfs and not loaded.experiment.campaigns[campaign].moves_poses:
+        motors = run.frfs[campaign].input_names
+    # Of the motors' own responses; those across motors have zeros.
+    snr_db = None if excitation.plan is None else excitation.plan.snr_db
+    worst_snr_db = None if snr_db is None else float(np.diagonal(snr_db, axis1=-2, axis2=-1).min())
     return ExcitationRow(
         campaign=campaign,
         lines=len(excitation.excited_lines),
@@ -240,25 +236,12 @@ def _excitation(loaded: LoadedExperiment, run: _Run, campaign: str) -> Excitatio
         duration_s=float(np.prod(run.shapes[campaign][:4])) * excitation.period_s,
         rms=tuple(excitation.rms.tolist()) if len(excitation.reference) else (),
         rms_unit=UNITS[excitation.kind],
-        peaks=_peaks(run.excitations[campaign], _motors(loaded, run, campaign), loaded.robot.slides),
+        peaks=_peaks(run.excitations[campaign], motors, loaded.robot.slides),
         detection_lines=len(excitation.detection_lines),
         period_s=excitation.period_s,
         crest_factor=float(excitation.crest_factor.max()) if excitation.crest_factor.size else None,
-        worst_snr_db=_worst_snr_db(excitation.plan),
+        worst_snr_db=worst_snr_db,
     )
-
-
-def _motors(loaded: LoadedExperiment, run: _Run, campaign: str) -> tuple[str, ...]:
-    if campaign in run.frfs and not loaded.experiment.campaigns[campaign].moves_poses:
-        return run.frfs[campaign].input_names
-    return tuple(joint.name for joint in loaded.robot.joints)
-
-
-def _worst_snr_db(plan: ExcitationPlan | None) -> float | None:
-    """Lowest predicted ratio of the motors' own responses; those across motors have zeros."""
-    if plan is None or plan.snr_db is None:
-        return None
-    return float(np.diagonal(plan.snr_db, axis1=-2, axis2=-1).min())
 
 
 def _peaks(content: CampaignExcitation, names: tuple[str, ...], slides: list[bool]) -> tuple[PeakRow, ...]:
@@ -305,22 +288,16 @@ def _stage_rows(
         for name in stage.owners(loaded.experiment)
     }
     rows = []
-    for path in present:
-        if path.endswith(".h5"):
-            stage, name = makers[path]
-            rows.append(_stage(path, folder / path, stage.phrase(loaded, name, folder / path)))
+    for path in (path for path in present if path.endswith(".h5")):
+        stage, name = makers[path]
+        header, seconds = read_header(folder / path), None
+        made = header.provenance
+        if made.started_utc and made.finished_utc:
+            begun, ended = datetime.fromisoformat(made.started_utc), datetime.fromisoformat(made.finished_utc)
+            seconds = (ended - begun).total_seconds()
+        hashes = made.settings_hash[:_SHORT], header.content_sha256[:_SHORT]
+        rows.append(StageRow(made.stage, path, *hashes, seconds, stage.phrase(loaded, name, folder / path)))
     return tuple(rows)
-
-
-def _stage(path: str, file: Path, phrase: str) -> StageRow:
-    header = read_header(file)
-    made = header.provenance
-    seconds = None
-    if made.started_utc and made.finished_utc:
-        begun, ended = datetime.fromisoformat(made.started_utc), datetime.fromisoformat(made.finished_utc)
-        seconds = (ended - begun).total_seconds()
-    hashes = made.settings_hash[:_SHORT], header.content_sha256[:_SHORT]
-    return StageRow(made.stage, path, *hashes, seconds, phrase)
 
 
 def run(chain: Sequence[Stage], job: Job) -> str:

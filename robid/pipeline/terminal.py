@@ -111,19 +111,13 @@ class Bar:
         if not self.shell.err.is_terminal and now - self.told >= LINE_EVERY_S:
             self.told = now
             left = (now - self.begun) / self.since * (self.total - self.done)
-            self.shell.note(
-                self.label,
-                f"{self.done} of {self.total} {self.unit} done" + (f", {_rest(left)} left" if left > 0 else ""),
-            )
+            # Nobody knows the time that is left to a tenth of a second.
+            rest = f", {f'{left:.0f} s' if left < 59.5 else duration(left)} left" if left > 0 else ""
+            self.shell.note(self.label, f"{self.done} of {self.total} {self.unit} done{rest}")
 
     def warn(self, text: str) -> None:
         """Tells what the user should know before using the result."""
         self.shell.warn(f"{self.label}: {text}")
-
-
-def _rest(seconds: float) -> str:
-    """Writes the time that is left, which nobody knows to a tenth of a second."""
-    return f"{seconds:.0f} s" if seconds < 59.5 else duration(seconds)
 
 
 def _print(console: Console, text: str, style: str = "", bold: int = 0) -> None:
@@ -172,7 +166,11 @@ def channel_lines(datasets: dict[str, dict[str, Any]]) -> list[str]:
 
 def dataset_table(datasets: dict[str, dict[str, Any]]) -> Table:
     """Lays out what an artifact holds."""
-    table = _table("dataset", "shape", "type", "units", "axes", "what")
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for name in ("dataset", "shape", "type", "units", "axes", "what"):
+        table.add_column(name, no_wrap=name != "what")
     for name, row in datasets.items():
         shape = " x ".join(map(str, row["shape"]))
         table.add_row(name, shape, row["dtype"], row["units"], ", ".join(row["axes"]), row.get("description", ""))
@@ -189,13 +187,4 @@ def section_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[st
         table.add_column(escape(name), justify="right" if index else "left")
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
-    return table
-
-
-def _table(*names: str) -> Table:
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    for name in names:
-        table.add_column(name, no_wrap=name != names[-1])
     return table

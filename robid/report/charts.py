@@ -177,7 +177,9 @@ def _response_data(response: BodeResponse, figure: BodeMatrix) -> dict[str, Any]
             "label": configuration_label(frf, index),
             **_curve(response_known[index]),
             "models": [_curve(model[index]) for _, model in response.models],
-            "overlays": [_overlaid(overlay, index) for overlay in response.overlays],
+            "overlays": [
+                {**_curve(one.response[index]), "radius": _radius(one.radius[index])} for one in response.overlays
+            ],
             "dropped": [[rounded(value) for value in frf.frequency_hz[lost]] for lost in dropped[index].T],
             "radius": _radius(radius[index]),
             "marks": [
@@ -206,10 +208,6 @@ def _response_data(response: BodeResponse, figure: BodeMatrix) -> dict[str, Any]
 def _curve(response: ComplexArray) -> dict[str, Any]:
     """Magnitude and phase of a response (n_freq, n_out, n_in)."""
     return {"magnitude": _decibels(response), "phase": _per_element(np.rad2deg(np.angle(response)), decimals=1)}
-
-
-def _overlaid(overlay: Overlay, index: int) -> dict[str, Any]:
-    return {**_curve(overlay.response[index]), "radius": _radius(overlay.radius[index])}
 
 
 def _radius(radius: FloatArray) -> list[Any] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -140,16 +141,13 @@ def _overlay(first: Frf, other: Compared) -> Overlay:
 
 def _section(label: str, first: Frf, other: Compared) -> Section:
     comparison = other.comparison
-    parts: list[Part] = [_table(comparison.elements, CAPTION)]
+    rows = tuple(_row(element) for element in comparison.elements)
+    parts: list[Part] = [Table(COLUMNS, rows, caption=CAPTION, styles=_STYLES, fit="tall")]
     if len(comparison.each) > 1:
         parts.append(_each(first, comparison))
     parts += [Notes(comparison.notes)] if comparison.notes else []
     lead = f"Compared {comparison_place(comparison)}."
     return Section(f"{other.label} against {label}", lead, tuple(parts))
-
-
-def _table(elements: Sequence[ElementDifference], caption: str) -> Table:
-    return Table(COLUMNS, tuple(_row(element) for element in elements), caption=caption, styles=_STYLES, fit="tall")
 
 
 def _each(first: Frf, comparison: Comparison) -> Table:
@@ -161,12 +159,9 @@ def _each(first: Frf, comparison: Comparison) -> Table:
 
 
 def _row(element: ElementDifference, choice: str = "") -> Row:
-    mark: dict[bool | None, Cell] = {
-        True: Cell("agrees", "good"),
-        False: Cell("differs", "bad"),
-        None: Cell("unknown"),
-    }
-    return Row((*element_cells(element), mark[element.agrees]), choice=choice, group=choice)
+    marks: dict[bool | None, Literal["", "good", "bad"]] = {True: "good", False: "bad", None: ""}
+    agrees = Cell(agreement_word(element), marks[element.agrees])
+    return Row((*element_cells(element), agrees), choice=choice, group=choice)
 
 
 def _number(value: float, unit: str) -> str:

@@ -159,12 +159,12 @@ def _chosen(design: ConfigurationDesign) -> Table:
     rows = []
     for index in design.chosen.tolist():
         cost = (duration(float(design.cost_s[index])),) if design.cost_s is not None else ()
-        weight = _weight(float(design.weights[index]))
+        weight = f"{design.weights[index]:.3f}" if design.weights[index] > 0 else "0"
         rows.append((number_of(index), *_written(design, int(index)), str(design.counts[index]), weight, *cost))
     return Table(
         columns,
         tuple(rows),
-        title=f"Chosen configurations [{_unit(design)}]",
+        title=f"Chosen configurations [{', '.join(dict.fromkeys(_units(design)))}]",
         caption="\u03bb is the weight in the relaxed optimum over all candidates, which needs no whole numbers: a"
         " candidate may be chosen without weight where few configurations must do.",
     )
@@ -238,14 +238,6 @@ def _units(design: ConfigurationDesign) -> tuple[str, ...]:
     return readable_units(design.joint_units, design.configurations.shape[1])
 
 
-def _unit(design: ConfigurationDesign) -> str:
-    return ", ".join(dict.fromkeys(_units(design)))
-
-
 def _written(design: ConfigurationDesign, index: int) -> tuple[str, ...]:
     values = readable(design.configurations[index], design.joint_units).tolist()
     return tuple(joint_text(value, unit) for value, unit in zip(values, _units(design), strict=True))
-
-
-def _weight(weight: float) -> str:
-    return f"{weight:.3f}" if weight > 0 else "0"

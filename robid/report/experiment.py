@@ -133,26 +133,19 @@ def _excitation_table(rows: tuple[ExcitationRow, ...]) -> Table:
 
 
 def _peak_table(row: ExcitationRow) -> Table:
+    cells: list[tuple[str | Cell, ...]] = []
+    for peak in row.peaks:
+        share = peak.predicted / peak.limit if peak.limit else float("nan")
+        sizes = (peak.rms, peak.predicted, peak.limit)
+        texts = (MISSING if size is None else f"{significant(size, 3)} {pretty_unit(peak.unit)}" for size in sizes)
+        shares = Cell(percent(share), "bad" if share > 1 else ""), Cell(percent(share), share=share)
+        cells.append((peak.channel, peak.quantity, *texts, *shares))
     return Table(
         ("Channel", "Quantity", "RMS", "Peak", "Limit", "Share of limit", ""),
-        tuple(_peak_cells(peak) for peak in row.peaks),
+        tuple(cells),
         title=f"Predicted peaks, {row.campaign}",
         caption="Speeds and torques are motor side.",
         styles=("name", "text", "number", "strong", "number", "number", "meter"),
-    )
-
-
-def _peak_cells(peak: PeakRow) -> tuple[str | Cell, ...]:
-    unit = pretty_unit(peak.unit)
-    share = peak.predicted / peak.limit if peak.limit else float("nan")
-    return (
-        peak.channel,
-        peak.quantity,
-        MISSING if peak.rms is None else f"{significant(peak.rms, 3)} {unit}",
-        f"{significant(peak.predicted, 3)} {unit}",
-        f"{significant(peak.limit, 3)} {unit}",
-        Cell(percent(share), "bad" if share > 1 else ""),
-        Cell(percent(share), share=share),
     )
 
 
@@ -203,7 +196,10 @@ def plan_table(excitation: Excitation, names: tuple[str, ...], units: tuple[str,
         return None
     table = rich_table.Table(box=None, pad_edge=False, header_style="dim")
     table.add_column("plan", no_wrap=True)
-    columns = [] if excitation.channels else _injected(excitation)
+    columns: list[tuple[str, list[str]]] = []
+    if not excitation.channels:
+        columns.append((f"rms\n[{UNITS[excitation.kind]}]", [significant(value) for value in excitation.rms]))
+        columns.append(("crest", [f"{value:.2f}" for value in excitation.crest_factor.max(axis=(0, 1))]))
     columns += [
         ("speed\n[rad/s]", _reached(plan.speed_rms, plan.speed_peak, plan.speed_limit)),
         ("torque\n[N m]", _reached(plan.torque_rms, plan.torque_peak, plan.torque_limit)),
@@ -225,14 +221,6 @@ def plan_table(excitation: Excitation, names: tuple[str, ...], units: tuple[str,
     for motor, name in enumerate(names):
         table.add_row(f"  {name}", *(cells[motor] for _, cells in columns))
     return Group(table, Text("\n".join([*_commands(excitation), *_notes(excitation, names)]), style="dim"))
-
-
-def _injected(excitation: Excitation) -> list[tuple[str, list[str]]]:
-    """Columns with what each motor is told."""
-    return [
-        (f"rms\n[{UNITS[excitation.kind]}]", [significant(value) for value in excitation.rms]),
-        ("crest", [f"{value:.2f}" for value in excitation.crest_factor.max(axis=(0, 1))]),
-    ]
 
 
 def _commands(excitation: Excitation) -> list[str]:

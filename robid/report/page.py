@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from importlib import resources
 from itertools import groupby
 from typing import Any, Literal
@@ -17,14 +17,9 @@ from robid.report.parameters import ParameterRow
 from robid.report.section import (
     AnyFigure,
     Bars,
-    Beside,
     Cell,
-    Choice,
     Curve,
     Figure,
-    Folded,
-    Notes,
-    Part,
     Row,
     Section,
     Table,
@@ -90,13 +85,7 @@ class ReportContent:
 def fit_sections(fits: tuple[FitReport, ...]) -> tuple[Section, ...]:
     """Puts the sections of all fits after each other, under their fit's name where there are several."""
     return tuple(
-        Section(
-            section.title,
-            section.lead,
-            section.parts,
-            f"fit-{number}-{section.anchor}",
-            fit.headline.name if len(fits) > 1 else "",
-        )
+        replace(section, anchor=f"fit-{number}-{section.anchor}", group=fit.headline.name if len(fits) > 1 else "")
         for number, fit in enumerate(fits, 1)
         for section in fit.sections
     )
@@ -145,7 +134,7 @@ def render(content: ReportContent) -> str:
     return environment.get_template("page.html.j2").render(
         content=content,
         sections=_numbered(content.sections),
-        kind=_kind,
+        kind=lambda part: "Figure" if type(part) in _KINDS else type(part).__name__,
         number=number,
         body=_body,
         badges=_badges,
@@ -153,7 +142,12 @@ def render(content: ReportContent) -> str:
         style=Markup(_own("page.css")),
         scripts=[Markup(_own(f"{name}.js")) for name in _SCRIPTS],
         plotly=lambda: Markup(get_plotlyjs() if drawn else ""),
-        data=lambda: Markup(_script_json({"figures": drawn})),
+        # JSON that cannot end the script element it stands in.
+        data=lambda: Markup(
+            json.dumps({"figures": drawn}, separators=(",", ":"), ensure_ascii=False, allow_nan=False).replace(
+                "<", "\\u003c"
+            )
+        ),
     )
 
 
@@ -161,12 +155,6 @@ def _numbered(sections: tuple[Section, ...]) -> list[tuple[str, list[tuple[str, 
     """Sections with their anchors, in runs of the same group."""
     named = [(section.anchor or f"section-{place}", section) for place, section in enumerate(sections, 1)]
     return [(group, list(members)) for group, members in groupby(named, key=lambda item: item[1].group)]
-
-
-def _kind(part: Part) -> str:
-    if isinstance(part, Table | Notes | Beside | Folded | Choice | BodeMatrix):
-        return type(part).__name__
-    return "Figure"
 
 
 def _body(table: Table) -> list[tuple[str, list[tuple[int, Row]]]]:
@@ -190,8 +178,3 @@ def _styles(table: Table) -> tuple[str, ...]:
 
 def _own(name: str) -> str:
     return resources.files("robid.report").joinpath("templates", name).read_text("utf-8")
-
-
-def _script_json(value: object) -> str:
-    """Writes JSON that cannot end the script element it stands in."""
-    return json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")

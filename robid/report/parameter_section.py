@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from statistics import median
 
 from rich import table as rich_table
@@ -60,16 +61,13 @@ def _with_truth(estimates: Estimates) -> bool:
 
 
 def _ratios(estimates: Estimates) -> tuple[RatioChart, ...]:
+    shown = [row for row in estimates.rows if row.kind in PARAMETER_KINDS and row.nominal > 0 and row.estimate > 0]
     panels = [
         (title, tuple(_ratio(row) for row in rows))
         for title in RATIO_PANELS
-        if (rows := [row for row in estimates.rows if _is_on(title, row) and row.nominal > 0 and row.estimate > 0])
+        if (rows := [row for row in shown if PARAMETER_KINDS[row.kind].panel == title])
     ]
     return (RatioChart("", tuple(panels), f"{percent(estimates.level)} interval"),) if panels else ()
-
-
-def _is_on(panel: str, row: ParameterRow) -> bool:
-    return row.kind in PARAMETER_KINDS and PARAMETER_KINDS[row.kind].panel == panel
 
 
 def _ratio(row: ParameterRow) -> Ratio:
@@ -168,15 +166,24 @@ def _nuisances(estimates: Estimates) -> tuple[Folded, ...]:
     return (Folded(f"Torque nonlinearities (nuisance), {len(lines)}", (table,)),)
 
 
-def parameter_numbers(estimates: Estimates, *, usable: bool = True) -> tuple[KeyNumber, ...]:
-    """Picks what says how well the parameters are known; none of a fit that is of no use counts as identified."""
-    candidates = (
-        _identified(estimates) if usable else None,
-        _half_width(estimates),
-        _truth_distance(estimates.rows),
-        _coverage(estimates.rows),
-    )
-    return tuple(number for number in candidates if number is not None)
+def parameter_numbers(estimates: Estimates, *, usable: bool = True) -> Iterator[KeyNumber]:
+    """Yields what says how well the parameters are known; none of a fit that is of no use counts as identified."""
+    rows, springs = estimates.rows, _springs(estimates.rows)
+    chosen = springs or list(rows)
+    if usable and rows:
+        found, every = (sum(row.identifiable and row.identified for row in some) for some in (chosen, rows))
+        detail = "" if len(chosen) == len(rows) else f"{every} of {len(rows)} parameters"
+        what = "Springs identified" if springs else "Parameters identified"
+        yield KeyNumber(what, f"{found} of {len(chosen)}", detail)
+    half_width = _median_half_width(springs)
+    if half_width is not None:
+        yield KeyNumber("Spring interval", f"± {percent(half_width)}", f"median, {percent(estimates.level)} level")
+    errors = [abs(row.estimate / row.truth - 1) for row in springs if row.identifiable and row.truth]
+    if errors:
+        yield KeyNumber("Springs off truth", percent(median(errors)), f"median; worst {percent(max(errors))}")
+    known = [row.covered for row in rows if row.identifiable and row.covered is not None]
+    if known:
+        yield KeyNumber("Truth in interval", f"{sum(known)} of {len(known)}", "identifiable parameters")
 
 
 def identified_phrase(estimates: Estimates, *, usable: bool = True) -> str:
@@ -199,42 +206,9 @@ def _springs(rows: tuple[ParameterRow, ...]) -> list[ParameterRow]:
     return [row for row in rows if row.kind == "stiffness"]
 
 
-def _identified(estimates: Estimates) -> KeyNumber | None:
-    if not estimates.rows:
-        return None
-    springs = _springs(estimates.rows)
-    chosen = springs or list(estimates.rows)
-    found = sum(row.identifiable and row.identified for row in chosen)
-    every = sum(row.identifiable and row.identified for row in estimates.rows)
-    detail = "" if len(chosen) == len(estimates.rows) else f"{every} of {len(estimates.rows)} parameters"
-    what = "Springs identified" if springs else "Parameters identified"
-    return KeyNumber(what, f"{found} of {len(chosen)}", detail)
-
-
-def _half_width(estimates: Estimates) -> KeyNumber | None:
-    value = _median_half_width(_springs(estimates.rows))
-    if value is None:
-        return None
-    return KeyNumber("Spring interval", f"± {percent(value)}", f"median, {percent(estimates.level)} level")
-
-
 def _median_half_width(springs: list[ParameterRow]) -> float | None:
     widths = [(row.upper - row.lower) / 2 / abs(row.middle) for row in springs if row.identifiable and row.middle]
     return median(widths) if widths else None
-
-
-def _truth_distance(rows: tuple[ParameterRow, ...]) -> KeyNumber | None:
-    errors = [abs(row.estimate / row.truth - 1) for row in _springs(rows) if row.identifiable and row.truth]
-    if not errors:
-        return None
-    return KeyNumber("Springs off truth", percent(median(errors)), f"median; worst {percent(max(errors))}")
-
-
-def _coverage(rows: tuple[ParameterRow, ...]) -> KeyNumber | None:
-    known = [row.covered for row in rows if row.identifiable and row.covered is not None]
-    if not known:
-        return None
-    return KeyNumber("Truth in interval", f"{sum(known)} of {len(known)}", "identifiable parameters")
 
 
 def parameter_table(estimates: Estimates) -> Group:

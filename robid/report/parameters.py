@@ -86,18 +86,18 @@ class ParameterLine:
 
     name: str
     unit: str
-    nominal: str
     estimate: str
     lower: str
     upper: str
-    half_width: str
-    change: str
     truth: str
-    off_truth: str
     covered: bool | None
-    assumed: bool
     identifiable: bool
     note: str
+    assumed: bool = False
+    nominal: str = ""
+    half_width: str = ""
+    change: str = ""
+    off_truth: str = ""
     bootstrap: str = ""
     predicts: str = ""
     physical: str = ""
@@ -162,7 +162,10 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
     """Writes a parameter; a row that is not identifiable says why."""
     if row.kind == NUISANCE:
         return _nuisance_line(row, threshold)
-    scale = scale_for(row.estimate or row.nominal, row.unit, row.near)
+    scale, predicts = scale_for(row.estimate or row.nominal, row.unit, row.near), ""
+    if row.effective is not None:
+        # Half the interval of what predicts over that value.
+        predicts = percent(row.near / abs(row.effective[0]) if row.effective[0] else math.nan)
     return ParameterLine(
         name=row.name,
         unit=scale.unit,
@@ -179,16 +182,9 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
         identifiable=row.identifiable,
         note=_note(row, threshold),
         bootstrap=f"{scale.text(row.bootstrap[0])} … {scale.text(row.bootstrap[1])}" if row.bootstrap else "",
-        predicts=_predicts(row),
+        predicts=predicts,
         physical="" if row.physical is None else scale.text(row.physical),
     )
-
-
-def _predicts(row: ParameterRow) -> str:
-    """Half the interval of what predicts over that value; empty where it is not told apart."""
-    if row.effective is None:
-        return ""
-    return percent(row.near / abs(row.effective[0]) if row.effective[0] else math.nan)
 
 
 def _relative_half_width(row: ParameterRow) -> float:
@@ -211,16 +207,11 @@ def _nuisance_line(row: ParameterRow, threshold: float | None) -> ParameterLine:
     return ParameterLine(
         name=row.name,
         unit=unit,
-        nominal="",
         estimate=text(row.estimate),
         lower=text(row.lower),
         upper=text(row.upper),
-        half_width="",
-        change="",
         truth=text(row.truth),
-        off_truth="",
         covered=row.covered,
-        assumed=False,
         identifiable=row.identifiable,
         note=_note(row, threshold),
     )

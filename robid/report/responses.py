@@ -76,23 +76,15 @@ def responses_verdict(campaigns: Campaigns) -> str:
     end = f" and known: {told} (median standard deviation)" if told else ", with unknown uncertainty" if trusted else ""
     responses = "response is" if len(campaigns) == 1 else f"responses of {len(campaigns)} campaigns are"
     clipped = "".join(f" Do not trust {name}: {text}." for name, frf in campaigns if (text := saturation_text(frf)))
-    lacking = "".join(f" {text}" for name, frf in campaigns if (text := _lacking(name, frf)))
+    lacking = ""
+    for name, frf in campaigns:
+        dropped, whole = _count(frf), len(frf.response) * len(frf.frequency_hz)
+        lacking += f" At {dropped} of {whole} lines of {name} too little was told." * (dropped > _FEW_DROPPED * whole)
     return f"No fit was asked for; the {responses} measured{end}.{lacking}{clipped}"
-
-
-def _lacking(name: str, frf: Frf) -> str:
-    """Says at how many lines a response is not known, where they are more than a few."""
-    dropped, whole = _count(frf), len(frf.response) * len(frf.frequency_hz)
-    return f"At {dropped} of {whole} lines of {name} too little was told." if dropped > _FEW_DROPPED * whole else ""
 
 
 def _by(frf: Frf) -> str:
     return " by noise alone" if frf.total_covariance is None else ""
-
-
-def measured_sentence(name: str, frf: Frf) -> str:
-    """Says what a campaign's response is, and how well it is known."""
-    return f"{name}: {_measured(frf)}"
 
 
 def response_summary(frf: Frf) -> dict[str, float]:
@@ -156,20 +148,9 @@ def _section(campaigns: Campaigns, number: int) -> Section:
 
 def _table(campaigns: Campaigns) -> Table:
     rows = [row for name, frf in campaigns for row in _rows(name, frf, judge(frf))]
-    heads = (
-        "Configuration",
-        "Output",
-        "Lines",
-        "Dropped",
-        "Uncertainty",
-        "Worst",
-        "SNR",
-        "Worst",
-        "Coherence",
-        "Worst",
-    )
+    worst = [head for what in ("Uncertainty", "SNR", "Coherence") for head in (what, "Worst")]
     return Table(
-        ("Campaign", *heads, "Odd", "Even"),
+        ("Campaign", "Configuration", "Output", "Lines", "Dropped", *worst, "Odd", "Even"),
         tuple(rows),
         title="How well the responses are known",
         caption=_CAPTION,
@@ -256,7 +237,8 @@ def _key_numbers(frf: Frf) -> tuple[KeyNumber, ...]:
     return (*clipped, *(number for number in numbers if number.value != MISSING))
 
 
-def _measured(frf: Frf) -> str:
+def measured_sentence(name: str, frf: Frf) -> str:
+    """Says what a campaign's response is, and how well it is known."""
     n_conf, n_freq, n_out, n_in = frf.response.shape
     quality = judge(frf)
     low, high = frf.frequency_hz[[0, -1]].tolist()
@@ -271,4 +253,4 @@ def _measured(frf: Frf) -> str:
         worst = coherence_text(lowest(quality.coherence))
         text += f", multiple coherence {coherence_text(middle(quality.coherence))} (median; worst {worst})"
     told = saturation_text(frf)
-    return f"{text}; do not trust it: {told}" if told else text
+    return f"{name}: {text}; do not trust it: {told}" if told else f"{name}: {text}"

@@ -114,7 +114,7 @@ _NUMBERS = ("exponents", "center", "scale", "knots", "degree", "lower", "upper")
 def _content(task: ExportTask) -> Content:
     """What every format holds; arrays as they are."""
     solution = solution_from_artifact(task.model)
-    ports, basis = solution.ports, solution.basis
+    ports, basis, found = solution.ports, solution.basis, solution.estimate
     return {
         "format": FORMAT,
         **origin_of(task, solution.estimate.status),
@@ -125,14 +125,6 @@ def _content(task: ExportTask) -> Content:
         "basis": basis.kind,
         **{name: getattr(basis, name) for name in _NUMBERS},
         "dropped": block_names(~solution.blocks.kept),
-        **_poles(solution),
-        **{name: getattr(solution.matrices, name) for name in MATRICES},
-    }
-
-
-def _poles(solution: LpvSolution) -> Content:
-    found = solution.estimate
-    return {
         "positions": solution.own.points,
         "parameter_names": found.names,
         "parameter_units": found.units,
@@ -140,6 +132,7 @@ def _poles(solution: LpvSolution) -> Content:
         "parameter_lower": found.lower,
         "parameter_upper": found.upper,
         "largest_pole": solution.largest_pole,
+        **{name: getattr(solution.matrices, name) for name in MATRICES},
     }
 
 

@@ -206,22 +206,17 @@ def _unit(frf: Frf, loaded: LoadedExperiment, name: str) -> str:
 
 
 def findings_of_scheduling(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Finding]:
-    """Yields findings about where the responses were measured."""
-    yield from _moving(frf, loaded, settings)
-    yield from _restless(frf, loaded, settings)
-
-
-def findings_of_signals(frf: Frf, settings: LpvFit) -> tuple[Finding, ...]:
-    """Returns findings about the signals of a fit's own inputs and outputs."""
-    outputs, inputs = (at.tolist() for at in _channels(frf, settings))
-    return saturation_findings(saturated_signals(frf, inputs, outputs))
-
-
-def _restless(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Finding]:
-    """Yields a finding where an output moves about its mean by much of the range that the means span."""
+    """Yields findings about where the responses were measured: joints that moved, outputs about their mean."""
+    joints = _joints(frf, loaded)
+    spread = np.ptp(frf.configurations, axis=0) if joints else np.zeros(0)
+    pairs = zip(joints, spread.tolist(), strict=True)
+    stood = [name for name, width in pairs if width > _SAME and name not in settings.scheduling]
+    if stood:
+        told = f"{', '.join(stood)} stood elsewhere in other configurations, of which the model knows nothing"
+        yield Finding("model", told, decisive=False, strength=1.5)
     if frf.mean_output is None or frf.motion_rms is None:
         return
-    for name in (one for one in settings.scheduling if one not in _joints(frf, loaded)):
+    for name in (one for one in settings.scheduling if one not in joints):
         column = frf.output_names.index(name)
         width = max(float(np.ptp(frf.mean_output[:, column])), np.finfo(float).tiny)
         moved = float(np.nanmax(frf.motion_rms[:, column], initial=0.0))
@@ -230,13 +225,7 @@ def _restless(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[
             yield Finding("unsteady", told, decisive=moved > width, strength=moved / (_STILL * width))
 
 
-def _moving(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Finding]:
-    """Yields a finding where joints that schedule nothing differ between configurations."""
-    joints = _joints(frf, loaded)
-    spread = np.ptp(frf.configurations, axis=0) if joints else np.zeros(0)
-    moved = [
-        name for name, width in zip(joints, spread, strict=True) if width > _SAME and name not in settings.scheduling
-    ]
-    if moved:
-        told = f"{', '.join(moved)} stood elsewhere in other configurations, of which the model knows nothing"
-        yield Finding("model", told, decisive=False, strength=1.5)
+def findings_of_signals(frf: Frf, settings: LpvFit) -> tuple[Finding, ...]:
+    """Returns findings about the signals of a fit's own inputs and outputs."""
+    outputs, inputs = (at.tolist() for at in _channels(frf, settings))
+    return saturation_findings(saturated_signals(frf, inputs, outputs))

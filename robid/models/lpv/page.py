@@ -14,28 +14,25 @@ from robid.models.lpv.fit.solution import Held, LpvSolution, Ports
 from robid.models.lpv.fit.state_space import MATRICES, block_names
 from robid.models.lpv.fit.uncertainty import continuous_poles
 from robid.models.lpv.judge import LpvValidation
-from robid.models.parameters import estimates_of, fit_report, quantile
+from robid.models.parameters import MEASURED, MODEL, curve, estimates_of, fit_report, quantile
 from robid.report.numbers import MISSING, joint_text, percent, significant
 from robid.report.page import FitReport, KeyNumber
 from robid.report.parameter_section import parameter_section
 from robid.report.parameters import Estimates
 from robid.report.section import Beside, Choice, ColumnStyle, Curve, Figure, Line, Notes, Part, Row, Section, Table
 
-_MEASURED, _MODEL = 0, 1
 _SURFACE, _GRID = 7, 101
 
 
 def place_label(ports: Ports, point: FloatArray) -> str:
-    """Names a position by its scheduling parameters."""
+    """Names a position by its scheduling parameters, angles in degrees."""
     pairs = zip(ports.scheduling, point.tolist(), ports.scheduling_units, strict=True)
-    return ", ".join(f"{name} {_position_text(value, unit)}" for name, value, unit in pairs)
-
-
-def _position_text(value: float, unit: str) -> str:
-    """Writes a scheduling parameter with its unit, angles in degrees."""
-    if unit == "rad":
-        return f"{joint_text(np.degrees(value), unit)}°"
-    return f"{joint_text(value, unit) if unit == 'm' else significant(value, 4)} {unit}"
+    return ", ".join(
+        f"{name} {joint_text(np.degrees(value), unit)}°"
+        if unit == "rad"
+        else f"{name} {joint_text(value, unit) if unit == 'm' else significant(value, 4)} {unit}"
+        for name, value, unit in pairs
+    )
 
 
 def gain_title(ports: Ports, output: int, port: int) -> str:
@@ -57,12 +54,12 @@ def response_figures(held: Held, ports: Ports, place: tuple[int, int, int], conf
         for wide, one in ((radius, measured), (half, model))
     )
     heights = (
-        _banded("measured", frequency_hz, size, radius, _MEASURED),
-        _banded("model", frequency_hz, np.abs(model), np.minimum(half, np.abs(model)), _MODEL),
+        curve("measured", frequency_hz, size, MEASURED, radius, points=True),
+        curve("model", frequency_hz, np.abs(model), MODEL, np.minimum(half, np.abs(model))),
     )
     angles = (
-        _banded("measured", frequency_hz, np.where(left_out, np.nan, phase), turned, _MEASURED),
-        _banded("model", frequency_hz, angle, own, _MODEL),
+        curve("measured", frequency_hz, np.where(left_out, np.nan, phase), MEASURED, turned, points=True),
+        curve("model", frequency_hz, angle, MODEL, own),
     )
     known = np.concatenate([size[np.isfinite(size)], np.abs(model)])
     known = known[known > 0]
@@ -83,8 +80,7 @@ def surface_figures(solution: LpvSolution, output: int, port: int) -> tuple[Figu
         Curve(place_label(solution.ports, point), tuple(frequency_hz.tolist()), tuple(one.tolist()))
         for point, one in zip(points, size, strict=True)
     )
-    title = "Over the range"
-    return (Figure(title, "Frequency [Hz]", gain_title(solution.ports, output, port), curves, height=380),)
+    return (Figure("Over the range", "Frequency [Hz]", gain_title(solution.ports, output, port), curves, height=380),)
 
 
 def pole_figures(solution: LpvSolution) -> tuple[Figure, Figure]:
@@ -101,10 +97,7 @@ def pole_figures(solution: LpvSolution) -> tuple[Figure, Figure]:
     )
     name, unit = solution.ports.scheduling[0], solution.ports.scheduling_units[0]
     title = f"{name} [{'°' if unit == 'rad' else unit}]"
-    drawn = [
-        Curve("poles", tuple(along.tolist()), tuple(values.tolist()), points=True, symbol="small", shade=_MODEL)
-        for values in (hertz, damping)
-    ]
+    drawn = [curve("poles", along, values, MODEL, points=True) for values in (hertz, damping)]
     common = {"log_x": False, "legend": False, "lines": fitted}
     return (
         Figure("Natural frequencies", title, "Frequency [Hz]", (drawn[0],), log_y=True, **common),  # type: ignore[arg-type]
@@ -116,14 +109,14 @@ def path_figures(solution: LpvSolution) -> tuple[Figure, Figure]:
     """Costs and number of blocks over the price of a block."""
     path = solution.path
     priced = path.gamma > 0
-    gamma = tuple(path.gamma[priced].tolist())
+    gamma = path.gamma[priced]
     lines = (Line("x", float(path.gamma[path.chosen]), "chosen"),) if priced[path.chosen] else ()
     left = tuple(float(np.count_nonzero(kept)) for kept in path.kept[priced])
     costs = (
-        Curve("of the fit", gamma, tuple(path.refit_cost[priced].tolist()), shade=_MEASURED),
-        Curve("of what chooses", gamma, tuple(path.validation_cost[priced].tolist()), shade=_MODEL, dashed=True),
+        curve("of the fit", gamma, path.refit_cost[priced], MEASURED),
+        curve("of what chooses", gamma, path.validation_cost[priced], MODEL),
     )
-    blocks = (Curve("blocks", gamma, left, points=True, shade=_MODEL),)
+    blocks = (Curve("blocks", tuple(gamma.tolist()), left, points=True, shade=MODEL),)
     return (
         Figure("Costs after the refit", "Price of a block", "Weighted cost", costs, lines=lines),
         Figure("Blocks that are left", "Price of a block", "Blocks", blocks, log_y=False, legend=False, lines=lines),
@@ -142,23 +135,6 @@ def _readable(values: FloatArray, unit: str) -> FloatArray:
     return np.degrees(values) if unit == "rad" else values
 
 
-def _banded(name: str, x: FloatArray, y: FloatArray, half: FloatArray, shade: int) -> Curve:
-    measured = shade == _MEASURED
-    known = bool(np.isfinite(half).any())
-    lower, upper = (tuple((y + sign * half).tolist()) if known else () for sign in (-1, 1))
-    return Curve(
-        name,
-        tuple(x.tolist()),
-        tuple(y.tolist()),
-        points=measured,
-        symbol="small",
-        lower=lower,
-        upper=upper,
-        shade=shade,
-        dashed=not measured,
-    )
-
-
 _FITTED, _CHOOSING, _NEW = "fitted", "chooses the structure", "left out"
 
 
@@ -175,13 +151,9 @@ def sections(
     )
 
 
-def _groups(solution: LpvSolution, validation: LpvValidation | None) -> tuple[tuple[str, Held], ...]:
-    found = ((_FITTED, solution.own), (_CHOOSING, solution.choosing))
-    return found if validation is None else ((_NEW, validation.held), *found)
-
-
 def _responses(solution: LpvSolution, validation: LpvValidation | None, notes: tuple[str, ...]) -> Section:
-    ports, groups = solution.ports, _groups(solution, validation)
+    ports, new = solution.ports, () if validation is None else ((_NEW, validation.held),)
+    groups = (*new, (_FITTED, solution.own), (_CHOOSING, solution.choosing))
     options: list[tuple[str, tuple[Part, ...]]] = []
     for output, port in np.ndindex(len(ports.outputs), len(ports.inputs)):
         element = f"{ports.outputs[output]} by {ports.inputs[port]}"
@@ -209,8 +181,8 @@ def _agreements(groups: tuple[tuple[str, Held], ...], ports: Ports) -> Table:
             cells = (
                 place_label(ports, held.points[position]),
                 f"{ports.outputs[output]} by {ports.inputs[port]}",
-                _share(float(found.share_within[at])),
-                _share(expected),
+                percent(float(found.share_within[at])),
+                percent(expected),
                 significant(float(found.error_ratio[at]), 3) if np.isfinite(found.error_ratio[at]) else MISSING,
                 significant(float(found.error_db[at]), 2),
                 percent(float(found.excess[at])),
@@ -225,10 +197,6 @@ def _agreements(groups: tuple[tuple[str, Held], ...], ports: Ports) -> Table:
     )
     styles: tuple[ColumnStyle, ...] = ("name", "text", "number", "number", "number", "number", "number")
     return Table(heads, tuple(rows), caption=caption, styles=styles, fit="tall")
-
-
-def _share(value: float) -> str:
-    return percent(value) if np.isfinite(value) else MISSING
 
 
 def _blocks(solution: LpvSolution) -> Section:

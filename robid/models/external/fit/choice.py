@@ -57,7 +57,9 @@ def choose_structure(
     candidates = Candidates(
         shots, inputs, outputs, common, choose_on, hopeless if options.rule == "evidence" else np.inf
     )
-    delays, orders = _delays(options), _orders(options)
+    searched = list(range(options.max_delay_samples + 1))
+    delays = searched if options.delay_samples is None else [options.delay_samples]
+    orders = _orders(options)
     best = _in_turn(candidates, orders, delays, hopeless, options)
     if options.rule == "evidence":
         best = _look_about(candidates, orders, best, options)
@@ -137,12 +139,6 @@ def _delays_alike(candidates: Candidates) -> set[int]:
         if len(fits) > 1:
             found |= {each.structure.delay_samples for each in fits if each.bic < least + STRONG_EVIDENCE}
     return found
-
-
-def _delays(options: ExternalOptions) -> list[int]:
-    if options.delay_samples is not None:
-        return [options.delay_samples]
-    return list(range(options.max_delay_samples + 1))
 
 
 def _orders(options: ExternalOptions) -> list[tuple[int, int]]:

@@ -63,7 +63,9 @@ def commands_of(record: Record, options: ExternalOptions) -> Commands:
         channels, values, held = record.reference_channels, record.reference[:, :, :, None], "zoh"
     if options.hold != "recorded":
         held = options.hold
-    if options.speed_references == "kept" or not _leads_to_position(channels, record.output_channels):
+    speeds = all(channel.quantity in ("speed_reference", "speed") for channel in channels)
+    leads = speeds and all(QUANTITIES[channel.quantity].derivatives == 2 for channel in record.output_channels)
+    if options.speed_references == "kept" or not leads:
         return Commands(channels, values, held)
     moved = _integrated(values, record.sampling_period_s, held, periodic=not record.is_one_shot)
     units = ("rad" if channel.unit.startswith("rad") else "m" for channel in channels)
@@ -188,11 +190,6 @@ def _words(place: Sequence[int], counts: Sequence[int]) -> list[str]:
     words = ("configuration", "realization", "experiment")
     every = zip(words, place, counts, strict=False)
     return [f"{word} {index + 1}" for word, index, count in every if count > 1]
-
-
-def _leads_to_position(inputs: Sequence[Channel], outputs: Sequence[Channel]) -> bool:
-    speeds = all(channel.quantity in ("speed_reference", "speed") for channel in inputs)
-    return speeds and all(QUANTITIES[channel.quantity].derivatives == 2 for channel in outputs)
 
 
 def _integrated(values: FloatArray, sampling_period_s: float, hold: str, *, periodic: bool) -> FloatArray:

@@ -240,7 +240,9 @@ def show_excitation(
                 command, answer = shot.inputs[:, channel.input], shot.outputs[:, channel.output]
                 level = answer.mean() if shot.start == "periodic" else answer[0]
                 shown = answer - level if shot.offset else answer
-                times.append(_labelled(place, index, _course(command, shown, shot.sampling_period_s)))
+                kept = np.arange(0, len(command), max(1, -(-len(command) // _SAMPLES)))
+                course = np.stack([kept * shot.sampling_period_s, command[kept], shown[kept]])
+                times.append(_labelled(place, index, course))
                 lines.append(_labelled(place, index, _spectrum(command, answer, shot.sampling_period_s)))
     time, line = (np.concatenate(each, axis=1) if each else np.zeros((5, 0)) for each in (times, lines))
     return Excitation(
@@ -264,12 +266,6 @@ def show_excitation(
 def _labelled(place: int, shot: int, rows: FloatArray) -> FloatArray:
     """Channel and shot above rows (3, n)."""
     return np.vstack([np.full(rows.shape[1], place), np.full(rows.shape[1], shot), rows])
-
-
-def _course(command: FloatArray, answer: FloatArray, period_s: float) -> FloatArray:
-    """Time, command and output (3, n)."""
-    kept = np.arange(0, len(command), max(1, -(-len(command) // _SAMPLES)))
-    return np.stack([kept * period_s, command[kept], answer[kept]])
 
 
 def _spectrum(command: FloatArray, answer: FloatArray, period_s: float) -> FloatArray:

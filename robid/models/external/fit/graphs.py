@@ -52,14 +52,10 @@ def response_deviation(
         states = np.linalg.solve(s[:, None, None] * np.eye(len(cascade.b)) - cascade.A, cascade.b[:, None])[..., 0]
         states = states * np.exp(-1j * omega * model.delay_samples * model.sampling_period_s)[:, None]
         whole = model.response(omega)
-    return _relative(np.einsum("fk,oikr->foir", states, weights), whole)
-
-
-def _relative(moves: ComplexArray, whole: ComplexArray) -> ResponseDeviation:
     with np.errstate(divide="ignore", invalid="ignore"):
         # To first order ln G moves by dG / G: its real part is the relative change of the magnitude, its imaginary part
         # that of the phase.
-        relative = moves / whole[..., None]
+        relative = np.einsum("fk,oikr->foir", states, weights) / whole[..., None]
     return ResponseDeviation(np.linalg.norm(relative.real, axis=-1), np.linalg.norm(relative.imag, axis=-1))
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.stats import chi2, norm
 
 from robid.arrays import ComplexArray, FloatArray
@@ -116,7 +117,7 @@ def estimate_of(
     roots = [np.array([row.moves for row in rows]) for rows in blocks]
     return estimate_of_rows(
         [row for rows in blocks for row in rows],
-        _diagonal([root @ root.T for root in roots]),
+        block_diag(*(root @ root.T for root in roots)),
         "the residual, as coloured as it is",
         status,
         advice,
@@ -124,14 +125,6 @@ def estimate_of(
         identifiable_relative_std=options.identifiable_relative_std,
         undetermined=undetermined,
     )
-
-
-def _diagonal(blocks: Sequence[FloatArray]) -> FloatArray:
-    ends = np.cumsum([0, *(len(block) for block in blocks)])
-    whole = np.zeros((ends[-1], ends[-1]))
-    for first, block in zip(ends, blocks, strict=False):
-        whole[first : first + len(block), first : first + len(block)] = block
-    return whole
 
 
 CANCELLING = 0.05

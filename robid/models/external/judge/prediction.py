@@ -200,8 +200,9 @@ def compare_homes(one: ExternalSolution, other: ExternalSolution) -> Iterator[Ho
     for name in one.transfers.names:
         if name not in other.transfers.names:
             continue
-        bands = [_band(each, name) for each in (one, other)]
-        low, high = max(band[0] for band in bands), min(band[1] for band in bands)
+        qualities = [(each.quality, _place(each, name)[0]) for each in (one, other)]
+        low = max(float(quality.lowest_hz[block]) for quality, block in qualities)
+        high = min(float(quality.highest_hz[block]) for quality, block in qualities)
         if not low < high:
             continue
         frequency_hz = np.geomspace(low, high, _FREQUENCIES)
@@ -226,11 +227,6 @@ def _place(solution: ExternalSolution, name: str) -> tuple[int, int]:
     channel = solution.transfers.names.index(name)
     block = int(solution.transfers.block_of[channel])
     return block, int(np.flatnonzero(solution.transfers.channels_of(block) == channel)[0])
-
-
-def _band(solution: ExternalSolution, name: str) -> tuple[float, float]:
-    block, _ = _place(solution, name)
-    return float(solution.quality.lowest_hz[block]), float(solution.quality.highest_hz[block])
 
 
 def _response(solution: ExternalSolution, name: str, frequency_hz: FloatArray) -> tuple[ComplexArray, FloatArray]:

@@ -141,24 +141,22 @@ def _failures(agreed: Sequence[Agreement], bounds: Sequence[Bounds]) -> tuple[st
     )
 
 
-def _outside(bounds: Sequence[Bounds], solution: ExternalSolution) -> tuple[Finding, ...]:
+def _outside(bounds: Sequence[Bounds], solution: ExternalSolution) -> Iterator[Finding]:
     """Doubts intervals where far more samples lie outside the bounds than their level says."""
     confidence, worst = solution.estimate.confidence, min(bounds, key=lambda one: one.inside)
     excess = (1 - worst.inside) / (1 - confidence)
-    if excess <= _OUTSIDE:
-        return ()
-    told = (
-        f"{worst.inside:.0%} of the samples of {worst.output} lie inside the {confidence:.0%} bounds ({worst.place}):"
-        " the intervals do not hold what the model lacks"
-    )
-    return (Finding("model", told, decisive=False, strength=excess / _OUTSIDE),)
+    if excess > _OUTSIDE:
+        told = (
+            f"{worst.inside:.0%} of the samples of {worst.output} lie inside the {confidence:.0%} bounds"
+            f" ({worst.place}): the intervals do not hold what the model lacks"
+        )
+        yield Finding("model", told, decisive=False, strength=excess / _OUTSIDE)
 
 
-def _untested(names: Sequence[str]) -> tuple[Finding, ...]:
-    if not names:
-        return ()
-    told = f"{', '.join(names)} do not move in the validation: nothing was tested of them"
-    return (Finding("excitation", told, decisive=False, strength=2.0),)
+def _untested(names: Sequence[str]) -> Iterator[Finding]:
+    if names:
+        told = f"{', '.join(names)} do not move in the validation: nothing was tested of them"
+        yield Finding("excitation", told, decisive=False, strength=2.0)
 
 
 def _verdict(agreed: Sequence[Agreement], bounds: Sequence[Bounds], failures: Sequence[str]) -> str:

@@ -41,15 +41,11 @@ def polynomial_text(coefficients: FloatArray) -> str:
         if value == 0:
             continue
         sign = "" if not text and value > 0 else MINUS if not text else f" {MINUS} " if value < 0 else " + "
-        text += sign + _term(abs(value), degree - place)
+        power = degree - place
+        variable = "" if power == 0 else "s" if power == 1 else f"s{str(power).translate(_SUPERSCRIPTS)}"
+        size = "" if abs(value) == 1 and variable else significant(abs(value), _DIGITS)
+        text += sign + f"{size} {variable}".strip()
     return text or "0"
-
-
-def _term(value: float, power: int) -> str:
-    variable = "" if power == 0 else "s" if power == 1 else f"s{str(power).translate(_SUPERSCRIPTS)}"
-    if value == 1 and variable:
-        return variable
-    return f"{significant(value, _DIGITS)} {variable}".strip()
 
 
 def _wrapped(text: str) -> str:
@@ -59,6 +55,10 @@ def _wrapped(text: str) -> str:
 _MOST_SHOTS = 4
 _HELD = {"zoh": "held for a sample", "foh": "in straight lines between samples"}
 _VISIBLE = 1e-3  # of the final value
+_CONVENTIONS = (
+    "A real root is given as its rate, positive in the left half plane; a pair as natural frequency and damping"
+    " ratio. Zeros with a negative rate or damping lie in the right half plane."
+)
 
 
 def sections(
@@ -68,7 +68,7 @@ def sections(
     return (
         _transfers(solution),
         data,
-        *_parameters(solution, estimates),
+        *parameter_section(estimates, _CONVENTIONS),
         _responses(solution),
         _dynamics(solution),
         *coupling_section(solution.coupling, solution.ports, options),
@@ -145,15 +145,6 @@ def _own(solution: ExternalSolution) -> list[bool]:
     return [bool(own) for own in solution.coupling.own[transfers.outputs, transfers.inputs]]
 
 
-def _parameters(solution: ExternalSolution, estimates: Estimates) -> tuple[Section, ...]:
-    del solution
-    conventions = (
-        "A real root is given as its rate, positive in the left half plane; a pair as natural frequency and damping"
-        " ratio. Zeros with a negative rate or damping lie in the right half plane."
-    )
-    return parameter_section(estimates, conventions)
-
-
 def _responses(solution: ExternalSolution) -> Section:
     options = tuple(
         (name, (Beside(response_figures(solution, channel), 2),))
@@ -168,21 +159,10 @@ def _responses(solution: ExternalSolution) -> Section:
 
 def _dynamics(solution: ExternalSolution) -> Section:
     steps, confidence = solution.steps, solution.estimate.confidence
-    options = tuple(
-        (
-            name,
-            (
-                Beside(
-                    (
-                        locus_figure(solution, channel),
-                        step_figure(steps, channel, _final(solution, channel), confidence),
-                    ),
-                    2,
-                ),
-            ),
-        )
-        for channel, name in enumerate(solution.transfers.names)
-    )
+    options: list[tuple[str, tuple[Part, ...]]] = []
+    for channel, name in enumerate(solution.transfers.names):
+        step = step_figure(steps, channel, _final(solution, channel), confidence)
+        options.append((name, (Beside((locus_figure(solution, channel), step), 2),)))
     rows = tuple(
         (
             name,
@@ -193,14 +173,13 @@ def _dynamics(solution: ExternalSolution) -> Section:
         for channel, (name, own) in enumerate(zip(solution.transfers.names, _own(solution), strict=True))
         if own
     )
-    heads = ("Channel", "Undershoot", "Overshoot", "Rise, 10 to 90 %")
-    table = Table(heads, rows, title="Steps", styles=("name", *("number",) * 3), fit="compact")
+    table = Table(("Channel", "Undershoot", "Overshoot", "Rise, 10 to 90 %"), rows, title="Steps", fit="compact")
     lead = (
         "Poles and zeros with bounds on their real and imaginary parts, and where the poles go in a proportional loop"
         " around the channel without its delay; roots beyond half the sampling rate are left out. Beside them what the"
         " model does after a step of one unit, delay included, with bounds."
     )
-    return Section("Poles, zeros and steps", lead, (Choice("Channel", options), table), "dynamics")
+    return Section("Poles, zeros and steps", lead, (Choice("Channel", tuple(options)), table), "dynamics")
 
 
 def _final(solution: ExternalSolution, channel: int) -> float:
@@ -272,21 +251,16 @@ def _summary(solution: ExternalSolution, validation: ExternalValidation | None) 
             f"{name}.delay_samples": float(transfers.delay_samples[block]),
             f"{name}.fpe": float(solution.quality.fpe[block]),
         }
-    return found | ({} if validation is None else _validated(validation))
-
-
-def _validated(validation: ExternalValidation) -> dict[str, float]:
-    """Numbers of each output, in the place where it is worst."""
-    found = {
-        "validation.ok": float(validation.outcome.ok),
-        "validation.nrmse": min(each.nrmse for each in validation.agreements),
-    }
-    pairs = sorted(zip(validation.agreements, validation.bounds, strict=True), key=lambda pair: -pair[0].nrmse)
-    for each, bounds in pairs:
-        found |= {
-            f"validation.{each.output}.nrmse": each.nrmse,
-            f"validation.{each.output}.r_squared": each.r_squared,
-            f"validation.{each.output}.fpe": bounds.fpe,
-            f"validation.{each.output}.inside": bounds.inside,
-        }
+    if validation is not None:
+        found["validation.ok"] = float(validation.outcome.ok)
+        found["validation.nrmse"] = min(each.nrmse for each in validation.agreements)
+        # Of each output in the place where it is worst, which comes last.
+        pairs = sorted(zip(validation.agreements, validation.bounds, strict=True), key=lambda pair: -pair[0].nrmse)
+        for each, bounds in pairs:
+            found |= {
+                f"validation.{each.output}.nrmse": each.nrmse,
+                f"validation.{each.output}.r_squared": each.r_squared,
+                f"validation.{each.output}.fpe": bounds.fpe,
+                f"validation.{each.output}.inside": bounds.inside,
+            }
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -168,9 +169,13 @@ def fit_lpv(
             message = "D167 The responses have no covariance that could weigh them."
             raise DataError(message, remedy="measure several realizations or periods, or set `weighted: false`")
     found = estimate_lpv(own, choosing, make_basis(own.points, basis), options)
-    found = _widened(found) if options.weighted else found
+    if options.weighted:
+        # What the residual is beyond its weights widens intervals: the model, or the variances, are off by as much.
+        wider = found.parameters.covariance * max(1.0, found.parameters.misfit)
+        found = replace(found, parameters=replace(found.parameters, covariance=wider))
     best, covariance = found.path.best, found.parameters.covariance
     norms = measure(found.core.parameters, found.core.basis.largest, found.core.sizes)
+    full = rescaled(found.path.points[0].parameters, found.core.sizes, found.scales)
     return LpvSolution(
         estimate=estimate_poles(
             found.core,
@@ -184,7 +189,7 @@ def fit_lpv(
         basis=tabulate_basis(found.core.basis),
         matrices=Matrices(*found.model.coefficients.matrices),
         core=Core(found.core.parameters, covariance, found.scales, found.integrators, found.core.sizes.n_state),
-        dense=Dense(found.smile.parameters, _full(found)),
+        dense=Dense(found.smile.parameters, full),
         blocks=BlockTable(found.kept, norms.absolute, norms.relative),
         path=_tabulated(found.path),
         own=_held(found, own, degrees_of_freedom),
@@ -213,32 +218,12 @@ def hold(responses: LocalResponses, model: ResponseUncertainty, degrees_of_freed
     )
 
 
-def _widened(found: LpvResult) -> LpvResult:
-    """Widens intervals by what the residual is beyond its weights: the model, or the variances, are off by as much."""
-    parameters = found.parameters
-    covariance = parameters.covariance * max(1.0, parameters.misfit)
-    return replace(found, parameters=replace(parameters, covariance=covariance))
-
-
 def _held(found: LpvResult, responses: LocalResponses, degrees_of_freedom: float) -> Held:
     model = found.uncertainty(responses.points, responses.frequency_hz)
     return hold(responses, model, degrees_of_freedom, seen=True)
 
 
-def _full(found: LpvResult) -> FloatArray:
-    """The model without prices, outputs in their own units."""
-    return rescaled(found.path.points[0].parameters, found.core.sizes, found.scales)
-
-
 def _tabulated(path: Path) -> PathTable:
-    points = path.points
-    return PathTable(
-        gamma=np.array([point.gamma for point in points]),
-        kept=np.array([point.kept for point in points]),
-        relative=np.array([point.relative for point in points]),
-        refit_cost=np.array([point.refit_cost for point in points]),
-        validation_cost=np.array([point.validation_cost for point in points]),
-        steps=np.array([point.steps for point in points]),
-        status=tuple(point.status for point in points),
-        chosen=path.chosen,
-    )
+    numbers = ("gamma", "kept", "relative", "refit_cost", "validation_cost", "steps")
+    columns: dict[str, Any] = {name: np.array([getattr(point, name) for point in path.points]) for name in numbers}
+    return PathTable(**columns, status=tuple(point.status for point in path.points), chosen=path.chosen)

@@ -43,7 +43,16 @@ class Polynomials:
     @property
     def names(self) -> tuple[str, ...]:
         """Name of each function."""
-        return tuple(_monomial(powers) for powers in self.exponents)
+        single = len(self.exponents[0]) == 1 if self.exponents else True
+        parts = (
+            [
+                f"p{'' if single else at + 1}{'' if power == 1 else f'^{power}'}"
+                for at, power in enumerate(powers)
+                if power
+            ]
+            for powers in self.exponents
+        )
+        return tuple(" ".join(each) for each in parts)
 
     def values(self, points: FloatArray) -> FloatArray:
         """Returns the functions (n_point, n_function) at points (n_point, n_scheduling)."""
@@ -169,16 +178,6 @@ def spline_basis(points: FloatArray, *, pieces: int, degree: int = 3) -> Basis:
         inner = np.linspace(low, high, pieces + 1).tolist()
         knots.append(tuple([inner[0]] * degree + inner + [inner[-1]] * degree))
     return Basis(Splines(tuple(knots), degree), lower, upper)
-
-
-def _monomial(powers: tuple[int, ...]) -> str:
-    single = len(powers) == 1
-    parts = [
-        f"p{'' if single else index + 1}{'' if power == 1 else f'^{power}'}"
-        for index, power in enumerate(powers)
-        if power
-    ]
-    return " ".join(parts)
 
 
 def _told(point: FloatArray) -> str:

@@ -60,18 +60,14 @@ def follow_path(
     unit = cost(problem, starts[0]) / max(problem.n_data - n_free / 2, 1.0)
     gammas = unit * np.geomspace(options.smallest, options.largest, options.count)
     known: dict[bytes, tuple[FloatArray, float, Status]] = {}
-    points = [_full_point(problem, validation, starts[0], largest)]
+    parameters, minimum = solve(problem, starts[0])
+    whole = SparseFit(starts[0], np.ones((4, len(largest)), bool), 0), (parameters, minimum.cost, minimum.status)
+    points = [_point(problem, validation, *whole, largest, 0.0)]
     for gamma in gammas.tolist():
         fits = [fit_sparse(problem, start, largest, gamma, sparsity) for start in starts]
         found = [_point(problem, validation, fit, _refit(problem, fit, known), largest, gamma) for fit in fits]
         points.append(min(found, key=lambda one: one.refit_cost + one.gamma * np.count_nonzero(one.kept)))
     return Path(tuple(points), choose_point(points, options.allowance))
-
-
-def _full_point(problem: Problem, validation: Problem, start: FloatArray, largest: FloatArray) -> PathPoint:
-    parameters, minimum = solve(problem, start)
-    fit = SparseFit(start, np.ones((4, len(largest)), bool), 0)
-    return _point(problem, validation, fit, (parameters, minimum.cost, minimum.status), largest, 0.0)
 
 
 def _refit(

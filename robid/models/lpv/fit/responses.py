@@ -269,6 +269,8 @@ def agree(response: ComplexArray, modelled: ComplexArray, std: FloatArray, noise
     tiny = np.finfo(float).tiny
     levels = [20 * np.log10(np.maximum(np.abs(one), tiny)) for one in (modelled, response)]
     decibels = np.abs(levels[0] - levels[1])
+    some = np.asarray(counts.any(axis=1))
+    median = np.nanmedian(np.where(counts | ~some[:, None], decibels, np.nan), axis=1)
     power = _mean(np.abs(response) ** 2, counts)
     error = _mean(size**2, counts)
     # Under noise alone the mean square error is its mean variance, and scatters by the root of the summed squares of
@@ -277,7 +279,7 @@ def agree(response: ComplexArray, modelled: ComplexArray, std: FloatArray, noise
     return Agreement(
         share_within=_mean((ratio <= _DEVIATIONS).astype(float), known),
         error_ratio=np.sqrt(_mean(ratio**2, known)),
-        error_db=_median(decibels, counts),
+        error_db=np.where(some, median, np.nan),
         relative_error=np.sqrt(error / power),
         excess=np.sqrt(np.maximum(error - expected - chance, 0)) / _natural(power),
     )
@@ -323,9 +325,3 @@ def _mean(values: FloatArray, chosen: BoolArray) -> FloatArray:
     count = chosen.sum(axis=1)
     total = np.where(chosen, values, 0.0).sum(axis=1)
     return np.asarray(np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0))
-
-
-def _median(values: FloatArray, chosen: BoolArray) -> FloatArray:
-    some = np.asarray(chosen.any(axis=1))
-    found = np.nanmedian(np.where(chosen | ~some[:, None], values, np.nan), axis=1)
-    return np.where(some, found, np.nan)

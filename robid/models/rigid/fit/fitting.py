@@ -184,18 +184,14 @@ def _without_dependent(problem: _Problem, base: BaseParameters) -> tuple[_Proble
     again = select_base(factor, problem.model, _DEPENDENT)
     if len(again.columns) == len(problem.model.names):
         return problem, base
-    combination = again.combination @ base.combination
+    combination, own = again.combination @ base.combination, base.columns[again.columns]
     joined = replace(
         base,
-        columns=base.columns[again.columns],
+        columns=own,
         combination=combination,
-        labels=_labels(combination, base.names, base.columns[again.columns].tolist()),
+        labels=tuple(label(row, base.names, first) for row, first in zip(combination, own.tolist(), strict=True)),
         units=again.units,
         silent=(*base.silent, *again.silent),
         undetermined=tuple(dict.fromkeys((*base.undetermined, *again.undetermined))),
     )
     return replace(problem, model=problem.model.only(again.columns.tolist())), joined
-
-
-def _labels(combination: FloatArray, names: Sequence[str], own: Sequence[int]) -> tuple[str, ...]:
-    return tuple(label(row, names, first) for row, first in zip(combination, own, strict=True))

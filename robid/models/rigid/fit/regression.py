@@ -143,7 +143,8 @@ def huber(source: RowSource, reduction: Reduction, options: HuberOptions | None 
     iterations = 0
     while status != "converged" and iterations < chosen.iteration_limit:
         iterations += 1
-        _check_scale(scale)
+        if not np.all(scale > 0):
+            raise ValueError("Half of a joint's residuals are equal, so they have no scale: is its torque quantised?")
         weighted, residual = reduce_weighted(source, parameters, partial(_row_weights, scale=scale, bend=chosen.bend))
         before, scale_before, scale = parameters, scale, robust_scale(residual)
         parameters, inverse, condition = solve_factor(weighted.weighted(scale_before**-2.0))
@@ -164,11 +165,6 @@ def sweep_bend(
 
 def _row_weights(residual: FloatArray, scale: FloatArray, bend: float) -> FloatArray:
     return huber_weights(residual / scale, bend)
-
-
-def _check_scale(scale: FloatArray) -> None:
-    if not np.all(scale > 0):
-        raise ValueError("Half of a joint's residuals are equal, so they have no scale: is its torque quantised?")
 
 
 def _estimate(
@@ -192,7 +188,10 @@ def _estimate(
     else:
         _, plain, _ = solve_factor(reduction.weighted(scale**-2.0))
         scores = sum(float(np.sum(np.clip(joint, -options.bend, options.bend) ** 2)) for joint in standardised)
-        covariance = plain * _asymptotic_factor(scores / freedom.sum(), down, n_param / n_row.sum())
+        # What multiplies `(W' W)^-1` for an M-estimator (Huber 1981, eq. 7.6.10), residuals in deviations.
+        linear = 1 - down
+        correction = 1 + n_param / n_row.sum() * down / linear
+        covariance = plain * correction**2 * (scores / freedom.sum()) / linear**2
     return HuberRegression(
         parameters=parameters,
         covariance=covariance,
@@ -205,13 +204,6 @@ def _estimate(
         scale=scale,
         share_down_weighted=float(down),
     )
-
-
-def _asymptotic_factor(mean_square_score: float, share_down: float, param_per_row: float) -> float:
-    """What multiplies `(W' W)^-1` for an M-estimator (Huber 1981, eq. 7.6.10), residuals in deviations."""
-    linear = 1 - share_down
-    correction = 1 + param_per_row * share_down / linear
-    return correction**2 * mean_square_score / linear**2
 
 
 @dataclass(frozen=True)
