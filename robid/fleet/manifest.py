@@ -124,7 +124,6 @@ def _read_csv(path: Path) -> tuple[tuple[str, ...], list[tuple[str, list[Value]]
 
 
 def _read_parquet(path: Path) -> tuple[tuple[str, ...], list[tuple[str, list[Value]]]]:
-    """Columns, and for each row its number and its values."""
     require_module("pyarrow", "fleet", "Reading a manifest in Parquet")
     import pyarrow as pa
     import pyarrow.parquet as pq

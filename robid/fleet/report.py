@@ -220,7 +220,6 @@ def failure_sections(found: Found) -> tuple[Section, ...]:
 
 
 def _pages(found: Found) -> Table:
-    """The failed rows that have pages, with links."""
     numbers = {ledger.id: row for row, ledger in enumerate(found.ledgers)}
     shown = [numbers[name] for *_, ids in causes(found.ledgers)[:_MANY_CAUSES] for name in ids[:MOST_SHOWN]]
     cells = [(found.cell(row), str(found.ledgers[row].error)) for row in shown[: 2 * MOST_SHOWN]]

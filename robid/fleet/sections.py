@@ -320,7 +320,6 @@ def _off(places: Sequence[int], x: Sequence[float], texts: Sequence[str], of: Co
 
 
 def _text(found: Found, of: Collected, place: int) -> str:
-    """What is said of a row's point."""
     name, value, low, high = found.ledgers[of.rows[place]].id, of.middle[place], of.low[place], of.high[place]
     half = (high - low) / 2 if np.isfinite(high - low) else None
     scale = scale_for(value, _unit(of), half)

@@ -82,7 +82,6 @@ def standard_robot(loaded: LoadedExperiment, fit: str, standard: Standard) -> St
 
 
 def _with_std(robot: Robot, standard: Standard) -> Robot:
-    """The robot with the relative deviations of its Coulomb friction."""
     joints = []
     for joint in robot.joints:
         law, (level, std) = joint.motor.friction, standard.mean(joint.name, "coulomb")
@@ -197,7 +196,6 @@ def _sizes(standard: Standard) -> FloatArray:
 
 
 def _scaled(body: Inertial, factor: float) -> Inertial:
-    """A body of another mass and the same shape."""
     return Inertial(factor * body.mass_kg, body.com_m, factor * body.inertia_kgm2)
 
 

@@ -110,7 +110,6 @@ def _each(
 
 
 def _refusal(read: Callable[[tuple[int, ...], LogMapping], Record], log: _Log) -> DataError | None:
-    """Why a log is refused, if it is."""
     try:
         read(*log)
     except DataError as error:

@@ -228,7 +228,6 @@ def _instructions(content: CampaignExcitation, campaign: Campaign, joints: Joint
 
 
 def _columns(excitation: Excitation, joints: Joints) -> list[str]:
-    """Name and unit of each column of the reference."""
     if excitation.channels:
         return [f"{channel.name} [{channel.unit}]" for channel in excitation.channels]
     return [f"{name} [{UNITS[excitation.kind]}]" for name in joints.names]

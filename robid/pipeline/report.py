@@ -281,7 +281,6 @@ _SHORT = 8
 def _stage_rows(
     chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, present: Collection[str]
 ) -> tuple[StageRow, ...]:
-    """How each artifact that is there came about."""
     makers = {
         stage.plan(loaded, name).outputs[0]: (stage, name)
         for stage in chain

@@ -224,7 +224,6 @@ def plan_table(excitation: Excitation, names: tuple[str, ...], units: tuple[str,
 
 
 def _commands(excitation: Excitation) -> list[str]:
-    """A line with what each channel that is not a motor is told."""
     channels = excitation.channels
     if not channels:
         return []

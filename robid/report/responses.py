@@ -179,7 +179,6 @@ def _rows(name: str, frf: Frf, quality: Quality) -> list[tuple[str, ...]]:
 
 
 def _both(values: FloatArray, *, highest: bool = False) -> tuple[float, float]:
-    """Median and worst."""
     return middle(values), -lowest(-values) if highest else lowest(values)
 
 
@@ -211,7 +210,6 @@ def _dropped(name: str, frf: Frf) -> list[str]:
 
 
 def _count(frf: Frf) -> int:
-    """How many lines were dropped, counted once for each configuration."""
     return int(dropped_lines(frf).any(axis=2).sum())
 
 

@@ -63,7 +63,6 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
 
 
 def _held_back(fit: ExternalFit) -> _Found:
-    """Yields what is wrong with the campaign that only decides the order."""
     if fit.choose_on is None:
         return
     if fit.choose_on not in fit.campaigns:
@@ -91,7 +90,6 @@ def _pairs(experiment: Experiment, fit: ExternalFit, read: Sequence[str], robot:
 
 
 def _channel_names(campaign: Campaign, robot: RobotFile) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of a campaign's commands and of its outputs."""
     outputs = output_names(campaign, robot)
     if campaign.source is not None and campaign.source.acquire is not None:
         acquire = campaign.source.acquire

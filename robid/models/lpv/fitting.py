@@ -161,7 +161,6 @@ def _held_back(data: Data, settings: LpvFit) -> BoolArray:
 
 
 def _channels(frf: Frf, settings: LpvFit) -> tuple[IntArray, IntArray]:
-    """Indices of a fit's outputs and inputs."""
     found = []
     for wanted, known, word in (
         (settings.outputs, frf.output_names, "output"),
@@ -192,7 +191,6 @@ def _points(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> FloatArray:
 
 
 def _joints(frf: Frf, loaded: LoadedExperiment) -> tuple[str, ...]:
-    """Names of the joints whose positions a response has."""
     names = tuple(joint.name for joint in loaded.robot.joints)
     return names if frf.configurations.shape[1:] == (len(names),) else ()
 

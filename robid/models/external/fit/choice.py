@@ -154,7 +154,6 @@ def _orders(options: ExternalOptions) -> list[tuple[int, int]]:
 def _select(
     candidates: Candidates, orders: Sequence[tuple[int, int]], delay: int, options: ExternalOptions
 ) -> Candidate:
-    """Returns the best structure at a delay."""
     descending = sorted(orders, key=lambda order: (order[0], -order[1]))
     if options.rule == "evidence" or len(orders) == 1:
         return min((candidates.fit(*order, delay) for order in descending), key=lambda each: each.bic)

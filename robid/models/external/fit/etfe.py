@@ -264,7 +264,6 @@ def show_excitation(
 
 
 def _labelled(place: int, shot: int, rows: FloatArray) -> FloatArray:
-    """Channel and shot above rows (3, n)."""
     return np.vstack([np.full(rows.shape[1], place), np.full(rows.shape[1], shot), rows])
 
 

@@ -225,7 +225,6 @@ def _padded(roots: ComplexArray | FloatArray, count: int) -> ComplexArray:
 
 
 def _flat(values: ComplexArray) -> ComplexArray:
-    """Channels of (n, n_out, n_in) one after the other."""
     return values.reshape(len(values), -1)
 
 

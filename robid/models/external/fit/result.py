@@ -245,7 +245,6 @@ def _gain_unit(transfers: Transfers, ports: Ports, channel: int) -> str:
 
 
 def _remarks(one: FittedBlock, found: Sequence[Findings]) -> list[str]:
-    """What is to be known of a block beside its parameters."""
     told = [
         sentence
         for each in found
@@ -258,7 +257,6 @@ def _remarks(one: FittedBlock, found: Sequence[Findings]) -> list[str]:
 
 
 def _findings(one: FittedBlock, options: ExternalOptions) -> list[Findings]:
-    """What is to be known of the poles and zeros of each channel of a block."""
     return [
         find_findings(
             one.fit.model,

@@ -19,6 +19,9 @@ from robid.results.finding import Finding
 _ROUNDED = 12**-0.5  # of a step: repeats of what hardly moves are rounded alike
 
 
+_OUTPUT = "as of the output"
+
+
 @dataclass(frozen=True)
 class NewShots:
     """Shots of a validation that concern one block."""
@@ -54,13 +57,9 @@ class PredictedTraces:
     shots: Annotated[tuple[str, ...], Quantity("1", "shot", "Names of the shots")]
     shot: Annotated[IntArray, Quantity("1", "row", "Index into shots")]
     time_s: Annotated[FloatArray, Quantity("s", "row")]  # time since the shot began
-    measured: Annotated[
-        FloatArray, Quantity("as of the output", "row", "Measured output less its offset", compact=True)
-    ]
-    predicted: Annotated[FloatArray, Quantity("as of the output", "row", "The model's", compact=True)]
-    std: Annotated[
-        FloatArray, Quantity("as of the output", "row", "Deviation of their difference, as expected", compact=True)
-    ]
+    measured: Annotated[FloatArray, Quantity(_OUTPUT, "row", "Measured output less its offset", compact=True)]
+    predicted: Annotated[FloatArray, Quantity(_OUTPUT, "row", "The model's", compact=True)]
+    std: Annotated[FloatArray, Quantity(_OUTPUT, "row", "Deviation of their difference, as expected", compact=True)]
 
 
 def new_shots(solution: ExternalSolution, shots: Sequence[Shot]) -> tuple[NewShots, ...]:

@@ -33,6 +33,9 @@ _EXPLAINED = 1.2  # of the expected error
 _NOISE = ", which noise explains: move farther, or repeat more often"
 
 
+_SCORE = "1, or as of the output"
+
+
 @dataclass(frozen=True)
 class Bounds:
     """How an output's error compares with its bounds, in the order of the agreements."""
@@ -52,12 +55,8 @@ class ExternalValidation:
     """How well transfer functions predict other motions."""
 
     outcome: Outcome  # whether they hold, their grade
-    agreements: Annotated[
-        tuple[Agreement, ...], Quantity("1, or as of the output", "agreement", "Agreement, place by place")
-    ]
-    bounds: Annotated[
-        tuple[Bounds, ...], Quantity("1, or as of the output", "agreement", "The same against the bounds")
-    ]
+    agreements: Annotated[tuple[Agreement, ...], Quantity(_SCORE, "agreement", "Agreement, place by place")]
+    bounds: Annotated[tuple[Bounds, ...], Quantity(_SCORE, "agreement", "The same against the bounds")]
     traces: PredictedTraces  # measured and predicted outputs
     confidence: float  # level of the bounds
     untested: Annotated[tuple[str, ...], Quantity("1", "block", "Channels that do not move in the validation")]

@@ -195,7 +195,6 @@ def _traces(
     labels: tuple[IntArray, IntArray, tuple[str, ...]],
     trace: Callable[[BoolArray, str], Trace],
 ) -> Choice:
-    """Figures of the first shots of each output."""
     units, (outputs, shots, every) = _unit_of(solution), labels
     options = []
     for output, name in enumerate(names):

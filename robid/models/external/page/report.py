@@ -128,7 +128,6 @@ def _tried(solution: ExternalSolution) -> Table:
 
 
 def _behaviour(solution: ExternalSolution) -> list[str]:
-    """Says which channels go the wrong way first."""
     return [
         f"{name}: a step goes the wrong way first, by {percent(share)} of its final value (a zero in the right half"
         " plane)."

@@ -73,7 +73,6 @@ def follow_path(
 def _refit(
     problem: Problem, fit: SparseFit, known: dict[bytes, tuple[FloatArray, float, Status]]
 ) -> tuple[FloatArray, float, Status]:
-    """Fits a structure without prices, once."""
     structure = fit.kept.tobytes()
     if structure not in known:
         parameters, minimum = solve(problem, fit.parameters, free=spread(fit.kept, problem.sizes))
@@ -198,7 +197,6 @@ def find_sparse_bases(
 
 
 def _descend(search: _Search, first: FloatArray, options: SparseBasisOptions) -> FloatArray:
-    """Returns where one search ends."""
     point: FloatArray = np.tile(np.eye(search.systems.sizes.n_state).ravel(), len(search.moved_at))
     weights = np.tile(first[:, None], len(search.largest))
     levels = np.geomspace(_FIRST_LEVEL, options.smallest, options.passes)

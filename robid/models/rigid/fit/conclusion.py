@@ -226,7 +226,6 @@ def _vary(
 
 
 def _sentence(huber: Variation, instruments: Variation | None, odd: bool, coloured: bool, names: Sequence[str]) -> str:
-    """States the strongest objection and its remedy."""
     if instruments is not None and instruments.alarm:
         return (
             f"Do not trust: {_largest(instruments, names)} away from the instrumental variables, so noise biases it; "

@@ -252,7 +252,6 @@ class Reading:
 def _differentiated(
     motion: Motion, position: FloatArray, first: int, end: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Returns low-passed positions, speeds and accelerations of some samples."""
     # Filter first, then differentiate: both commute, and the differences of what is smooth have no noise to speak of.
     around = motion.smooth(position, first - 1, end + 1)
     return around[1:-1], *central_differences(around, motion.sampling_period_s)

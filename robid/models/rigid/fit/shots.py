@@ -133,7 +133,6 @@ def _constant(names: Sequence[str], signals: Sequence[FloatArray], rounding: flo
 
 
 def _chosen(channels: Sequence[Channel], names: Sequence[str], quantities: Sequence[str], what: str) -> list[int]:
-    """Indices of the joints' channels."""
     found: dict[str, int] = {}
     for index, channel in enumerate(channels):
         joint = channel.name.removesuffix(".arm")

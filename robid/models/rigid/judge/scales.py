@@ -170,10 +170,7 @@ class _Scene:
         position, velocity, acceleration, torque = self._rows
         path = position / motion, velocity / motion * time, acceleration / motion * time**2
         whole, still = (self._columns.columns(*one) for one in (path, (path[0], 0 * path[1], 0 * path[2])))
-        scale = np.maximum(torque.std(axis=0), 1e-300)
-        values = solved(whole / scale[:, None], torque / scale)
-        error = whole @ values - torque
-        share = float(np.linalg.norm(error / scale) / np.linalg.norm((torque - torque.mean(axis=0)) / scale))
+        values, share = _explained(whole, torque)
         travel, reach = self._travel()
         beyond = np.log(np.maximum(np.where(np.isfinite(reach), travel / motion / reach, 1.0), 1.0))
         # What each row's value goes with, the value in deviations or as a logarithm, and whether it is one.
@@ -241,6 +238,14 @@ def solved(columns: FloatArray, torque: FloatArray) -> FloatArray:
     power, turned = np.linalg.eigh(matrix.T @ matrix)
     inverse = np.divide(1.0, power, out=np.zeros_like(power), where=power > _TRUNCATED**2 * power[-1])
     return np.asarray(turned @ (inverse * (turned.T @ (matrix.T @ torque.ravel()))) / size)
+
+
+def _explained(columns: FloatArray, torque: FloatArray) -> tuple[FloatArray, float]:
+    """Parameters (n_param,) that explain torques (n_row, n_joint) best, and the share of these that is left."""
+    scale = np.maximum(torque.std(axis=0), 1e-300)
+    values = solved(columns / scale[:, None], torque / scale)
+    left = (columns @ values - torque) / scale
+    return values, float(np.linalg.norm(left) / np.linalg.norm((torque - torque.mean(axis=0)) / scale))
 
 
 def _compare(estimated: FloatArray, stated: FloatArray, torque: FloatArray) -> tuple[float, float]:
@@ -313,9 +318,7 @@ def _unexplained(model: RigidModel, rows: tuple[FloatArray, ...]) -> float:
     """Share of the torques that no parameters explain."""
     position, velocity, acceleration, torque = rows
     columns = model.columns(position, velocity, acceleration, torque=torque if model.needs_torque else None)
-    scale = np.maximum(torque.std(axis=0), 1e-300)
-    left = (columns @ solved(columns / scale[:, None], torque / scale) - torque) / scale
-    return float(np.linalg.norm(left) / np.linalg.norm((torque - torque.mean(axis=0)) / scale))
+    return _explained(columns, torque)[1]
 
 
 def _what(robot: Robot, joint: int, other: int, sign: int) -> str:
