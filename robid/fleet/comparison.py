@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.stats import norm
 
-from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.arrays import FloatArray, IntArray
 from robid.fleet.drift import Drift, find_drifts, followed
 from robid.fleet.folders import PAGE
 from robid.fleet.ledger import Ledger, causes
@@ -221,7 +221,11 @@ def compare(found: Mapping[Key, Collected], robots: Robots) -> Comparison:
     about = populations(traits, robots.robot)
     compared = tuple(Compared(*each, each_about) for each, each_about in zip(named, about, strict=True))
     repeated = np.bincount(robots.robot, minlength=1)[robots.robot] > 1
-    lasting = [_where(trait, repeated & np.isfinite(robots.time)) for trait in traits]
+    kept = [(repeated & np.isfinite(robots.time))[trait.rows] for trait in traits]
+    lasting = [
+        Trait(trait.rows[own], trait.value[own], trait.std[own], trait.only_large)
+        for trait, own in zip(traits, kept, strict=True)
+    ]
     over_time = lasting, robots.robot, robots.time
     return Comparison(robots, compared, find_outliers(traits, about), find_drifts(*over_time), followed(*over_time))
 
@@ -234,11 +238,6 @@ def _by_group(of: Collected, group: IntArray) -> Iterator[Trait]:
     for part in np.split(order, ends):
         if part.size:
             yield Trait(rows[part], value[part], std[part], of.is_misfit)
-
-
-def _where(trait: Trait, kept: BoolArray) -> Trait:
-    own = kept[trait.rows]
-    return Trait(trait.rows[own], trait.value[own], trait.std[own], trait.only_large)
 
 
 Pages = Literal["all", "none", "flagged"]

@@ -8,7 +8,7 @@ import decimal
 import io
 import math
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,7 +44,12 @@ def read_manifest(path: Path) -> Manifest:
     """
     typed = path.suffix.lower() in (".parquet", ".pq")
     columns, lines = (_read_parquet if typed else _read_csv)(path)
-    problems = list(_wrong_columns(columns))
+    problems = []
+    for index, name in enumerate(columns):
+        if not name:
+            problems.append(f"S037 column {index + 1} has no name")
+        elif name in columns[:index]:
+            problems.append(f"S038 column `{name}` is there twice")
     if not lines and not problems:
         problems.append("S036 it has no rows")
     if problems:
@@ -78,14 +83,6 @@ def wrong_rows(manifest: Manifest, used: Collection[str]) -> Iterator[str]:
         if compared and content in contents:
             yield f"{row.place}: row {row.id} says the same as row {contents[content].id}, {contents[content].place}"
         contents.setdefault(content, row)
-
-
-def _wrong_columns(columns: Sequence[str]) -> Iterator[str]:
-    for index, name in enumerate(columns):
-        if not name:
-            yield f"S037 column {index + 1} has no name"
-        elif name in columns[:index]:
-            yield f"S038 column `{name}` is there twice"
 
 
 def _read_csv(path: Path) -> tuple[tuple[str, ...], list[tuple[str, list[Value]]]]:

@@ -155,7 +155,9 @@ class RigidSource:
             return found.robot
         if self.payload_kg == 0:
             return replace(found.robot, payload=file.to_robot(payload).payload)
-        return replace(found.robot, payload=_scaled(found.robot.payload, payload / self.payload_kg))
+        # A body of another mass and the same shape.
+        body, factor = found.robot.payload, payload / self.payload_kg
+        return replace(found.robot, payload=Inertial(factor * body.mass_kg, body.com_m, factor * body.inertia_kgm2))
 
     def _check_joined(self, found: StandardRobot, payload: float) -> None:
         hangs = any(spring.place == "payload" for spring in found.robot.springs)
@@ -193,10 +195,6 @@ def _sizes(standard: Standard) -> FloatArray:
         scale = body.mass_kg * np.repeat([radius**2, radius, 1.0], [6, 3, 1])
         sizes |= {f"{owner}.{one}": float(own) for one, own in zip(COMPONENTS, scale, strict=True)}
     return np.array([sizes[name] for name in standard.names])
-
-
-def _scaled(body: Inertial, factor: float) -> Inertial:
-    return Inertial(factor * body.mass_kg, body.com_m, factor * body.inertia_kgm2)
 
 
 @dataclass(frozen=True)

@@ -144,18 +144,14 @@ def _section(label: str, first: Frf, other: Compared) -> Section:
     rows = tuple(_row(element) for element in comparison.elements)
     parts: list[Part] = [Table(COLUMNS, rows, caption=CAPTION, styles=_STYLES, fit="tall")]
     if len(comparison.each) > 1:
-        parts.append(_each(first, comparison))
+        labels = [configuration_label(first, mine) for mine, _ in comparison.aligned.pairs]
+        pairs = zip(labels, comparison.each, strict=True)
+        rows = tuple(_row(element, label) for label, elements in pairs for element in elements)
+        title, choice = "By configuration", "Configuration"
+        parts.append(Table(COLUMNS, rows, title=title, styles=_STYLES, choice=choice, fit="tall"))
     parts += [Notes(comparison.notes)] if comparison.notes else []
     lead = f"Compared {comparison_place(comparison)}."
     return Section(f"{other.label} against {label}", lead, tuple(parts))
-
-
-def _each(first: Frf, comparison: Comparison) -> Table:
-    labels = [configuration_label(first, mine) for mine, _ in comparison.aligned.pairs]
-    rows = tuple(
-        _row(element, label) for label, elements in zip(labels, comparison.each, strict=True) for element in elements
-    )
-    return Table(COLUMNS, rows, title="By configuration", styles=_STYLES, choice="Configuration", fit="tall")
 
 
 def _row(element: ElementDifference, choice: str = "") -> Row:

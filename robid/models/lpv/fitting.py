@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 
 import numpy as np
 
@@ -44,7 +43,7 @@ def fit(data: Data, work: Work) -> Artifact:
     fitted, judging = (responses_of(one, data.loaded, settings) for one in (own, choosing))
     ends = fitted.points.min(axis=0), fitted.points.max(axis=0)
     _refuse_outside(judging.points, *ends, ports, "leave the ends of the range to the fit, and choose in between")
-    with _named_positions(ports, fitted.points):
+    try:
         solution = fit_lpv(
             fitted,
             judging,
@@ -55,21 +54,16 @@ def fit(data: Data, work: Work) -> Artifact:
             confidence=settings.confidence,
             identifiable_relative_std=settings.identifiable_relative_std,
         )
-    work.progress.advance()
-    told = [*findings_of_scheduling(frf, data.loaded, settings), *findings_of_signals(frf, settings)]
-    return model_of(solution, assess_lpv(solution, told))
-
-
-@contextmanager
-def _named_positions(ports: Ports, points: FloatArray) -> Iterator[None]:
-    """Names the position that an error is about by its scheduling parameters in place of its number."""
-    try:
-        yield
     except DataError as error:
+        # A position goes by its scheduling parameters in place of its number.
         word, _, number = error.where.partition(" ")
         if word != "position":
             raise
-        raise DataError(error.what, where=ports.place(points[int(number)]), remedy=error.remedy) from error
+        place = ports.place(fitted.points[int(number)])
+        raise DataError(error.what, where=place, remedy=error.remedy) from error
+    work.progress.advance()
+    told = [*findings_of_scheduling(frf, data.loaded, settings), *findings_of_signals(frf, settings)]
+    return model_of(solution, assess_lpv(solution, told))
 
 
 def _refuse_outside(points: FloatArray, lower: FloatArray, upper: FloatArray, ports: Ports, remedy: str) -> None:
@@ -136,7 +130,10 @@ def ports_of(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Ports:
     """Returns channels and scheduling parameters of a fit."""
     outputs, inputs = _channels(frf, settings)
     used = [frf.input_channels[index] for index in inputs], [frf.output_channels[index] for index in outputs]
-    units = [_unit(frf, loaded, name) for name in settings.scheduling]
+    joints, measured = _joints(frf, loaded), frf.measured_channels or frf.output_channels
+    known = {name: channel.unit for name, channel in zip(frf.output_names, measured, strict=False)}
+    known |= dict(zip(joints, frf.joint_units or ("rad",) * len(joints), strict=False))
+    units = [known[name] for name in settings.scheduling]
     return Ports(*_names(used[0]), *_names(used[1]), settings.scheduling, tuple(units), frf.sampling_period_s)
 
 
@@ -193,14 +190,6 @@ def _points(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> FloatArray:
 def _joints(frf: Frf, loaded: LoadedExperiment) -> tuple[str, ...]:
     names = tuple(joint.name for joint in loaded.robot.joints)
     return names if frf.configurations.shape[1:] == (len(names),) else ()
-
-
-def _unit(frf: Frf, loaded: LoadedExperiment, name: str) -> str:
-    joints = _joints(frf, loaded)
-    if name in joints:
-        return "rad" if frf.joint_units is None else frf.joint_units[joints.index(name)]
-    channels = frf.measured_channels or frf.output_channels
-    return channels[frf.output_names.index(name)].unit
 
 
 def findings_of_scheduling(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Finding]:

@@ -113,7 +113,10 @@ def sections(
     units = [estimates.torque_unit if name not in pushed else "N" for name in joints]
     trust: list[Part] = [_estimator_table(solution), _test_table(solution, joints)]
     if solution.estimators.bends.size:
-        trust.append(Folded("Other bends of Huber's estimator", (_bend_table(solution),)))
+        heads = ("Parameter", *(f"H = {bend:g}" for bend in solution.estimators.bends.tolist()))
+        columns = [[f"{value:.4g}" for value in row] for row in solution.estimators.bent.tolist()]
+        bent = Table(heads, tuple(zip(solution.estimate.names, *columns, strict=True)))
+        trust.append(Folded("Other bends of Huber's estimator", (bent,)))
     found = [
         *_parameters(solution, estimates, sensed),
         Section("Is least squares to be trusted?", solution.checks.sentence, tuple(trust), "verdict"),
@@ -207,13 +210,6 @@ def _test_table(solution: RigidSolution, joints: Sequence[str]) -> Table:
         "Residuals of weighted least squares over the torque's size. Of a Gaussian 0.27 % lie beyond 3 deviations."
     )
     return Table(heads, rows, title="Residuals", caption=caption)
-
-
-def _bend_table(solution: RigidSolution) -> Table:
-    found = solution.estimators
-    heads = ("Parameter", *(f"H = {bend:g}" for bend in found.bends.tolist()))
-    columns = [[f"{value:.4g}" for value in row] for row in found.bent.tolist()]
-    return Table(heads, tuple(zip(solution.estimate.names, *columns, strict=True)))
 
 
 def _residuals(solution: RigidSolution, joints: Sequence[str], units: Sequence[str]) -> Section:

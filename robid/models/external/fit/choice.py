@@ -63,7 +63,11 @@ def choose_structure(
     best = _in_turn(candidates, orders, delays, hopeless, options)
     if options.rule == "evidence":
         best = _look_about(candidates, orders, best, options)
-        best = _simplest(candidates, orders, best, delays, hopeless)
+        # The fewest poles, at a delay of their own, against which there is no strong evidence.
+        for order in (each for each in orders if each[0] < best.structure.poles):
+            _nearby(candidates, candidates.fit(*order, best.structure.delay_samples), delays, hopeless)
+        even = [each for each in candidates.tried if each.bic <= best.bic + _WEAK]
+        best = min(even, key=lambda each: (each.structure.poles, each.bic))
     messages = _about_delay(candidates, best, delays) + _about_order(best, options)
     return Choice(best.structure, best, candidates.tried, _reason(best, options, len(choose_on)), messages)
 
@@ -118,16 +122,6 @@ def _look_about(
             best = min(best, _select(candidates, simpler, delay, options), key=lambda each: each.bic)
         seen |= alike
     return best
-
-
-def _simplest(
-    candidates: Candidates, orders: Sequence[tuple[int, int]], best: Candidate, delays: Sequence[int], hopeless: float
-) -> Candidate:
-    """Returns the fewest poles, at a delay of their own, against which there is no strong evidence."""
-    for order in (each for each in orders if each[0] < best.structure.poles):
-        _nearby(candidates, candidates.fit(*order, best.structure.delay_samples), delays, hopeless)
-    even = [each for each in candidates.tried if each.bic <= best.bic + _WEAK]
-    return min(even, key=lambda each: (each.structure.poles, each.bic))
 
 
 def _delays_alike(candidates: Candidates) -> set[int]:

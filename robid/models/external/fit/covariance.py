@@ -66,19 +66,15 @@ def find_spread(problem: Problem, point: Point, noise: FloatArray, unseen: float
         meat = np.zeros((pulls.shape[1], pulls.shape[1]))
         for index, (each, span) in enumerate(zip(experiments, spans, strict=True)):
             residuals[index][:, output] = part.residual[span] * noise[index, output]
-            added, chances[index, output], taken[index, output] = _judged(each, part.residual[span], pulls[span])
-            meat += added
+            # The pulls are orthonormal over all shots: their squares in one are the degrees of freedom that it gave.
+            excited, left = excited_lines(each), part.residual[span]
+            taken[index, output] = np.sum(pulls[span] ** 2) + each.offset
+            chances[index, output] = whiteness(left, excited, taken[index, output] - each.offset)
+            white = bool(chances[index, output] >= WHITE)
+            meat += _meat(left, pulls[span], excited, taken[index, output], white=white)
+
         meats.append(meat)
     return Spread(tuple(residuals), _root(linear, triangle, meats, point, sought), chances, taken)
-
-
-def _judged(experiment: Experiment, residual: FloatArray, pull: FloatArray) -> tuple[FloatArray, float, float]:
-    """What a residual (n_sample,) adds to the covariance of its pulls, its whiteness, and what was taken from it."""
-    excited = excited_lines(experiment)
-    # The pulls are orthonormal over all shots: their squares in one are the degrees of freedom that it gave.
-    n_taken = float(np.sum(pull**2)) + experiment.offset
-    chance = whiteness(residual, excited, n_taken - experiment.offset)
-    return _meat(residual, pull, excited, n_taken, white=chance >= WHITE), chance, n_taken
 
 
 @dataclass(frozen=True)

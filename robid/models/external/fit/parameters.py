@@ -86,8 +86,12 @@ def block_parameters(
     nyquist = np.pi / model.sampling_period_s
     rows = _rows_of_roots(name, "pole", poles_of(model, root), nyquist)
     for channel, unit, place in zip(channels, units, np.ndindex(model.numerator.shape[:2]), strict=True):
-        gain, slope = _gain(model, root, place)
-        rows.append(Row(f"{channel}.gain", "gain", unit, gain, abs(gain), slope))
+        last = (int(np.ravel_multi_index(place, model.numerator.shape[:2])) + 1) * model.numerator.shape[2] - 1
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # G(0) = b_0 / a_0, so that dG(0) = (db_0 - G(0) da_0) / a_0.
+            gain = model.numerator[place][-1] / model.denominator[-1]
+            slope = np.asarray((root[last] - gain * root[-1]) / model.denominator[-1])
+        rows.append(Row(f"{channel}.gain", "gain", unit, float(gain), abs(float(gain)), slope))
         rows += _rows_of_roots(channel, "zero", zeros_of(model, root, *place), nyquist)
     return rows
 
@@ -98,16 +102,6 @@ def _rows_of_roots(owner: str, kind: str, found: Sequence[Root], nyquist: float)
         is_real, reachable = one.place.imag == 0, bool(abs(one.place) < nyquist)
         rows += root_rows(f"{owner}.{kind}{number}", kind, one.place, one.moves, is_real=is_real, reachable=reachable)
     return rows
-
-
-def _gain(model: TransferMatrix, root: FloatArray, place: tuple[int, ...]) -> tuple[float, FloatArray]:
-    """Static gain of a channel, and what each column of the covariance root (n_coefficient, n_root) moves it by."""
-    n_power, level = model.numerator.shape[2], model.denominator[-1]
-    last = int(np.ravel_multi_index(place, model.numerator.shape[:2])) * n_power + n_power - 1
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # G(0) = b_0 / a_0, so that dG(0) = (db_0 - G(0) da_0) / a_0.
-        gain = model.numerator[place][-1] / level
-        return float(gain), np.asarray((root[last] - gain * root[-1]) / level)
 
 
 def estimate_of(

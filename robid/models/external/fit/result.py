@@ -162,7 +162,9 @@ def _transfers(found: Sequence[FittedBlock], ports: Ports, options: ExternalOpti
 def _quality(
     found: Sequence[FittedBlock], ports: Ports, etfe: Etfe, every: Sequence[Sequence[Agreement]]
 ) -> FitQuality:
-    bands = [_band(one.block, etfe) for one in found]
+    # Frequencies at which a command of a block was excited.
+    known = (np.isfinite(etfe.radius[:, :, list(one.block.inputs)]).any(axis=(1, 2)) for one in found)
+    bands = [etfe.frequency_hz[own][[0, -1]] if own.any() else np.full(2, np.nan) for own in known]
     names = [_output_names(one.block, ports) for one in found]
     worst = [
         min(each.nrmse for each in own if each.output == name)
@@ -198,13 +200,6 @@ def _final_prediction_error(one: FittedBlock) -> float:
     scaled = left / np.maximum(measured.std(axis=0), np.finfo(float).tiny)
     ratio = one.fit.n_free / len(left)
     return float(np.linalg.det(scaled.T @ scaled / len(left)) * (1 + ratio) / max(1 - ratio, 1e-3))
-
-
-def _band(block: Block, etfe: Etfe) -> tuple[float, float]:
-    """Lowest and highest frequency at which a command of a block was excited [Hz]."""
-    known = np.isfinite(etfe.radius[:, :, list(block.inputs)]).any(axis=(1, 2))
-    frequency_hz = etfe.frequency_hz[known] if known.any() else np.array([np.nan])
-    return float(frequency_hz[0]), float(frequency_hz[-1])
 
 
 def _tried(found: Sequence[FittedBlock]) -> tuple[Tried, ...]:

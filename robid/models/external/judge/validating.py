@@ -85,7 +85,7 @@ def validate_external(
     untested = tuple(name for name in solution.transfers.blocks if name not in tested)
     failures = _failures(agreed, bounds)
     excess = excess_findings(agreed, [one.expected_std for one in bounds])
-    every = [*findings, *novelty_findings(solution, found), *excess, *_outside(bounds, solution), *_untested(untested)]
+    every = [*findings, *novelty_findings(solution, found), *excess, *_doubts(bounds, untested, solution)]
     return ExternalValidation(
         outcome=outcome_of(solution.estimate, every, failures, _verdict(agreed, bounds, failures)),
         agreements=agreed,
@@ -140,8 +140,8 @@ def _failures(agreed: Sequence[Agreement], bounds: Sequence[Bounds]) -> tuple[st
     )
 
 
-def _outside(bounds: Sequence[Bounds], solution: ExternalSolution) -> Iterator[Finding]:
-    """Doubts intervals where far more samples lie outside the bounds than their level says."""
+def _doubts(bounds: Sequence[Bounds], untested: Sequence[str], solution: ExternalSolution) -> Iterator[Finding]:
+    """Doubts intervals where far more samples lie outside the bounds than their level says, and what did not move."""
     confidence, worst = solution.estimate.confidence, min(bounds, key=lambda one: one.inside)
     excess = (1 - worst.inside) / (1 - confidence)
     if excess > _OUTSIDE:
@@ -150,11 +150,8 @@ def _outside(bounds: Sequence[Bounds], solution: ExternalSolution) -> Iterator[F
             f" ({worst.place}): the intervals do not hold what the model lacks"
         )
         yield Finding("model", told, decisive=False, strength=excess / _OUTSIDE)
-
-
-def _untested(names: Sequence[str]) -> Iterator[Finding]:
-    if names:
-        told = f"{', '.join(names)} do not move in the validation: nothing was tested of them"
+    if untested:
+        told = f"{', '.join(untested)} do not move in the validation: nothing was tested of them"
         yield Finding("excitation", told, decisive=False, strength=2.0)
 
 

@@ -32,7 +32,12 @@ def subspace_model(
     middle = float(np.median(tangent))
     w = (middle + 1j * tangent) / (middle - 1j * tangent)
     A, C = _states(w, response, root_weight.mean(axis=(1, 2)), order, n_block)
-    A = _reflect(A)
+    # Poles go into the unit circle: 1 / conj(pole) has the same magnitude response but for a factor; a little inside,
+    # so that it is never on the circle.
+    values, vectors = np.linalg.eig(A)
+    size = np.abs(values)
+    inside = np.where(size >= 1, values / np.maximum(size, 1e-300) ** 2 * 0.999, values)
+    A = np.asarray(np.real(vectors @ (inside[:, None] * np.linalg.inv(vectors))))
     B, D = _inputs(w, response, root_weight, A, C)
     return remap(StateSpace(A, B, C, D), middle + 1, middle - 1, middle - 1, middle + 1)
 
@@ -53,16 +58,6 @@ def _states(
     space = np.linalg.svd(seen)[0][:, :order]
     # O without its last block row, times A, is O without its first; C is its first block row.
     return np.linalg.lstsq(space[:-n_out], space[n_out:], rcond=None)[0], space[:n_out]
-
-
-def _reflect(A: FloatArray) -> FloatArray:
-    """Brings poles into the unit circle."""
-    values, vectors = np.linalg.eig(A)
-    size = np.abs(values)
-    # 1 / conj(pole) has the same magnitude response but for a factor; a little inside, so that it is never on the
-    # circle.
-    inside = np.where(size >= 1, values / np.maximum(size, 1e-300) ** 2 * 0.999, values)
-    return np.asarray(np.real(vectors @ (inside[:, None] * np.linalg.inv(vectors))))
 
 
 def _inputs(

@@ -50,7 +50,10 @@ def parameter_uncertainty(
     # J of all parameters: each position's derivative by its local matrices, times the basis functions there.
     full = np.einsum("qk,qrl->qrkl", problem.values, slope).reshape(-1, parameters.size)[:, free.ravel()]
     bread = np.real(full.conj().T @ full)
-    null, root = _null_directions(bread)
+    # Directions that move no response, orthonormal by the scale of each parameter.
+    root = np.sqrt(np.maximum(np.diag(bread), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(bread / np.outer(root, root))
+    null = vectors[:, values < _SINGULAR * values[-1]]
     # Adding one along the null directions makes the matrix regular; subtracted again, its inverse is the
     # pseudo-inverse.
     scaled = bread / np.outer(root, root) + null @ null.T
@@ -83,13 +86,6 @@ def response_uncertainty(problem: Problem, parameters: FloatArray, covariance: F
     local = np.einsum("qk,kiml,qm->qil", problem.values, blocks, problem.values)
     squared = np.einsum("qri,qil,qrl->qr", slope.conj(), local, slope).real
     return ResponseUncertainty(here.reshape(shape), np.sqrt(np.maximum(squared, 0)).reshape(shape))
-
-
-def _null_directions(hessian: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns directions (n_param, n_null) that move no response, orthonormal by a scale (n_param,), and it."""
-    root = np.sqrt(np.maximum(np.diag(hessian), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(hessian / np.outer(root, root))
-    return vectors[:, values < _SINGULAR * values[-1]], root
 
 
 _REAL = 1e-9  # of a pole's absolute value, an imaginary part that counts as none

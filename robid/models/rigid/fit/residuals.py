@@ -278,7 +278,10 @@ def choose_cut_off(
         docs/methods, sec. 7: residual whiteness against the excited band.
     """
     excited = excited_band(position, sampling_period_s)
-    cuts = sorted(candidates_hz) or _ladder(float(excited.max()), sampling_period_s)
+    highest = _HIGHEST / sampling_period_s
+    lowest = min(_MARGIN * max(float(excited.max()), 1e-3 * highest), highest)
+    count = int(np.log(highest / lowest) / np.log(_RATIO)) + 1
+    cuts = sorted(candidates_hz) or [lowest * _RATIO**index for index in range(count)]
     every = [replace(options, position_cut_hz=cut, decimation=0) for cut in cuts]
     wanted = fewest_rows(len(regressor.names), position.shape[1])
     every = [tried for tried in every if row_count(len(position), tried, sampling_period_s) >= wanted]
@@ -317,13 +320,6 @@ def row_count(n_sample: int, options: PreprocessingOptions, sampling_period_s: f
 def fewest_rows(n_param: int, n_joint: int) -> int:
     """Returns how many rows of a joint a fit needs at least."""
     return math.ceil(_ROWS * n_param / n_joint)
-
-
-def _ladder(excited_hz: float, sampling_period_s: float) -> list[float]:
-    highest = _HIGHEST / sampling_period_s
-    lowest = min(_MARGIN * max(excited_hz, 1e-3 * highest), highest)
-    count = int(np.log(highest / lowest) / np.log(_RATIO)) + 1
-    return [lowest * _RATIO**index for index in range(count)]
 
 
 def _try(

@@ -219,7 +219,8 @@ def travel_of(robot: Robot, shots: Sequence[Shot]) -> Travel:
     """Returns where the arm of a robot was during some shots, at moments evenly spread over each."""
     turns = robot.arm_per_motor.T
     index = [np.linspace(0, len(shot.position) - 1, _MOMENTS).round().astype(int) for shot in shots]
-    extremes = np.array([[_extremes(shot.position @ joint) for joint in turns.T] for shot in shots])
+    courses = [shot.position @ turns for shot in shots]
+    extremes = np.array([np.stack([course.min(axis=0), course.max(axis=0)], axis=1) for course in courses])
     return Travel(
         shot=np.repeat(np.arange(len(shots)), _MOMENTS),
         time_s=np.concatenate([own * shot.sampling_period_s for own, shot in zip(index, shots, strict=True)]),
@@ -229,10 +230,6 @@ def travel_of(robot: Robot, shots: Sequence[Shot]) -> Travel:
         lower_limit=robot.lower,
         upper_limit=robot.upper,
     )
-
-
-def _extremes(course: FloatArray) -> tuple[float, float]:
-    return float(course.min()), float(course.max())
 
 
 def repeats(travel: Travel, robot: Robot, shot: Shot) -> bool:
