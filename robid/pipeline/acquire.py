@@ -126,11 +126,7 @@ def _ask_alike(first: DataError, other: DataError | None) -> bool:
 
 
 def _periodic(
-    campaign: Campaign,
-    acquire: Acquire,
-    content: CampaignExcitation,
-    indices: tuple[int, ...],
-    mapping: LogMapping,
+    campaign: Campaign, acquire: Acquire, content: CampaignExcitation, indices: tuple[int, ...], mapping: LogMapping
 ) -> Record:
     """One log of a signal that repeats: indices of its configuration, realization and place in the block."""
     excitation = content.excitation
@@ -150,11 +146,7 @@ def _periodic(
 
 
 def _arbitrary(
-    campaign: Campaign,
-    acquire: Acquire,
-    content: CampaignExcitation,
-    indices: tuple[int, ...],
-    mapping: LogMapping,
+    campaign: Campaign, acquire: Acquire, content: CampaignExcitation, indices: tuple[int, ...], mapping: LogMapping
 ) -> Record:
     """One log of an arbitrary signal: indices as in `_periodic`."""
     del campaign, acquire

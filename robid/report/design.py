@@ -118,11 +118,7 @@ def design_numbers(design: ConfigurationDesign) -> dict[str, Any]:
         ],
         "stability": None
         if stability is None
-        else {
-            "by": stability.source,
-            "kept": stability.kept.tolist(),
-            "efficiency": stability.efficiency.tolist(),
-        },
+        else {"by": stability.source, "kept": stability.kept.tolist(), "efficiency": stability.efficiency.tolist()},
     }
 
 

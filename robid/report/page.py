@@ -14,16 +14,7 @@ from rich.console import Group
 from robid.report.charts import BodeMatrix, RatioChart, Skeletons, Waterfall, bode_data
 from robid.report.numbers import rounded
 from robid.report.parameters import ParameterRow
-from robid.report.section import (
-    AnyFigure,
-    Bars,
-    Cell,
-    Curve,
-    Figure,
-    Row,
-    Section,
-    Table,
-)
+from robid.report.section import AnyFigure, Bars, Cell, Curve, Figure, Row, Section, Table
 
 
 @dataclass(frozen=True)

@@ -11,15 +11,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.frf.frf import Frf
-from robid.frf.quality import (
-    Quality,
-    dropped_lines,
-    judge,
-    lowest,
-    middle,
-    saturation_text,
-    worst_saturation,
-)
+from robid.frf.quality import Quality, dropped_lines, judge, lowest, middle, saturation_text, worst_saturation
 from robid.report.charts import BodeMatrix, BodeResponse, configuration_label
 from robid.report.numbers import MISSING, number_of, percent, significant
 from robid.report.page import Headline, KeyNumber

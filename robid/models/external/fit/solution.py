@@ -108,8 +108,7 @@ class Responses:
     # Responses with delay, without hold and moving average.
     response: Annotated[ComplexArray, Quantity("output over input", _CHANNEL, "Responses of the models with delay")]
     sampled: Annotated[
-        ComplexArray,
-        Quantity("output over input", _CHANNEL, "From samples to samples, hold and average included"),
+        ComplexArray, Quantity("output over input", _CHANNEL, "From samples to samples, hold and average included")
     ]
     relative_std: Annotated[FloatArray, Quantity("1", _CHANNEL, "Deviation of the magnitude, relative")]
     phase_std: Annotated[FloatArray, Quantity("rad", _CHANNEL, "Deviation of the phase")]

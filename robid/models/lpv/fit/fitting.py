@@ -17,14 +17,7 @@ from robid.models.lpv.fit.local import (
     interpolate,
     middle_position,
 )
-from robid.models.lpv.fit.model import (
-    Basis,
-    LpvModel,
-    add_integrators,
-    different_positions,
-    largest_pole,
-    make_basis,
-)
+from robid.models.lpv.fit.model import Basis, LpvModel, add_integrators, different_positions, largest_pole, make_basis
 from robid.models.lpv.fit.options import BasisOptions, LpvOptions
 from robid.models.lpv.fit.path import Path, find_sparse_bases, follow_path
 from robid.models.lpv.fit.responses import (
