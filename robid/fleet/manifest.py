@@ -157,11 +157,9 @@ def _plain(path: Path, number: int, cell: object) -> Value:
         return int(cell) if cell == cell.to_integral_value() else float(cell)
     if cell is None or isinstance(cell, str | int | float):
         return None if isinstance(cell, float) and math.isnan(cell) else cell
-    raise SettingsError(
-        f"S046 a value of type {type(cell).__name__} cannot be filled in",
-        where=f"{path}: row {number}",
-        remedy="keep numbers, texts, truth values and dates in the manifest",
-    )
+    message = f"S046 a value of type {type(cell).__name__} cannot be filled in"
+    remedy = "keep numbers, texts, truth values and dates in the manifest"
+    raise SettingsError(message, where=f"{path}: row {number}", remedy=remedy)
 
 
 TIME = "time"

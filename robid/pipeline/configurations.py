@@ -104,11 +104,9 @@ def _checked(angles: FloatArray, reach: Reach, key: str) -> FloatArray:
         return angles
     listed = "\n".join(f"  [{index}]: {text}" for index, text in found[:_SHOWN])
     more = f"\n  and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
-    raise SettingsError(
-        f"S094 {len(found)} of {counted(len(angles), 'configuration')} are out of reach\n{listed}{more}",
-        where=f"configurations.{key}",
-        remedy="leave them out, or correct the robot file's `floor_m` and limits",
-    )
+    what = f"S094 {len(found)} of {counted(len(angles), 'configuration')} are out of reach\n{listed}{more}"
+    remedy = "leave them out, or correct the robot file's `floor_m` and limits"
+    raise SettingsError(what, where=f"configurations.{key}", remedy=remedy)
 
 
 def campaign_lines(loaded: LoadedExperiment, campaign: Campaign) -> tuple[IntArray, IntArray]:

@@ -140,13 +140,9 @@ def _between(job: Job, design: Design, names: tuple[str, ...]) -> FloatArray:
         return design.between_relative_std.of(names)
     solution = solution_from_artifact(read_artifact(job.inputs["between"], MODEL))
     if solution.effective is None:
-        raise DataError(
-            f"D194 Fit `{design.between}` does not tell how far parameters differ between configurations: it has "
-            "fewer than"
-            " four.",
-            where="between",
-            remedy="Name a fit of four configurations or more, or state `between_relative_std`.",
-        )
+        message = f"D194 Fit `{design.between}` does not tell how far parameters differ between configurations"
+        remedy = "Name a fit of four configurations or more, or state `between_relative_std`."
+        raise DataError(f"{message}: it has fewer than four.", where="between", remedy=remedy)
     found = dict(zip(solution.estimate.names, solution.effective.between_std.tolist(), strict=True))
     return np.array([found[name] for name in names])
 

@@ -102,11 +102,8 @@ def write_export(
     if path.exists() and not force:
         if path.read_bytes() == content:
             return "fresh"
-        raise ArtifactError(
-            "A030 The file is there, but differs from what would be written.",
-            where=str(path),
-            remedy="`--force` replaces it, `--output` writes elsewhere",
-        )
+        message = "A030 The file is there, but differs from what would be written."
+        raise ArtifactError(message, where=str(path), remedy="`--force` replaces it, `--output` writes elsewhere")
     with replacing(path) as partial:
         partial.write_bytes(content)
     return "made"

@@ -166,11 +166,9 @@ def export_excitation(
     """
     content = excitation_from_artifact(read_artifact(source, EXCITATION))
     if not content.excitation.reference.size:
-        raise ArtifactError(
-            "A031 It holds only the lines of what somebody else played: there is nothing to export.",
-            where=str(source),
-            remedy="`references` under `source.acquire` let it be designed here",
-        )
+        message = "A031 It holds only the lines of what somebody else played: there is nothing to export."
+        remedy = "`references` under `source.acquire` let it be designed here"
+        raise ArtifactError(message, where=str(source), remedy=remedy)
     joints = Joints(tuple(joint.name for joint in loaded.robot.joints), loaded.robot.joint_units)
     origin = (
         f"Excitation of campaign {options.campaign}, experiment {loaded.experiment.name}, robid {robid.__version__}"

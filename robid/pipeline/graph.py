@@ -206,11 +206,9 @@ def _check_files(node: Node) -> None:
     missing = [(name, path) for name, path in node.plan.files.items() if not path.exists()]
     if missing:
         more = f", nor do {len(missing) - 1} more of its {len(node.plan.files)}" if len(missing) > 1 else ""
-        raise DataError(
-            f"D197 the {missing[0][0]} of campaign {node.owner} does not exist{more}",
-            where=str(missing[0][1]),
-            remedy="correct `file`, or set ROBID_DATA to the folder that holds the data",
-        )
+        message = f"D197 the {missing[0][0]} of campaign {node.owner} does not exist{more}"
+        remedy = "correct `file`, or set ROBID_DATA to the folder that holds the data"
+        raise DataError(message, where=str(missing[0][1]), remedy=remedy)
 
 
 def execute(

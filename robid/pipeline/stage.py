@@ -140,17 +140,13 @@ def check_room(path: Path, needed_bytes: float) -> None:
             pass
         free = shutil.disk_usage(path.parent).free
     except OSError as error:
-        raise ArtifactError(
-            f"A035 The folder cannot be written to: {error.strerror or error}.",
-            where=str(path.parent),
-            remedy="name another one with --run-dir, or change its permissions",
-        ) from error
+        message = f"A035 The folder cannot be written to: {error.strerror or error}."
+        remedy = "name another one with --run-dir, or change its permissions"
+        raise ArtifactError(message, where=str(path.parent), remedy=remedy) from error
     if free < needed_bytes:
-        raise ArtifactError(
-            f"A036 The disk has {free / 1e6:.0f} MB left, but {needed_bytes / 1e6:.0f} MB are needed.",
-            where=str(path.parent),
-            remedy="make room, or name another folder with --run-dir",
-        )
+        message = f"A036 The disk has {free / 1e6:.0f} MB left, but {needed_bytes / 1e6:.0f} MB are needed."
+        remedy = "make room, or name another folder with --run-dir"
+        raise ArtifactError(message, where=str(path.parent), remedy=remedy)
 
 
 def counted(number: int, noun: str) -> str:

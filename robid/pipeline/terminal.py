@@ -57,26 +57,15 @@ class Shell:
     @contextmanager
     def progress(self, label: str) -> Iterator[Bar]:
         """Shows a bar while something is made; where there is no terminal, a line now and then."""
-        from rich.progress import (
-            BarColumn,
-            MofNCompleteColumn,
-            Progress,
-            TextColumn,
-            TimeElapsedColumn,
-            TimeRemainingColumn,
-        )
+        from rich import progress as shown
 
         columns = (
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=24),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[unit]}"),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
+            *(shown.TextColumn("{task.description}"), shown.BarColumn(bar_width=24), shown.MofNCompleteColumn()),
+            *(shown.TextColumn("{task.fields[unit]}"), shown.TimeElapsedColumn()),
+            *(shown.TextColumn("left"), shown.TimeRemainingColumn()),
         )
         hidden = self.quiet or not self.err.is_terminal
-        with Progress(*columns, console=self.err, transient=True, disable=hidden) as bars:
+        with shown.Progress(*columns, console=self.err, transient=True, disable=hidden) as bars:
             yield Bar(self, label, bars, bars.add_task(label, total=None, unit=""))
 
 

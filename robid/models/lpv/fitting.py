@@ -142,11 +142,7 @@ def _names(channels: Sequence[Channel]) -> tuple[tuple[str, ...], tuple[str, ...
 
 
 def _held_back(data: Data, settings: LpvFit) -> BoolArray:
-    """Which configurations (n_conf,) only choose the structure.
-
-    Raises:
-        DataError: If there is none of them.
-    """
+    """Which configurations (n_conf,) only choose the structure."""
     if isinstance(settings.choose_on, str):
         rows = np.array([origin == settings.choose_on for origin in data.origins], bool)
     else:

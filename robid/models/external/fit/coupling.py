@@ -142,19 +142,13 @@ def _band(
 
 
 def _cross_spectra(group: Sequence[Shot], moved: IntArray, segments: int) -> tuple[FloatArray, ComplexArray]:
-    """Cross spectral densities (n_freq, n_signal, n_signal) of moving commands and outputs, by Welch's method.
-
-    Raises:
-        DataError: If the shots are too short for as many segments.
-    """
+    """Cross spectral densities (n_freq, n_signal, n_signal) of moving commands and outputs, by Welch's method."""
     n_sample = len(group[0].inputs)
     length = 2 * n_sample // (segments + 1)
     if length < _SHORTEST:
-        raise DataError(
-            f"D146 {segments} segments of a motion of {n_sample} samples are shorter than {_SHORTEST} samples.",
-            where="coupling.segments",
-            remedy=f"ask for {2 * n_sample // _SHORTEST - 1} at most",
-        )
+        message = f"D146 {segments} segments of a motion of {n_sample} samples are shorter than {_SHORTEST} samples."
+        remedy = f"ask for {2 * n_sample // _SHORTEST - 1} at most"
+        raise DataError(message, where="coupling.segments", remedy=remedy)
     total: ComplexArray | float = 0.0
     for shot in group:
         signals = np.hstack([shot.inputs[:, moved], shot.outputs]).T

@@ -181,11 +181,7 @@ def search(
 
 
 def _cheapest(problem: Problem, denominators: Sequence[FloatArray], noise: FloatArray) -> list[Point]:
-    """The points at some denominators, that of the least cost first.
-
-    Raises:
-        DataError: If none can be simulated.
-    """
+    """The points at some denominators, that of the least cost first."""
     points = [problem.evaluate(each, noise, slopes=False) for each in denominators]
     usable = sorted((each for each in points if each is not None), key=lambda point: point.cost)
     if not usable:

@@ -119,11 +119,9 @@ def _like(system: StateSpace, other: StateSpace, index: int) -> StateSpace:
     T = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0].reshape(n, n)
     values = np.linalg.svd(T, compute_uv=False)
     if not values[-1] > _SINGULAR * values[0]:
-        raise DataError(
-            "D168 No basis makes the local model resemble its neighbour's.",
-            where=f"position {index}",
-            remedy="Measure positions in between, or choose another order.",
-        )
+        message = "D168 No basis makes the local model resemble its neighbour's."
+        remedy = "Measure positions in between, or choose another order."
+        raise DataError(message, where=f"position {index}", remedy=remedy)
     return transform(system, T)
 
 
@@ -135,16 +133,11 @@ def check_positions(values: FloatArray) -> None:
     """
     n_pos, n_function = values.shape
     if n_pos < n_function:
-        raise DataError(
-            f"D169 {n_pos} different positions cannot tell {n_function} basis functions apart (the constant one "
-            "counted).",
-            remedy="Fit more positions, or take fewer functions (`basis`).",
-        )
+        told = f"{n_pos} different positions cannot tell {n_function} basis functions apart (the constant one counted)."
+        raise DataError(f"D169 {told}", remedy="Fit more positions, or take fewer functions (`basis`).")
     if np.linalg.matrix_rank(values / np.linalg.norm(values, axis=0)) < n_function:
-        raise DataError(
-            "D170 At these positions some basis functions are combinations of others.",
-            remedy="Take fewer functions (`basis`), or positions that vary every scheduling parameter.",
-        )
+        remedy = "Take fewer functions (`basis`), or positions that vary every scheduling parameter."
+        raise DataError("D170 At these positions some basis functions are combinations of others.", remedy=remedy)
 
 
 def interpolate(systems: StateSpace, values: FloatArray) -> FloatArray:
@@ -187,11 +180,9 @@ def fit_local_models(problem: Problem, *, max_iterations: int = 100) -> LocalMod
     # Subspace models, with which every fit begins, have a block row to spare.
     most = min((int(told.min()) - n_out * n_in) // (n_out + n_in), (len(problem.z) // 2 - 1) * n_out)
     if n_state > most:
-        raise DataError(
-            f"D171 The lines are too few for {n_state} states.",
-            where=f"position {int(np.argmin(told))}",
-            remedy=f"Measure more lines, or lower `order` to {max(most, 1)} at most.",
-        )
+        message, where = f"D171 The lines are too few for {n_state} states.", f"position {int(np.argmin(told))}"
+        remedy = f"Measure more lines, or lower `order` to {max(most, 1)} at most."
+        raise DataError(message, where=where, remedy=remedy)
     n_pos = len(problem.response)
     found = [_fit(at_position(problem, index), max_iterations) for index in range(n_pos)]
     # Forth and back, so that a good minimum reaches every position from wherever it was found.

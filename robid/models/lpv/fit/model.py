@@ -112,11 +112,9 @@ class Basis:
         check_shape("points", points, "n_point n_scheduling", n_scheduling=len(self.lower))
         outside = is_outside(points, self.lower, self.upper)
         if outside.any():
-            raise DataError(
-                f"D166 The model holds from {_told(self.lower)} to {_told(self.upper)}, not at "
-                f"{_told(points[outside][0])}.",
-                remedy="Ask for positions within the range, or measure further out and fit again.",
-            )
+            lower, upper, place = (_told(point) for point in (self.lower, self.upper, points[outside][0]))
+            remedy = "Ask for positions within the range, or measure further out and fit again."
+            raise DataError(f"D166 The model holds from {lower} to {upper}, not at {place}.", remedy=remedy)
         return np.column_stack([np.ones(len(points)), self.functions.values(points)])
 
 

@@ -174,11 +174,7 @@ def _motor_torques(torque: FloatArray, arm: BoolArray, robot: Robot) -> FloatArr
 
 
 def _inverse(measured: FloatArray, robot: Robot, arm: BoolArray) -> FloatArray:
-    """Inverse (n_joint, n_joint) of what is measured per motor or arm, rows scaled to 1.
-
-    Raises:
-        DataError: If the channels of both sides do not determine it: several show the same motors.
-    """
+    """Inverse (n_joint, n_joint) of what is measured per motor or arm, rows scaled to 1."""
     size = np.linalg.norm(measured, axis=1)
     scaled = measured / size[:, None]
     if np.linalg.cond(scaled) > _SAME_MOTION:
