@@ -115,21 +115,13 @@ def run_section(stages: tuple[StageRow, ...]) -> tuple[Section, ...]:
 
 def _excitation_table(rows: tuple[ExcitationRow, ...]) -> Table:
     heads = ("Campaign", "Lines", "Band", "Measuring time", "RMS injected", "Detection lines")
-    cells = tuple(
-        (
-            row.campaign,
-            str(row.lines),
-            f"{significant(row.low_hz)} … {significant(row.high_hz)} Hz",
-            duration(row.duration_s),
-            rms_text(row),
-            str(row.detection_lines),
-            duration(row.period_s),
-            significant(row.crest_factor),
-            significant(row.worst_snr_db) + ("" if row.worst_snr_db is None else " dB"),
-        )
-        for row in rows
-    )
-    return Table((*heads, "Period", "Crest factor", "Worst SNR"), cells, title="Excitation plan", fit="compact")
+    cells = []
+    for row in rows:
+        band = f"{significant(row.low_hz)} … {significant(row.high_hz)} Hz"
+        signal = (row.campaign, str(row.lines), band, duration(row.duration_s), rms_text(row), str(row.detection_lines))
+        snr = significant(row.worst_snr_db) + ("" if row.worst_snr_db is None else " dB")
+        cells.append((*signal, duration(row.period_s), significant(row.crest_factor), snr))
+    return Table((*heads, "Period", "Crest factor", "Worst SNR"), tuple(cells), title="Excitation plan", fit="compact")
 
 
 def _peak_table(row: ExcitationRow) -> Table:

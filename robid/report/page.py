@@ -129,7 +129,6 @@ def render(content: ReportContent) -> str:
         number=number,
         body=_body,
         badges=_badges,
-        styles=_styles,
         style=Markup(_own("page.css")),
         scripts=[Markup(_own(f"{name}.js")) for name in _SCRIPTS],
         plotly=lambda: Markup(get_plotlyjs() if drawn else ""),
@@ -158,13 +157,6 @@ def _badges(table: Table) -> dict[str, str]:
     """What the letters before some cells mean."""
     cells = (cell for _, rows in _body(table) for _, row in rows for cell in row.cells if isinstance(cell, Cell))
     return {cell.badge: cell.hint for cell in cells if cell.badge}
-
-
-def _styles(table: Table) -> tuple[str, ...]:
-    """Style of each column; sentences or numbers behind the name where none is given."""
-    if table.styles:
-        return table.styles
-    return ("name", *(("text" if table.prose else "number",) * (len(table.columns) - 1)))
 
 
 def _own(name: str) -> str:

@@ -124,13 +124,8 @@ def _kind(frf: Frf) -> _Kind:
 def _section(campaigns: Campaigns, number: int) -> Section:
     first = campaigns[0][1]
     responses = tuple(BodeResponse(name, named_by_quantity(frf)) for name, frf in campaigns)
-    bode = BodeMatrix(
-        "",
-        responses,
-        input_quantity=quantity_title(first.input_channels),
-        output_quantity=quantity_title(first.output_channels),
-        unit=shown_unit(first),
-    )
+    given, answered = (quantity_title(side) for side in (first.input_channels, first.output_channels))
+    bode = BodeMatrix("", responses, input_quantity=given, output_quantity=answered, unit=shown_unit(first))
     parts: list[Part] = [bode, _table(campaigns)]
     dropped = [sentence for name, frf in campaigns for sentence in _dropped(name, frf)]
     parts += [Notes(tuple(dropped))] if dropped else []
@@ -209,16 +204,12 @@ def _key_numbers(frf: Frf) -> tuple[KeyNumber, ...]:
     quality = judge(frf)
     dropped = _count(frf)
     low, high = frf.frequency_hz[[0, -1]].tolist()
-    band = f"{significant(low)} … {significant(high)} Hz"
+    band, worst = f"{significant(low)} … {significant(high)} Hz", coherence_text(lowest(quality.coherence))
     numbers = [
         KeyNumber("Lines", str(len(frf.lines)), f"{band}, {dropped} dropped" if dropped else band),
         KeyNumber("Uncertainty", percent(middle(quality.relative_std)), "median standard deviation"),
         KeyNumber("Signal to noise", _decibels(middle(quality.signal_to_noise_db)), "median"),
-        KeyNumber(
-            "Coherence",
-            coherence_text(middle(quality.coherence)),
-            f"median; worst {coherence_text(lowest(quality.coherence))}",
-        ),
+        KeyNumber("Coherence", coherence_text(middle(quality.coherence)), f"median; worst {worst}"),
         KeyNumber("Odd distortion", percent(middle(quality.odd)), "median, noise included"),
         KeyNumber("Even distortion", percent(middle(quality.even)), "median, noise included"),
     ]

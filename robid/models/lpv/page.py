@@ -178,16 +178,11 @@ def _agreements(groups: tuple[tuple[str, Held], ...], ports: Ports) -> Table:
         found, expected = held.agreement, expected_share(held.degrees_of_freedom)
         for position, output, port in np.ndindex(found.excess.shape):
             at = position, output, port
-            cells = (
-                place_label(ports, held.points[position]),
-                f"{ports.outputs[output]} by {ports.inputs[port]}",
-                percent(float(found.share_within[at])),
-                percent(expected),
-                significant(float(found.error_ratio[at]), 3) if np.isfinite(found.error_ratio[at]) else MISSING,
-                significant(float(found.error_db[at]), 2),
-                percent(float(found.excess[at])),
-            )
-            rows.append(Row(cells, group=word))
+            named = place_label(ports, held.points[position]), f"{ports.outputs[output]} by {ports.inputs[port]}"
+            within = percent(float(found.share_within[at])), percent(expected)
+            ratio = significant(float(found.error_ratio[at]), 3) if np.isfinite(found.error_ratio[at]) else MISSING
+            off = significant(float(found.error_db[at]), 2), percent(float(found.excess[at]))
+            rows.append(Row((*named, *within, ratio, *off), group=word))
     heads = ("Position", "Element", "Within 2 deviations", "Of a perfect model", "Error / deviation", "Error [dB]",
              "Beyond noise")  # fmt: skip
     caption = (
@@ -224,16 +219,11 @@ def _path(solution: LpvSolution) -> Section:
     rows = []
     for index in range(len(path.gamma)):
         dropped = block_names(~path.kept[index])
-        cells = (
-            significant(float(path.gamma[index]), 3) if path.gamma[index] > 0 else "0",
-            str(int(np.count_nonzero(path.kept[index]))),
-            ", ".join(dropped) if dropped else MISSING,
-            significant(float(path.refit_cost[index]), 5),
-            significant(float(path.validation_cost[index]), 5),
-            path.status[index].replace("_", " "),
-            "chosen" if index == path.chosen else "",
-        )
-        rows.append(Row(cells, faint=index != path.chosen))
+        price = significant(float(path.gamma[index]), 3) if path.gamma[index] > 0 else "0"
+        left = str(int(np.count_nonzero(path.kept[index]))), ", ".join(dropped) if dropped else MISSING
+        costs = (significant(float(each[index]), 5) for each in (path.refit_cost, path.validation_cost))
+        ended = path.status[index].replace("_", " "), "chosen" if index == path.chosen else ""
+        rows.append(Row((price, *left, *costs, *ended), faint=index != path.chosen))
     heads = ("Price", "Blocks", "Dropped", "Cost", "Cost of what chooses", "Refit", "")
     styles: tuple[ColumnStyle, ...] = ("name", "number", "text", "number", "number", "text", "text")
     table = Table(heads, tuple(rows), styles=styles, fit="tall")

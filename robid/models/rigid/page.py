@@ -154,12 +154,8 @@ def _standard(solution: RigidSolution) -> tuple[Section, ...]:
     found = solution.standard
     if found is None:
         return ()
-    rows = tuple(
-        (name, f"{nominal:.4g}", f"{value:.4g}", unit)
-        for name, nominal, value, unit in zip(
-            found.names, found.nominal.tolist(), found.value.tolist(), found.units, strict=True
-        )
-    )
+    pairs = zip(found.names, found.nominal.tolist(), found.value.tolist(), found.units, strict=True)
+    rows = tuple((name, f"{nominal:.4g}", f"{value:.4g}", unit) for name, nominal, value, unit in pairs)
     words = {
         "estimated": "They have exactly the estimated base parameters.",
         "moved": f"No real bodies have exactly the estimated ones: base parameters moved by up to"
@@ -194,16 +190,14 @@ def _estimator_table(solution: RigidSolution) -> Table:
 
 def _test_table(solution: RigidSolution, joints: Sequence[str]) -> Table:
     checks, error = solution.checks, solution.residuals.relative_error
+    largest, odd = (
+        np.abs(checks.correlation).max(axis=1),
+        (checks.skewness, checks.excess_kurtosis, checks.outlier_share),
+    )
+    columns = (each.tolist() for each in (error, *odd, largest))
     rows = tuple(
-        (
-            name,
-            percent(float(error[joint])),
-            f"{checks.skewness[joint]:.2f}",
-            f"{checks.excess_kurtosis[joint]:.2f}",
-            percent(float(checks.outlier_share[joint])),
-            f"{np.abs(checks.correlation[joint]).max():.2f}",
-        )
-        for joint, name in enumerate(joints)
+        (name, percent(left), f"{skewness:.2f}", f"{kurtosis:.2f}", percent(outliers), f"{correlation:.2f}")
+        for name, left, skewness, kurtosis, outliers, correlation in zip(joints, *columns, strict=True)
     )
     heads = ("Motor", "Residual", "Skewness", "Excess kurtosis", "Beyond 3 deviations", "Correlation")
     caption = (

@@ -164,17 +164,9 @@ def own_table(solution: ExternalSolution) -> Table:
 def _new_table(solution: ExternalSolution, validation: ExternalValidation) -> Table:
     rows = []
     for each, bounds in zip(validation.agreements, validation.bounds, strict=True):
-        expected = _size(solution, each.output, bounds.expected_std)
-        cells = (
-            f"{each.r_squared:.4f}",
-            f"{each.nrmse:.4f}",
-            f"{bounds.own_nrmse:.4f}",
-            significant(bounds.fpe, 2),
-            *_sizes(solution, each),
-            expected,
-            percent(bounds.inside),
-        )
-        rows.append(Row((each.output, each.place, *cells)))
+        scores = (f"{score:.4f}" for score in (each.r_squared, each.nrmse, bounds.own_nrmse))
+        sizes = (*_sizes(solution, each), _size(solution, each.output, bounds.expected_std), percent(bounds.inside))
+        rows.append((each.output, each.place, *scores, significant(bounds.fpe, 2), *sizes))
     heads = ("Output", "Where", "R²", "NRMSE", "of the fit", "FPE", "Error", "Motion", "Expected error", "In bounds")
     caption = f"{_CAPTION}Expected error: what noise, parameters and a model error of one per cent of the motion give."
     return Table(heads, tuple(rows), caption=caption, styles=("name", "text", *("number",) * 8))

@@ -21,7 +21,7 @@ from robid.report.numbers import MINUS, MISSING, duration, percent, significant
 from robid.report.page import FitReport, KeyNumber
 from robid.report.parameter_section import parameter_section
 from robid.report.parameters import Estimates
-from robid.report.section import Beside, Choice, Folded, Notes, Part, Row, Section, Table
+from robid.report.section import Beside, Choice, ColumnStyle, Folded, Notes, Part, Row, Section, Table
 
 _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _DIGITS = 5
@@ -105,35 +105,24 @@ def _transfers(solution: ExternalSolution) -> Section:
 
 
 def _tried(solution: ExternalSolution) -> Table:
-    rows = tuple(
-        Row(
-            (
-                str(each.poles),
-                str(each.zeros),
-                str(each.delay_samples),
-                f"{each.bic:.1f}" if np.isfinite(each.bic) else MISSING,
-                f"{each.nrmse:.4f}",
-                percent(each.whiteness_p),
-                "chosen" if each.chosen else "",
-            ),
-            group=each.block,
-            faint=not each.chosen,
-            choice=each.block,
-        )
-        for each in solution.tried
-    )
+    rows = []
+    for each in solution.tried:
+        structure = (str(number) for number in (each.poles, each.zeros, each.delay_samples))
+        bic = f"{each.bic:.1f}" if np.isfinite(each.bic) else MISSING
+        cells = (*structure, bic, f"{each.nrmse:.4f}", percent(each.whiteness_p), "chosen" if each.chosen else "")
+        rows.append(Row(cells, group=each.block, faint=not each.chosen, choice=each.block))
     caption = "BIC: Bayesian information criterion, the smaller the better."
     heads = ("Poles", "Zeros", "Delay", "BIC", "NRMSE", "Whiteness", "")
-    return Table(heads, rows, caption=caption, styles=("name", *("number",) * 5, "text"), choice="Channel", fit="tall")
+    styles: tuple[ColumnStyle, ...] = ("name", *("number",) * 5, "text")
+    return Table(heads, tuple(rows), caption=caption, styles=styles, choice="Channel", fit="tall")
 
 
 def _behaviour(solution: ExternalSolution) -> list[str]:
+    names = solution.transfers.names
     return [
         f"{name}: a step goes the wrong way first, by {percent(share)} of its final value (a zero in the right half"
         " plane)."
-        for name, share, own in zip(
-            solution.transfers.names, solution.steps.undershoot.tolist(), _own(solution), strict=True
-        )
+        for name, share, own in zip(names, solution.steps.undershoot.tolist(), _own(solution), strict=True)
         if own and share > _VISIBLE
     ]
 
@@ -162,14 +151,10 @@ def _dynamics(solution: ExternalSolution) -> Section:
     for channel, name in enumerate(solution.transfers.names):
         step = step_figure(steps, channel, _final(solution, channel), confidence)
         options.append((name, (Beside((locus_figure(solution, channel), step), 2),)))
+    columns = (steps.undershoot.tolist(), steps.overshoot.tolist(), steps.rise_s.tolist(), _own(solution))
     rows = tuple(
-        (
-            name,
-            percent(float(steps.undershoot[channel])),
-            percent(float(steps.overshoot[channel])),
-            duration(float(steps.rise_s[channel])) if np.isfinite(steps.rise_s[channel]) else MISSING,
-        )
-        for channel, (name, own) in enumerate(zip(solution.transfers.names, _own(solution), strict=True))
+        (name, percent(under), percent(over), duration(rise) if np.isfinite(rise) else MISSING)
+        for name, under, over, rise, own in zip(solution.transfers.names, *columns, strict=True)
         if own
     )
     table = Table(("Channel", "Undershoot", "Overshoot", "Rise, 10 to 90 %"), rows, title="Steps", fit="compact")
