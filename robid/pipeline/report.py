@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -130,12 +130,16 @@ def _shown(loaded: LoadedExperiment, folder: Path, name: str, run: _Run, warning
     fit, validation = loaded.experiment.fits[name], run.validations.get(name)
     own = [run.frfs[campaign] for campaign in fit.campaigns if "frf" in family_of(loaded, name).reads]
     new = None if fit.validate_on is None else run.frfs.get(fit.validate_on)
+    true: Mapping[str, float] = {}
+    if paths := truth_input(loaded, fit):
+        truth = read_truth(folder / paths["truth"], folder / paths["true_record"])
+        true = family_of(loaded, name).true_values(loaded, name, truth)
     return Shown(
         data=data_of(loaded, name, own),
         model=run.models[name],
         validation=validation,
         new=None if validation is None else Data(loaded, name, new),
-        true=_truth(loaded, folder, name),
+        true=true,
         told=warnings,
     )
 
@@ -194,14 +198,6 @@ def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _
         models={name: read_artifact(path, MODEL) for name, path in models.items()},
         validations={name: read_artifact(path, VALIDATION) for name, path in validations.items()},
     )
-
-
-def _truth(loaded: LoadedExperiment, folder: Path, name: str) -> dict[str, float]:
-    fit = loaded.experiment.fits[name]
-    paths = {key: folder / path for key, path in truth_input(loaded, fit).items()}
-    if not paths:
-        return {}
-    return dict(family_of(loaded, name).true_values(loaded, name, read_truth(paths["truth"], paths["true_record"])))
 
 
 def _design(loaded: LoadedExperiment, name: str, design: ConfigurationDesign) -> Section:

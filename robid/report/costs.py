@@ -8,7 +8,7 @@ from statistics import fmean, median
 
 from robid.report.numbers import MISSING, number_of, percent, significant
 from robid.report.page import KeyNumber
-from robid.report.section import Bars, Beside, Curve, Figure, Section, Table
+from robid.report.section import Bars, Beside, ColumnStyle, Curve, Figure, Section, Table
 
 _MINIMA = 3
 _LOGARITHMIC = 10
@@ -37,32 +37,15 @@ class StartRow:
     evaluations: int | None = None  # points at which the cost was computed; None where they were not counted
 
 
-@dataclass(frozen=True)
-class Effort:
-    """What the starts of a fit cost."""
-
-    median: float  # median of the points at which a start computed the cost
-    most: int  # largest number of them
-    cap_share: float  # share of the starts that the iteration limit ended
-
-
-def effort(rows: tuple[StartRow, ...]) -> Effort | None:
-    """Returns what the starts cost, nothing where it was not counted."""
-    counted = [row.evaluations for row in rows if row.evaluations is not None]
-    if not counted:
-        return None
-    capped = sum(row.status == "iteration_limit" for row in rows)
-    return Effort(median(counted), max(counted), capped / len(rows))
-
-
 def effort_text(rows: tuple[StartRow, ...]) -> str:
     """Says how often the starts computed the cost and how many the iteration limit ended; nothing if not counted."""
-    found = effort(rows)
-    if found is None:
+    counted = [row.evaluations for row in rows if row.evaluations is not None]
+    if not counted:
         return ""
+    capped = sum(row.status == "iteration_limit" for row in rows) / len(rows)
     return (
-        f"They computed the cost {found.median:.0f} times (median), at most {found.most} times;"
-        f" {percent(found.cap_share)} ended at the iteration limit."
+        f"They computed the cost {median(counted):.0f} times (median), at most {max(counted)} times;"
+        f" {percent(capped)} ended at the iteration limit."
     )
 
 
@@ -102,24 +85,18 @@ def cost_section(
 
 
 def _cost_table(role: str, rows: tuple[CostRow, ...]) -> Table:
-    worst = max(rows, key=lambda row: row.cost)
+    average, worst = fmean(row.cost for row in rows), max(rows, key=lambda row: row.cost)
+    lines = []
+    for row in rows:
+        expected, excess = significant(row.expected_cost, 4), significant(row.excess, 3)
+        lines.append((number_of(row.configuration), significant(row.cost, 4), expected, excess))
+    highest = f"{significant(worst.cost, 4)} (configuration {number_of(worst.configuration)})"
     return Table(
         ("Configuration", "Cost", "Expected", "Excess"),
-        tuple(
-            (
-                number_of(row.configuration),
-                significant(row.cost, 4),
-                significant(row.expected_cost, 4),
-                significant(row.excess, 3),
-            )
-            for row in rows
-        ),
+        tuple(lines),
         title=campaign_title(role, rows[0].campaign),
         styles=("text", "strong", "number", "number"),
-        footer=(
-            ("Average", significant(fmean(row.cost for row in rows), 4)),
-            ("Worst", f"{significant(worst.cost, 4)} (configuration {number_of(worst.configuration)})"),
-        ),
+        footer=(("Average", significant(average, 4)), ("Worst", highest)),
     )
 
 
@@ -189,20 +166,11 @@ def _start_figure(rows: tuple[StartRow, ...]) -> Figure:
 
 
 def _start_table(rows: tuple[StartRow, ...]) -> Table:
-    ordered = sorted(rows, key=lambda row: (row.minimum_index, row.cost))
-    return Table(
-        ("Start", "Cost", "Minimum", "Iterations", "Evaluations", "Ended"),
-        tuple(
-            (
-                number_of(row.index),
-                significant(row.cost, 7),
-                number_of(row.minimum_index),
-                str(row.iterations),
-                MISSING if row.evaluations is None else str(row.evaluations),
-                row.status,
-            )
-            for row in ordered
-        ),
-        styles=("text", "strong", "number", "number", "number", "text"),
-        fit="tall",
-    )
+    lines = []
+    for row in sorted(rows, key=lambda row: (row.minimum_index, row.cost)):
+        counts = str(row.iterations), MISSING if row.evaluations is None else str(row.evaluations)
+        found = number_of(row.index), significant(row.cost, 7), number_of(row.minimum_index)
+        lines.append((*found, *counts, row.status))
+    heads = ("Start", "Cost", "Minimum", "Iterations", "Evaluations", "Ended")
+    styles: tuple[ColumnStyle, ...] = ("text", "strong", "number", "number", "number", "text")
+    return Table(heads, tuple(lines), styles=styles, fit="tall")

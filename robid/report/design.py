@@ -37,13 +37,12 @@ def skeleton_figure(
 
 def weight_figure(weights: FloatArray, names: tuple[str, ...]) -> Bars:
     """Shows the weight lambda of each candidate that has any."""
-    pairs = zip(names, weights.tolist(), strict=True)
-    shown = tuple((name, weight) for name, weight in pairs if weight >= _NO_WEIGHT)
+    shown = np.flatnonzero(weights >= _NO_WEIGHT)
     return Bars(
         title="Weights",
         value_title="\u03bb",
-        labels=tuple(name for name, _ in shown),
-        parts=(("\u03bb", tuple(weight for _, weight in shown)),),
+        labels=tuple(names[index] for index in shown),
+        parts=(("\u03bb", tuple(weights[shown].tolist())),),
         label_title="Configuration",
         caption="Shares of the experiments in the relaxed optimum; candidates without weight are left out.",
     )
@@ -188,17 +187,17 @@ def _quality(design: ConfigurationDesign) -> Table:
 
 
 def _promised(design: ConfigurationDesign) -> Table:
+    heads = ["Parameter", "Predicted deviation"]
     columns = [design.parameter_names, _percents(design.predicted_relative_std)]
     caption = (
         "Relative standard deviation after one visit to each chosen configuration, or as many as stated, each with the"
         " experiments of the candidates' campaign."
     )
-    if design.between_relative_std is None:
-        return Table(("Parameter", "Predicted deviation"), tuple(zip(*columns, strict=True)), caption=caption)
-    columns.append(_percents(design.between_relative_std))
-    caption += " Between configurations: how far a parameter was taken to differ from one to another."
-    heads = ("Parameter", "Predicted deviation", "Between configurations")
-    return Table(heads, tuple(zip(*columns, strict=True)), caption=caption)
+    if design.between_relative_std is not None:
+        heads.append("Between configurations")
+        columns.append(_percents(design.between_relative_std))
+        caption += " Between configurations: how far a parameter was taken to differ from one to another."
+    return Table(tuple(heads), tuple(zip(*columns, strict=True)), caption=caption)
 
 
 def _percents(deviations: FloatArray) -> tuple[str, ...]:
@@ -206,19 +205,12 @@ def _percents(deviations: FloatArray) -> tuple[str, ...]:
 
 
 def _next(design: ConfigurationDesign) -> Table:
-    return Table(
-        ("Measure next", *_joints(design), "Gain", "Chosen"),
-        tuple(
-            (
-                number_of(index),
-                *_written(design, int(index)),
-                significant(float(design.gain[index])),
-                "yes" if index in design.chosen else "no",
-            )
-            for index in next_best(design)
-        ),
-        caption="Gain of log det by one visit more: beyond the earlier fit where one is named, else beyond the choice.",
-    )
+    rows = []
+    for index in next_best(design):
+        gain, chosen = significant(float(design.gain[index])), "yes" if index in design.chosen else "no"
+        rows.append((number_of(index), *_written(design, index), gain, chosen))
+    caption = "Gain of log det by one visit more: beyond the earlier fit where one is named, else beyond the choice."
+    return Table(("Measure next", *_joints(design), "Gain", "Chosen"), tuple(rows), caption=caption)
 
 
 def _joints(design: ConfigurationDesign) -> tuple[str, ...]:

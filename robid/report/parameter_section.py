@@ -127,8 +127,8 @@ def _table(estimates: Estimates, groups: Groups, caption: str, *, nuisances: boo
         for title, lines in groups
         for line in lines
     )
-    heads, styles = (tuple(column[at] for column in shown) for at in (1, 2))
-    return Table(heads, rows, caption=caption, styles=styles)
+    heads = tuple(head for _, head, *_ in shown)
+    return Table(heads, rows, caption=caption, styles=tuple(style for *_, style, _ in shown))
 
 
 def parameter_numbers(estimates: Estimates, *, usable: bool = True) -> Iterator[KeyNumber]:

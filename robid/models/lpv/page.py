@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from robid.arrays import FloatArray
@@ -18,7 +16,6 @@ from robid.models.parameters import MEASURED, MODEL, curve, estimates_of, fit_re
 from robid.report.numbers import MISSING, joint_text, percent, significant
 from robid.report.page import FitReport, KeyNumber
 from robid.report.parameter_section import parameter_section
-from robid.report.parameters import Estimates
 from robid.report.section import Beside, Choice, ColumnStyle, Curve, Figure, Line, Notes, Part, Row, Section, Table
 
 _SURFACE, _GRID = 7, 101
@@ -138,19 +135,6 @@ def _readable(values: FloatArray, unit: str) -> FloatArray:
 _FITTED, _CHOOSING, _NEW = "fitted", "chooses the structure", "left out"
 
 
-def sections(
-    solution: LpvSolution, estimates: Estimates, validation: LpvValidation | None, notes: tuple[str, ...]
-) -> tuple[Section, ...]:
-    """Lays out a fit."""
-    return (
-        _responses(solution, validation, notes),
-        _blocks(solution),
-        _path(solution),
-        _range(solution),
-        *parameter_section(estimates, _conventions(solution)),
-    )
-
-
 def _responses(solution: LpvSolution, validation: LpvValidation | None, notes: tuple[str, ...]) -> Section:
     ports, new = solution.ports, () if validation is None else ((_NEW, validation.held),)
     groups = (*new, (_FITTED, solution.own), (_CHOOSING, solution.choosing))
@@ -247,52 +231,43 @@ def _range(solution: LpvSolution) -> Section:
     return Section("Over the range", lead, (Notes((told,)), Beside(pole_figures(solution), 2)), "range")
 
 
-def _conventions(solution: LpvSolution) -> str:
-    ports, points = solution.ports, solution.own.points
-    places = "; ".join(f"p{index + 1}: {place_label(ports, point)}" for index, point in enumerate(points))
-    return (
-        "Poles of the frozen model at the fitted positions, as rates, or as natural frequencies and damping ratios;"
-        f" the matrices themselves depend on the basis of the states. {places}."
-    )
-
-
 def report(shown: Shown) -> FitReport:
     """Lays out a position-dependent fit for page, terminal and summary."""
     solution = solution_from_artifact(shown.model)
     validation = None if shown.validation is None else validation_from_artifact(shown.validation)
-    estimates, kept = estimates_of(shown, solution.estimate), solution.blocks.kept
+    estimates, kept, points = estimates_of(shown, solution.estimate), solution.blocks.kept, solution.own.points
     frf = shown.data.frf
     notes = () if frf is None else tuple(note for note in frf.notes if note not in shown.told)
+    left = f"{int(kept.sum())} of {kept.size}"
+    blocks = KeyNumber("Blocks", left, f"dropped: {', '.join(block_names(~kept)) or 'none'}")
+    new = [] if validation is None else [_error("Beyond noise, new data", validation.held)]
+    places = "; ".join(f"p{at}: {place_label(solution.ports, point)}" for at, point in enumerate(points, start=1))
+    conventions = (
+        "Poles of the frozen model at the fitted positions, as rates, or as natural frequencies and damping ratios;"
+        f" the matrices themselves depend on the basis of the states. {places}."
+    )
     return fit_report(
         shown,
         solution.estimate,
         estimates,
         None if validation is None else validation.outcome,
-        found=f"{solution.core.n_state} states at {len(solution.own.points)} positions,"
-        f" {int(kept.sum())} of {kept.size} blocks.",
-        numbers=_numbers(solution, validation),
-        sections=sections(solution, estimates, validation, notes),
+        found=f"{solution.core.n_state} states at {len(points)} positions, {left} blocks.",
+        numbers=[_error("Beyond noise, own data", solution.own), *new, blocks],
+        sections=(
+            _responses(solution, validation, notes),
+            _blocks(solution),
+            _path(solution),
+            _range(solution),
+            *parameter_section(estimates, conventions),
+        ),
         summary=_summary(solution, validation),
-    )
-
-
-def _numbers(solution: LpvSolution, validation: LpvValidation | None) -> Iterator[KeyNumber]:
-    yield _error("Beyond noise, own data", solution.own)
-    if validation is not None:
-        yield _error("Beyond noise, new data", validation.held)
-    kept = solution.blocks.kept
-    yield KeyNumber(
-        "Blocks", f"{int(kept.sum())} of {kept.size}", f"dropped: {', '.join(block_names(~kept)) or 'none'}"
     )
 
 
 def _error(label: str, held: Held) -> KeyNumber:
     share, expected = _mean(held), expected_share(held.degrees_of_freedom)
-    known = np.isfinite(share) and np.isfinite(expected)
-    detail = (
-        f"{percent(share)} of the lines within 2 deviations; {percent(expected)} of a perfect model" if known else ""
-    )
-    return KeyNumber(label, percent(_worst(held)), detail)
+    told = f"{percent(share)} of the lines within 2 deviations; {percent(expected)} of a perfect model"
+    return KeyNumber(label, percent(_worst(held)), told if np.isfinite(share) and np.isfinite(expected) else "")
 
 
 def _worst(held: Held) -> float:

@@ -83,7 +83,12 @@ def validate_external(
     bounds = tuple(each for pair in zip(found, traces, strict=True) for each in _bounds(solution, *pair))
     tested = {solution.transfers.blocks[one.block] for one in found}
     untested = tuple(name for name in solution.transfers.blocks if name not in tested)
-    failures = _failures(agreed, bounds)
+    failures = tuple(
+        f"{one.output} is predicted with an NRMSE of {one.nrmse:.3g} in `{one.place}`, limit {NRMSE_LIMIT:g}"
+        f"{_NOISE if one.error_std < _EXPLAINED * bound.expected_std else ''}"
+        for one, bound in zip(agreed, bounds, strict=True)
+        if one.nrmse < NRMSE_LIMIT
+    )
     excess = excess_findings(agreed, [one.expected_std for one in bounds])
     every = [*findings, *novelty_findings(solution, found), *excess, *_doubts(bounds, untested, solution)]
     return ExternalValidation(
@@ -129,15 +134,6 @@ def _bounds(solution: ExternalSolution, one: NewShots, traces: Sequence[Predicte
             inside=float(np.mean(np.abs(error) <= quantile * std)),
             whiteness_p=min(whiteness(each, np.zeros(len(each) // 2, bool), 0.0) for each in errors),
         )
-
-
-def _failures(agreed: Sequence[Agreement], bounds: Sequence[Bounds]) -> tuple[str, ...]:
-    return tuple(
-        f"{one.output} is predicted with an NRMSE of {one.nrmse:.3g} in `{one.place}`, limit {NRMSE_LIMIT:g}"
-        f"{_NOISE if one.error_std < _EXPLAINED * bound.expected_std else ''}"
-        for one, bound in zip(agreed, bounds, strict=True)
-        if one.nrmse < NRMSE_LIMIT
-    )
 
 
 def _doubts(bounds: Sequence[Bounds], untested: Sequence[str], solution: ExternalSolution) -> Iterator[Finding]:

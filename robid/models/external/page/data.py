@@ -164,7 +164,7 @@ def own_table(solution: ExternalSolution) -> Table:
 def _new_table(solution: ExternalSolution, validation: ExternalValidation) -> Table:
     rows = []
     for each, bounds in zip(validation.agreements, validation.bounds, strict=True):
-        scores = (f"{score:.4f}" for score in (each.r_squared, each.nrmse, bounds.own_nrmse))
+        scores = [f"{score:.4f}" for score in (each.r_squared, each.nrmse, bounds.own_nrmse)]
         sizes = (*_sizes(solution, each), _size(solution, each.output, bounds.expected_std), percent(bounds.inside))
         rows.append((each.output, each.place, *scores, significant(bounds.fpe, 2), *sizes))
     heads = ("Output", "Where", "R²", "NRMSE", "of the fit", "FPE", "Error", "Motion", "Expected error", "In bounds")

@@ -145,7 +145,8 @@ def huber(source: RowSource, reduction: Reduction, options: HuberOptions | None 
         iterations += 1
         if not np.all(scale > 0):
             raise ValueError("Half of a joint's residuals are equal, so they have no scale: is its torque quantised?")
-        weighted, residual = reduce_weighted(source, parameters, partial(_row_weights, scale=scale, bend=chosen.bend))
+        row_weights = partial(lambda residual, scale: huber_weights(residual / scale, chosen.bend), scale=scale)
+        weighted, residual = reduce_weighted(source, parameters, row_weights)
         before, scale_before, scale = parameters, scale, robust_scale(residual)
         parameters, inverse, condition = solve_factor(weighted.weighted(scale_before**-2.0))
         small_step = chosen.tolerance * np.sqrt(np.diag(inverse))
@@ -161,10 +162,6 @@ def sweep_bend(
 ) -> tuple[HuberRegression, ...]:
     """Estimates with each of several bends: towards 0 they minimise magnitudes, towards infinity squares."""
     return tuple(huber(source, reduction, replace(options or HuberOptions(), bend=bend)) for bend in bends)
-
-
-def _row_weights(residual: FloatArray, scale: FloatArray, bend: float) -> FloatArray:
-    return huber_weights(residual / scale, bend)
 
 
 def _estimate(
