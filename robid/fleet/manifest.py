@@ -58,8 +58,8 @@ def read_manifest(path: Path) -> Manifest:
     rows = []
     for number, (place, cells) in enumerate(lines, start=1):
         values = dict(zip(columns, cells, strict=True))
-        name = values[ID] if named else number
-        rows.append(Row("" if name is None else str(name).strip(), f"{path}:{place}", folder, values, typed))
+        own = values[ID] if named else number
+        rows.append(Row("" if own is None else str(own).strip(), f"{path}:{place}", folder, values, typed))
     return Manifest(path, columns, tuple(rows))
 
 

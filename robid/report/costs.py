@@ -37,15 +37,32 @@ class StartRow:
     evaluations: int | None = None  # points at which the cost was computed; None where they were not counted
 
 
-def effort_text(rows: tuple[StartRow, ...]) -> str:
-    """Says how often the starts computed the cost and how many the iteration limit ended; nothing if not counted."""
+@dataclass(frozen=True)
+class Effort:
+    """What the starts of a fit cost."""
+
+    median: float  # median of the points at which a start computed the cost
+    most: int  # largest number of them
+    cap_share: float  # share of the starts that the iteration limit ended
+
+
+def effort(rows: tuple[StartRow, ...]) -> Effort | None:
+    """Returns what the starts cost, nothing where it was not counted."""
     counted = [row.evaluations for row in rows if row.evaluations is not None]
     if not counted:
+        return None
+    capped = sum(row.status == "iteration_limit" for row in rows)
+    return Effort(median(counted), max(counted), capped / len(rows))
+
+
+def effort_text(rows: tuple[StartRow, ...]) -> str:
+    """Says how often the starts computed the cost and how many the iteration limit ended; nothing if not counted."""
+    found = effort(rows)
+    if found is None:
         return ""
-    capped = sum(row.status == "iteration_limit" for row in rows) / len(rows)
     return (
-        f"They computed the cost {median(counted):.0f} times (median), at most {max(counted)} times;"
-        f" {percent(capped)} ended at the iteration limit."
+        f"They computed the cost {found.median:.0f} times (median), at most {found.most} times;"
+        f" {percent(found.cap_share)} ended at the iteration limit."
     )
 
 

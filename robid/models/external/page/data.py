@@ -80,19 +80,13 @@ def _pairs(found: CouplingMap, ports: Ports) -> Table:
     """Largest size of what follows of each pair, over the bands."""
     largest: list[list[float]] = np.where(np.isfinite(found.ratio), found.ratio, -np.inf).max(axis=0).tolist()
     coupled: list[list[bool]] = np.asarray(found.coupled.any(axis=0)).tolist()
-    rows = tuple(
-        (
-            name,
-            *(
-                Cell(significant(size, 2) if np.isfinite(size) else MISSING, "bad" if mark else "")
-                for size, mark in zip(sizes, marks, strict=True)
-            ),
-        )
-        for name, sizes, marks in zip(ports.outputs, largest, coupled, strict=True)
-    )
+    rows: list[tuple[str | Cell, ...]] = []
+    for name, sizes, marks in zip(ports.outputs, largest, coupled, strict=True):
+        texts = [significant(size, 2) if np.isfinite(size) else MISSING for size in sizes]
+        rows.append((name, *(Cell(text, "bad" if mark else "") for text, mark in zip(texts, marks, strict=True))))
     caption = "Largest of all bands, in resolutions. Red: coupled in some band."
     heads = ("Output", *(f"command {name}" for name in ports.inputs))
-    return Table(heads, rows, title="Size of what follows", caption=caption, fit="compact")
+    return Table(heads, tuple(rows), title="Size of what follows", caption=caption, fit="compact")
 
 
 def _limits(found: CouplingMap, ports: Ports) -> Table:
