@@ -96,7 +96,11 @@ def population(value: FloatArray, std: FloatArray, weight: FloatArray | None = N
     """
     weight = np.ones(len(value)) if weight is None else weight
     std = _at_least_rounding(value, std)
-    centre, spread = _first(value, std, weight)
+    # Centre and spread by median and quartiles, which half of the robots may spoil.
+    centre = _median(value, weight)
+    for _ in range(3):
+        spread = _middle_spread(value - centre, std, weight)
+        centre = _median(value, weight / np.sqrt(spread**2 + std**2))
     kept, centre_std = np.ones(len(value), bool), 0.0
     for _ in range(_ROUNDS):
         before = kept
@@ -114,15 +118,6 @@ def population(value: FloatArray, std: FloatArray, weight: FloatArray | None = N
     least = float(chi2.ppf(_LUCK, robots)) if robots > 0 else 0.0
     high = _moment_spread(value[kept], std[kept], weight[kept], least)
     return Population(centre, centre_std, spread, high, kept, weight)
-
-
-def _first(value: FloatArray, std: FloatArray, weight: FloatArray) -> tuple[float, float]:
-    """Centre and spread by median and quartiles, which half of the robots may spoil."""
-    centre = _median(value, weight)
-    for _ in range(3):
-        spread = _middle_spread(value - centre, std, weight)
-        centre = _median(value, weight / np.sqrt(spread**2 + std**2))
-    return centre, spread
 
 
 def _at_least_rounding(value: FloatArray, std: FloatArray) -> FloatArray:

@@ -82,9 +82,7 @@ def _own(estimate: Estimate) -> list[dict[str, Any]]:
     }
     listed = {name: np.asarray(values).tolist() for name, values in columns.items() if values is not None}
     both = {"confidence": estimate.confidence, "tied_to": ""}
-    return [
-        {**{name: values[index] for name, values in listed.items()}, **both} for index in range(len(estimate.names))
-    ]
+    return [dict(zip(listed, values, strict=True)) | both for values in zip(*listed.values(), strict=True)]
 
 
 def _tied(estimate: Estimate) -> list[dict[str, Any]]:

@@ -120,9 +120,8 @@ def outlier_sections(found: Found) -> tuple[Section, ...]:
         rows.append((found.cell(row), f"{outlier_sentence(comparison, first)}.", listed(also, _OTHERS)))
     more = len(comparison.off) - len(rows)
     caption = f"The clearest {len(rows)}; {more} more are in the table and in fleet.json." if more else ""
-    table = Table(
-        ("Row", "What is off most", "Also off"), tuple(rows), styles=("name", "prose", "prose"), caption=caption
-    )
+    heads = ("Row", "What is off most", "Also off")
+    table = Table(heads, tuple(rows), styles=("name", "prose", "prose"), caption=caption)
     lead = (
         f"Rows whose parameters or misfit are none of their population, the clearest first: {level}. Deviations hold"
         f" what robots differ by and how well each value is known. {_mixture(found)}{untold}"
@@ -177,21 +176,14 @@ def drift_sections(found: Found) -> tuple[Section, ...]:
 def population_sections(found: Found) -> tuple[Section, ...]:
     """Says what each population is like in what its rows are compared by."""
     comparison = found.comparison
-    told = [
-        (trait, each, each.population.robots)
-        for trait, each in enumerate(comparison.compared)
-        if each.population is not None
-    ]
-    if not told:
+    off, rows = Counter(outlier.trait for outlier in comparison.outliers), []
+    for trait, each in sorted(enumerate(comparison.compared), key=lambda one: one[1].group):
+        if each.population is not None:
+            own = str(each.population.robots), *centre_and_spread(each), known_to(each), str(off[trait] or "")
+            group = comparison.robots.groups[each.group] if len(comparison.robots.groups) > 1 else ""
+            rows.append(Row((_with_fit(found, each), *own), group=group))
+    if not rows:
         return ()
-    off = Counter(outlier.trait for outlier in comparison.outliers)
-    rows = [
-        Row(
-            (_with_fit(found, each), str(robots), *centre_and_spread(each), known_to(each), str(off[trait] or "")),
-            group=comparison.robots.groups[each.group] if len(comparison.robots.groups) > 1 else "",
-        )
-        for trait, each, robots in sorted(told, key=lambda one: one[1].group)
-    ]
     columns = ("Compared by", "Robots", "Fleet", "Robots differ by", "Known to", "Off")
 
     more = "" if len(rows) <= _MANY_ROWS else f"The first {_MANY_ROWS} of {len(rows)}; all are in fleet.json."
@@ -263,9 +255,7 @@ def _figure(found: Found, fit: str, name: str, of: Collected) -> Figure:
         log_y=False,
         x_labels=labels,
         x_range=(-1.0, 101.0) if many else None,
-        lines=tuple(Line("y", each, "robot file") for each in nominal if np.isfinite(each))
-        if len(nominal) == 1
-        else (),
+        lines=tuple(Line("y", each, "robot file") for each in nominal if np.isfinite(each) and len(nominal) == 1),
     )
 
 

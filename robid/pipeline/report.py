@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from robid.artifacts.artifact import Artifact, Provenance
+from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.atomic import replacing, write_json
 from robid.artifacts.kinds import (
     DESIGN,
@@ -145,10 +145,16 @@ def _shown(loaded: LoadedExperiment, folder: Path, name: str, run: _Run, warning
 
 
 def _experiment(loaded: LoadedExperiment, run: _Run, excitations: tuple[ExcitationRow, ...]) -> tuple[Section, ...]:
+    removed = {name: np.sqrt(np.mean(frf.removed_torque_rms**2, axis=0)) for name, frf in run.frfs.items()}
     return experiment_section(
         loaded.robot.notes,
         excitations,
-        tuple(row for name, frf in run.frfs.items() for row in _removed(name, frf)),
+        tuple(
+            TorqueRow(name, motor, value, frf.input_unit)
+            for name, frf in run.frfs.items()
+            if removed[name].any()
+            for motor, value in zip(frf.input_names, removed[name].tolist(), strict=True)
+        ),
         tuple(joint.name for joint in loaded.robot.joints),
         tuple(
             ConfigurationRow(name, index, tuple(row), loaded.robot.joint_units)
@@ -179,24 +185,25 @@ class _Run:
 
 
 def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _Run:
-    def there(names: Collection[str], pattern: str) -> dict[str, Path]:
-        return {name: folder / pattern.format(name) for name in names if pattern.format(name) in present}
-
     experiment = loaded.experiment
-    frfs, records = there(experiment.campaigns, "{}/frf.h5"), there(experiment.campaigns, "{}/record.h5")
-    designs = there(experiment.designs, "designs/{}.h5")
-    models = there(experiment.fits, "fits/{}/model.h5")
-    validations = there(experiment.fits, "fits/{}/validation.h5")
+    records = [name for name in experiment.campaigns if f"{name}/record.h5" in present]
+
+    def there(names: Collection[str], pattern: str, kind: Kind) -> Iterator[tuple[str, Artifact]]:
+        for name in names:
+            if pattern.format(name) in present:
+                yield name, read_artifact(folder / pattern.format(name), kind)
+
+    designs = there(experiment.designs, "designs/{}.h5", DESIGN)
+    excitations = there(records, "{}/excitation.h5", EXCITATION)
+    frfs = there(experiment.campaigns, "{}/frf.h5", FRF)
+    shapes = {name: inspect_artifact(folder / name / "record.h5")["datasets"]["inputs"]["shape"] for name in records}
     return _Run(
-        designs={name: design_from_artifact(read_artifact(path, DESIGN)) for name, path in designs.items()},
-        excitations={
-            name: excitation_from_artifact(read_artifact(path, EXCITATION))
-            for name, path in there(records, "{}/excitation.h5").items()
-        },
-        shapes={name: inspect_artifact(path)["datasets"]["inputs"]["shape"] for name, path in records.items()},
-        frfs={name: frf_from_artifact(read_artifact(path, FRF)) for name, path in frfs.items()},
-        models={name: read_artifact(path, MODEL) for name, path in models.items()},
-        validations={name: read_artifact(path, VALIDATION) for name, path in validations.items()},
+        designs={name: design_from_artifact(one) for name, one in designs},
+        excitations={name: excitation_from_artifact(one) for name, one in excitations},
+        shapes=shapes,
+        frfs={name: frf_from_artifact(one) for name, one in frfs},
+        models=dict(there(experiment.fits, "fits/{}/model.h5", MODEL)),
+        validations=dict(there(experiment.fits, "fits/{}/validation.h5", VALIDATION)),
     )
 
 
@@ -249,26 +256,12 @@ def _peaks(content: CampaignExcitation, names: tuple[str, ...], slides: list[boo
         ("torque", "N m", plan.torque_rms, plan.torque_peak, plan.torque_limit),
         ("arm excursion", "rad", plan.excursion_rms, plan.excursion_peak, plan.excursion_limit),
     )
-    return tuple(
-        PeakRow(
-            name,
-            quantity,
-            "m" if unit == "rad" and own else unit,
-            float(peak[:, motor].max()),
-            float(limit[motor]),
-            float(rms[:, motor].max()),
-        )
-        for motor, (name, own) in enumerate(zip(names, slides, strict=True))
-        for quantity, unit, rms, peak, limit in quantities
-    )
-
-
-def _removed(campaign: str, frf: Frf) -> list[TorqueRow]:
-    rms = np.sqrt(np.mean(frf.removed_torque_rms**2, axis=0))
-    if not rms.any():
-        return []
-    named = zip(frf.input_names, rms.tolist(), strict=True)
-    return [TorqueRow(campaign, name, value, frf.input_unit) for name, value in named]
+    rows = []
+    for motor, (name, own) in enumerate(zip(names, slides, strict=True)):
+        for quantity, unit, rms, peak, limit in quantities:
+            worst = float(peak[:, motor].max()), float(limit[motor]), float(rms[:, motor].max())
+            rows.append(PeakRow(name, quantity, "m" if unit == "rad" and own else unit, *worst))
+    return tuple(rows)
 
 
 _SHORT = 8

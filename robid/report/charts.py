@@ -220,16 +220,12 @@ def _quality(frf: Frf, index: int, level: float) -> dict[str, Any]:
 
     `spread` turns the radius of a band into a deviation, for records whose periods do not tell noise.
     """
-    inputs = np.sqrt(np.real(np.diagonal(frf.input_factor[index], axis1=-2, axis2=-1)))
-    noise = None
-    if frf.noise_covariance is not None:
-        noise = np.sqrt(np.real(np.diagonal(frf.noise_covariance[index], axis1=-2, axis2=-1)))
-    odd, even = frf.residual_level("odd"), frf.residual_level("even")
-    before = frf.uncompensated_response
+    odd, even = (frf.residual_level(kind) for kind in ("odd", "even"))
+    before, noise = frf.uncompensated_response, frf.noise_covariance
     return {
         "uncompensated": None if before is None else _decibels(before[index]),
-        "factor": _level(inputs),
-        "noise": None if noise is None else _level(noise),
+        "factor": _level(_deviation(frf.input_factor[index])),
+        "noise": None if noise is None else _level(_deviation(noise[index])),
         "spread": rounded(frf.radius_factor(level)) if noise is None and frf.covariance.any() else None,
         "odd": None if odd is None else _level(odd[index]),
         "even": None if even is None else _level(even[index]),
@@ -237,6 +233,10 @@ def _quality(frf: Frf, index: int, level: float) -> dict[str, Any]:
         if frf.coherence is None or not np.isfinite(frf.coherence[index]).any()
         else [[rounded(value, 3) for value in row] for row in 1 - frf.coherence[index].T],
     }
+
+
+def _deviation(covariance: ComplexArray) -> FloatArray:
+    return np.sqrt(np.real(np.diagonal(covariance, axis1=-2, axis2=-1)))
 
 
 def _level(amplitude: FloatArray) -> list[Any]:
