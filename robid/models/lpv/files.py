@@ -30,12 +30,15 @@ _FORMATS = "robid lpv"
 FORMAT = f"{_FORMATS} 1"
 
 
-def read_model(path: Path) -> LpvModel:
-    """Reads a model of `model.h5`, or of an export as JSON or HDF5.
+def evaluate(path: Path | str) -> LpvModel:
+    """Reads a model: of a run folder's `model.h5`, or of an export as JSON or HDF5.
+
+    `evaluate(path).at(points)` gives A(p), B(p), C(p) and D(p) at points (n_point, n_scheduling).
 
     Raises:
         ArtifactError: If the file is missing, damaged, or holds none.
     """
+    path = Path(path)
     if not path.is_file():
         raise _refused(path, "there is no such file")
     content = _json(path) if path.suffix == ".json" else _hdf5(path)
