@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.stats import norm
 
-from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.arrays import FloatArray, IntArray
 from robid.fleet.drift import Drift, find_drifts, followed
 from robid.fleet.folders import PAGE
 from robid.fleet.ledger import Ledger, causes
@@ -86,11 +86,7 @@ class Collected:
 
 
 def collect(ledgers: Iterable[Ledger | None]) -> dict[Key, Collected]:
-    """Collects the parameters of all rows, those that are nuisances apart, and their misfits.
-
-    Args:
-        ledgers: Ledger of each row, in their order; None for a row that has none.
-    """
+    """Collects the parameters of all rows, those that are nuisances apart, and their misfits."""
     found: dict[Key, Collected] = {}
     misfits: dict[Key, Collected] = {}
     for row, ledger in enumerate(ledgers):
@@ -215,12 +211,7 @@ class Comparison:
 
 
 def compare(found: Mapping[Key, Collected], robots: Robots) -> Comparison:
-    """Compares what the rows of a fleet found, each population by itself, all at the level of one fleet.
-
-    Args:
-        found: Parameters and misfits over the rows.
-        robots: Whose measurements the rows are.
-    """
+    """Compares what the rows of a fleet found, each population by itself, all at the level of one fleet."""
     named = [
         (*key, int(robots.group[trait.rows[0]]), of, trait)
         for key, of in found.items()
@@ -230,7 +221,11 @@ def compare(found: Mapping[Key, Collected], robots: Robots) -> Comparison:
     about = populations(traits, robots.robot)
     compared = tuple(Compared(*each, each_about) for each, each_about in zip(named, about, strict=True))
     repeated = np.bincount(robots.robot, minlength=1)[robots.robot] > 1
-    lasting = [_where(trait, repeated & np.isfinite(robots.time)) for trait in traits]
+    kept = [(repeated & np.isfinite(robots.time))[trait.rows] for trait in traits]
+    lasting = [
+        Trait(trait.rows[own], trait.value[own], trait.std[own], trait.only_large)
+        for trait, own in zip(traits, kept, strict=True)
+    ]
     over_time = lasting, robots.robot, robots.time
     return Comparison(robots, compared, find_outliers(traits, about), find_drifts(*over_time), followed(*over_time))
 
@@ -243,11 +238,6 @@ def _by_group(of: Collected, group: IntArray) -> Iterator[Trait]:
     for part in np.split(order, ends):
         if part.size:
             yield Trait(rows[part], value[part], std[part], of.is_misfit)
-
-
-def _where(trait: Trait, kept: BoolArray) -> Trait:
-    own = kept[trait.rows]
-    return Trait(trait.rows[own], trait.value[own], trait.std[own], trait.only_large)
 
 
 Pages = Literal["all", "none", "flagged"]

@@ -39,14 +39,10 @@ def find_drifts(traits: Sequence[Trait], robots: IntArray, time: FloatArray, lev
 
     A line is laid through each robot's values. They scatter by their own errors and by what measurements of one robot
     differ from day to day. The scatter of half of the robots about their lines tells that; of two measurements it is
-    the difference: where all robots have but two, most of them must not change. Where small values are nothing to
-    worry about, neither are values that fall.
-
-    Args:
-        traits: The traits.
-        robots (n_row,): Number of each row's robot.
-        time (n_row,): When each row was measured; only differences count.
-        level: Chance that any is found where there is none, whatever the number of robots and traits.
+    the difference: where all robots have but two, most of them must not change. Where small values are nothing to worry
+    about, neither are values that fall. Each row (n_row,) has the number of its robot and a time, of which only
+    differences count; `level` is the chance that any is found where there is none, whatever the number of robots and
+    traits.
     """
     lines = [_lines(trait, robots, time) for trait in traits]
     chance = holm(np.concatenate([each.chance for each in lines])) if lines else np.zeros(0)

@@ -61,11 +61,7 @@ def begin(work: Path) -> None:
 
 
 def check_own(work: Path, files: Iterable[str] = ()) -> None:
-    """Refuses to go on where another command has removed the folder of an attempt, whatever was written since.
-
-    Args:
-        work: The folder.
-        files: What must be in it.
+    """Refuses to go on where another command has removed the folder of an attempt, or what must be in it.
 
     Raises:
         ArtifactError: If it has.
@@ -163,22 +159,15 @@ def recover(rows: Path) -> None:
         if folder.exists():
             remove(old)
         else:
-            with _unless_overtaken():
+            try:
                 old.replace(folder)
+            except OSError as error:  # another attempt may just have put its own in place
+                if error.errno not in _OVERTAKEN:
+                    raise
     for pattern in (".*.work", ".*.page"):
         for work in rows.glob(pattern):
             (work / _MARK).unlink(missing_ok=True)
             remove(work)
-
-
-@contextmanager
-def _unless_overtaken() -> Iterator[None]:
-    """Lets it be where another attempt has just put its own in place."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno not in _OVERTAKEN:
-            raise
 
 
 def remove(folder: Path) -> None:

@@ -135,7 +135,10 @@ def read_ledger(folder: Path) -> Ledger | None:
             return None
         if found.pop(_DIGEST) != canonical_hash(found):
             return None
-        keys = {name: _file_keys(found.pop(name)) for name in ("inputs", "outputs")}
+        keys = {
+            files: {name: FileKey(key["sha256"], tuple(key["stat"])) for name, key in found.pop(files).items()}
+            for files in ("inputs", "outputs")
+        }
         error = found.pop("error")
         made: dict[str, Any] = {name: tuple(found.pop(name)) for name in ("warnings", "results")}
         made["grades"] = {fit: (value, sentence) for fit, (value, sentence) in found["grades"].items()}
@@ -144,17 +147,8 @@ def read_ledger(folder: Path) -> Ledger | None:
         return None
 
 
-def _file_keys(found: Mapping[str, Any]) -> dict[str, FileKey]:
-    return {name: FileKey(key["sha256"], tuple(key["stat"])) for name, key in found.items()}
-
-
 def logs_away(ledger: Ledger, inputs: Mapping[str, Path]) -> tuple[str, ...]:
-    """Returns the logs of a row that is done which are not there now, or may not be read: they cannot be compared.
-
-    Args:
-        ledger: Its ledger.
-        inputs: Its logs, by name.
-    """
+    """Returns the logs of a row that is done which are not there now, or may not be read: they cannot be compared."""
     made_from = [name for name in inputs if name in ledger.inputs and ledger.inputs[name].sha256]
     return tuple(name for name in made_from if ledger.status == "done" and not os.access(inputs[name], os.R_OK))
 
@@ -165,14 +159,6 @@ def why_stale(
     """Says why a row is to be made again; empty where nothing would come out differently.
 
     A row that is done stays while one of its logs is away: made again it could only fail.
-
-    Args:
-        ledger: Its ledger, None where there is none.
-        settings_hash: Hash of its settings now.
-        inputs: Its logs, by name.
-        folder: Its folder.
-        keep: Whether records and responses are to stay.
-        force: Whether a row that has failed is tried again.
     """
     if ledger is None:
         return "not made yet"

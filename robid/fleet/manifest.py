@@ -8,7 +8,7 @@ import decimal
 import io
 import math
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,7 +44,12 @@ def read_manifest(path: Path) -> Manifest:
     """
     typed = path.suffix.lower() in (".parquet", ".pq")
     columns, lines = (_read_parquet if typed else _read_csv)(path)
-    problems = list(_wrong_columns(columns))
+    problems = []
+    for index, name in enumerate(columns):
+        if not name:
+            problems.append(f"S037 column {index + 1} has no name")
+        elif name in columns[:index]:
+            problems.append(f"S038 column `{name}` is there twice")
     if not lines and not problems:
         problems.append("S036 it has no rows")
     if problems:
@@ -53,18 +58,13 @@ def read_manifest(path: Path) -> Manifest:
     rows = []
     for number, (place, cells) in enumerate(lines, start=1):
         values = dict(zip(columns, cells, strict=True))
-        name = values[ID] if named else number
-        rows.append(Row("" if name is None else str(name).strip(), f"{path}:{place}", folder, values, typed))
+        own = values[ID] if named else number
+        rows.append(Row("" if own is None else str(own).strip(), f"{path}:{place}", folder, values, typed))
     return Manifest(path, columns, tuple(rows))
 
 
 def wrong_rows(manifest: Manifest, used: Collection[str]) -> Iterator[str]:
-    """Yields what is wrong with the rows of a manifest, whatever they fill.
-
-    Args:
-        manifest: The manifest.
-        used: Columns that the experiment file asks for.
-    """
+    """Yields what is wrong with the rows of a manifest, whatever they fill."""
     names: dict[str, Row] = {}
     contents: dict[tuple[object, ...], Row] = {}
     compared = [column for column in manifest.columns if column != ID or ID in used]
@@ -83,14 +83,6 @@ def wrong_rows(manifest: Manifest, used: Collection[str]) -> Iterator[str]:
         if compared and content in contents:
             yield f"{row.place}: row {row.id} says the same as row {contents[content].id}, {contents[content].place}"
         contents.setdefault(content, row)
-
-
-def _wrong_columns(columns: Sequence[str]) -> Iterator[str]:
-    for index, name in enumerate(columns):
-        if not name:
-            yield f"S037 column {index + 1} has no name"
-        elif name in columns[:index]:
-            yield f"S038 column `{name}` is there twice"
 
 
 def _read_csv(path: Path) -> tuple[tuple[str, ...], list[tuple[str, list[Value]]]]:
@@ -129,7 +121,6 @@ def _read_csv(path: Path) -> tuple[tuple[str, ...], list[tuple[str, list[Value]]
 
 
 def _read_parquet(path: Path) -> tuple[tuple[str, ...], list[tuple[str, list[Value]]]]:
-    """Columns, and for each row its number and its values."""
     require_module("pyarrow", "fleet", "Reading a manifest in Parquet")
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -166,11 +157,9 @@ def _plain(path: Path, number: int, cell: object) -> Value:
         return int(cell) if cell == cell.to_integral_value() else float(cell)
     if cell is None or isinstance(cell, str | int | float):
         return None if isinstance(cell, float) and math.isnan(cell) else cell
-    raise SettingsError(
-        f"S046 a value of type {type(cell).__name__} cannot be filled in",
-        where=f"{path}: row {number}",
-        remedy="keep numbers, texts, truth values and dates in the manifest",
-    )
+    message = f"S046 a value of type {type(cell).__name__} cannot be filled in"
+    remedy = "keep numbers, texts, truth values and dates in the manifest"
+    raise SettingsError(message, where=f"{path}: row {number}", remedy=remedy)
 
 
 TIME = "time"
@@ -201,12 +190,7 @@ class Robots:
 
 
 def robots_of(manifest: Manifest, robot_files: Collection[str] = ()) -> Robots:
-    """Reads whose measurements the rows of a manifest are.
-
-    Args:
-        manifest: The manifest, without wrong times.
-        robot_files: Columns that fill the name of the robot file: one of the name `robot` names no robot.
-    """
+    """Reads whose measurements the rows are; where the column `robot` fills the robot file's name it names no robot."""
     named = ROBOT in manifest.columns and ROBOT not in robot_files
     names, robot = _numbered([(named and _text(row.values[ROBOT])) or row.id for row in manifest.rows])
     grouped = GROUP in manifest.columns
@@ -215,7 +199,8 @@ def robots_of(manifest: Manifest, robot_files: Collection[str] = ()) -> Robots:
         return Robots(names, robot, groups, group, _order(robot), "measurement")
     values = [row.values[TIME] for row in manifest.rows]
     dated = _kind(values) == _DATE
-    time = np.array([(_days if dated else _number)(value) for value in values])
+    days = [math.nan if (day := _day_or_none(value)) is None else day for value in values]
+    time = np.array(days if dated else [_number(value) for value in values])
     return Robots(names, robot, groups, group, time, "day" if dated else f"unit of `{TIME}`")
 
 
@@ -284,11 +269,6 @@ def _number(value: Value) -> float:
         return math.nan if isinstance(value, bool) else float(_text(value))
     except ValueError:
         return math.nan
-
-
-def _days(value: Value) -> float:
-    day = _day_or_none(value)
-    return math.nan if day is None else day
 
 
 def _day_or_none(value: Value) -> float | None:

@@ -52,14 +52,10 @@ class Population:
         """Returns the chance (n,) that a robot of this population is as far off, to both sides or above it alone.
 
         Each value is held against those nearer to the centre alone, whose own scatter says what is far. Thus neither
-        other strangers hide it, nor does a cut that left out too much accuse it. A value that lies beyond a stranger
-        is one as well. Of the spread only what it makes of different errors counts: the most that it may be, so that
-        a well known value is not off because the spread was found too small.
-
-        Args:
-            value (n,): The values that the population was found from.
-            std (n,): Standard deviations of their errors.
-            only_large: Whether a small value is nothing to worry about.
+        other strangers hide it, nor does a cut that left out too much accuse it. A value that lies beyond a stranger is
+        one as well. Of the spread only what it makes of different errors counts: the most that it may be, so that a
+        well known value is not off because the spread was found too small. The population was found from these values
+        (n,) of known deviations (n,); with `only_large` a small value is nothing to worry about.
 
         Source:
             Rosner (1983), Technometrics 25, with deleted residuals, one degree of freedom less;
@@ -91,22 +87,20 @@ def population(value: FloatArray, std: FloatArray, weight: FloatArray | None = N
     Values are normal about the centre, with the variance of the population and that of their own error. The search
     begins with the weighted median and the spread for which half of the values lie within their quartiles; then values
     beyond three deviations are left out, and mean and variance of the others are those of maximum likelihood and of
-    Paule and Mandel, corrected for what was cut off, until nothing changes.
-
-    Args:
-        value (n,): Values, logarithms where errors are relative.
-        std (n,): Standard deviations of their errors.
-        weight (n,): How much each counts; a robot that was measured several times counts once.
-
-    Returns:
-        The population; with less than three robots nothing is said to be outside.
+    Paule and Mandel, corrected for what was cut off, until nothing changes. Values (n,) are logarithms where errors are
+    relative; a robot that was measured several times counts once by its weights (n,). With less than three robots
+    nothing is said to be outside.
 
     Source:
         Paule and Mandel (1982), J. Res. NBS 87; Rousseeuw and Leroy (1987), sec. 5.1, for the reweighting.
     """
     weight = np.ones(len(value)) if weight is None else weight
     std = _at_least_rounding(value, std)
-    centre, spread = _first(value, std, weight)
+    # Centre and spread by median and quartiles, which half of the robots may spoil.
+    centre = _median(value, weight)
+    for _ in range(3):
+        spread = _middle_spread(value - centre, std, weight)
+        centre = _median(value, weight / np.sqrt(spread**2 + std**2))
     kept, centre_std = np.ones(len(value), bool), 0.0
     for _ in range(_ROUNDS):
         before = kept
@@ -124,15 +118,6 @@ def population(value: FloatArray, std: FloatArray, weight: FloatArray | None = N
     least = float(chi2.ppf(_LUCK, robots)) if robots > 0 else 0.0
     high = _moment_spread(value[kept], std[kept], weight[kept], least)
     return Population(centre, centre_std, spread, high, kept, weight)
-
-
-def _first(value: FloatArray, std: FloatArray, weight: FloatArray) -> tuple[float, float]:
-    """Centre and spread by median and quartiles, which half of the robots may spoil."""
-    centre = _median(value, weight)
-    for _ in range(3):
-        spread = _middle_spread(value - centre, std, weight)
-        centre = _median(value, weight / np.sqrt(spread**2 + std**2))
-    return centre, spread
 
 
 def _at_least_rounding(value: FloatArray, std: FloatArray) -> FloatArray:
@@ -194,24 +179,19 @@ class Outlier:
 
 
 def populations(traits: Sequence[Trait], robots: IntArray) -> tuple[Population | None, ...]:
-    """Finds each trait's population; None where fewer than eight robots have it.
-
-    Args:
-        traits: The traits.
-        robots (n_row,): Number of each row's robot; one that was measured several times counts once.
-    """
-    return tuple(_population(trait, robots[trait.rows]) for trait in traits)
+    """Finds each trait's population, each robot of the rows (n_row,) counted once; None of fewer than eight robots."""
+    found: list[Population | None] = []
+    for trait in traits:
+        names, own, times = np.unique(robots[trait.rows], return_inverse=True, return_counts=True)
+        enough = len(names) >= FEWEST_ROBOTS
+        found.append(population(trait.value, trait.std, 1 / times[own]) if enough else None)
+    return tuple(found)
 
 
 def find_outliers(
     traits: Sequence[Trait], found: Sequence[Population | None], level: float = LEVEL
 ) -> tuple[Outlier, ...]:
     """Finds rows that are off their population, the least likely first.
-
-    Args:
-        traits: The traits.
-        found: Their populations.
-        level: Chance that any is found where there is none, whatever the number of rows and traits.
 
     Source:
         Holm (1979), Scand. J. Statist. 6.
@@ -236,8 +216,3 @@ def holm(chance: FloatArray) -> FloatArray:
     adjusted = np.empty_like(raised)
     adjusted[order] = np.minimum(raised, 1.0)
     return adjusted
-
-
-def _population(trait: Trait, robots: IntArray) -> Population | None:
-    names, own, times = np.unique(robots, return_inverse=True, return_counts=True)
-    return population(trait.value, trait.std, 1 / times[own]) if len(names) >= FEWEST_ROBOTS else None

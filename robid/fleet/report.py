@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -37,8 +38,10 @@ def write_report(path: Path, found: Found) -> Literal["made", "fresh"]:
     """Writes the page unless the one that is there says the same."""
     content = report_content(found)
     provenance = provenance_of(found.name, {"content": hashlib.sha256(repr(content).encode()).hexdigest()})
-    if _is_fresh(path, provenance):
-        return "fresh"
+    with suppress(ArtifactError):
+        made = read_stamp(path)
+        if (made.stage, made.settings_hash, made.inputs) == (_STAGE, provenance.settings_hash, provenance.inputs):
+            return "fresh"
     check_report(path)
     write_page(path, content, provenance)
     return "made"
@@ -66,14 +69,6 @@ def check_report(path: Path) -> None:
         ArtifactError: If it is none.
     """
     check_replaceable(path, "report", {})
-
-
-def _is_fresh(path: Path, now: Provenance) -> bool:
-    try:
-        made = read_stamp(path)
-    except ArtifactError:
-        return False
-    return (made.stage, made.settings_hash, made.inputs) == (now.stage, now.settings_hash, now.inputs)
 
 
 def report_content(found: Found) -> ReportContent:
@@ -139,7 +134,9 @@ def make_page(task: RowTask) -> str:
         if ledger is None:
             return f"row {task.row.id} has no page: its row.json has gone"
         if ledger.error is not None:
-            _write_failure(task, ledger)
+            content = failure_content(ledger, read_json(task.folder / LEDGER)["settings"])
+            inputs = {name: key.sha256 for name, key in ledger.inputs.items()}
+            write_page(task.folder / PAGE, content, provenance_of(task.row.id, inputs))
         else:
             _write_report(task)
     except ArtifactError:
@@ -167,21 +164,8 @@ def _write_report(task: RowTask) -> None:
         (work / "report.html").replace(task.folder / PAGE)
 
 
-def _write_failure(task: RowTask, ledger: Ledger) -> None:
-    """Writes what is known of a row that has failed."""
-    settings = read_json(task.folder / LEDGER)["settings"]
-    inputs = {name: key.sha256 for name, key in ledger.inputs.items()}
-    content = failure_content(ledger, settings)
-    write_page(task.folder / PAGE, content, provenance_of(task.row.id, inputs))
-
-
 def failure_content(ledger: Ledger, settings: dict[str, Any]) -> ReportContent:
-    """Lays out the page of a row that has failed.
-
-    Args:
-        ledger: Its ledger.
-        settings: Its settings.
-    """
+    """Lays out the page of a row that has failed."""
     error = ledger.error
     if error is None:
         message = "the row has not failed"
@@ -192,7 +176,7 @@ def failure_content(ledger: Ledger, settings: dict[str, Any]) -> ReportContent:
         styles=("name", "prose"),
     )
     read = tuple((name, key.sha256 or "could not be read") for name, key in ledger.inputs.items())
-    stated = tuple(_flat(settings))
+    stated = Table(("Setting", "Value"), tuple(_flat(settings)), styles=("name", "prose"))
     warned = (Section("Warnings", "What its stages said before it failed.", (Notes(ledger.warnings),)),)
     return ReportContent(
         title=f"Row {ledger.id}",
@@ -202,11 +186,7 @@ def failure_content(ledger: Ledger, settings: dict[str, Any]) -> ReportContent:
             Section("Failure", "", (wrong,)),
             *(warned if ledger.warnings else ()),
             Section("Files", "What it was made from.", (Table(("File", "SHA-256"), read, styles=("name", "code")),)),
-            Section(
-                "Settings",
-                "",
-                (Folded("All settings of the row", (Table(("Setting", "Value"), stated, styles=("name", "prose")),)),),
-            ),
+            Section("Settings", "", (Folded("All settings of the row", (stated,)),)),
         ),
     )
 
@@ -240,7 +220,6 @@ def failure_sections(found: Found) -> tuple[Section, ...]:
 
 
 def _pages(found: Found) -> Table:
-    """The failed rows that have pages, with links."""
     numbers = {ledger.id: row for row, ledger in enumerate(found.ledgers)}
     shown = [numbers[name] for *_, ids in causes(found.ledgers)[:_MANY_CAUSES] for name in ids[:MOST_SHOWN]]
     cells = [(found.cell(row), str(found.ledgers[row].error)) for row in shown[: 2 * MOST_SHOWN]]

@@ -36,16 +36,9 @@ from robid.settings.yaml import Document, parse_yaml
 
 
 def results_of(loaded: LoadedExperiment, folder: Path) -> list[dict[str, Any]]:
-    """Reads the parameters of all fits of a row.
-
-    Args:
-        loaded: Its experiment.
-        folder: Its folder.
-
-    Returns:
-        Entries with the names and units of the columns of the table, see `robid.fleet.table.PARAMETER_COLUMNS`.
-    """
-    joints = {joint.name: joint.name for joint in loaded.robot.joints} | _joints_of_springs(loaded)
+    """Reads the parameters of all fits of a row, as entries of columns of `robid.fleet.table.PARAMETER_COLUMNS`."""
+    joints = {joint.name: joint.name for joint in loaded.robot.joints}
+    joints |= {spring.name: spring.joint for spring in loaded.robot.all_springs if spring.joint is not None}
     found: list[dict[str, Any]] = []
     for fit in loaded.experiment.fits:
         path = folder / "fits" / fit / "model.h5"
@@ -66,10 +59,6 @@ def misfits_of(loaded: LoadedExperiment, folder: Path) -> dict[str, dict[str, fl
         told = family_of(loaded, fit).misfits(read_artifact(path.with_name("model.h5"), MODEL), validation)
         found[fit] = {name: float(value) for name, value in told.items() if np.isfinite(value) and value > 0}
     return found
-
-
-def _joints_of_springs(loaded: LoadedExperiment) -> dict[str, str]:
-    return {spring.name: spring.joint for spring in loaded.robot.all_springs if spring.joint is not None}
 
 
 def _own(estimate: Estimate) -> list[dict[str, Any]]:
@@ -93,33 +82,28 @@ def _own(estimate: Estimate) -> list[dict[str, Any]]:
     }
     listed = {name: np.asarray(values).tolist() for name, values in columns.items() if values is not None}
     both = {"confidence": estimate.confidence, "tied_to": ""}
-    return [
-        {**{name: values[index] for name, values in listed.items()}, **both} for index in range(len(estimate.names))
-    ]
+    return [dict(zip(listed, values, strict=True)) | both for values in zip(*listed.values(), strict=True)]
 
 
 def _tied(estimate: Estimate) -> list[dict[str, Any]]:
     """Parameters that follow another one: of its kind and unit."""
-    found = []
-    tied, leaders = estimate.tied, {name: index for index, name in enumerate(estimate.names)}
-    for index, (name, leader) in enumerate(zip(tied.names, tied.to, strict=True)):
-        of = leaders[leader]
-        found.append(
-            {
-                "parameter": name,
-                "kind": estimate.kinds[of],
-                "unit": estimate.units[of],
-                "nominal": float(tied.nominal[index]),
-                "estimate": float(tied.value[index]),
-                "physical_low": float(tied.lower[index]),
-                "physical_high": float(tied.upper[index]),
-                "identifiable": bool(estimate.identifiable[of]),
-                "identified": bool(estimate.identified[of]),
-                "confidence": estimate.confidence,
-                "tied_to": leader,
-            }
-        )
-    return found
+    tied, at = estimate.tied, [estimate.names.index(leader) for leader in estimate.tied.to]
+    return [
+        {
+            "parameter": name,
+            "kind": estimate.kinds[of],
+            "unit": estimate.units[of],
+            "nominal": float(tied.nominal[index]),
+            "estimate": float(tied.value[index]),
+            "physical_low": float(tied.lower[index]),
+            "physical_high": float(tied.upper[index]),
+            "identifiable": bool(estimate.identifiable[of]),
+            "identified": bool(estimate.identified[of]),
+            "confidence": estimate.confidence,
+            "tied_to": estimate.names[of],
+        }
+        for index, (name, of) in enumerate(zip(tied.names, at, strict=True))
+    ]
 
 
 _KINDS = {SettingsError: "settings", DataError: "data"}
@@ -230,7 +214,9 @@ def run_row(task: RowTask) -> Ledger:
     if error is not None:
         stop_if_interrupted()
     ledger = _finish(task, loaded, inputs, found, told, error, begun)
-    _trim_memory()
+    # Free memory goes back, where the C library keeps it otherwise.
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
     return ledger
 
 
@@ -291,14 +277,20 @@ def _finish(
     check_own(task.work)
     with writing(task.work):
         made = keep_files(task.work, all_files=task.keep)
+    # What may change the result; a study and how it is computed do not.
+    plain = {} if loaded is None else loaded.plain
+    settings = {key: value for key, value in plain.items() if key not in ("execution", "study")}
+    if error is not None:
+        where, message = (_shortened(text, task) for text in (error.where, error.message))
+        error = replace(error, where=where, message=message)
     ledger = Ledger(
         id=task.row.id,
         settings_hash="" if loaded is None else settings_hash_of(chain_of(loaded)),
-        settings={} if loaded is None else _settings(loaded),
+        settings=settings,
         inputs=inputs,
         outputs={str(path.relative_to(task.work)): file_key(path) for path in made},
         status="done" if error is None else "failed",
-        error=_without_folders(error, task),
+        error=error,
         warnings=tuple(_shortened(text, task) for text in told.warnings),
         grades=found.grades,
         results=found.results,
@@ -311,17 +303,6 @@ def _finish(
     check_own(task.work, ledger.outputs)
     put_in_place(task.work, task.folder)
     return ledger.outline
-
-
-def _settings(loaded: LoadedExperiment) -> dict[str, object]:
-    """What may change the result; a study and how it is computed do not."""
-    return {key: value for key, value in loaded.plain.items() if key not in ("execution", "study")}
-
-
-def _without_folders(error: RowError | None, task: RowTask) -> RowError | None:
-    if error is None:
-        return None
-    return RowError(error.kind, _shortened(error.where, task), _shortened(error.message, task), error.remedy)
 
 
 def _shortened(text: str, task: RowTask) -> str:
@@ -343,9 +324,3 @@ def _shortened(text: str, task: RowTask) -> str:
 def _spellings(path: Path) -> tuple[Path, Path, Path]:
     """A path as it is written, from the root on, and with links followed."""
     return path, path.absolute(), path.resolve()
-
-
-def _trim_memory() -> None:
-    """Gives free memory back, where the C library keeps it otherwise."""
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).malloc_trim(0)

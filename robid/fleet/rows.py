@@ -161,6 +161,8 @@ def _row_problems(
 
 def _log_paths(loaded: LoadedExperiment, field: FieldPath) -> Iterator[Path]:
     """Where the logs are that a field names; none for other fields."""
+    from robid.settings.checks.configurations import configuration_count
+
     if field[-1] != "file" or "acquire" not in field:
         return
     campaign = loaded.experiment.campaigns[str(field[1])]
@@ -169,15 +171,9 @@ def _log_paths(loaded: LoadedExperiment, field: FieldPath) -> Iterator[Path]:
         return
     of_channel = None if field[-2] == "acquire" else getattr(acquire, str(field[-3]))[field[-2]].file
     named = acquire if of_channel is None else replace(acquire, file=of_channel)
-    counts = (_configuration_count(loaded, field), campaign.realizations, experiment_count(campaign, acquire))
+    n_conf = configuration_count(loaded.experiment, campaign) or 1
+    counts = (n_conf, campaign.realizations, experiment_count(campaign, acquire))
     yield from dict.fromkeys(named.log_path(loaded.path.parent, *place) for place in np.ndindex(*counts))
-
-
-def _configuration_count(loaded: LoadedExperiment, field: FieldPath) -> int:
-    """Number of configurations of the campaign that a field belongs to."""
-    from robid.settings.checks.configurations import configuration_count
-
-    return configuration_count(loaded.experiment, loaded.experiment.campaigns[str(field[1])]) or 1
 
 
 def _told(problem: SettingsProblem, rows: Sequence[Row], n_row: int, asked: Mapping[FieldPath, Sequence[str]]) -> str:
@@ -222,12 +218,6 @@ class Look:
 
 def look(fleet: Fleet, rows: Path, *, keep: bool, force: bool) -> Look:
     """Tells the rows that are to be made from those that are fresh; writes nothing.
-
-    Args:
-        fleet: The rows.
-        rows: Folder of their folders.
-        keep: Whether records and responses are to stay.
-        force: Whether rows that have failed are tried again.
 
     Raises:
         ArtifactError: If a folder in the place of a row's is none.

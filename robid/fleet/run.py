@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -77,16 +77,7 @@ def run_fleet(
     tell: Callable[[Ledger, Outcome], None],
     announce: Callable[[Look], None] = lambda _: None,
 ) -> Batch:
-    """Runs what is not fresh, in any order, and writes the table.
-
-    Args:
-        fleet: The rows.
-        folder: The run folder, which nobody else works in.
-        options: How.
-        open_map: Opens what runs the rows, each whole, on one worker or on as many as were asked for.
-        progress: Is told how far it is.
-        tell: Is told what became of each row, those that are fresh first.
-        announce: Is told before what is to be made, and why.
+    """Runs what is not fresh, in any order, each row whole on one worker, and writes the table.
 
     Raises:
         RobidError: If the batch cannot go on; finished rows stay and are in the table, the others as `pending`. Where
@@ -130,22 +121,19 @@ def run_fleet(
     in_order = tuple(ledgers[planned.row.id] for planned in fleet.rows)
     written.append(write_summary(folder / SUMMARY, fleet.experiment.name, in_order, comparison))
     on_page = Found(fleet.experiment.name, in_order, comparison, collected, rows)
-    make_pages([_task(fleet, fleet.rows[row], rows, options) for row in _paged(on_page, options)], open_map, progress)
+    every = range(len(in_order)) if options.pages == "all" else ()
+    paged = flagged(on_page) if options.pages == "flagged" else every
+    make_pages([_task(fleet, fleet.rows[row], rows, options) for row in paged], open_map, progress)
     written.append(write_report(folder / REPORT, on_page))
     outcome: Outcome = "made" if "made" in written else "fresh"
     paths = folder / TABLE, folder / SUMMARY, folder / REPORT
-    return Batch(in_order, comparison, len(found.due), found.away, _removed(rows, fleet), *paths, outcome)
+    there = {path.parent.name for path in rows.glob(f"*/{LEDGER}")}
+    removed = tuple(sorted(there.difference(planned.row.id for planned in fleet.rows)))
+    return Batch(in_order, comparison, len(found.due), found.away, removed, *paths, outcome)
 
 
 def _task(fleet: Fleet, planned: PlannedRow, rows: Path, options: Options) -> RowTask:
     return RowTask(planned.row, fleet.template.path, fleet.text, rows, options.keep)
-
-
-def _paged(found: Found, options: Options) -> Iterable[int]:
-    """Indices of the rows that get a page of their own."""
-    if options.pages == "flagged":
-        return flagged(found)
-    return range(len(found.ledgers)) if options.pages == "all" else ()
 
 
 def _run(tasks: Sequence[RowTask], open_map: OpenMap, note: Callable[[Ledger], None]) -> None:
@@ -179,9 +167,3 @@ def _run_alone(task: RowTask, open_map: OpenMap, note: Callable[[Ledger], None])
         except WorkerError:
             ledger = fail_row(task)
     note(ledger)
-
-
-def _removed(rows: Path, fleet: Fleet) -> tuple[str, ...]:
-    """Names of rows on the disk that the manifest does not have."""
-    there = {path.parent.name for path in rows.glob(f"*/{LEDGER}")}
-    return tuple(sorted(there.difference(planned.row.id for planned in fleet.rows)))

@@ -12,9 +12,10 @@ from robid.arrays import FloatArray
 from robid.fleet.comparison import MOST_SHOWN, Collected, Compared, Comparison, Found, listed
 from robid.fleet.drift import Drift
 from robid.fleet.population import FEWEST_ROBOTS, LEVEL, Outlier
+from robid.pipeline.stage import counted
 from robid.report.numbers import MISSING, percent, scale_for
 from robid.report.parameters import kind_title
-from robid.report.section import Cell, Choice, ColumnStyle, Curve, Figure, Line, Row, Section, Table
+from robid.report.section import Choice, ColumnStyle, Curve, Figure, Line, Row, Section, Table
 
 
 def outlier_sentence(comparison: Comparison, outlier: Outlier) -> str:
@@ -24,7 +25,8 @@ def outlier_sentence(comparison: Comparison, outlier: Outlier) -> str:
         message = "an outlier has a population"
         raise RuntimeError(message)
     about, (value, low, high) = of.population, of.interval(outlier.row)
-    known = "" if low == high else f" ({_range(of, low, high)})"
+    scale = scale_for((low + high) / 2, _unit(of.of), (high - low) / 2)
+    known = "" if low == high else f" ({scale.text(low)} to {scale.text(high)})"
     centre = of.natural(about.centre)
     return (
         f"{of.name} is {_number(of, value)}{known}, {_away(of, value, centre)} the fleet's {_number(of, centre)};"
@@ -44,7 +46,7 @@ def short(comparison: Comparison, outlier: Outlier) -> str:
         return of.name
     value, *_ = of.interval(outlier.row)
     ratio = value / of.natural(of.population.centre)
-    return f"{of.name} {_factor(ratio)}"
+    return f"{of.name} {f'{ratio:.2g} times' if ratio > 2 else percent(ratio - 1, signed=True)}"
 
 
 def changes(comparison: Comparison, drift: Drift) -> tuple[str, str]:
@@ -74,10 +76,6 @@ def _away(of: Compared, value: float, centre: float) -> str:
     return f"{ratio:.3g} times" if ratio > 2 else f"{percent(abs(ratio - 1))} {side}"
 
 
-def _factor(ratio: float) -> str:
-    return f"{ratio:.2g} times" if ratio > 2 else percent(ratio - 1, signed=True)
-
-
 def _change(of: Compared, change: float, half: float) -> str:
     middle, low, high = (of.change(change + part) for part in (0.0, -half, half))
     if of.of.is_logarithmic:
@@ -88,11 +86,6 @@ def _change(of: Compared, change: float, half: float) -> str:
 
 def _spread(of: Compared, spread: float) -> str:
     return percent(spread) if of.of.is_logarithmic else _number(of, spread)
-
-
-def _range(of: Compared, low: float, high: float) -> str:
-    scale = scale_for((low + high) / 2, _unit(of.of), (high - low) / 2)
-    return f"{scale.text(low)} to {scale.text(high)}"
 
 
 def _number(of: Compared, value: float) -> str:
@@ -121,12 +114,14 @@ def outlier_sections(found: Found) -> tuple[Section, ...]:
     level = f"a chance of {_LEVEL} for a sound fleet to have any row named here"
     if not comparison.off:
         return (Section("Outliers", f"No row is off the fleet: {level}. {untold}".strip()),)
-    rows = tuple(_row(found, row) for row in list(comparison.off)[:MOST_SHOWN])
+    rows = []
+    for row, (first, *others) in list(comparison.off.items())[:MOST_SHOWN]:
+        also = [short(comparison, each) for each in others]
+        rows.append((found.cell(row), f"{outlier_sentence(comparison, first)}.", listed(also, _OTHERS)))
     more = len(comparison.off) - len(rows)
     caption = f"The clearest {len(rows)}; {more} more are in the table and in fleet.json." if more else ""
-    table = Table(
-        ("Row", "What is off most", "Also off"), rows, styles=("name", "prose", "prose"), fit="wide", caption=caption
-    )
+    heads = ("Row", "What is off most", "Also off")
+    table = Table(heads, tuple(rows), styles=("name", "prose", "prose"), caption=caption)
     lead = (
         f"Rows whose parameters or misfit are none of their population, the clearest first: {level}. Deviations hold"
         f" what robots differ by and how well each value is known. {_mixture(found)}{untold}"
@@ -150,7 +145,7 @@ def untold_sentence(found: Found) -> str:
     if not comparison.untold:
         return ""
     names = [comparison.robots.groups[group] or "without a name" for group in comparison.untold]
-    of = "" if len(comparison.robots.groups) == 1 else f" in {_counted(len(names), 'group')} ({listed(names, 5)})"
+    of = "" if len(comparison.robots.groups) == 1 else f" in {counted(len(names), 'group')} ({listed(names, 5)})"
     return f"With fewer than {FEWEST_ROBOTS} robots{of}, outliers cannot be told."
 
 
@@ -159,14 +154,14 @@ def drift_sections(found: Found) -> tuple[Section, ...]:
     comparison = found.comparison
     if not comparison.robots.repeated:
         return ()
-    counted = f"{_counted(comparison.robots.repeated, 'robot')} that were measured more than once"
+    several = f"{counted(comparison.robots.repeated, 'robot')} that were measured more than once"
     level = f"a chance of {_LEVEL} for a fleet that does not change to have any robot named here"
     if not len(comparison.followed):
-        return (Section("Drift", f"Of {counted}, none has values of different times: no drift can be told."),)
+        return (Section("Drift", f"Of {several}, none has values of different times: no drift can be told."),)
     left = comparison.robots.repeated - len(comparison.followed)
-    untold = f" {_counted(left, 'robot')} cannot be told of, without values of different times." if left else ""
+    untold = f" {counted(left, 'robot')} cannot be told of, without values of different times." if left else ""
     if not comparison.drifts:
-        return (Section("Drift", f"Of {counted}, none changes clearly: {level}.{untold}"),)
+        return (Section("Drift", f"Of {several}, none changes clearly: {level}.{untold}"),)
     rows = []
     for drift in comparison.drifts[:MOST_SHOWN]:
         of = comparison.compared[drift.trait]
@@ -174,28 +169,25 @@ def drift_sections(found: Found) -> tuple[Section, ...]:
         rows.append((comparison.robots.names[drift.robot], name, str(drift.count), *changes(comparison, drift)))
     columns = ("Robot", "What changes", "Measured", "Slope", "Change in all")
     table = Table(columns, tuple(rows), styles=("name", "text", "number", "number", "number"), fit="compact")
-    lead = f"Robots, of {counted}, that change: {level}. Intervals are of 95 %.{untold}"
+    lead = f"Robots, of {several}, that change: {level}. Intervals are of 95 %.{untold}"
     return (Section("Drift", lead, (table,)),)
 
 
 def population_sections(found: Found) -> tuple[Section, ...]:
     """Says what each population is like in what its rows are compared by."""
     comparison = found.comparison
-    told = [(trait, each) for trait, each in enumerate(comparison.compared) if each.population is not None]
-    if not told:
+    off, rows = Counter(outlier.trait for outlier in comparison.outliers), []
+    for trait, each in sorted(enumerate(comparison.compared), key=lambda one: one[1].group):
+        if each.population is not None:
+            own = str(each.population.robots), *centre_and_spread(each), known_to(each), str(off[trait] or "")
+            group = comparison.robots.groups[each.group] if len(comparison.robots.groups) > 1 else ""
+            rows.append(Row((_with_fit(found, each), *own), group=group))
+    if not rows:
         return ()
-    off = Counter(outlier.trait for outlier in comparison.outliers)
-    rows = [
-        Row(
-            (_with_fit(found, each), *_numbers(each), str(off[trait] or "")),
-            group=comparison.robots.groups[each.group] if len(comparison.robots.groups) > 1 else "",
-        )
-        for trait, each in sorted(told, key=lambda pair: pair[1].group)
-    ]
     columns = ("Compared by", "Robots", "Fleet", "Robots differ by", "Known to", "Off")
-    styles: tuple[ColumnStyle, ...] = ("name", *("number",) * 5)
+
     more = "" if len(rows) <= _MANY_ROWS else f"The first {_MANY_ROWS} of {len(rows)}; all are in fleet.json."
-    table = Table(columns, tuple(rows[:_MANY_ROWS]), styles=styles, fit="compact", caption=more)
+    table = Table(columns, tuple(rows[:_MANY_ROWS]), fit="compact", caption=more)
     lead = (
         "Middle and standard deviation of each population, errors of measurement apart, whatever a minority of robots"
         " shows; how well the median row knows its value; and how many rows are off."
@@ -203,25 +195,9 @@ def population_sections(found: Found) -> tuple[Section, ...]:
     return (Section("Populations", lead, (table,)),)
 
 
-def _row(found: Found, row: int) -> tuple[Cell | str, ...]:
-    first, *others = found.comparison.off[row]
-    also = [short(found.comparison, each) for each in others]
-    return found.cell(row), f"{outlier_sentence(found.comparison, first)}.", listed(also, _OTHERS)
-
-
-def _numbers(of: Compared) -> tuple[str, ...]:
-    if of.population is None:
-        return ()
-    return (str(of.population.robots), *centre_and_spread(of), known_to(of))
-
-
 def _with_fit(found: Found, of: Compared) -> str:
     several = len({each.fit for each in found.comparison.compared}) > 1
     return f"{of.fit}: {of.name}" if several else of.name
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 _FEW_ROWS, _MOST_POINTS = 40, 300
@@ -279,9 +255,7 @@ def _figure(found: Found, fit: str, name: str, of: Collected) -> Figure:
         log_y=False,
         x_labels=labels,
         x_range=(-1.0, 101.0) if many else None,
-        lines=tuple(Line("y", each, "robot file") for each in nominal if np.isfinite(each))
-        if len(nominal) == 1
-        else (),
+        lines=tuple(Line("y", each, "robot file") for each in nominal if np.isfinite(each) and len(nominal) == 1),
     )
 
 
@@ -336,7 +310,6 @@ def _off(places: Sequence[int], x: Sequence[float], texts: Sequence[str], of: Co
 
 
 def _text(found: Found, of: Collected, place: int) -> str:
-    """What is said of a row's point."""
     name, value, low, high = found.ledgers[of.rows[place]].id, of.middle[place], of.low[place], of.high[place]
     half = (high - low) / 2 if np.isfinite(high - low) else None
     scale = scale_for(value, _unit(of), half)

@@ -42,14 +42,7 @@ def check_summary(path: Path) -> None:
 
 
 def write_summary(path: Path, name: str, ledgers: Sequence[Ledger], comparison: Comparison) -> Literal["made", "fresh"]:
-    """Writes the file unless the one that is there says the same.
-
-    Args:
-        path: Where to.
-        name: Name of the experiment.
-        ledgers: What became of each row, in the order of the manifest.
-        comparison: The rows against each other.
-    """
+    """Writes the file unless the one that is there says the same."""
     content = {
         "kind": _KIND,
         "schema_version": SUMMARY_VERSION,
@@ -98,9 +91,8 @@ def _populations(comparison: Comparison) -> list[dict[str, Any]]:
 def _outlier(comparison: Comparison, outlier: Outlier, ledgers: Sequence[Ledger]) -> dict[str, Any]:
     of, robots = comparison.compared[outlier.trait], comparison.robots
     value, low, high = of.interval(outlier.row)
-    about = (
-        {} if of.population is None else {"centre": of.natural(of.population.centre), "spread": of.population.spread}
-    )
+    known = of.population
+    about = {} if known is None else {"centre": of.natural(known.centre), "spread": known.spread}
     return {
         "row": ledgers[outlier.row].id,
         "robot": robots.names[robots.robot[outlier.row]],

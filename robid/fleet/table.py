@@ -81,14 +81,7 @@ def check_table(path: Path) -> None:
 def write_table(
     path: Path, fleet: Fleet, ledgers: Ledgers, comparison: Comparison | None = None
 ) -> Literal["made", "fresh"]:
-    """Writes the table unless the one that is there says the same.
-
-    Args:
-        path: Where to.
-        fleet: The rows, in their order.
-        ledgers: What became of each, read anew whenever it is called; a row without one is `pending`.
-        comparison: The rows against each other, where all of them are there.
-    """
+    """Writes the table, rows without a ledger as `pending`, unless the one that is there says the same."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -167,7 +160,9 @@ def _entries(
             common["outlier_row"] = index in comparison.off
         for entry in ledger.results:
             off = {} if comparison is None else _off(comparison, index, entry)
-            yield {**common, **entry, **off, **_graded(ledger, entry["fit"])}
+            value, sentence = ledger.grades.get(entry["fit"], (None, ""))
+            grade = {} if value is None else {"grade": value, "grade_word": WORDS[value], "verdict": sentence}
+            yield {**common, **entry, **off, **grade}
 
 
 def _off(comparison: Comparison, row: int, entry: Mapping[str, Any]) -> dict[str, Any]:
@@ -177,21 +172,8 @@ def _off(comparison: Comparison, row: int, entry: Mapping[str, Any]) -> dict[str
     return {} if math.isnan(away) else {"away": away, "outlier": (row, *key) in comparison.accused}
 
 
-def _graded(ledger: Ledger, fit: str) -> dict[str, Any]:
-    if fit not in ledger.grades:
-        return {}
-    value, sentence = ledger.grades[fit]
-    return {"grade": value, "grade_word": WORDS[value], "verdict": sentence}
-
-
 def column_of(values: Sequence[Value], name: str, *, typed: bool) -> tuple[str, list[Value]]:
-    """Returns type and cells of a column of the manifest: the narrowest type that changes nothing written in it.
-
-    Args:
-        values: Its values.
-        name: Its name; robots and groups have names, whatever these look like.
-        typed: Whether a text is one even where it looks like a number.
-    """
+    """Returns type and cells of a column of the manifest: the narrowest type that changes nothing written in it."""
     read = list(values) if typed else [_read(value) for value in values]
     kind = "string" if name in (ROBOT, GROUP) else _narrowest([value for value in read if value is not None])
     if kind == "string":

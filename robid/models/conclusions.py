@@ -36,13 +36,7 @@ def root_rows(
 ) -> list[Row]:
     """Describes a real root by its rate, positive in the left half plane, a pair by frequency and damping ratio.
 
-    Args:
-        name: Its name.
-        kind: `pole` or `zero`.
-        place: Where it is, that with positive imaginary part of a pair [rad/s].
-        moves (n,): What moves it, as of `Row`.
-        is_real: Whether it is a real one.
-        reachable: Whether it lies below half the sampling rate.
+    The root is at `place`, that with positive imaginary part of a pair [rad/s]; `moves` (n,) are as of `Row`.
     """
     size = abs(place)
     if is_real:
@@ -69,18 +63,7 @@ def estimate_of_rows(
     identifiable_relative_std: float,
     undetermined: Sequence[str] = (),
 ) -> Estimate:
-    """Puts parameters together with normal intervals by their covariance (n_param, n_param); none is known beforehand.
-
-    Args:
-        rows: The parameters.
-        covariance: Their covariance.
-        rule: What sets the width of the intervals, in words.
-        status: How the fit ended.
-        advice: What to try next.
-        confidence: Level of the intervals.
-        identifiable_relative_std: Relative deviation up to which a parameter counts as identifiable.
-        undetermined: What the data do not determine, a sentence each.
-    """
+    """Puts parameters together with normal intervals by their covariance (n_param, n_param); none was known before."""
     value, scale = (np.array([getattr(row, key) for row in rows], float) for key in ("value", "scale"))
     std, half = np.sqrt(np.maximum(np.diag(covariance), 0)), norm.ppf(0.5 + 0.5 * confidence)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -126,15 +109,7 @@ def outcome_of(
     verdict: str,
     truth: Mapping[str, float] | None = None,
 ) -> Outcome:
-    """Grades a fit that was held against data that it never saw.
-
-    Args:
-        estimate: What the fit found.
-        findings: Findings about it, the first to blame first.
-        failures: What the validation found beyond its limits, a clause each.
-        verdict: The same in words, to follow "the model".
-        truth: True values by parameter name, of a simulated robot.
-    """
+    """Grades a fit that was held against data that it never saw; findings are first to blame first."""
     every = ordered(findings)
     grade = grade_held((*forbidding(every, estimate.status), *failures), weakening(every), every)
     return Outcome(ok=not failures, verdict=verdict, grade=grade, recovery=recover(estimate, truth or {}))

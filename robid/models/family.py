@@ -22,26 +22,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Data:
-    """What a fit or its validation reads.
+    """What a fit or its validation reads."""
 
-    Attributes:
-        loaded: The experiment.
-        name: Name of the fit.
-        frf: Response of the campaigns that it reads, joined and in the configurations of the fit; None where the
-            family reads none.
-        records: Record of each campaign, where the family reads them.
-        configurations: Index of each configuration of the response in its campaigns, those of further ones counted on.
-        taken: Models of the fits that it takes something of, by what it takes.
-        origins: Campaign of each configuration of the response, where a fit reads one.
-    """
-
-    loaded: LoadedExperiment
-    name: str
+    loaded: LoadedExperiment  # the experiment
+    name: str  # name of the fit
+    # Response of the campaigns that it reads, joined and in the configurations of the fit; None where the family reads
+    # none.
     frf: Frf | None
-    records: tuple[Record, ...] = ()
+    records: tuple[Record, ...] = ()  # record of each campaign, where the family reads them
+    # Index of each configuration of the response in its campaigns, those of further ones counted on.
     configurations: tuple[int, ...] = ()
+    # Models of the fits that it takes something of, by what it takes.
     taken: Mapping[HandedOn, Artifact] = field(default_factory=dict)
-    origins: tuple[str, ...] = ()
+    origins: tuple[str, ...] = ()  # campaign of each configuration of the response, where a fit reads one
 
     @property
     def settings(self) -> FitSettings:
@@ -67,63 +60,38 @@ class Work:
 
 @dataclass(frozen=True)
 class Shown:
-    """A fit with everything that the report may show of it.
+    """A fit with everything that the report may show of it."""
 
-    Attributes:
-        data: What it read.
-        model: Its artifact.
-        validation: Artifact of its validation, if there is one.
-        new: What the validation read.
-        true: True value of each parameter by name; empty for a measured robot.
-        told: What the page warns of anyway.
-        beside: The run's other fits of the family, which may have measured the same.
-    """
-
-    data: Data
-    model: Artifact
-    validation: Artifact | None = None
-    new: Data | None = None
+    data: Data  # what it read
+    model: Artifact  # its artifact
+    validation: Artifact | None = None  # artifact of its validation, if there is one
+    new: Data | None = None  # what the validation read
+    # True value of each parameter by name; empty for a measured robot.
     true: Mapping[str, float] = field(default_factory=dict)
-    told: tuple[str, ...] = ()
-    beside: tuple[Shown, ...] = ()
+    told: tuple[str, ...] = ()  # what the page warns of anyway
+    beside: tuple[Shown, ...] = ()  # the run's other fits of the family, which may have measured the same
 
 
 @dataclass(frozen=True)
 class ExportTask:
-    """What is exported.
+    """What is exported."""
 
-    Attributes:
-        data: What the fit read.
-        model: Its artifact.
-        configuration: Index of one configuration; None for all of the fit.
-        friction: Whether friction is in, where a format can hold it; None where nothing was said.
-        suffix: Suffix of the file.
-    """
-
-    data: Data
-    model: Artifact
-    configuration: int | None
-    friction: bool | None
-    suffix: str
+    data: Data  # what the fit read
+    model: Artifact  # its artifact
+    configuration: int | None  # index of one configuration; None for all of the fit
+    friction: bool | None  # whether friction is in, where a format can hold it; None where nothing was said
+    suffix: str  # suffix of the file
 
 
 @dataclass(frozen=True)
 class Export:
-    """A format that a model can be written in.
+    """A format that a model can be written in."""
 
-    Attributes:
-        file: Name of the file where none is given.
-        suffixes: Suffixes that the file may have.
-        make: Makes the file's content.
-        takes_configuration: Whether it may hold a single configuration.
-        takes_friction: Whether friction may be in or out.
-    """
-
-    file: str
-    suffixes: tuple[str, ...]
-    make: Callable[[ExportTask], bytes]
-    takes_configuration: bool = True
-    takes_friction: bool = False
+    file: str  # name of the file where none is given
+    suffixes: tuple[str, ...]  # suffixes that the file may have
+    make: Callable[[ExportTask], bytes]  # makes the file's content
+    takes_configuration: bool = True  # whether it may hold a single configuration
+    takes_friction: bool = False  # whether friction may be in or out
 
 
 def verdict_of(validation: Artifact) -> str:
@@ -139,51 +107,38 @@ class Family:
 
     Loading a file and the graph need its settings, problems, decides and the names of its exports: they import no
     science. What fits, validates and writes is imported with its first call, see `robid.later`.
-
-    Attributes:
-        name: What `family` says in an experiment file.
-        settings: Type of its fits, its `family` a literal of the name; or a name of a `with later` block that stands
-            for it, so that only experiments with such fits import it.
-        reads: What of a campaign a fit reads.
-        problems: Finds what is wrong with one of its fits for a robot, by the fit's name: fields below the fit and
-            messages.
-        decides: Settings by dotted name that decide what a fit makes of a campaign, beside those of the fit itself;
-            takes the campaign's name.
-        fit: Fits a model and grades it by itself; the stage adds the provenance.
-        validate: Holds a fitted model against data that it never saw; takes the data, the model, and the true robot
-            where it is known.
-        phrase: How a fit ended, from its artifact.
-        report: Lays out a fit for page, terminal and summary.
-        exports: Formats that a model can be written in, by name.
-        seed: Seed of a fit, for its provenance.
-        true_values: True value of every parameter, by name, in a true robot; takes the fit's name.
-        verdict: What a validation found, from its artifact.
-        compare: Numbers that compare fits of this family with each other, by dotted name.
-        free_too: The experiment with more names in a fit's `free`, checked; takes the fit's name. None where nothing
-            can be estimated.
-        refit: Fits again from the minimum of a model, with what the data's experiment now frees.
-        needs_robot: Whether its fits ask for the inside of the robot, so that the experiment must name one.
-        misfits: How badly a model describes its data, and data that it never saw where it was validated: positive
-            numbers by name, by which models of a fleet are compared; only large ones are suspicious.
     """
 
-    name: str
+    name: str  # what `family` says in an experiment file
+    # Type of its fits, its `family` a literal of the name; or a name of a `with later` block that stands for it, so
+    # that only experiments with such fits import it.
     settings: type[FitSettings]
-    reads: tuple[Read, ...]
+    reads: tuple[Read, ...]  # what of a campaign a fit reads
+    # Finds what is wrong with one of its fits for a robot, by the fit's name: fields below the fit and messages.
     problems: Callable[[Experiment, str, RobotFile], Iterator[tuple[FieldPath, str]]]
+    # Settings by dotted name that decide what a fit makes of a campaign, beside those of the fit itself; takes the
+    # campaign's name.
     decides: Callable[[LoadedExperiment, str], dict[str, Any]]
-    fit: Callable[[Data, Work], Artifact]
+    fit: Callable[[Data, Work], Artifact]  # fits a model and grades it by itself; the stage adds the provenance
+    # Holds a fitted model against data that it never saw; takes the data, the model, and the true robot where it is
+    # known.
     validate: Callable[[Data, Artifact, TrueRobot | None], Artifact]
-    phrase: Callable[[Artifact], str]
-    report: Callable[[Shown], FitReport]
-    exports: Mapping[str, Export]
-    seed: Callable[[FitSettings], int | None] = lambda _settings: None
+    phrase: Callable[[Artifact], str]  # how a fit ended, from its artifact
+    report: Callable[[Shown], FitReport]  # lays out a fit for page, terminal and summary
+    exports: Mapping[str, Export]  # formats that a model can be written in, by name
+    seed: Callable[[FitSettings], int | None] = lambda _settings: None  # seed of a fit, for its provenance
+    # True value of every parameter, by name, in a true robot; takes the fit's name.
     true_values: Callable[[LoadedExperiment, str, TrueRobot], Mapping[str, float]] = lambda _loaded, _fit, _true: {}
-    verdict: Callable[[Artifact], str] = verdict_of
+    verdict: Callable[[Artifact], str] = verdict_of  # what a validation found, from its artifact
+    # Numbers that compare fits of this family with each other, by dotted name.
     compare: Callable[[Sequence[Shown]], Mapping[str, float]] = lambda _every: {}
+    # The experiment with more names in a fit's `free`, checked; takes the fit's name. None where nothing can be freed.
     free_too: Callable[[LoadedExperiment, str, Sequence[str]], LoadedExperiment] | None = None
+    # Fits again from the minimum of a model, with what the data's experiment now frees.
     refit: Callable[[Data, Artifact, Work], Artifact] | None = None
-    needs_robot: bool = True
+    needs_robot: bool = True  # whether its fits ask for the inside of the robot, so that the experiment must name one
+    # How badly a model describes its data, and data that it never saw where it was validated: positive numbers by name,
+    # by which models of a fleet are compared; only large ones are suspicious.
     misfits: Callable[[Artifact, Artifact | None], Mapping[str, float]] = lambda _model, _validation: {}
 
 

@@ -52,10 +52,6 @@ class Standard:
 def standard_from_artifact(model: Artifact, fit: str) -> Standard:
     """Reads the standard parameters from the model of a rigid fit.
 
-    Args:
-        model: Its artifact.
-        fit: Its name.
-
     Raises:
         DataError: If it has none that could be handed on.
     """
@@ -86,7 +82,6 @@ def standard_robot(loaded: LoadedExperiment, fit: str, standard: Standard) -> St
 
 
 def _with_std(robot: Robot, standard: Standard) -> Robot:
-    """The robot with the relative deviations of its Coulomb friction."""
     joints = []
     for joint in robot.joints:
         law, (level, std) = joint.motor.friction, standard.mean(joint.name, "coulomb")
@@ -120,13 +115,10 @@ class RigidSource:
         return self._robot(self.standard.values, payload)
 
     def perturbed(self, payload: float) -> list[tuple[Robot, float]]:
-        """Returns robots that are off along the few directions that hold most of the variance, and by how much.
+        """Returns robots that are off along the directions that hold most of the variance, and by how much.
 
         Directions are independent; by how many standard deviations a robot is off along its own is such that its
         bodies stay real.
-
-        Args:
-            payload: The payload [kg].
         """
         found: list[tuple[Robot, float]] = []
         for direction in self.directions():
@@ -163,7 +155,9 @@ class RigidSource:
             return found.robot
         if self.payload_kg == 0:
             return replace(found.robot, payload=file.to_robot(payload).payload)
-        return replace(found.robot, payload=_scaled(found.robot.payload, payload / self.payload_kg))
+        # A body of another mass and the same shape.
+        body, factor = found.robot.payload, payload / self.payload_kg
+        return replace(found.robot, payload=Inertial(factor * body.mass_kg, body.com_m, factor * body.inertia_kgm2))
 
     def _check_joined(self, found: StandardRobot, payload: float) -> None:
         hangs = any(spring.place == "payload" for spring in found.robot.springs)
@@ -178,11 +172,6 @@ class RigidSource:
 
 def rigid_source(loaded: LoadedExperiment, fit: str, model: Artifact) -> RigidSource:
     """Reads what a rigid fit hands on.
-
-    Args:
-        loaded: The experiment.
-        fit: Name of the rigid fit.
-        model: Its artifact.
 
     Raises:
         DataError: If it has no standard parameters of real bodies.
@@ -208,11 +197,6 @@ def _sizes(standard: Standard) -> FloatArray:
     return np.array([sizes[name] for name in standard.names])
 
 
-def _scaled(body: Inertial, factor: float) -> Inertial:
-    """A body of another mass and the same shape."""
-    return Inertial(factor * body.mass_kg, body.com_m, factor * body.inertia_kgm2)
-
-
 @dataclass(frozen=True)
 class MotorFriction:
     """Friction of some motors, motor side; where it differs between the directions the mean of both."""
@@ -223,13 +207,7 @@ class MotorFriction:
 
 
 def friction_from_artifact(model: Artifact, fit: str, joints: Sequence[str], torque_unit: str = "N m") -> MotorFriction:
-    """Reads motor friction from the model of a fit.
-
-    Args:
-        model: Its artifact.
-        fit: Its name.
-        joints: Names of the motors' joints.
-        torque_unit: Unit of the torques that the friction is subtracted from: A for currents.
+    """Reads motor friction from the model of a fit, in the unit of the torques that it is subtracted from.
 
     Raises:
         DataError: If it knows no friction of a motor, or torques in another unit.

@@ -30,12 +30,7 @@ FAMILIES: Mapping[str, Family] = {family.name: family for family in (ELASTIC, RI
 def load_experiment(
     path: Path, families: Mapping[str, Family] | None = None, studies: Studies | None = None
 ) -> LoadedExperiment:
-    """Loads an experiment file and the robot file it names, and checks both.
-
-    Args:
-        path: The experiment file.
-        families: The families that its fits may be of, by name; all that there are when None.
-        studies: What the file's study may be; a caller that runs none may do without.
+    """Loads an experiment file and the robot file it names, and checks both; all families are known when None.
 
     Raises:
         SettingsError: With every problem of both files, each with its line and field.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from statistics import NormalDist
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from robid.artifacts.results import grade_from_artifact
 from robid.report.page import FitReport, Headline, KeyNumber
 from robid.report.parameter_section import parameter_numbers, parameter_table
 from robid.report.parameters import Estimates, ParameterRow
-from robid.report.section import Section
+from robid.report.section import Curve, Section
 from robid.results.estimate import Estimate
 from robid.results.outcome import Outcome
 from robid.robot.parameters import PARAMETER_KINDS, name_of, owner_of
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 1500
 """Points of a curve that a page can draw."""
+MEASURED, MODEL, ERROR, GREY = 0, 1, 3, 4
+"""Shades of what figures show: what was commanded or measured, what a model says, differences, and limits."""
 
 
 def fit_report(
@@ -37,19 +39,7 @@ def fit_report(
     summary: Mapping[str, float],
     terminal: Estimates | None = None,
 ) -> FitReport:
-    """Lays out a fit for page, terminal and summary.
-
-    Args:
-        shown: The fit.
-        estimate: Its parameters.
-        estimates: The same as rows.
-        outcome: What its validation found, where there is one.
-        found: What was found, in a sentence of the verdict.
-        numbers: Its own numbers at the top of the page.
-        sections: Its sections.
-        summary: Its own numbers in the summary.
-        terminal: The parameters that a terminal shows; all by default.
-    """
+    """Lays out a fit for page, terminal and summary."""
     grade = grade_from_artifact(shown.model) if outcome is None else outcome.grade
     if outcome is None:
         named = shown.data.settings.validate_on is not None
@@ -93,6 +83,22 @@ def quantile(confidence: float) -> float:
     return NormalDist().inv_cdf(0.5 + 0.5 * confidence)
 
 
+def curve(
+    name: str,
+    x: FloatArray,
+    y: FloatArray,
+    shade: int | None = None,
+    half: FloatArray | None = None,
+    *,
+    points: bool = False,
+) -> Curve:
+    """Returns a curve (n,), dashed where a model says it, in a band of half a width (n,) on either side, if known."""
+    known = half is not None and np.isfinite(half).any()
+    lower, upper = (tuple((y + sign * half).tolist()) if half is not None and known else () for sign in (-1, 1))
+    look: dict[str, Any] = {"points": points, "symbol": "small", "shade": shade, "dashed": shade == MODEL}
+    return Curve(name, tuple(x.tolist()), tuple(y.tolist()), lower=lower, upper=upper, **look)
+
+
 def thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Returns as many of the points (n,) of a curve as a page can draw."""
     step = max(1, -(-x.size // MOST_POINTS))
@@ -112,14 +118,7 @@ def with_torque_unit(unit: str, torque_unit: str) -> str:
 def parameter_rows(
     estimate: Estimate, truth: Mapping[str, float], assumed: Collection[str] = (), torque_unit: str = "N m"
 ) -> tuple[ParameterRow, ...]:
-    """Turns estimated parameters into rows.
-
-    Args:
-        estimate: The parameters.
-        truth: True value by name, where it is known.
-        assumed: Dotted names of the robot file's values that no source gives.
-        torque_unit: What stands for N m where the torque constant is unknown.
-    """
+    """Turns estimated parameters into rows."""
     return tuple(_row(estimate, index, truth, assumed, torque_unit) for index in range(len(estimate.names)))
 
 
@@ -154,14 +153,10 @@ def _row(
         known_relative_std=known if np.isfinite(known) else None,
         covered=None if true is None else lower <= true <= upper,
         assumed=any(f"{owner}.{field}" in assumed for field in PARAMETER_KINDS[kind].fields),
-        physical=_optional(estimate.physical_value, index),
+        physical=None if estimate.physical_value is None else float(estimate.physical_value[index]),
         effective=_effective(estimate, index),
         note=f"shared by {', '.join(shared)}" if shared else "",
     )
-
-
-def _optional(values: FloatArray | None, index: int) -> float | None:
-    return None if values is None else float(values[index])
 
 
 def _effective(estimate: Estimate, index: int) -> tuple[float, float, float] | None:
@@ -179,17 +174,11 @@ def _numbers(row: ParameterRow) -> dict[str, float]:
         "upper": row.upper,
         "relative_std": row.relative_std,
         "identifiable": float(row.identifiable),
+        "physical_value": row.physical,
+        **dict(zip(("effective_value", "effective_lower", "effective_upper"), row.effective or (), strict=False)),
+        "realization_relative_std": row.realization_relative_std,
+        **dict(zip(("bootstrap_lower", "bootstrap_upper"), row.bootstrap or (), strict=False)),
+        "truth": row.truth,
+        "covered": None if row.covered is None else float(row.covered),
     }
-    if row.physical is not None:
-        values["physical_value"] = row.physical
-    if row.effective is not None:
-        values |= dict(zip(("effective_value", "effective_lower", "effective_upper"), row.effective, strict=True))
-    if row.realization_relative_std is not None:
-        values["realization_relative_std"] = row.realization_relative_std
-    if row.bootstrap is not None:
-        values |= {"bootstrap_lower": row.bootstrap[0], "bootstrap_upper": row.bootstrap[1]}
-    if row.truth is not None:
-        values["truth"] = row.truth
-    if row.covered is not None:
-        values["covered"] = float(row.covered)
-    return values
+    return {name: value for name, value in values.items() if value is not None}

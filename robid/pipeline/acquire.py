@@ -39,11 +39,6 @@ _NUMBER = re.compile(r"\d+\.?\d*(?:e-?\d+)?")
 def acquire_shots(campaign: Campaign, acquire: Acquire, folder: Path) -> Record:
     """Imports the logs of a campaign that does not repeat: one shot for each experiment of each realization.
 
-    Args:
-        campaign: The campaign.
-        acquire: Its logs.
-        folder: Folder of the experiment file.
-
     Raises:
         DataError: If a log is not what was said.
     """
@@ -63,14 +58,6 @@ def acquire_configuration(
     joint_units: tuple[str, ...] | None = None,
 ) -> Record:
     """Imports every experiment of one configuration.
-
-    Args:
-        campaign: The campaign.
-        acquire: Its logs.
-        content: Its excitation: lines and configurations, and what the references are matched to.
-        index: Index of the configuration.
-        folder: Folder of the experiment file.
-        joint_units: Unit of each joint's position; None where all are angles.
 
     Raises:
         DataError: If a log is not what was said.
@@ -105,13 +92,7 @@ def with_lines(record: Record, segments: int, lines: IntArray) -> Record:
 def _each(
     read: Callable[[tuple[int, ...], LogMapping], Record], logs: Sequence[_Log], others: Sequence[_Log] = ()
 ) -> list[Record]:
-    """Reads logs one by one; what one of them is refused for has to be set so that it does not spoil the others.
-
-    Args:
-        read: Reads a log.
-        logs: The logs, with their places.
-        others: Logs of other configurations that the same settings are for.
-    """
+    """Reads logs one by one; what one of them is refused for has to be set so that it does not spoil the others."""
     records: list[Record] = []
     refused: list[tuple[_Log, DataError]] = []
     for log in logs:
@@ -129,7 +110,6 @@ def _each(
 
 
 def _refusal(read: Callable[[tuple[int, ...], LogMapping], Record], log: _Log) -> DataError | None:
-    """Why a log is refused, if it is."""
     try:
         read(*log)
     except DataError as error:
@@ -146,11 +126,7 @@ def _ask_alike(first: DataError, other: DataError | None) -> bool:
 
 
 def _periodic(
-    campaign: Campaign,
-    acquire: Acquire,
-    content: CampaignExcitation,
-    indices: tuple[int, ...],
-    mapping: LogMapping,
+    campaign: Campaign, acquire: Acquire, content: CampaignExcitation, indices: tuple[int, ...], mapping: LogMapping
 ) -> Record:
     """One log of a signal that repeats: indices of its configuration, realization and place in the block."""
     excitation = content.excitation
@@ -170,11 +146,7 @@ def _periodic(
 
 
 def _arbitrary(
-    campaign: Campaign,
-    acquire: Acquire,
-    content: CampaignExcitation,
-    indices: tuple[int, ...],
-    mapping: LogMapping,
+    campaign: Campaign, acquire: Acquire, content: CampaignExcitation, indices: tuple[int, ...], mapping: LogMapping
 ) -> Record:
     """One log of an arbitrary signal: indices as in `_periodic`."""
     del campaign, acquire
@@ -207,10 +179,6 @@ def radians_note(record: Record, robot: RobotFile) -> tuple[str, ...]:
 
     Asked are all joints that turn and whose numbers would be far apart; logs whose angles count from elsewhere say
     nothing.
-
-    Args:
-        record: The record of one configuration.
-        robot: The robot file.
     """
     if record.configurations is None:
         return ()

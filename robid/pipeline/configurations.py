@@ -28,15 +28,7 @@ _SHOWN = 5
 
 
 def configurations_of(loaded: LoadedExperiment, campaign: Campaign, inputs: Mapping[str, Path]) -> FloatArray:
-    """Returns a campaign's configurations.
-
-    Args:
-        loaded: The experiment.
-        campaign: The campaign.
-        inputs: Where the designs of `design_inputs` lie.
-
-    Returns:
-        Arm-side joint positions (n_conf, n_joint) [rad, or m]; one without joints where there is no robot.
+    """Returns a campaign's configurations (n_conf, n_joint) [rad, or m]; one without joints where no robot is.
 
     Raises:
         SettingsError: If a listed or mirrored configuration is out of reach, or too few that are drawn or on the grid
@@ -48,26 +40,17 @@ def configurations_of(loaded: LoadedExperiment, campaign: Campaign, inputs: Mapp
     measured = campaign.source is not None and campaign.source.acquire is not None
     reach = Reach(robot) if measured else reach_of(loaded, robot)
     paths = dict(zip(campaign.designs, design_inputs(campaign), strict=True))
-    designs = {name: _chosen(inputs[key]) for name, key in paths.items()}
+    found = {name: design_from_artifact(read_artifact(inputs[key], DESIGN)) for name, key in paths.items()}
+    designs = {name: design.configurations[design.chosen] for name, design in found.items()}
     return _resolve(given(campaign.configurations), reach, designs)
 
 
 def reach_of(loaded: LoadedExperiment, robot: Robot) -> Reach:
     """Returns what keeps a robot from a configuration: joint limits, floor and shapes."""
-    return Reach(robot, loaded.robot.floor_m, _shapes(loaded))
-
-
-def _chosen(path: Path) -> FloatArray:
-    design = design_from_artifact(read_artifact(path, DESIGN))
-    return design.configurations[design.chosen]
-
-
-def _shapes(loaded: LoadedExperiment) -> Shapes | None:
     file = loaded.robot_path
     path = None if file is None else loaded.robot.model_path(file.parent)
-    if path is None:
-        return None
-    return Shapes(path, [joint.name for joint in loaded.robot.joints], loaded.robot.held)
+    names = [joint.name for joint in loaded.robot.joints]
+    return Reach(robot, loaded.robot.floor_m, None if path is None else Shapes(path, names, loaded.robot.held))
 
 
 def _resolve(chosen: Configurations, reach: Reach, designs: Mapping[str, FloatArray]) -> FloatArray:
@@ -109,15 +92,10 @@ def _drawn(wanted: RandomConfigurations, reach: Reach) -> FloatArray:
         found = np.concatenate([found, rows[good]])[: wanted.count]
         if len(found) == wanted.count:
             return found
-    what = (
-        f"S093 only {len(found)} of {_TRIES * wanted.count} drawn configurations are in reach, {wanted.count} are "
-        "wanted"
-    )
-    raise SettingsError(
-        what,
-        where="configurations.random",
-        remedy="lower `count`, or check `floor_m` and the joint limits of the robot",
-    )
+    tried = _TRIES * wanted.count
+    what = f"S093 only {len(found)} of {tried} drawn configurations are in reach, {wanted.count} are wanted"
+    remedy = "lower `count`, or check `floor_m` and the joint limits of the robot"
+    raise SettingsError(what, where="configurations.random", remedy=remedy)
 
 
 def _checked(angles: FloatArray, reach: Reach, key: str) -> FloatArray:
@@ -126,11 +104,9 @@ def _checked(angles: FloatArray, reach: Reach, key: str) -> FloatArray:
         return angles
     listed = "\n".join(f"  [{index}]: {text}" for index, text in found[:_SHOWN])
     more = f"\n  and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
-    raise SettingsError(
-        f"S094 {len(found)} of {counted(len(angles), 'configuration')} are out of reach\n{listed}{more}",
-        where=f"configurations.{key}",
-        remedy="leave them out, or correct the robot file's `floor_m` and limits",
-    )
+    what = f"S094 {len(found)} of {counted(len(angles), 'configuration')} are out of reach\n{listed}{more}"
+    remedy = "leave them out, or correct the robot file's `floor_m` and limits"
+    raise SettingsError(what, where=f"configurations.{key}", remedy=remedy)
 
 
 def campaign_lines(loaded: LoadedExperiment, campaign: Campaign) -> tuple[IntArray, IntArray]:

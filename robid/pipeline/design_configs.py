@@ -13,7 +13,7 @@ from robid.artifacts.kinds import DESIGN, design_from_artifact, design_to_artifa
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.design.configurations.candidates import visit_cost_s
 from robid.design.configurations.information import ConfigurationDesign, Trial, design_configurations, stability
-from robid.pipeline.design_information import CandidateInformation, gather_information
+from robid.pipeline.design_information import gather_information
 from robid.pipeline.plans import visit_s
 from robid.pipeline.stage import Job, counted
 from robid.pipeline.terminal import section_table
@@ -42,7 +42,11 @@ def run(job: Job) -> str:
         fitted=found.fitted,
         between=found.between,
     )
-    trials = _trials(found)
+    # Choices by each half of the realizations, judged by the other; else by each draw, judged by their mean.
+    mean = found.matrices.mean(axis=0)
+    trials = [Trial(way[side], way[1 - side]) for way in found.halves for side in (0, 1)]
+    if not len(found.halves) and len(found.matrices) > 1:
+        trials = [Trial(draw, mean) for draw in found.matrices]
     repeated = None
     if trials and found.fitted is None:
         source = "realizations" if len(found.halves) else "draws"
@@ -53,14 +57,6 @@ def run(job: Job) -> str:
     choice = replace(choice, cost_s=cost, stability=repeated, joint_units=job.loaded.robot.joint_units)
     write_artifact(job.output, design_to_artifact(choice, job.provenance()))
     return choice_phrase(choice)
-
-
-def _trials(found: CandidateInformation) -> list[Trial]:
-    """Choices by each half of the realizations, judged by the other; else by each draw, judged by their mean."""
-    if len(found.halves):
-        return [Trial(way[side], way[1 - side]) for way in found.halves for side in (0, 1)]
-    mean = found.matrices.mean(axis=0)
-    return [Trial(draw, mean) for draw in found.matrices] if len(found.matrices) > 1 else []
 
 
 def choice_phrase(choice: ConfigurationDesign) -> str:

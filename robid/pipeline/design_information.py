@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -72,25 +72,16 @@ _CHUNK = 20
 
 @dataclass(frozen=True)
 class CandidateInformation:
-    """What a choice is made of.
+    """What a choice is made of."""
 
-    Attributes:
-        matrices (n_draw, n_conf, n_param, n_param): Information of one visit to each candidate.
-        names: Names of the parameters.
-        configurations (n_conf, n_joint): The candidates [rad].
-        halves (n_way, 2, n_conf, n_param, n_param): The same by half the realizations each; n_way may be 0.
-        fitted: What a fit with weights of its own makes of them, under each draw, or None.
-        prior (n_param, n_param): What an earlier fit knows, or None.
-        between (n_param,): Deviation of each log-parameter between configurations.
-    """
-
-    matrices: FloatArray
-    names: tuple[str, ...]
-    configurations: FloatArray
-    halves: FloatArray
-    fitted: FittedInformation | None
-    prior: FloatArray | None
-    between: FloatArray
+    matrices: FloatArray  # (n_draw, n_conf, n_param, n_param): information of one visit to each candidate
+    names: tuple[str, ...]  # names of the parameters
+    configurations: FloatArray  # (n_conf, n_joint): the candidates [rad]
+    halves: FloatArray  # (n_way, 2, n_conf, n_param, n_param): the same by half the realizations each; n_way may be 0
+    fitted: FittedInformation | None  # what a fit with weights of its own makes of them, under each draw, or None
+    prior: FloatArray | None = None  # (n_param, n_param): what an earlier fit knows, or None
+    # (n_param,): deviation of each log-parameter between configurations.
+    between: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -116,15 +107,6 @@ class _Measured(_Task):
     weights: FloatArray | None
 
 
-@dataclass(frozen=True)
-class _Found:
-    matrices: FloatArray
-    names: tuple[str, ...]
-    configurations: FloatArray
-    halves: FloatArray
-    fitted: FittedInformation | None
-
-
 def gather_information(job: Job) -> CandidateInformation:
     """Computes the information of all candidates, in parallel and with little memory.
 
@@ -138,7 +120,8 @@ def gather_information(job: Job) -> CandidateInformation:
     measured = design.information == "measured"
     tasks: Sequence[_Task] = _measured(job, robots, delay) if measured else _assumed(job, robots, delay)
     job.progress.expect(len(tasks), "configurations" if measured else "parts")
-    found = job.map(_information, tasks, lambda _index, _result: job.progress.advance())
+    made: Callable[[Any], CandidateInformation] = _measured_information if measured else _assumed_information
+    found = job.map(made, tasks, lambda _index, _result: job.progress.advance())
     names = found[0].names
     return CandidateInformation(
         matrices=np.concatenate([each.matrices for each in found], axis=1),
@@ -157,13 +140,9 @@ def _between(job: Job, design: Design, names: tuple[str, ...]) -> FloatArray:
         return design.between_relative_std.of(names)
     solution = solution_from_artifact(read_artifact(job.inputs["between"], MODEL))
     if solution.effective is None:
-        raise DataError(
-            f"D194 Fit `{design.between}` does not tell how far parameters differ between configurations: it has "
-            "fewer than"
-            " four.",
-            where="between",
-            remedy="Name a fit of four configurations or more, or state `between_relative_std`.",
-        )
+        message = f"D194 Fit `{design.between}` does not tell how far parameters differ between configurations"
+        remedy = "Name a fit of four configurations or more, or state `between_relative_std`."
+        raise DataError(f"{message}: it has fewer than four.", where="between", remedy=remedy)
     found = dict(zip(solution.estimate.names, solution.effective.between_std.tolist(), strict=True))
     return np.array([found[name] for name in names])
 
@@ -239,12 +218,7 @@ def _joined(parts: Sequence[FittedInformation], axis: int) -> FittedInformation 
     return FittedInformation(bread, meat, best, parts[0].precision)
 
 
-def _information(task: _Task) -> _Found:
-    return _measured_information(task) if isinstance(task, _Measured) else _assumed_information(task)
-
-
-def _assumed_information(task: _Task) -> _Found:
-    assert isinstance(task, _Assumed)
+def _assumed_information(task: _Assumed) -> CandidateInformation:
     about, size = task.about, len(task.robots[0].joints)
     weights = _weights(about.weights, task.frequency_hz, size, size)
     found = [
@@ -263,10 +237,10 @@ def _assumed_information(task: _Task) -> _Found:
         for robot in task.robots
     ]
     matrices, names = np.array([each for each, _ in found]), found[0][1]
-    return _Found(matrices, names, task.configurations, np.zeros((0, 2, *matrices.shape[1:])), None)
+    return CandidateInformation(matrices, names, task.configurations, np.zeros((0, 2, *matrices.shape[1:])), None)
 
 
-def _measured_information(task: _Measured) -> _Found:
+def _measured_information(task: _Measured) -> CandidateInformation:
     about = task.about
     left_out = UNREAD if task.fit is None else (*UNREAD, "realization_error")
     frf = frf_from_artifact(read_artifact(task.frf, FRF, row=task.row, leave_out=left_out))
@@ -293,7 +267,7 @@ def _measured_information(task: _Measured) -> _Found:
         for way in halves(n_real)
     ]
     shape = (len(ways), 2, *matrices.shape[1:])
-    return _Found(matrices, names, frf.configurations, np.array(ways).reshape(shape), _fitted(task, frf))
+    return CandidateInformation(matrices, names, frf.configurations, np.array(ways).reshape(shape), _fitted(task, frf))
 
 
 def _fitted(task: _Measured, frf: Frf) -> FittedInformation | None:

@@ -32,7 +32,6 @@ from robid.robot.friction import TorqueLaw
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s
-from robid.settings.sources import Acquire
 
 _STAGE = "estimate-frf"
 
@@ -64,18 +63,13 @@ class _Brief:
 
 @dataclass(frozen=True)
 class _Silent:
-    """Identification of torque laws in one configuration, or, without laws to start from, the choice of these."""
+    """Identification of torque laws in one configuration."""
 
     record: Path
     index: int
     stated: tuple[TorqueLaw, ...]
-    start: tuple[TorqueLaw, ...] | None
+    start: tuple[TorqueLaw, ...]
     delay_s: float
-
-
-def _start(task: _Silent) -> tuple[TorqueLaw, ...]:
-    record = record_from_artifact(read_artifact(task.record, RECORD, row=task.index))
-    return start_laws(record, task.stated, task.delay_s)
 
 
 def _identify(task: _Silent) -> LawEstimate:
@@ -89,7 +83,7 @@ def _identified(
     """Laws that some configurations, evenly spread, show at their silent lines, and what to say about them."""
     count = min(n_conf, job.campaign.estimate.silent_configurations)
     chosen = np.unique(np.linspace(0, n_conf - 1, count).round().astype(int)).tolist()
-    start = _start(_Silent(path, chosen[0], stated, None, delay))
+    start = start_laws(record_from_artifact(read_artifact(path, RECORD, row=chosen[0])), stated, delay)
     tasks = [_Silent(path, index, stated, start, delay) for index in chosen]
     estimates = job.map(_identify, tasks, lambda _index, _result: None)
     names = tuple(joint.name for joint in job.loaded.robot.joints)
@@ -176,16 +170,14 @@ def stated_laws(
         return None, 0.0
     laws = tuple(joint.motor.torque_law for joint in loaded.robot.to_robot().joints)
     acquire = None if campaign.source is None else campaign.source.acquire
-    if acquire is not None and options.compensation == "auto" and not _shows_friction(acquire):
-        return None, 0.0
+    if acquire is not None and options.compensation == "auto":
+        logged = ([one.channel for one in side] for side in (acquire.inputs, acquire.outputs))
+        if not shows_friction(*logged):
+            return None, 0.0
     if acquire is not None and any(channel.normalised for channel in acquire.inputs):
         # Levels in N m say nothing about a current with an unknown torque constant.
         laws = tuple(law.silenced() for law in laws)
     return laws, delay_s(loaded, campaign)
-
-
-def _shows_friction(acquire: Acquire) -> bool:
-    return shows_friction([one.channel for one in acquire.inputs], [one.channel for one in acquire.outputs])
 
 
 def phrase(_loaded: LoadedExperiment, _owner: str, output: Path) -> str:
@@ -234,11 +226,6 @@ def contradictions(loaded: LoadedExperiment, campaign: str, evidence: Evidence) 
 
     The robot file is read anew each time and nothing of this is stored: a corrected file makes no response stale.
     Where the robot cannot be built, there is nothing to compare with; the stages that need it say so.
-
-    Args:
-        loaded: The experiment.
-        campaign: The campaign's name.
-        evidence: What it shows.
     """
     if loaded.experiment.robot is None:
         return ()

@@ -21,19 +21,12 @@ from robid.settings.load import LoadedExperiment
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """What to export.
+    """What to export."""
 
-    Attributes:
-        format: The format, one of the family's.
-        configuration: Index of one configuration of the campaign; None for all of the fit.
-        friction: Whether friction and ripple are in; None where nothing was said.
-        output: Where to; None for the fit's folder.
-    """
-
-    format: str
-    configuration: int | None = None
-    friction: bool | None = None
-    output: Path | None = None
+    format: str  # the format, one of the family's
+    configuration: int | None = None  # index of one configuration of the campaign; None for all of the fit
+    friction: bool | None = None  # whether friction and ripple are in; None where nothing was said
+    output: Path | None = None  # where to; None for the fit's folder
 
 
 def export_plan(loaded: LoadedExperiment, fit: str) -> Plan:
@@ -85,13 +78,7 @@ def check_options(options: ExportOptions, loaded: LoadedExperiment, fit: str) ->
 
 
 def export(options: ExportOptions, loaded: LoadedExperiment, fit: str, inputs: Mapping[str, Path]) -> bytes:
-    """Makes the content of the exported file.
-
-    Args:
-        options: What to export; checked.
-        loaded: The experiment.
-        fit: Name of the fit.
-        inputs: Its `model` and what it was fitted to.
+    """Makes the content of the exported file; options are checked.
 
     Raises:
         SettingsError: If the configuration does not exist.
@@ -106,14 +93,7 @@ def export(options: ExportOptions, loaded: LoadedExperiment, fit: str, inputs: M
 def write_export(
     path: Path, content: bytes, read: Mapping[str, Path], *, force: bool, kind: str = "export"
 ) -> Literal["made", "fresh"]:
-    """Writes an exported file; one that differs may have been edited by hand, and is replaced only by force.
-
-    Args:
-        path: Where to.
-        content: What to write.
-        read: Files that are never replaced, by what they are; nor is anything that was not exported.
-        force: Whether to replace one that differs.
-        kind: Kind of file that may be replaced, see `check_replaceable`.
+    """Writes an exported file over none that is read; one that differs, maybe by hand, is replaced only by force.
 
     Raises:
         ArtifactError: If it differs and `force` is not set, is something else, or cannot be written.
@@ -122,11 +102,8 @@ def write_export(
     if path.exists() and not force:
         if path.read_bytes() == content:
             return "fresh"
-        raise ArtifactError(
-            "A030 The file is there, but differs from what would be written.",
-            where=str(path),
-            remedy="`--force` replaces it, `--output` writes elsewhere",
-        )
+        message = "A030 The file is there, but differs from what would be written."
+        raise ArtifactError(message, where=str(path), remedy="`--force` replaces it, `--output` writes elsewhere")
     with replacing(path) as partial:
         partial.write_bytes(content)
     return "made"

@@ -11,13 +11,14 @@ import numpy as np
 import robid
 from robid.artifacts.kinds import EXCITATION, FRF, excitation_from_artifact, frf_from_artifact
 from robid.artifacts.store import read_artifact
-from robid.design.excitation.excitation import UNITS, CampaignExcitation, Excitation
+from robid.design.excitation.excitation import UNITS, CampaignExcitation
 from robid.errors import ArtifactError, SettingsError, require_module
 from robid.models.encode import encode_mat, encode_table
 from robid.pipeline.frf_formats import Response, response_json, response_mat, response_tables, response_uff
 from robid.pipeline.stage import Plan, counted
 from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
+from robid.settings.robot import RobotFile
 from robid.signals.quantities import readable, readable_units
 
 _WHERE = "export"
@@ -42,19 +43,12 @@ _FORMATS = {
 
 @dataclass(frozen=True)
 class FrfExport:
-    """What to export.
+    """What to export."""
 
-    Attributes:
-        campaign: The campaign.
-        format: `csv`, one table for each configuration, or `mat`, `json`, `uff`, all in one file.
-        configuration: Index of one configuration; None for all.
-        output: Folder of the tables, or the file; None for the campaign's folder.
-    """
-
-    campaign: str
-    format: str
-    configuration: int | None = None
-    output: Path | None = None
+    campaign: str  # the campaign
+    format: str  # `csv`, one table for each configuration, or `mat`, `json`, `uff`, all in one file
+    configuration: int | None = None  # index of one configuration; None for all
+    output: Path | None = None  # folder of the tables, or the file; None for the campaign's folder
 
     def target(self, folder: Path) -> Path:
         """Returns the folder of the tables, or the file."""
@@ -63,10 +57,6 @@ class FrfExport:
 
 def check_frf_export(options: FrfExport, others: Sequence[str]) -> None:
     """Refuses options that do not belong to a response, and a format whose package is missing.
-
-    Args:
-        options: What to export.
-        others: Further options that were given.
 
     Raises:
         SettingsError: With every problem.
@@ -80,19 +70,15 @@ def check_frf_export(options: FrfExport, others: Sequence[str]) -> None:
         known = ", ".join(f"`{name}`" for name in _FORMATS)
         problems.append(f"S105 responses are exported as one of {known}, not as `{options.format}`")
     elif options.output is not None:
-        problems += _output_problems(options.output, _FORMATS[options.format].suffixes)
+        suffixes = _FORMATS[options.format].suffixes
+        if suffixes and options.output.suffix not in suffixes:
+            problems.append(f"S106 `--output {options.output}` must end with {' or '.join(suffixes)}")
+        if not suffixes and options.output.suffix:
+            problems.append(f"S107 `--output {options.output}` must be a folder for one table per configuration")
     if problems:
         raise SettingsError("; ".join(problems), where=_WHERE, remedy="`robid export --help` says what goes together")
     if options.format == "uff":
         require_module("pyuff", "uff", "Writing UFF58")
-
-
-def _output_problems(output: Path, suffixes: tuple[str, ...]) -> list[str]:
-    if suffixes and output.suffix not in suffixes:
-        return [f"S106 `--output {output}` must end with {' or '.join(suffixes)}"]
-    if not suffixes and output.suffix:
-        return [f"S107 `--output {output}` must be a folder for one table per configuration"]
-    return []
 
 
 def frf_export_plan(campaign: str) -> Plan:
@@ -101,43 +87,24 @@ def frf_export_plan(campaign: str) -> Plan:
 
 
 def export_frf(options: FrfExport, loaded: LoadedExperiment, source: Path, folder: Path) -> dict[Path, bytes]:
-    """Makes the content of every exported file, by its path.
-
-    Args:
-        options: What to export; checked.
-        loaded: The experiment.
-        source: The artifact of the responses.
-        folder: The run folder.
+    """Makes the content of every exported file, by its path; options are checked.
 
     Raises:
         SettingsError: If the configuration does not exist.
     """
     frf = frf_from_artifact(read_artifact(source, FRF))
-    numbers = _numbers(options, len(frf.configurations))
+    count, only = len(frf.configurations), options.configuration
+    if only is not None and only >= count:
+        what = f"S108 campaign `{options.campaign}` has no configuration {only} (it has 0 to {count - 1})"
+        raise SettingsError(what, where="--configuration", remedy="name one of them, or none for all")
+    numbers = list(range(count)) if only is None else [only]
     joints = tuple(joint.name for joint in loaded.robot.joints)
-    response = Response(
-        experiment=loaded.experiment.name,
-        campaign=options.campaign,
-        joints=joints,
-        numbers=tuple(numbers),
-        frf=frf.select(numbers),
-    )
+    response = Response(loaded.experiment.name, options.campaign, joints, tuple(numbers), frf.select(numbers))
     target, write = options.target(folder), _FORMATS[options.format].write
     if write is not None:
         return {target: write(response)}
     tables = response_tables(response)
     return {target / f"frf_c{number + 1}.csv": table for number, table in zip(numbers, tables, strict=True)}
-
-
-def _numbers(options: FrfExport, count: int) -> list[int]:
-    if options.configuration is None:
-        return list(range(count))
-    if options.configuration >= count:
-        what = (
-            f"S108 campaign `{options.campaign}` has no configuration {options.configuration} (it has 0 to {count - 1})"
-        )
-        raise SettingsError(what, where="--configuration", remedy="name one of them, or none for all")
-    return [options.configuration]
 
 
 _HOW = {
@@ -150,17 +117,11 @@ _HOW = {
 
 @dataclass(frozen=True)
 class ExcitationExport:
-    """What to export.
+    """What to export."""
 
-    Attributes:
-        campaign: The campaign.
-        format: `csv`, one table for each experiment, or `mat`, all in one file.
-        output: Folder of the tables, or the MAT file; None for the campaign's folder.
-    """
-
-    campaign: str
-    format: str
-    output: Path | None = None
+    campaign: str  # the campaign
+    format: str  # `csv`, one table for each experiment, or `mat`, all in one file
+    output: Path | None = None  # folder of the tables, or the MAT file; None for the campaign's folder
 
     def target(self, folder: Path) -> Path:
         """Returns the folder of the tables, or the MAT file."""
@@ -170,10 +131,6 @@ class ExcitationExport:
 
 def check_excitation_export(options: ExcitationExport, others: Sequence[str]) -> None:
     """Refuses options that do not belong to an excitation, before anything is read.
-
-    Args:
-        options: What to export.
-        others: Further options that were given.
 
     Raises:
         SettingsError: With every problem.
@@ -196,44 +153,36 @@ def excitation_export_plan(campaign: str) -> Plan:
 def export_excitation(
     options: ExcitationExport, loaded: LoadedExperiment, source: Path, folder: Path
 ) -> dict[Path, bytes]:
-    """Makes the content of every exported file, by its path.
-
-    Args:
-        options: What to export; checked.
-        loaded: The experiment.
-        source: The excitation artifact.
-        folder: The run folder.
+    """Makes the content of every exported file, by its path; options are checked.
 
     Raises:
         ArtifactError: If the excitation was not designed here.
     """
     content = excitation_from_artifact(read_artifact(source, EXCITATION))
-    if not content.excitation.reference.size:
-        raise ArtifactError(
-            "A031 It holds only the lines of what somebody else played: there is nothing to export.",
-            where=str(source),
-            remedy="`references` under `source.acquire` let it be designed here",
-        )
-    joints = Joints(tuple(joint.name for joint in loaded.robot.joints), loaded.robot.joint_units)
+    excitation, joints = content.excitation, tuple(joint.name for joint in loaded.robot.joints)
+    if not excitation.reference.size:
+        message = "A031 It holds only the lines of what somebody else played: there is nothing to export."
+        remedy = "`references` under `source.acquire` let it be designed here"
+        raise ArtifactError(message, where=str(source), remedy=remedy)
     origin = (
         f"Excitation of campaign {options.campaign}, experiment {loaded.experiment.name}, robid {robid.__version__}"
     )
-    campaign = loaded.experiment.campaigns[options.campaign]
-    target = options.target(folder)
+    periods, target = _periods(loaded.experiment.campaigns[options.campaign]), options.target(folder)
+    told = [origin, *_instructions(content, periods, loaded.robot)]
+    columns = [f"{name} [{UNITS[excitation.kind]}]" for name in joints]
+    if excitation.channels:
+        columns = [f"{channel.name} [{channel.unit}]" for channel in excitation.channels]
     if options.format == "mat":
-        return {target: encode_mat(_arrays(content, campaign, joints, origin))}
-    return {
-        target / f"excitation_r{index[0] + 1}_e{index[1] + 1}.csv": _table(content, campaign, joints, origin, index)
-        for index in np.ndindex(*content.excitation.reference.shape[:2])
-    }
-
-
-@dataclass(frozen=True)
-class Joints:
-    """Names of the joints, and units of their positions; None where all are angles."""
-
-    names: tuple[str, ...]
-    units: tuple[str, ...] | None
+        return {target: encode_mat(_arrays(content, periods, told, joints, columns))}
+    travel = [] if excitation.travel is None else [excitation.travel]
+    heads = ["time [s]", *columns, *(f"{name} travel [rad]" for name in joints if travel)]
+    time = np.arange(excitation.reference.shape[2]) * excitation.sampling_period_s
+    tables = {}
+    for real, exp in np.ndindex(*excitation.reference.shape[:2]):
+        notes = [origin, f"Realization {real + 1}, experiment {exp + 1}.", *told[1:]]
+        played = np.column_stack([time, excitation.reference[real, exp], *travel])
+        tables[target / f"excitation_r{real + 1}_e{exp + 1}.csv"] = encode_table(notes, heads, played)
+    return tables
 
 
 def _periods(campaign: Campaign) -> tuple[int, int]:
@@ -245,75 +194,50 @@ def _periods(campaign: Campaign) -> tuple[int, int]:
     return transient, campaign.periods
 
 
-def _instructions(content: CampaignExcitation, campaign: Campaign, joints: Joints) -> list[str]:
-    excitation, (transient, periods) = content.excitation, _periods(campaign)
+def _instructions(content: CampaignExcitation, played: tuple[int, int], robot: RobotFile) -> list[str]:
+    excitation, (transient, periods) = content.excitation, played
     n_real, n_exp, n_sample, _ = excitation.reference.shape
+    of, wanted = "all motors at once", "torque and angle of every motor, and this reference"
+    if excitation.channels:
+        of, wanted = "one channel after the other", "the commands as they were sent and the measured pose"
     blocks = f"{counted(n_real, 'realization')} of {counted(n_exp, 'experiment')}"
     lines = [
-        f"{excitation.kind} of {_of(excitation)} [{UNITS[excitation.kind]}]: {_HOW[excitation.kind]}",
+        f"{excitation.kind} of {of} [{UNITS[excitation.kind]}]: {_HOW[excitation.kind]}",
         f"One period: {n_sample} samples of {excitation.sampling_period_s:g} s, {excitation.period_s:g} s.",
         f"Repeat it without a gap, at least {counted(transient + periods, 'period')} and one to spare"
         f" ({transient} until the steady state, {periods} to record).",
-        f"Play {blocks} in each of {counted(len(content.configurations), 'configuration')}; log {_wanted(excitation)},"
+        f"Play {blocks} in each of {counted(len(content.configurations), 'configuration')}; log {wanted},"
         " at this rate.",
     ]
     if excitation.travel is not None:
         lines.append("Add each motor's travel to its angle reference meanwhile, from the configuration on.")
-    units = readable_units(joints.units, len(joints.names))
-    for number, positions in enumerate(readable(content.configurations, joints.units), start=1):
-        named = zip(joints.names, positions.tolist(), units, strict=True)
-        told = ", ".join(f"{name} {value:.6g}" + (" m" if unit == "m" else "") for name, value, unit in named)
+    units = readable_units(robot.joint_units, len(robot.joints))
+    for number, positions in enumerate(readable(content.configurations, robot.joint_units), start=1):
+        named = zip(robot.joints, positions.tolist(), units, strict=True)
+        told = ", ".join(f"{joint.name} {value:.6g}" + (" m" if unit == "m" else "") for joint, value, unit in named)
         lines.append(f"Configuration {number} [deg]: {told}")
     return lines
 
 
-def _of(excitation: Excitation) -> str:
-    return "one channel after the other" if excitation.channels else "all motors at once"
-
-
-def _wanted(excitation: Excitation) -> str:
-    """What is to be logged."""
-    if excitation.channels:
-        return "the commands as they were sent and the measured pose"
-    return "torque and angle of every motor, and this reference"
-
-
-def _columns(excitation: Excitation, joints: Joints) -> list[str]:
-    """Name and unit of each column of the reference."""
-    if excitation.channels:
-        return [f"{channel.name} [{channel.unit}]" for channel in excitation.channels]
-    return [f"{name} [{UNITS[excitation.kind]}]" for name in joints.names]
-
-
-def _table(
-    content: CampaignExcitation, campaign: Campaign, joints: Joints, origin: str, index: tuple[int, ...]
-) -> bytes:
-    excitation = content.excitation
-    part = f"Realization {index[0] + 1}, experiment {index[1] + 1}."
-    columns = ["time [s]", *_columns(excitation, joints)]
-    reference = excitation.reference[index]
-    time = np.arange(len(reference)) * excitation.sampling_period_s
-    notes = [origin, part, *_instructions(content, campaign, joints)]
-    played = [time, reference]
-    if excitation.travel is not None:
-        columns += [f"{name} travel [rad]" for name in joints.names]
-        played.append(excitation.travel)
-    return encode_table(notes, columns, np.column_stack(played))
-
-
-def _arrays(content: CampaignExcitation, campaign: Campaign, joints: Joints, origin: str) -> dict[str, object]:
-    excitation, (transient, periods) = content.excitation, _periods(campaign)
+def _arrays(
+    content: CampaignExcitation,
+    played: tuple[int, int],
+    told: list[str],
+    motors: tuple[str, ...],
+    columns: list[str],
+) -> dict[str, object]:
+    excitation, (transient, periods) = content.excitation, played
     travel = {} if excitation.travel is None else {"travel": excitation.travel, "travel_units": "rad"}
     return {
         **travel,
-        "origin": origin,
-        "instructions": _instructions(content, campaign, joints),
+        "origin": told[0],
+        "instructions": told[1:],
         "reference": excitation.reference,
         "reference_axes": "realization, experiment, sample, motor",
         "reference_units": UNITS[excitation.kind],
         "kind": excitation.kind,
-        "motor_names": joints.names,
-        "columns": _columns(excitation, joints),
+        "motor_names": motors,
+        "columns": columns,
         "time_s": np.arange(excitation.reference.shape[2]) * excitation.sampling_period_s,
         "sampling_period_s": excitation.sampling_period_s,
         "period_s": excitation.period_s,

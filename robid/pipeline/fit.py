@@ -67,17 +67,11 @@ def phrase(loaded: LoadedExperiment, owner: str, output: Path) -> str:
 
 @dataclass(frozen=True)
 class Trial:
-    """A fit and what it becomes.
+    """A fit and what it becomes."""
 
-    Attributes:
-        before: The model of the fit.
-        after: The model with more freed.
-        torque_unit: What stands for N m in both.
-    """
-
-    before: Artifact
-    after: Artifact
-    torque_unit: str
+    before: Artifact  # the model of the fit
+    after: Artifact  # the model with more freed
+    torque_unit: str  # what stands for N m in both
 
 
 def tried_experiment(loaded: LoadedExperiment, fit: str, names: Sequence[str]) -> LoadedExperiment:
@@ -95,14 +89,7 @@ def tried_experiment(loaded: LoadedExperiment, fit: str, names: Sequence[str]) -
 
 
 def try_fit(tried: LoadedExperiment, fit: str, inputs: Mapping[str, Path], work: Work) -> Trial:
-    """Refits from the minimum found, in memory.
-
-    Args:
-        tried: What `tried_experiment` returned.
-        fit: Name of the fit.
-        inputs: What the fit reads, and its `model`.
-        work: How it is computed.
-    """
+    """Refits `tried_experiment` from the minimum found, in memory; inputs are those of the fit, and its `model`."""
     family, before = family_of(tried, fit), read_artifact(inputs["model"], MODEL)
     if family.refit is None:
         message = f"family {family.name} frees what it cannot fit"

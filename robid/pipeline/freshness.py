@@ -49,37 +49,22 @@ def read_stamp(path: Path) -> Provenance:
 
 @dataclass(frozen=True)
 class State:
-    """Whether a node's output is there and up to date, and why not.
+    """Whether a node's output is there and up to date, and why not."""
 
-    Attributes:
-        status: `fresh`, `stale` or `missing`.
-        why: What has changed; empty when fresh.
-        problem: What went wrong numerically in a fresh output.
-        blocked: Whether a numerical problem further up keeps it from being made.
-        unreadable: Why the output cannot be read, if so.
-    """
-
-    status: Literal["fresh", "stale", "missing"]
-    why: str = ""
-    problem: str = ""
-    blocked: bool = False
-    unreadable: ArtifactError | None = None
+    status: Literal["fresh", "stale", "missing"]  # `fresh`, `stale` or `missing`
+    why: str = ""  # what has changed; empty when fresh
+    problem: str = ""  # what went wrong numerically in a fresh output
+    blocked: bool = False  # whether a numerical problem further up keeps it from being made
+    unreadable: ArtifactError | None = None  # why the output cannot be read, if so
 
 
 def state_of_output(stage: Stage, plan: Plan, folder: Path, above: Mapping[str, State]) -> State:
-    """Compares an output with what its stage would make now.
-
-    Args:
-        stage: The stage.
-        plan: What it reads and writes.
-        folder: Folder of the plan's paths.
-        above: State of each input that is to be there, by its path.
-    """
+    """Compares an output with what its stage would make now; `above` has the state of each input by its path."""
     output = folder / plan.outputs[0]
     if not output.exists():
         return State("missing", "not made yet")
     try:
-        made = _provenance(stage, output)
+        made = read_stamp(output) if stage.kind is None else read_header(output, stage.kind).provenance
     except ArtifactError as error:
         return _unreadable(error)
     missing = [path for path in plan.outputs if not (folder / path).exists()]
@@ -111,7 +96,11 @@ def _unreadable(error: ArtifactError) -> State:
 
 def input_hashes(plan: Plan, inputs: Mapping[str, Path]) -> dict[str, str]:
     """Returns the content hash of each input and outside file that is there."""
-    made = {name: _content(path) for name, path in inputs.items() if path.exists()}
+    made = {
+        name: read_header(path).content_sha256 if path.suffix == ".h5" else file_sha256(path)
+        for name, path in inputs.items()
+        if path.exists()
+    }
     outside = {path: file_sha256(path) for path in dict.fromkeys(plan.files.values()) if path.exists()}
     return made | {name: outside[path] for name, path in plan.files.items() if path in outside}
 
@@ -132,16 +121,6 @@ def _differing(made: Provenance, plan: Plan, inputs: Mapping[str, Path]) -> list
     hashes = input_hashes(plan, inputs)
     names = [name for name in dict.fromkeys([*hashes, *made.inputs]) if name in hashes or name not in plan.files]
     return [name for name in names if hashes.get(name) != made.inputs.get(name)]
-
-
-def _provenance(stage: Stage, output: Path) -> Provenance:
-    return read_stamp(output) if stage.kind is None else read_header(output, stage.kind).provenance
-
-
-def _content(path: Path) -> str:
-    if path.suffix == ".h5":
-        return read_header(path).content_sha256
-    return file_sha256(path)
 
 
 def file_sha256(path: Path) -> str:
@@ -173,10 +152,7 @@ _MARKS = {
 def check_replaceable(path: Path, kind: str, read: Mapping[str, Path]) -> None:
     """Refuses to replace what is not of the kind that is to be written, or is read by anything here.
 
-    Args:
-        path: Where it is to be written; a new file is always allowed.
-        kind: Kind of artifact, `report`, `comparison`, `summary`, `truth` or `export`.
-        read: Files that are read, by what they are; links and other spellings of their paths count.
+    The kind is one of artifacts, or `report`, `comparison`, `summary`, `truth`, `export`; a new file is always allowed.
 
     Raises:
         ArtifactError: If something else is there; it is left as it is.
@@ -197,13 +173,6 @@ def check_replaceable(path: Path, kind: str, read: Mapping[str, Path]) -> None:
 
 def check_outputs(loaded: LoadedExperiment, stage: Stage, plan: Plan, inputs: Mapping[str, Path], output: Path) -> None:
     """Refuses outputs that would take the place of a settings file, an input or another kind of artifact.
-
-    Args:
-        loaded: The experiment.
-        stage: The stage.
-        plan: What it reads and writes.
-        inputs: The artifacts that it reads, by name.
-        output: The main file to write; the others go beside it.
 
     Raises:
         ArtifactError: If one would.
@@ -234,14 +203,6 @@ def _refusal(path: Path, what: str) -> ArtifactError:
         where=str(path),
         remedy="name another file with --output, or move this one away; --force replaces outputs of the same kind only",
     )
-
-
-def _is_report(path: Path) -> bool:
-    return _stage_of(path) not in {None, _COMPARISON}
-
-
-def _is_comparison(path: Path) -> bool:
-    return _stage_of(path) == _COMPARISON
 
 
 def _stage_of(path: Path) -> str | None:
@@ -280,8 +241,8 @@ def _read_json(path: Path) -> object:
 
 
 _RECOGNISED: dict[str, Callable[[Path], bool]] = {
-    "report": _is_report,
-    "comparison": _is_comparison,
+    "report": lambda path: _stage_of(path) not in {None, _COMPARISON},
+    "comparison": lambda path: _stage_of(path) == _COMPARISON,
     "summary": _is_summary,
     "truth": is_truth,
     "export": _is_export,

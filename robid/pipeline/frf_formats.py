@@ -23,21 +23,13 @@ _DIGITS = 17
 
 @dataclass(frozen=True)
 class Response:
-    """What is exported.
+    """What is exported."""
 
-    Attributes:
-        experiment: Name of the experiment.
-        campaign: Name of the campaign.
-        joints: Names of the robot's joints; empty where there is no robot file.
-        numbers: Indices of the configurations in the campaign.
-        frf: Their responses.
-    """
-
-    experiment: str
-    campaign: str
-    joints: tuple[str, ...]
-    numbers: tuple[int, ...]
-    frf: Frf
+    experiment: str  # name of the experiment
+    campaign: str  # name of the campaign
+    joints: tuple[str, ...]  # names of the robot's joints; empty where there is no robot file
+    numbers: tuple[int, ...]  # indices of the configurations in the campaign
+    frf: Frf  # their responses
 
     @property
     def origin(self) -> str:
@@ -198,7 +190,10 @@ _QUANTITIES: dict[str, tuple[int, int, int]] = {
     "N m": (13, 1, 1),
     "N": (13, 0, 1),
 }
-_UNKNOWN = (0, 0, 0)
+_SI_UNITS: dict[str, Any] = {
+    **{"type": 164, "units_code": 1, "units_description": "SI", "temp_mode": 1},
+    **{"length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15},
+}
 
 
 def response_uff(response: Response) -> bytes:
@@ -213,28 +208,14 @@ def response_uff(response: Response) -> bytes:
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "frf.uff"
-        pyuff.UFF(str(path)).write_sets([_units(), *_datasets(response)], "overwrite")
+        pyuff.UFF(str(path)).write_sets([_SI_UNITS, *_datasets(response)], "overwrite")
         return path.read_bytes()
-
-
-def _units() -> dict[str, Any]:
-    return {
-        "type": 164,
-        "units_code": 1,
-        "units_description": "SI",
-        "temp_mode": 1,
-        "length": 1.0,
-        "force": 1.0,
-        "temp": 1.0,
-        "temp_offset": 273.15,
-    }
 
 
 def _datasets(response: Response) -> Iterator[dict[str, Any]]:
     frf = response.frf
     dropped = dropped_lines(frf)
-    known = frf.total_covariance is not None or frf.noise_covariance is not None
-    deviation = np.sqrt(frf.element_variance()) if known else None
+    deviation = _deviation(frf)
     for place, row, column in np.ndindex(len(response.numbers), *frf.response.shape[2:]):
         here = (place, slice(None), row, column)
         kept = ~dropped[place, :, column]
@@ -245,17 +226,13 @@ def _datasets(response: Response) -> Iterator[dict[str, Any]]:
         yield shared | {"func_type": _FREQUENCY_RESPONSE, "data": frf.response[here][kept]}
         if deviation is not None:
             title = _cut(f"Standard deviation of {shared['id1']}", _LINE)
-            yield shared | {"func_type": _GENERAL, "id1": title, "data": _real(deviation[here][kept])}
-
-
-def _real(values: FloatArray) -> FloatArray:
-    return np.ascontiguousarray(values, dtype=float)
+            yield shared | {"func_type": _GENERAL, "id1": title, "data": np.ascontiguousarray(deviation[here][kept])}
 
 
 def _shared(response: Response, place: int, row: int, column: int) -> dict[str, Any]:
     frf = response.frf
     output, given = frf.output_channels[row], frf.input_channels[column]
-    numerator, denominator = _QUANTITIES.get(output.unit, _UNKNOWN), _QUANTITIES.get(given.unit, _UNKNOWN)
+
     return {
         "type": 58,
         "binary": 0,
@@ -276,22 +253,18 @@ def _shared(response: Response, place: int, row: int, column: int) -> dict[str, 
         "abscissa_spec_data_type": _UFF_FREQUENCY,
         "abscissa_axis_lab": "Frequency",
         "abscissa_axis_units_lab": "Hz",
-        "ordinate_spec_data_type": numerator[0],
-        "ordinate_len_unit_exp": numerator[1],
-        "ordinate_force_unit_exp": numerator[2],
-        "ordinate_axis_lab": _label(output),
-        "ordinate_axis_units_lab": _cut(output.unit, _LABEL),
-        "orddenom_spec_data_type": denominator[0],
-        "orddenom_len_unit_exp": denominator[1],
-        "orddenom_force_unit_exp": denominator[2],
-        "orddenom_axis_lab": _label(given),
-        "orddenom_axis_units_lab": _cut(given.unit, _LABEL),
+        **_axis("ordinate", output),
+        **_axis("orddenom", given),
         "z_axis_spec_data_type": 0,
     }
 
 
-def _label(channel: Channel) -> str:
-    return _cut(channel.title, _LABEL)
+def _axis(name: str, channel: Channel) -> dict[str, Any]:
+    kind, length, force = _QUANTITIES.get(channel.unit, (0, 0, 0))
+    return {
+        **{f"{name}_spec_data_type": kind, f"{name}_len_unit_exp": length, f"{name}_force_unit_exp": force},
+        **{f"{name}_axis_lab": _cut(channel.title, _LABEL), f"{name}_axis_units_lab": _cut(channel.unit, _LABEL)},
+    }
 
 
 def _cut(text: str, length: int) -> str:

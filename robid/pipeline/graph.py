@@ -40,23 +40,14 @@ class Node:
 
 @dataclass(frozen=True)
 class Result:
-    """What became of one node.
+    """What became of one node."""
 
-    Attributes:
-        node: The node.
-        outcome: `made`, `fresh` or `skipped`.
-        text: Its key figures, or why it was skipped.
-        problem: What went wrong numerically.
-        grade: How far to trust the model, where the node says so.
-        seconds: Time it took [s].
-    """
-
-    node: Node
-    outcome: Literal["made", "fresh", "skipped"]
-    text: str
-    problem: str = ""
-    seconds: float = 0.0
-    grade: Grade | None = None
+    node: Node  # the node
+    outcome: Literal["made", "fresh", "skipped"]  # `made`, `fresh` or `skipped`
+    text: str  # its key figures, or why it was skipped
+    problem: str = ""  # what went wrong numerically
+    seconds: float = 0.0  # time it took [s]
+    grade: Grade | None = None  # how far to trust the model, where the node says so
 
     def fails(self, *, strict: bool) -> bool:
         """Whether the command exits with 5 for it."""
@@ -65,21 +56,13 @@ class Result:
 
 @dataclass(frozen=True)
 class Run:
-    """An experiment, its run folder, and how to compute.
+    """An experiment, its run folder, and how to compute."""
 
-    Attributes:
-        loaded: The experiment.
-        folder: The run folder.
-        backend: How tasks are mapped to cores.
-        workers: Number of processes, or of simulation threads in serial.
-        scheduler: Address of a Dask scheduler; None for a local cluster.
-    """
-
-    loaded: LoadedExperiment
-    folder: Path
-    backend: Literal["serial", "processes", "dask"]
-    workers: int
-    scheduler: str | None = None
+    loaded: LoadedExperiment  # the experiment
+    folder: Path  # the run folder
+    backend: Literal["serial", "processes", "dask"]  # how tasks are mapped to cores
+    workers: int  # number of processes, or of simulation threads in serial
+    scheduler: str | None = None  # address of a Dask scheduler; None for a local cluster
 
     def path(self, relative: str) -> Path:
         """Returns where an output lies."""
@@ -144,15 +127,12 @@ def _settle(run: Run, node: Node, states: dict[str, State]) -> State:
             node.stage, node.plan, run.folder, {path: state for path, state in above.items() if not state.blocked}
         )
     if state.unreadable is not None:
-        state = replace(state, unreadable=_with_command(run, node, state.unreadable))
+        # The remedy names the command that makes this very output.
+        error = state.unreadable
+        remedy = error.remedy.replace(f"robid {node.stage.name} EXPERIMENT.yaml", run.command(node))
+        state = replace(state, unreadable=ArtifactError(error.what, where=error.where, remedy=remedy))
     states.update(dict.fromkeys(node.plan.outputs, state))
     return state
-
-
-def _with_command(run: Run, node: Node, error: ArtifactError) -> ArtifactError:
-    """The same error, its remedy naming the command that makes this very output."""
-    remedy = error.remedy.replace(f"robid {node.stage.name} EXPERIMENT.yaml", run.command(node))
-    return ArtifactError(error.what, where=error.where, remedy=remedy)
 
 
 def needed_for(nodes: tuple[Node, ...], outputs: Collection[str]) -> tuple[Node, ...]:
@@ -171,13 +151,7 @@ def run_all(
     tell: Callable[[Result], None],
     outputs: Collection[str] | None = None,
 ) -> list[Result]:
-    """Runs what is not fresh, in order; what needs an output with a numerical problem is skipped.
-
-    Args:
-        run: The run.
-        progress: Shows how far a node is.
-        tell: Is told what became of each node.
-        outputs: Outputs to make with all that they need; everything when None.
+    """Runs what is not fresh, in order, all or for some outputs; what needs one with a numerical problem is skipped.
 
     Raises:
         RobidError: What the first node that cannot be made raised; what is finished stays.
@@ -215,7 +189,10 @@ def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:
     """Refuses what would fail after a long computation: outputs that are not ours, a full disk, a missing log."""
     states = examine(run, nodes)
     due = [node for node, state in states.items() if state.status != "fresh"]
-    _tidy(run, {path for node in nodes if node not in due for path in node.plan.outputs})
+    # What killed runs left and none resumes goes: parts of what is fresh or unknown, unfinished files.
+    fresh = {path for node in nodes if node not in due for path in node.plan.outputs}
+    known = {path for node in graph(run.loaded) for path in node.plan.outputs}
+    remove_leftovers(run.folder, {run.path(path) for path in known - fresh})
     check_room(run.folder / "run", _SMALL_BYTES + sum(node.plan.needed_bytes for node in due))
     for state in states.values():
         if state.unreadable is not None:
@@ -225,21 +202,13 @@ def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:
         check_outputs(run.loaded, node.stage, node.plan, {}, run.path(node.output))
 
 
-def _tidy(run: Run, fresh: set[str]) -> None:
-    """Removes what killed runs left and none resumes: parts of what is fresh or unknown, unfinished files."""
-    known = {path for node in graph(run.loaded) for path in node.plan.outputs}
-    remove_leftovers(run.folder, {run.path(path) for path in known - fresh})
-
-
 def _check_files(node: Node) -> None:
     missing = [(name, path) for name, path in node.plan.files.items() if not path.exists()]
     if missing:
         more = f", nor do {len(missing) - 1} more of its {len(node.plan.files)}" if len(missing) > 1 else ""
-        raise DataError(
-            f"D197 the {missing[0][0]} of campaign {node.owner} does not exist{more}",
-            where=str(missing[0][1]),
-            remedy="correct `file`, or set ROBID_DATA to the folder that holds the data",
-        )
+        message = f"D197 the {missing[0][0]} of campaign {node.owner} does not exist{more}"
+        remedy = "correct `file`, or set ROBID_DATA to the folder that holds the data"
+        raise DataError(message, where=str(missing[0][1]), remedy=remedy)
 
 
 def execute(

@@ -54,10 +54,13 @@ def design_plan(loaded: LoadedExperiment, owner: str) -> Plan:
     design = loaded.experiment.designs[owner]
     campaign = loaded.experiment.campaigns[design.campaign]
     section = f"campaigns.{design.campaign}"
+    cost: tuple[Part, ...] = ("motor_limits",) if design.cost == "travel" else ()
+    along = about_options(loaded.experiment, design).along()
+    rotors: tuple[Part, ...] = ("inertia_std",) if "motor_inertia" in along else ()
     settings = {
         f"designs.{owner}": loaded.plain["designs"][owner],
         f"{section}.payload_kg": campaign.payload_kg,
-        **robot_settings(loaded, *_parts_of_design(loaded.experiment, design)),
+        **robot_settings(loaded, "mechanics", "range", "timing", *cost, *rotors),
     }
     if design.cost == "travel":
         settings[f"{section}.visit_s"] = visit_s(loaded, campaign)
@@ -77,13 +80,6 @@ def design_plan(loaded: LoadedExperiment, owner: str) -> Plan:
         }
         inputs |= design_inputs(campaign)
     return Plan((f"designs/{owner}.h5",), settings, inputs)
-
-
-def _parts_of_design(experiment: Experiment, design: Design) -> tuple[Part, ...]:
-    cost: tuple[Part, ...] = ("motor_limits",) if design.cost == "travel" else ()
-    along = about_options(experiment, design).along()
-    rotors: tuple[Part, ...] = ("inertia_std",) if "motor_inertia" in along else ()
-    return ("mechanics", "range", "timing", *cost, *rotors)
 
 
 def fit_options(experiment: Experiment, design: Design) -> ElasticOptions | None:

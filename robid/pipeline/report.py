@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from robid.artifacts.artifact import Artifact, Provenance
+from robid.artifacts.artifact import Artifact, Kind, Provenance
 from robid.artifacts.atomic import replacing, write_json
 from robid.artifacts.kinds import (
     DESIGN,
@@ -24,7 +24,7 @@ from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import inspect_artifact, read_artifact, read_header
 from robid.artifacts.truth import read_truth
 from robid.design.configurations.information import ConfigurationDesign
-from robid.design.excitation.excitation import UNITS, CampaignExcitation, ExcitationPlan
+from robid.design.excitation.excitation import UNITS, CampaignExcitation
 from robid.frf.frf import Frf
 from robid.frf.quality import saturation_text
 from robid.models.family import Data, Shown, family_of
@@ -62,35 +62,19 @@ _LEVELS: dict[int, Literal["ok", "warn", "bad"]] = {TRUST: "ok", PREDICTS: "warn
 
 @dataclass(frozen=True)
 class RunContent:
-    """What a run holds.
+    """What a run holds."""
 
-    Attributes:
-        content: The page.
-        fits: What each fit adds to page, terminal and summary.
-        designs: Each design.
-        excitations: The excitation of each campaign.
-        comparison: Numbers that compare fits, by dotted name.
-        responses: Numbers on each campaign's response, by dotted name.
-        measured: What each campaign's response is, in a phrase, where no fit was asked for.
-    """
-
-    content: ReportContent
-    fits: tuple[FitReport, ...]
-    designs: dict[str, ConfigurationDesign]
-    excitations: tuple[ExcitationRow, ...]
-    comparison: dict[str, float]
-    responses: dict[str, float]
-    measured: tuple[str, ...] = ()
+    content: ReportContent  # the page
+    fits: tuple[FitReport, ...]  # what each fit adds to page, terminal and summary
+    designs: dict[str, ConfigurationDesign]  # each design
+    excitations: tuple[ExcitationRow, ...]  # the excitation of each campaign
+    comparison: dict[str, float]  # numbers that compare fits, by dotted name
+    responses: dict[str, float]  # numbers on each campaign's response, by dotted name
+    measured: tuple[str, ...] = ()  # what each campaign's response is, in a phrase, where no fit was asked for
 
 
 def gather(chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> RunContent:
     """Reads the artifacts of a run and lays them out.
-
-    Args:
-        chain: The stages that make them.
-        loaded: The experiment.
-        folder: The run folder.
-        present: Paths in the run folder of the artifacts that are there.
 
     Raises:
         ArtifactError: If one cannot be read.
@@ -98,10 +82,11 @@ def gather(chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, prese
     run = _read(loaded, folder, present)
     warnings = _warnings(loaded, run.frfs)
     shown = {name: _shown(loaded, folder, name, run, warnings) for name in run.models}
-    fits = tuple(
-        family_of(loaded, name).report(replace(each, beside=_beside(loaded, name, shown)))
-        for name, each in shown.items()
-    )
+    # Fits of one family are shown beside each other, and compared.
+    families = {name: loaded.experiment.fits[name].family for name in shown}
+    alike = {family: [name for name in shown if families[name] == family] for family in families.values()}
+    besides = {name: tuple(shown[one] for one in alike[families[name]] if one != name) for name in shown}
+    fits = tuple(family_of(loaded, name).report(replace(shown[name], beside=besides[name])) for name in shown)
     excitations = tuple(_excitation(loaded, run, name) for name in run.excitations)
     alone = [(name, frf) for name, frf in run.frfs.items() if name not in _fitted(loaded, run)]
     content = ReportContent(
@@ -121,7 +106,10 @@ def gather(chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, prese
     each = ((name, response_summary(frf)) for name, frf in run.frfs.items())
     responses = {f"campaigns.{name}.{key}": value for name, summary in each for key, value in summary.items()}
     measured = () if loaded.experiment.fits else tuple(measured_sentence(*one) for one in alone)
-    return RunContent(content, fits, run.designs, excitations, _comparison(loaded, shown), responses, measured)
+    compared: dict[str, float] = {}
+    for names in alike.values():
+        compared |= family_of(loaded, names[0]).compare([shown[name] for name in names])
+    return RunContent(content, fits, run.designs, excitations, compared, responses, measured)
 
 
 def _fitted(loaded: LoadedExperiment, run: _Run) -> set[str]:
@@ -142,35 +130,31 @@ def _shown(loaded: LoadedExperiment, folder: Path, name: str, run: _Run, warning
     fit, validation = loaded.experiment.fits[name], run.validations.get(name)
     own = [run.frfs[campaign] for campaign in fit.campaigns if "frf" in family_of(loaded, name).reads]
     new = None if fit.validate_on is None else run.frfs.get(fit.validate_on)
+    true: Mapping[str, float] = {}
+    if paths := truth_input(loaded, fit):
+        truth = read_truth(folder / paths["truth"], folder / paths["true_record"])
+        true = family_of(loaded, name).true_values(loaded, name, truth)
     return Shown(
         data=data_of(loaded, name, own),
         model=run.models[name],
         validation=validation,
         new=None if validation is None else Data(loaded, name, new),
-        true=_truth(loaded, folder, name),
+        true=true,
         told=warnings,
     )
 
 
-def _beside(loaded: LoadedExperiment, name: str, shown: Mapping[str, Shown]) -> tuple[Shown, ...]:
-    """The other fits of the same family."""
-    family = family_of(loaded, name)
-    return tuple(each for other, each in shown.items() if other != name and family_of(loaded, other) is family)
-
-
-def _comparison(loaded: LoadedExperiment, shown: Mapping[str, Shown]) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for family in {loaded.experiment.fits[name].family: family_of(loaded, name) for name in shown}.values():
-        alike = [each for name, each in shown.items() if family_of(loaded, name) is family]
-        found |= family.compare(alike)
-    return found
-
-
 def _experiment(loaded: LoadedExperiment, run: _Run, excitations: tuple[ExcitationRow, ...]) -> tuple[Section, ...]:
+    removed = {name: np.sqrt(np.mean(frf.removed_torque_rms**2, axis=0)) for name, frf in run.frfs.items()}
     return experiment_section(
         loaded.robot.notes,
         excitations,
-        tuple(row for name, frf in run.frfs.items() for row in _removed(name, frf)),
+        tuple(
+            TorqueRow(name, motor, value, frf.input_unit)
+            for name, frf in run.frfs.items()
+            if removed[name].any()
+            for motor, value in zip(frf.input_names, removed[name].tolist(), strict=True)
+        ),
         tuple(joint.name for joint in loaded.robot.joints),
         tuple(
             ConfigurationRow(name, index, tuple(row), loaded.robot.joint_units)
@@ -201,33 +185,26 @@ class _Run:
 
 
 def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _Run:
-    def there(names: Collection[str], pattern: str) -> dict[str, Path]:
-        return {name: folder / pattern.format(name) for name in names if pattern.format(name) in present}
-
     experiment = loaded.experiment
-    frfs, records = there(experiment.campaigns, "{}/frf.h5"), there(experiment.campaigns, "{}/record.h5")
-    designs = there(experiment.designs, "designs/{}.h5")
-    models = there(experiment.fits, "fits/{}/model.h5")
-    validations = there(experiment.fits, "fits/{}/validation.h5")
+    records = [name for name in experiment.campaigns if f"{name}/record.h5" in present]
+
+    def there(names: Collection[str], pattern: str, kind: Kind) -> Iterator[tuple[str, Artifact]]:
+        for name in names:
+            if pattern.format(name) in present:
+                yield name, read_artifact(folder / pattern.format(name), kind)
+
+    designs = there(experiment.designs, "designs/{}.h5", DESIGN)
+    excitations = there(records, "{}/excitation.h5", EXCITATION)
+    frfs = there(experiment.campaigns, "{}/frf.h5", FRF)
+    shapes = {name: inspect_artifact(folder / name / "record.h5")["datasets"]["inputs"]["shape"] for name in records}
     return _Run(
-        designs={name: design_from_artifact(read_artifact(path, DESIGN)) for name, path in designs.items()},
-        excitations={
-            name: excitation_from_artifact(read_artifact(path, EXCITATION))
-            for name, path in there(records, "{}/excitation.h5").items()
-        },
-        shapes={name: inspect_artifact(path)["datasets"]["inputs"]["shape"] for name, path in records.items()},
-        frfs={name: frf_from_artifact(read_artifact(path, FRF)) for name, path in frfs.items()},
-        models={name: read_artifact(path, MODEL) for name, path in models.items()},
-        validations={name: read_artifact(path, VALIDATION) for name, path in validations.items()},
+        designs={name: design_from_artifact(one) for name, one in designs},
+        excitations={name: excitation_from_artifact(one) for name, one in excitations},
+        shapes=shapes,
+        frfs={name: frf_from_artifact(one) for name, one in frfs},
+        models=dict(there(experiment.fits, "fits/{}/model.h5", MODEL)),
+        validations=dict(there(experiment.fits, "fits/{}/validation.h5", VALIDATION)),
     )
-
-
-def _truth(loaded: LoadedExperiment, folder: Path, name: str) -> dict[str, float]:
-    fit = loaded.experiment.fits[name]
-    paths = {key: folder / path for key, path in truth_input(loaded, fit).items()}
-    if not paths:
-        return {}
-    return dict(family_of(loaded, name).true_values(loaded, name, read_truth(paths["truth"], paths["true_record"])))
 
 
 def _design(loaded: LoadedExperiment, name: str, design: ConfigurationDesign) -> Section:
@@ -248,6 +225,12 @@ def _verdict(loaded: LoadedExperiment, run: _Run, fits: tuple[FitReport, ...], w
 def _excitation(loaded: LoadedExperiment, run: _Run, campaign: str) -> ExcitationRow:
     excitation = run.excitations[campaign].excitation
     low, high = excitation.frequency_hz[[0, -1]].tolist()
+    motors = tuple(joint.name for joint in loaded.robot.joints)
+    if campaign in run.frfs and not loaded.experiment.campaigns[campaign].moves_poses:
+        motors = run.frfs[campaign].input_names
+    # Of the motors' own responses; those across motors have zeros.
+    snr_db = None if excitation.plan is None else excitation.plan.snr_db
+    worst_snr_db = None if snr_db is None else float(np.diagonal(snr_db, axis1=-2, axis2=-1).min())
     return ExcitationRow(
         campaign=campaign,
         lines=len(excitation.excited_lines),
@@ -256,25 +239,12 @@ def _excitation(loaded: LoadedExperiment, run: _Run, campaign: str) -> Excitatio
         duration_s=float(np.prod(run.shapes[campaign][:4])) * excitation.period_s,
         rms=tuple(excitation.rms.tolist()) if len(excitation.reference) else (),
         rms_unit=UNITS[excitation.kind],
-        peaks=_peaks(run.excitations[campaign], _motors(loaded, run, campaign), loaded.robot.slides),
+        peaks=_peaks(run.excitations[campaign], motors, loaded.robot.slides),
         detection_lines=len(excitation.detection_lines),
         period_s=excitation.period_s,
         crest_factor=float(excitation.crest_factor.max()) if excitation.crest_factor.size else None,
-        worst_snr_db=_worst_snr_db(excitation.plan),
+        worst_snr_db=worst_snr_db,
     )
-
-
-def _motors(loaded: LoadedExperiment, run: _Run, campaign: str) -> tuple[str, ...]:
-    if campaign in run.frfs and not loaded.experiment.campaigns[campaign].moves_poses:
-        return run.frfs[campaign].input_names
-    return tuple(joint.name for joint in loaded.robot.joints)
-
-
-def _worst_snr_db(plan: ExcitationPlan | None) -> float | None:
-    """Lowest predicted ratio of the motors' own responses; those across motors have zeros."""
-    if plan is None or plan.snr_db is None:
-        return None
-    return float(np.diagonal(plan.snr_db, axis1=-2, axis2=-1).min())
 
 
 def _peaks(content: CampaignExcitation, names: tuple[str, ...], slides: list[bool]) -> tuple[PeakRow, ...]:
@@ -286,26 +256,12 @@ def _peaks(content: CampaignExcitation, names: tuple[str, ...], slides: list[boo
         ("torque", "N m", plan.torque_rms, plan.torque_peak, plan.torque_limit),
         ("arm excursion", "rad", plan.excursion_rms, plan.excursion_peak, plan.excursion_limit),
     )
-    return tuple(
-        PeakRow(
-            name,
-            quantity,
-            "m" if unit == "rad" and own else unit,
-            float(peak[:, motor].max()),
-            float(limit[motor]),
-            float(rms[:, motor].max()),
-        )
-        for motor, (name, own) in enumerate(zip(names, slides, strict=True))
-        for quantity, unit, rms, peak, limit in quantities
-    )
-
-
-def _removed(campaign: str, frf: Frf) -> list[TorqueRow]:
-    rms = np.sqrt(np.mean(frf.removed_torque_rms**2, axis=0))
-    if not rms.any():
-        return []
-    named = zip(frf.input_names, rms.tolist(), strict=True)
-    return [TorqueRow(campaign, name, value, frf.input_unit) for name, value in named]
+    rows = []
+    for motor, (name, own) in enumerate(zip(names, slides, strict=True)):
+        for quantity, unit, rms, peak, limit in quantities:
+            worst = float(peak[:, motor].max()), float(limit[motor]), float(rms[:, motor].max())
+            rows.append(PeakRow(name, quantity, "m" if unit == "rad" and own else unit, *worst))
+    return tuple(rows)
 
 
 _SHORT = 8
@@ -314,29 +270,22 @@ _SHORT = 8
 def _stage_rows(
     chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, present: Collection[str]
 ) -> tuple[StageRow, ...]:
-    """How each artifact that is there came about."""
     makers = {
         stage.plan(loaded, name).outputs[0]: (stage, name)
         for stage in chain
         for name in stage.owners(loaded.experiment)
     }
     rows = []
-    for path in present:
-        if path.endswith(".h5"):
-            stage, name = makers[path]
-            rows.append(_stage(path, folder / path, stage.phrase(loaded, name, folder / path)))
+    for path in (path for path in present if path.endswith(".h5")):
+        stage, name = makers[path]
+        header, seconds = read_header(folder / path), None
+        made = header.provenance
+        if made.started_utc and made.finished_utc:
+            begun, ended = datetime.fromisoformat(made.started_utc), datetime.fromisoformat(made.finished_utc)
+            seconds = (ended - begun).total_seconds()
+        hashes = made.settings_hash[:_SHORT], header.content_sha256[:_SHORT]
+        rows.append(StageRow(made.stage, path, *hashes, seconds, stage.phrase(loaded, name, folder / path)))
     return tuple(rows)
-
-
-def _stage(path: str, file: Path, phrase: str) -> StageRow:
-    header = read_header(file)
-    made = header.provenance
-    seconds = None
-    if made.started_utc and made.finished_utc:
-        begun, ended = datetime.fromisoformat(made.started_utc), datetime.fromisoformat(made.finished_utc)
-        seconds = (ended - begun).total_seconds()
-    hashes = made.settings_hash[:_SHORT], header.content_sha256[:_SHORT]
-    return StageRow(made.stage, path, *hashes, seconds, phrase)
 
 
 def run(chain: Sequence[Stage], job: Job) -> str:

@@ -29,7 +29,6 @@ from robid.signals.quantities import channel_names
 from robid.simulate.experiment import SimulatedExperiment, simulate, with_settled_steps
 from robid.simulate.options import SimulateOptions, Truth
 from robid.simulate.pose_loop import PoseExperiment, simulate_poses, with_settled_pose_steps
-from robid.simulate.steps import Steps
 from robid.simulate.truth import TrueRobot, bare, with_imperfections
 
 _STAGE = "simulate-or-acquire"
@@ -157,9 +156,17 @@ def _acquire_shots(job: Job) -> str:
 
 
 def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -> str:
-    experiment, steps = _settled(job, options, content)
+    experiment: SimulatedExperiment | PoseExperiment
+    if job.campaign.moves_poses:
+        poses = simulated_poses(job.loaded, job.campaign, options, content)
+        experiment, steps = with_settled_pose_steps(poses, content.configurations)
+        late_s = experiment.interface.delay_samples * experiment.interface.sampling_period_s
+    else:
+        moved = simulated_experiment(job.loaded, job.campaign, options, content)
+        experiment, steps = with_settled_steps(moved, content.configurations)
+        late_s = delay_s(job.loaded, job.campaign)
     n_conf = len(content.configurations)
-    truth = simulated_truth(experiment, _delay_s(job, experiment))
+    truth = simulated_truth(experiment, late_s)
     digest = truth_sha256(truth)
     parts = Parts(job.output, RECORD, canonical_hash([job.key, digest, steps.count]))
     todo = [index for index in range(n_conf) if not parts.has(index)]
@@ -172,24 +179,6 @@ def _simulate(job: Job, options: SimulateOptions, content: CampaignExcitation) -
     period_s = n_sample * content.excitation.sampling_period_s
     said = f"{counted(steps.count, 'RK4 step')} per sample ({steps.reason})"
     return f"{record_phrase((n_conf, n_real, n_exp, experiment.periods), period_s)}, {said}"
-
-
-def _settled(
-    job: Job, options: SimulateOptions, content: CampaignExcitation
-) -> tuple[SimulatedExperiment | PoseExperiment, Steps]:
-    """What is simulated in each configuration, with the number of steps, and why it is that."""
-    if job.campaign.moves_poses:
-        poses = simulated_poses(job.loaded, job.campaign, options, content)
-        return with_settled_pose_steps(poses, content.configurations)
-    experiment = simulated_experiment(job.loaded, job.campaign, options, content)
-    return with_settled_steps(experiment, content.configurations)
-
-
-def _delay_s(job: Job, experiment: SimulatedExperiment | PoseExperiment) -> float:
-    """Delay from what is recorded to what it does [s]."""
-    if isinstance(experiment, PoseExperiment):
-        return experiment.interface.delay_samples * experiment.interface.sampling_period_s
-    return delay_s(job.loaded, job.campaign)
 
 
 def simulated_poses(
@@ -229,12 +218,7 @@ def simulated_experiment(
 
 
 def simulated_truth(experiment: SimulatedExperiment | PoseExperiment, delay_s: float) -> TrueRobot:
-    """Returns the true robot of a simulated campaign.
-
-    Args:
-        experiment: What is simulated.
-        delay_s: Delay from recorded to applied torque, or of pose commands [s].
-    """
+    """Returns the true robot of a simulated campaign; the delay is from recorded to applied torque, or of poses [s]."""
     options = experiment.options
     return TrueRobot(
         robot=bare(with_imperfections(experiment.robot, options.imperfections)),

@@ -23,54 +23,31 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a stage reads and writes for one campaign, design or fit.
+    """What a stage reads and writes for one campaign, design or fit."""
 
-    Attributes:
-        outputs: Files in the run folder, the main one first.
-        settings: Settings that it reads, by dotted name; nothing else may change its result.
-        inputs: Files in the run folder that it reads, by name.
-        files: Files elsewhere that it reads, by name.
-        needed_bytes: Room on the disk that it may need.
-    """
-
-    outputs: tuple[str, ...]
-    settings: dict[str, Any]
-    inputs: dict[str, str] = field(default_factory=dict)
-    files: dict[str, Path] = field(default_factory=dict)
-    needed_bytes: float = 0.0
+    outputs: tuple[str, ...]  # files in the run folder, the main one first
+    settings: dict[str, Any]  # settings that it reads, by dotted name; nothing else may change its result
+    inputs: dict[str, str] = field(default_factory=dict)  # files in the run folder that it reads, by name
+    files: dict[str, Path] = field(default_factory=dict)  # files elsewhere that it reads, by name
+    needed_bytes: float = 0.0  # room on the disk that it may need
 
 
 @dataclass(frozen=True)
 class Job:
-    """One run of a stage.
+    """One run of a stage."""
 
-    Attributes:
-        loaded: The experiment.
-        stage: Name of the stage.
-        owner: The campaign, design or fit.
-        settings: Settings that the stage reads, for the provenance.
-        output: The main file to write.
-        inputs: The files to read, by name.
-        input_hashes: Content hash of each, by name.
-        folder: The run folder.
-        map: Runs independent tasks.
-        threads: Threads that a single task may use.
-        progress: Where to tell how far it is.
-        started_utc: When it began.
-    """
-
-    loaded: LoadedExperiment
-    stage: str
-    owner: str
-    settings: dict[str, Any]
-    output: Path
-    inputs: Mapping[str, Path]
-    input_hashes: dict[str, str]
-    folder: Path
-    map: Map
-    threads: int
-    progress: Progress
-    started_utc: str = field(default_factory=utc_now)
+    loaded: LoadedExperiment  # the experiment
+    stage: str  # name of the stage
+    owner: str  # the campaign, design or fit
+    settings: dict[str, Any]  # settings that the stage reads, for the provenance
+    output: Path  # the main file to write
+    inputs: Mapping[str, Path]  # the files to read, by name
+    input_hashes: dict[str, str]  # content hash of each, by name
+    folder: Path  # the run folder
+    map: Map  # runs independent tasks
+    threads: int  # threads that a single task may use
+    progress: Progress  # where to tell how far it is
+    started_utc: str = field(default_factory=utc_now)  # when it began
 
     @property
     def campaign(self) -> Campaign:
@@ -99,41 +76,32 @@ class Job:
 
 @dataclass(frozen=True)
 class Stage:
-    """A command of the chain.
+    """A command of the chain."""
 
-    Attributes:
-        name: The command.
-        does: What it does, for the help.
-        owned_by: What it runs for: one campaign, design or fit, or the whole experiment.
-        artifact: Kind of its output, or a name of a `with later` block that stands for it; None for the report.
-        owners: Names of the campaigns, designs or fits that it runs for.
-        plan: What it reads and writes for one of them.
-        run: Does it; returns its key figures in a phrase.
-        phrase: Reads these from its output, for one of its owners.
-        problem: Reads from its output what went wrong numerically; empty when all is well.
-        show: Lays out from its output what its command prints below its line; None for nothing.
-        told: Reads from its output what `--json` adds to its answer.
-        takes_what_is_there: Whether it runs without inputs that a numerical problem has kept from being made.
-        grade: Reads from its output how far to trust the model, and why; None where it does not say.
-        on_request: Whether nothing reads its output, so that `run` leaves it alone; its own command makes it.
-        vouched: Says why its main output does not vouch for the others, empty when it does; raises an `ArtifactError`
-            where another one is foreign.
-    """
-
-    name: str
-    does: str
+    name: str  # the command
+    does: str  # what it does, for the help
+    # What it runs for: one campaign, design or fit, or the whole experiment.
     owned_by: Literal["campaign", "design", "fit", "experiment"]
+    # Kind of its output, or a name of a `with later` block that stands for it; None for the report.
     artifact: Kind | None
-    owners: Callable[[Experiment], tuple[str, ...]]
-    plan: Callable[[LoadedExperiment, str], Plan]
-    run: Callable[[Job], str]
+    owners: Callable[[Experiment], tuple[str, ...]]  # names of the campaigns, designs or fits that it runs for
+    plan: Callable[[LoadedExperiment, str], Plan]  # what it reads and writes for one of them
+    run: Callable[[Job], str]  # does it; returns its key figures in a phrase
+    # Reads these from its output, for one of its owners.
     phrase: Callable[[LoadedExperiment, str, Path], str] = lambda *_: ""
+    # Reads from its output what went wrong numerically; empty when all is well.
     problem: Callable[[Path], str] = lambda _: ""
+    # Lays out from its output what its command prints below its line; None for nothing.
     show: Callable[[Path, LoadedExperiment], Group | None] = lambda *_: None
-    told: Callable[[Path], dict[str, Any]] = lambda _: {}
+    told: Callable[[Path], dict[str, Any]] = lambda _: {}  # reads from its output what `--json` adds to its answer
+    # Whether it runs without inputs that a numerical problem has kept from being made.
     takes_what_is_there: bool = False
+    # Reads from its output how far to trust the model, and why; None where it does not say.
     grade: Callable[[LoadedExperiment, str, Path], Grade | None] = lambda *_: None
+    # Whether nothing reads its output, so that `run` leaves it alone; its own command makes it.
     on_request: Callable[[LoadedExperiment, str], bool] = lambda *_: False
+    # Says why its main output does not vouch for the others, empty when it does; raises an `ArtifactError` where
+    # another one is foreign.
     vouched: Callable[[Sequence[Path]], str] = lambda _: ""
 
     @property
@@ -172,17 +140,13 @@ def check_room(path: Path, needed_bytes: float) -> None:
             pass
         free = shutil.disk_usage(path.parent).free
     except OSError as error:
-        raise ArtifactError(
-            f"A035 The folder cannot be written to: {error.strerror or error}.",
-            where=str(path.parent),
-            remedy="name another one with --run-dir, or change its permissions",
-        ) from error
+        message = f"A035 The folder cannot be written to: {error.strerror or error}."
+        remedy = "name another one with --run-dir, or change its permissions"
+        raise ArtifactError(message, where=str(path.parent), remedy=remedy) from error
     if free < needed_bytes:
-        raise ArtifactError(
-            f"A036 The disk has {free / 1e6:.0f} MB left, but {needed_bytes / 1e6:.0f} MB are needed.",
-            where=str(path.parent),
-            remedy="make room, or name another folder with --run-dir",
-        )
+        message = f"A036 The disk has {free / 1e6:.0f} MB left, but {needed_bytes / 1e6:.0f} MB are needed."
+        remedy = "make room, or name another folder with --run-dir"
+        raise ArtifactError(message, where=str(path.parent), remedy=remedy)
 
 
 def counted(number: int, noun: str) -> str:

@@ -35,17 +35,11 @@ def make_console(*, stderr: bool) -> Console:
 
 @dataclass(frozen=True)
 class Shell:
-    """Where results, messages and progress go.
+    """Where results, messages and progress go."""
 
-    Attributes:
-        out: Results.
-        err: Messages and progress.
-        quiet: Whether progress and messages that are no warnings are left out.
-    """
-
-    out: Console
-    err: Console
-    quiet: bool
+    out: Console  # results
+    err: Console  # messages and progress
+    quiet: bool  # whether progress and messages that are no warnings are left out
 
     def say(self, text: str) -> None:
         """Prints a result as it is."""
@@ -63,56 +57,32 @@ class Shell:
     @contextmanager
     def progress(self, label: str) -> Iterator[Bar]:
         """Shows a bar while something is made; where there is no terminal, a line now and then."""
-        from rich.progress import (
-            BarColumn,
-            MofNCompleteColumn,
-            Progress,
-            TextColumn,
-            TimeElapsedColumn,
-            TimeRemainingColumn,
-        )
+        from rich import progress as shown
 
         columns = (
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=24),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[unit]}"),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
+            *(shown.TextColumn("{task.description}"), shown.BarColumn(bar_width=24), shown.MofNCompleteColumn()),
+            *(shown.TextColumn("{task.fields[unit]}"), shown.TimeElapsedColumn()),
+            *(shown.TextColumn("left"), shown.TimeRemainingColumn()),
         )
         hidden = self.quiet or not self.err.is_terminal
-        with Progress(*columns, console=self.err, transient=True, disable=hidden) as bars:
+        with shown.Progress(*columns, console=self.err, transient=True, disable=hidden) as bars:
             yield Bar(self, label, bars, bars.add_task(label, total=None, unit=""))
 
 
 @dataclass
 class Bar:
-    """The progress of one stage, or of one step of a study.
+    """The progress of one stage, or of one step of a study."""
 
-    Attributes:
-        shell: Where it is shown.
-        label: What is made.
-        bars: The bar, hidden where there is no terminal.
-        task: Its own in there.
-        unit: What is counted.
-        total: How many tasks there are.
-        done: How many of them are done.
-        since: How many of them since it began.
-        begun: When it did [s].
-        told: When a line last said how far it is [s].
-    """
-
-    shell: Shell
-    label: str
-    bars: Progress
-    task: TaskID
-    unit: str = ""
-    total: int = 0
-    done: int = 0
-    since: int = 0
-    begun: float = 0.0
-    told: float = 0.0
+    shell: Shell  # where it is shown
+    label: str  # what is made
+    bars: Progress  # the bar, hidden where there is no terminal
+    task: TaskID  # its own in there
+    unit: str = ""  # what is counted
+    total: int = 0  # how many tasks there are
+    done: int = 0  # how many of them are done
+    since: int = 0  # how many of them since it began
+    begun: float = 0.0  # when it did [s]
+    told: float = 0.0  # when a line last said how far it is [s]
 
     def expect(self, total: int, unit: str, done: int = 0) -> None:
         """Says how many tasks there are, and how many of them an earlier run did."""
@@ -130,19 +100,13 @@ class Bar:
         if not self.shell.err.is_terminal and now - self.told >= LINE_EVERY_S:
             self.told = now
             left = (now - self.begun) / self.since * (self.total - self.done)
-            self.shell.note(
-                self.label,
-                f"{self.done} of {self.total} {self.unit} done" + (f", {_rest(left)} left" if left > 0 else ""),
-            )
+            # Nobody knows the time that is left to a tenth of a second.
+            rest = f", {f'{left:.0f} s' if left < 59.5 else duration(left)} left" if left > 0 else ""
+            self.shell.note(self.label, f"{self.done} of {self.total} {self.unit} done{rest}")
 
     def warn(self, text: str) -> None:
         """Tells what the user should know before using the result."""
         self.shell.warn(f"{self.label}: {text}")
-
-
-def _rest(seconds: float) -> str:
-    """Writes the time that is left, which nobody knows to a tenth of a second."""
-    return f"{seconds:.0f} s" if seconds < 59.5 else duration(seconds)
 
 
 def _print(console: Console, text: str, style: str = "", bold: int = 0) -> None:
@@ -160,12 +124,7 @@ def _print(console: Console, text: str, style: str = "", bold: int = 0) -> None:
 
 
 def status_lines(rows: Sequence[tuple[str, str, str]], width: int | None) -> list[str]:
-    """Lays out output, status and why, in columns.
-
-    Args:
-        rows: A row an output.
-        width: Width of the terminal, which the last column keeps; None where there is none, and no colour then.
-    """
+    """Lays out output, status and why, in columns; without a terminal there is neither a width to keep nor colour."""
     first, second = (max(len(row[column]) for row in (_STATUS, *rows)) for column in (0, 1))
     indent = first + second + 4
     lines = []
@@ -196,7 +155,11 @@ def channel_lines(datasets: dict[str, dict[str, Any]]) -> list[str]:
 
 def dataset_table(datasets: dict[str, dict[str, Any]]) -> Table:
     """Lays out what an artifact holds."""
-    table = _table("dataset", "shape", "type", "units", "axes", "what")
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for name in ("dataset", "shape", "type", "units", "axes", "what"):
+        table.add_column(name, no_wrap=name != "what")
     for name, row in datasets.items():
         shape = " x ".join(map(str, row["shape"]))
         table.add_row(name, shape, row["dtype"], row["units"], ", ".join(row["axes"]), row.get("description", ""))
@@ -213,13 +176,4 @@ def section_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[st
         table.add_column(escape(name), justify="right" if index else "left")
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
-    return table
-
-
-def _table(*names: str) -> Table:
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    for name in names:
-        table.add_column(name, no_wrap=name != names[-1])
     return table

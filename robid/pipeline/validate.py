@@ -55,11 +55,6 @@ def refuse_copies(fit: FitSettings, seen: Mapping[str, Path], new: Path) -> None
     Each configuration is read once; of the new ones short windows are kept, and a new one is read again only where
     one of its windows comes back.
 
-    Args:
-        fit: The fit.
-        seen: Record of each of its campaigns, by name.
-        new: The record that it is to be validated on.
-
     Raises:
         DataError: If samples of the fit come back in the new record.
     """

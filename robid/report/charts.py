@@ -16,107 +16,64 @@ from robid.signals.quantities import readable, readable_units
 
 @dataclass(frozen=True)
 class Skeletons:
-    """Arms in space that the reader can turn, on the floor z = 0.
+    """Arms in space that the reader can turn, on the floor z = 0."""
 
-    Attributes:
-        title: Title above it.
-        names: Name of each arm.
-        points: Points of each arm from base to tool, (x, y, z) in the base frame [m].
-        weights: Weight of each arm, which its line shows.
-        others: Tool points of arms that are not drawn [m].
-        caption: What the reader has to know.
-    """
-
-    title: str
-    names: tuple[str, ...]
+    title: str  # title above it
+    names: tuple[str, ...]  # name of each arm
+    # Points of each arm from base to tool, (x, y, z) in the base frame [m].
     points: tuple[tuple[tuple[float, float, float], ...], ...]
-    weights: tuple[float, ...]
-    others: tuple[tuple[float, float, float], ...] = ()
-    caption: str = ""
+    weights: tuple[float, ...]  # weight of each arm, which its line shows
+    others: tuple[tuple[float, float, float], ...] = ()  # tool points of arms that are not drawn [m]
+    caption: str = ""  # what the reader has to know
 
 
 @dataclass(frozen=True)
 class Ratio:
-    """A value over its nominal one.
+    """A value over its nominal one."""
 
-    Attributes:
-        name: Its name.
-        estimate: The ratio.
-        lower: Lower end of its interval.
-        upper: Upper end of its interval.
-        truth: True value over the nominal one, or None.
-        identifiable: Whether the data determine it.
-        text: The value itself, written out.
-    """
-
-    name: str
-    estimate: float
-    lower: float
-    upper: float
-    truth: float | None = None
-    identifiable: bool = True
-    text: str = ""
+    name: str  # its name
+    estimate: float  # the ratio
+    lower: float  # lower end of its interval
+    upper: float  # upper end of its interval
+    truth: float | None = None  # true value over the nominal one, or None
+    identifiable: bool = True  # whether the data determine it
+    text: str = ""  # the value itself, written out
 
 
 @dataclass(frozen=True)
 class RatioChart:
-    """Values over their nominal ones, with intervals and the truth.
+    """Values over their nominal ones, with intervals and the truth."""
 
-    Attributes:
-        title: Title above it.
-        panels: Title and values of each panel; they stand beside each other on one scale.
-        interval: What the intervals are, as in `95 % interval`.
-        caption: What the reader has to know.
-    """
-
-    title: str
+    title: str  # title above it
+    # Title and values of each panel; they stand beside each other on one scale.
     panels: tuple[tuple[str, tuple[Ratio, ...]], ...]
-    interval: str
-    caption: str = ""
+    interval: str  # what the intervals are, as in `95 % interval`
+    caption: str = ""  # what the reader has to know
 
 
 @dataclass(frozen=True)
 class Layer:
-    """Curves of one kind, one at each place; where a height is not finite there is a gap.
+    """Curves of one kind, one at each place; where a height is not finite there is a gap."""
 
-    Attributes:
-        name: Its name.
-        x: Along the curves, the same at all places.
-        heights: One tuple of values a place.
-        drawn: How.
-    """
-
-    name: str
-    x: tuple[float, ...]
-    heights: tuple[tuple[float, ...], ...]
-    drawn: Literal["points", "line", "dashed"] = "line"
+    name: str  # its name
+    x: tuple[float, ...]  # along the curves, the same at all places
+    heights: tuple[tuple[float, ...], ...]  # one tuple of values a place
+    drawn: Literal["points", "line", "dashed"] = "line"  # how
 
 
 @dataclass(frozen=True)
 class Waterfall:
-    """Curves over one axis, one behind the other along a second one, that the reader can turn.
+    """Curves over one axis, one behind the other along a second one, that the reader can turn."""
 
-    Attributes:
-        title: Title above it.
-        x_title: Quantity and unit along the curves.
-        place_title: Quantity and unit of the places.
-        y_title: Quantity and unit of the heights; the shorter, the better.
-        places: Where the curves stand.
-        layers: What is drawn at each place.
-        log_x: Whether x is logarithmic.
-        caption: What the reader has to know.
-        height: Height on the page [pixel].
-    """
-
-    title: str
-    x_title: str
-    place_title: str
-    y_title: str
-    places: tuple[float, ...]
-    layers: tuple[Layer, ...]
-    log_x: bool = True
-    caption: str = ""
-    height: int = 460
+    title: str  # title above it
+    x_title: str  # quantity and unit along the curves
+    place_title: str  # quantity and unit of the places
+    y_title: str  # quantity and unit of the heights; the shorter, the better
+    places: tuple[float, ...]  # where the curves stand
+    layers: tuple[Layer, ...]  # what is drawn at each place
+    log_x: bool = True  # whether x is logarithmic
+    caption: str = ""  # what the reader has to know
+    height: int = 460  # height on the page [pixel]
 
     def __post_init__(self) -> None:
         for layer in self.layers:
@@ -129,56 +86,36 @@ _SMALLEST = 1e-30
 
 @dataclass(frozen=True)
 class Mark:
-    """A frequency that stands out.
+    """A frequency that stands out."""
 
-    Attributes:
-        configuration: Index of the configuration.
-        channel: Name of the channel, marked in its own element.
-        frequency_hz: The frequency [Hz].
-    """
-
-    configuration: int
-    channel: str
-    frequency_hz: float
+    configuration: int  # index of the configuration
+    channel: str  # name of the channel, marked in its own element
+    frequency_hz: float  # the frequency [Hz]
 
 
 @dataclass(frozen=True)
 class Overlay:
-    """A further measured response, at lines of its own.
+    """A further measured response, at lines of its own."""
 
-    Attributes:
-        name: Its name.
-        frequency_hz (n_line,): Its frequencies [Hz].
-        response (n_conf, n_line, n_out, n_in): The response; NaN where it has none.
-        radius (n_conf, n_line, n_out, n_in): Radius of each element's uncertainty circle over its magnitude; 0 where
-            that is unknown.
-    """
-
-    name: str
-    frequency_hz: FloatArray
-    response: ComplexArray
+    name: str  # its name
+    frequency_hz: FloatArray  # (n_line,): its frequencies [Hz]
+    response: ComplexArray  # (n_conf, n_line, n_out, n_in): the response; NaN where it has none
+    # (n_conf, n_line, n_out, n_in): Radius of each element's uncertainty circle over its magnitude; 0 where that is
+    # unknown.
     radius: FloatArray
 
 
 @dataclass(frozen=True)
 class BodeResponse:
-    """One measured response that the reader may choose.
+    """One measured response that the reader may choose."""
 
-    Attributes:
-        label: Its name.
-        frf: The response with its covariance.
-        models: Name and response (n_conf, n_freq, n_out, n_in) of each model, in the unit of `frf.response`.
-        marks: Frequencies that stand out.
-        mark_title: What they are.
-        overlays: Further measured responses, in the unit of `frf.response`.
-    """
-
-    label: str
-    frf: Frf
+    label: str  # its name
+    frf: Frf  # the response with its covariance
+    # Name and response (n_conf, n_freq, n_out, n_in) of each model, in the unit of `frf.response`.
     models: tuple[tuple[str, ComplexArray], ...] = ()
-    marks: tuple[Mark, ...] = ()
-    mark_title: str = ""
-    overlays: tuple[Overlay, ...] = ()
+    marks: tuple[Mark, ...] = ()  # frequencies that stand out
+    mark_title: str = ""  # what they are
+    overlays: tuple[Overlay, ...] = ()  # further measured responses, in the unit of `frf.response`
 
     def __post_init__(self) -> None:
         axes = ("n_conf", "n_freq", "n_out", "n_in")
@@ -190,29 +127,17 @@ class BodeResponse:
 
 @dataclass(frozen=True)
 class BodeMatrix:
-    """Responses of every output to every input; the reader chooses response, configuration, element and view.
+    """Responses of every output to every input; the reader chooses response, configuration, element and view."""
 
-    Attributes:
-        title: Title above it.
-        responses: What there is to choose from.
-        level: Level of the bands.
-        input_quantity: What the inputs are, as in `torque`.
-        output_quantity: What the outputs are, as in `acceleration`.
-        unit: Unit of an output over an input's, which stands for `{}`.
-        caption: What the reader has to know.
-        measured: What the measured responses are called.
-        quality: Whether distortion, noise and coherence are shown too.
-    """
-
-    title: str
-    responses: tuple[BodeResponse, ...]
-    level: float = 0.95
-    input_quantity: str = "torque"
-    output_quantity: str = "acceleration"
-    unit: str = "rad/(s^2 {})"
-    caption: str = ""
-    measured: str = "measured"
-    quality: bool = True
+    title: str  # title above it
+    responses: tuple[BodeResponse, ...]  # what there is to choose from
+    level: float = 0.95  # level of the bands
+    input_quantity: str = "torque"  # what the inputs are, as in `torque`
+    output_quantity: str = "acceleration"  # what the outputs are, as in `acceleration`
+    unit: str = "rad/(s^2 {})"  # unit of an output over an input's, which stands for `{}`
+    caption: str = ""  # what the reader has to know
+    measured: str = "measured"  # what the measured responses are called
+    quality: bool = True  # whether distortion, noise and coherence are shown too
 
 
 def bode_data(figure: BodeMatrix) -> dict[str, Any]:
@@ -252,7 +177,9 @@ def _response_data(response: BodeResponse, figure: BodeMatrix) -> dict[str, Any]
             "label": configuration_label(frf, index),
             **_curve(response_known[index]),
             "models": [_curve(model[index]) for _, model in response.models],
-            "overlays": [_overlaid(overlay, index) for overlay in response.overlays],
+            "overlays": [
+                {**_curve(one.response[index]), "radius": _radius(one.radius[index])} for one in response.overlays
+            ],
             "dropped": [[rounded(value) for value in frf.frequency_hz[lost]] for lost in dropped[index].T],
             "radius": _radius(radius[index]),
             "marks": [
@@ -283,10 +210,6 @@ def _curve(response: ComplexArray) -> dict[str, Any]:
     return {"magnitude": _decibels(response), "phase": _per_element(np.rad2deg(np.angle(response)), decimals=1)}
 
 
-def _overlaid(overlay: Overlay, index: int) -> dict[str, Any]:
-    return {**_curve(overlay.response[index]), "radius": _radius(overlay.radius[index])}
-
-
 def _radius(radius: FloatArray) -> list[Any] | None:
     """Radii of the bands; None where there are none."""
     return _per_element(radius, 3) if np.nan_to_num(radius).any() else None
@@ -297,16 +220,12 @@ def _quality(frf: Frf, index: int, level: float) -> dict[str, Any]:
 
     `spread` turns the radius of a band into a deviation, for records whose periods do not tell noise.
     """
-    inputs = np.sqrt(np.real(np.diagonal(frf.input_factor[index], axis1=-2, axis2=-1)))
-    noise = None
-    if frf.noise_covariance is not None:
-        noise = np.sqrt(np.real(np.diagonal(frf.noise_covariance[index], axis1=-2, axis2=-1)))
-    odd, even = frf.residual_level("odd"), frf.residual_level("even")
-    before = frf.uncompensated_response
+    odd, even = (frf.residual_level(kind) for kind in ("odd", "even"))
+    before, noise = frf.uncompensated_response, frf.noise_covariance
     return {
         "uncompensated": None if before is None else _decibels(before[index]),
-        "factor": _level(inputs),
-        "noise": None if noise is None else _level(noise),
+        "factor": _level(_deviation(frf.input_factor[index])),
+        "noise": None if noise is None else _level(_deviation(noise[index])),
         "spread": rounded(frf.radius_factor(level)) if noise is None and frf.covariance.any() else None,
         "odd": None if odd is None else _level(odd[index]),
         "even": None if even is None else _level(even[index]),
@@ -314,6 +233,10 @@ def _quality(frf: Frf, index: int, level: float) -> dict[str, Any]:
         if frf.coherence is None or not np.isfinite(frf.coherence[index]).any()
         else [[rounded(value, 3) for value in row] for row in 1 - frf.coherence[index].T],
     }
+
+
+def _deviation(covariance: ComplexArray) -> FloatArray:
+    return np.sqrt(np.real(np.diagonal(covariance, axis1=-2, axis2=-1)))
 
 
 def _level(amplitude: FloatArray) -> list[Any]:

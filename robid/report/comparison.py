@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -44,17 +45,11 @@ _HOW = {
 
 @dataclass(frozen=True)
 class Compared:
-    """A response and how it compares with the first.
+    """A response and how it compares with the first."""
 
-    Attributes:
-        label: Its name.
-        frf: The response.
-        comparison: The comparison.
-    """
-
-    label: str
-    frf: Frf
-    comparison: Comparison
+    label: str  # its name
+    frf: Frf  # the response
+    comparison: Comparison  # the comparison
 
 
 def comparison_content(label: str, first: Frf, others: Sequence[Compared]) -> ReportContent:
@@ -146,33 +141,23 @@ def _overlay(first: Frf, other: Compared) -> Overlay:
 
 def _section(label: str, first: Frf, other: Compared) -> Section:
     comparison = other.comparison
-    parts: list[Part] = [_table(comparison.elements, CAPTION)]
+    rows = tuple(_row(element) for element in comparison.elements)
+    parts: list[Part] = [Table(COLUMNS, rows, caption=CAPTION, styles=_STYLES, fit="tall")]
     if len(comparison.each) > 1:
-        parts.append(_each(first, comparison))
+        labels = [configuration_label(first, mine) for mine, _ in comparison.aligned.pairs]
+        pairs = zip(labels, comparison.each, strict=True)
+        rows = tuple(_row(element, label) for label, elements in pairs for element in elements)
+        title, choice = "By configuration", "Configuration"
+        parts.append(Table(COLUMNS, rows, title=title, styles=_STYLES, choice=choice, fit="tall"))
     parts += [Notes(comparison.notes)] if comparison.notes else []
     lead = f"Compared {comparison_place(comparison)}."
     return Section(f"{other.label} against {label}", lead, tuple(parts))
 
 
-def _table(elements: Sequence[ElementDifference], caption: str) -> Table:
-    return Table(COLUMNS, tuple(_row(element) for element in elements), caption=caption, styles=_STYLES, fit="tall")
-
-
-def _each(first: Frf, comparison: Comparison) -> Table:
-    labels = [configuration_label(first, mine) for mine, _ in comparison.aligned.pairs]
-    rows = tuple(
-        _row(element, label) for label, elements in zip(labels, comparison.each, strict=True) for element in elements
-    )
-    return Table(COLUMNS, rows, title="By configuration", styles=_STYLES, choice="Configuration", fit="tall")
-
-
 def _row(element: ElementDifference, choice: str = "") -> Row:
-    mark: dict[bool | None, Cell] = {
-        True: Cell("agrees", "good"),
-        False: Cell("differs", "bad"),
-        None: Cell("unknown"),
-    }
-    return Row((*element_cells(element), mark[element.agrees]), choice=choice, group=choice)
+    marks: dict[bool | None, Literal["", "good", "bad"]] = {True: "good", False: "bad", None: ""}
+    agrees = Cell(agreement_word(element), marks[element.agrees])
+    return Row((*element_cells(element), agrees), choice=choice, group=choice)
 
 
 def _number(value: float, unit: str) -> str:

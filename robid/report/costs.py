@@ -8,7 +8,7 @@ from statistics import fmean, median
 
 from robid.report.numbers import MISSING, number_of, percent, significant
 from robid.report.page import KeyNumber
-from robid.report.section import Bars, Beside, Curve, Figure, Section, Table
+from robid.report.section import Bars, Beside, ColumnStyle, Curve, Figure, Section, Table
 
 _MINIMA = 3
 _LOGARITHMIC = 10
@@ -16,57 +16,34 @@ _LOGARITHMIC = 10
 
 @dataclass(frozen=True)
 class CostRow:
-    """The cost in one configuration.
+    """The cost in one configuration."""
 
-    Attributes:
-        campaign: Name of the campaign.
-        configuration: Index of the configuration in it.
-        cost: Weighted cost.
-        expected_cost: Its expectation when the model is exact, or None when no covariance is known.
-        excess: Cost above the expectation, or None.
-    """
-
-    campaign: str
-    configuration: int
-    cost: float
-    expected_cost: float | None = None
-    excess: float | None = None
+    campaign: str  # name of the campaign
+    configuration: int  # index of the configuration in it
+    cost: float  # weighted cost
+    expected_cost: float | None = None  # its expectation when the model is exact, or None when no covariance is known
+    excess: float | None = None  # cost above the expectation, or None
 
 
 @dataclass(frozen=True)
 class StartRow:
-    """One start of the optimizer.
+    """One start of the optimizer."""
 
-    Attributes:
-        index: Index of the start; 0 are the robot file's values.
-        cost: Cost where it ended.
-        iterations: Iterations it took.
-        status: How it ended.
-        minimum_index: Index of the minimum that it ended in; 0 is the best.
-        evaluations: Points at which the cost was computed; None where they were not counted.
-    """
-
-    index: int
-    cost: float
-    iterations: int
-    status: str
-    minimum_index: int
-    evaluations: int | None = None
+    index: int  # index of the start; 0 are the robot file's values
+    cost: float  # cost where it ended
+    iterations: int  # iterations it took
+    status: str  # how it ended
+    minimum_index: int  # index of the minimum that it ended in; 0 is the best
+    evaluations: int | None = None  # points at which the cost was computed; None where they were not counted
 
 
 @dataclass(frozen=True)
 class Effort:
-    """What the starts of a fit cost.
+    """What the starts of a fit cost."""
 
-    Attributes:
-        median: Median of the points at which a start computed the cost.
-        most: Largest number of them.
-        cap_share: Share of the starts that the iteration limit ended.
-    """
-
-    median: float
-    most: int
-    cap_share: float
+    median: float  # median of the points at which a start computed the cost
+    most: int  # largest number of them
+    cap_share: float  # share of the starts that the iteration limit ended
 
 
 def effort(rows: tuple[StartRow, ...]) -> Effort | None:
@@ -104,13 +81,7 @@ def campaign_title(role: str, campaign: str) -> str:
 def cost_section(
     estimation: tuple[CostRow, ...], validation: tuple[CostRow, ...], more: str = ""
 ) -> tuple[Section, ...]:
-    """Lays out the cost of each configuration against its expectation; nothing without any.
-
-    Args:
-        estimation: Costs of the fit's own data.
-        validation: Costs of data that the fit never saw.
-        more: What else is known of the residuals, a sentence.
-    """
+    """Lays out the cost of each configuration against its expectation; nothing without any."""
     named = [(role, rows) for role, rows in (("Estimation", estimation), ("Validation", validation)) if rows]
     if not named:
         return ()
@@ -131,24 +102,18 @@ def cost_section(
 
 
 def _cost_table(role: str, rows: tuple[CostRow, ...]) -> Table:
-    worst = max(rows, key=lambda row: row.cost)
+    average, worst = fmean(row.cost for row in rows), max(rows, key=lambda row: row.cost)
+    lines = []
+    for row in rows:
+        expected, excess = significant(row.expected_cost, 4), significant(row.excess, 3)
+        lines.append((number_of(row.configuration), significant(row.cost, 4), expected, excess))
+    highest = f"{significant(worst.cost, 4)} (configuration {number_of(worst.configuration)})"
     return Table(
         ("Configuration", "Cost", "Expected", "Excess"),
-        tuple(
-            (
-                number_of(row.configuration),
-                significant(row.cost, 4),
-                significant(row.expected_cost, 4),
-                significant(row.excess, 3),
-            )
-            for row in rows
-        ),
+        tuple(lines),
         title=campaign_title(role, rows[0].campaign),
         styles=("text", "strong", "number", "number"),
-        footer=(
-            ("Average", significant(fmean(row.cost for row in rows), 4)),
-            ("Worst", f"{significant(worst.cost, 4)} (configuration {number_of(worst.configuration)})"),
-        ),
+        footer=(("Average", significant(average, 4)), ("Worst", highest)),
     )
 
 
@@ -218,20 +183,11 @@ def _start_figure(rows: tuple[StartRow, ...]) -> Figure:
 
 
 def _start_table(rows: tuple[StartRow, ...]) -> Table:
-    ordered = sorted(rows, key=lambda row: (row.minimum_index, row.cost))
-    return Table(
-        ("Start", "Cost", "Minimum", "Iterations", "Evaluations", "Ended"),
-        tuple(
-            (
-                number_of(row.index),
-                significant(row.cost, 7),
-                number_of(row.minimum_index),
-                str(row.iterations),
-                MISSING if row.evaluations is None else str(row.evaluations),
-                row.status,
-            )
-            for row in ordered
-        ),
-        styles=("text", "strong", "number", "number", "number", "text"),
-        fit="tall",
-    )
+    lines = []
+    for row in sorted(rows, key=lambda row: (row.minimum_index, row.cost)):
+        counts = str(row.iterations), MISSING if row.evaluations is None else str(row.evaluations)
+        found = number_of(row.index), significant(row.cost, 7), number_of(row.minimum_index)
+        lines.append((*found, *counts, row.status))
+    heads = ("Start", "Cost", "Minimum", "Iterations", "Evaluations", "Ended")
+    styles: tuple[ColumnStyle, ...] = ("text", "strong", "number", "number", "number", "text")
+    return Table(heads, tuple(lines), styles=styles, fit="tall")

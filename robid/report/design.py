@@ -20,13 +20,9 @@ _NO_WEIGHT = 1e-4
 def skeleton_figure(
     points_m: FloatArray, weights: FloatArray, names: tuple[str, ...], candidates_m: FloatArray | None = None
 ) -> Skeletons:
-    """Shows the chosen configurations as arms in space.
+    """Shows the chosen configurations (n_conf, n_point, 3) as arms in space, points from base to tool [m].
 
-    Args:
-        points_m (n_conf, n_point, 3): Points from base to tool [m].
-        weights (n_conf,): Weight of each.
-        names: Name of each.
-        candidates_m (n_candidate, 3): Tool points of the candidates that were not chosen [m].
+    Tool points of the candidates that were not chosen (n_candidate, 3) stand beside them.
     """
     check_shape("points_m", points_m, "n_conf n_point xyz", n_conf=len(names), xyz=3)
     return Skeletons(
@@ -41,26 +37,19 @@ def skeleton_figure(
 
 def weight_figure(weights: FloatArray, names: tuple[str, ...]) -> Bars:
     """Shows the weight lambda of each candidate that has any."""
-    pairs = zip(names, weights.tolist(), strict=True)
-    shown = tuple((name, weight) for name, weight in pairs if weight >= _NO_WEIGHT)
+    shown = np.flatnonzero(weights >= _NO_WEIGHT)
     return Bars(
         title="Weights",
         value_title="\u03bb",
-        labels=tuple(name for name, _ in shown),
-        parts=(("\u03bb", tuple(weight for _, weight in shown)),),
+        labels=tuple(names[index] for index in shown),
+        parts=(("\u03bb", tuple(weights[shown].tolist())),),
         label_title="Configuration",
         caption="Shares of the experiments in the relaxed optimum; candidates without weight are left out.",
     )
 
 
 def information_figure(information: FloatArray, parameters: tuple[str, ...], names: tuple[str, ...]) -> Bars:
-    """Shows which configuration tells how much about which parameter.
-
-    Args:
-        information (n_conf, n_param): Weighted information of each configuration about each parameter, the diagonal.
-        parameters: Name of each parameter.
-        names: Name of each configuration.
-    """
+    """Shows the weighted information (n_conf, n_param) of each configuration about each parameter, the diagonal."""
     shares = information / information.sum(axis=0)
     return Bars(
         title="Information per parameter",
@@ -128,11 +117,7 @@ def design_numbers(design: ConfigurationDesign) -> dict[str, Any]:
         ],
         "stability": None
         if stability is None
-        else {
-            "by": stability.source,
-            "kept": stability.kept.tolist(),
-            "efficiency": stability.efficiency.tolist(),
-        },
+        else {"by": stability.source, "kept": stability.kept.tolist(), "efficiency": stability.efficiency.tolist()},
     }
 
 
@@ -142,13 +127,7 @@ def design_tables(design: ConfigurationDesign) -> tuple[Table, ...]:
 
 
 def design_section(name: str, design: ConfigurationDesign, arms_m: FloatArray) -> Section:
-    """Lays out a choice for the page.
-
-    Args:
-        name: Name of the design.
-        design: The choice.
-        arms_m (n_conf, n_point, 3): Points of the arm in each candidate, the tool last [m].
-    """
+    """Lays out a choice for the page, with the arm (n_conf, n_point, 3) in each candidate, the tool last [m]."""
     every = tuple(number_of(index) for index in range(len(arms_m)))
     names = tuple(every[index] for index in design.chosen)
     visits = design.counts[design.chosen]
@@ -175,12 +154,12 @@ def _chosen(design: ConfigurationDesign) -> Table:
     rows = []
     for index in design.chosen.tolist():
         cost = (duration(float(design.cost_s[index])),) if design.cost_s is not None else ()
-        weight = _weight(float(design.weights[index]))
+        weight = f"{design.weights[index]:.3f}" if design.weights[index] > 0 else "0"
         rows.append((number_of(index), *_written(design, int(index)), str(design.counts[index]), weight, *cost))
     return Table(
         columns,
         tuple(rows),
-        title=f"Chosen configurations [{_unit(design)}]",
+        title=f"Chosen configurations [{', '.join(dict.fromkeys(_units(design)))}]",
         caption="\u03bb is the weight in the relaxed optimum over all candidates, which needs no whole numbers: a"
         " candidate may be chosen without weight where few configurations must do.",
     )
@@ -208,17 +187,17 @@ def _quality(design: ConfigurationDesign) -> Table:
 
 
 def _promised(design: ConfigurationDesign) -> Table:
+    heads = ["Parameter", "Predicted deviation"]
     columns = [design.parameter_names, _percents(design.predicted_relative_std)]
     caption = (
         "Relative standard deviation after one visit to each chosen configuration, or as many as stated, each with the"
         " experiments of the candidates' campaign."
     )
-    if design.between_relative_std is None:
-        return Table(("Parameter", "Predicted deviation"), tuple(zip(*columns, strict=True)), caption=caption)
-    columns.append(_percents(design.between_relative_std))
-    caption += " Between configurations: how far a parameter was taken to differ from one to another."
-    heads = ("Parameter", "Predicted deviation", "Between configurations")
-    return Table(heads, tuple(zip(*columns, strict=True)), caption=caption)
+    if design.between_relative_std is not None:
+        heads.append("Between configurations")
+        columns.append(_percents(design.between_relative_std))
+        caption += " Between configurations: how far a parameter was taken to differ from one to another."
+    return Table(tuple(heads), tuple(zip(*columns, strict=True)), caption=caption)
 
 
 def _percents(deviations: FloatArray) -> tuple[str, ...]:
@@ -226,19 +205,12 @@ def _percents(deviations: FloatArray) -> tuple[str, ...]:
 
 
 def _next(design: ConfigurationDesign) -> Table:
-    return Table(
-        ("Measure next", *_joints(design), "Gain", "Chosen"),
-        tuple(
-            (
-                number_of(index),
-                *_written(design, int(index)),
-                significant(float(design.gain[index])),
-                "yes" if index in design.chosen else "no",
-            )
-            for index in next_best(design)
-        ),
-        caption="Gain of log det by one visit more: beyond the earlier fit where one is named, else beyond the choice.",
-    )
+    rows = []
+    for index in next_best(design):
+        gain, chosen = significant(float(design.gain[index])), "yes" if index in design.chosen else "no"
+        rows.append((number_of(index), *_written(design, index), gain, chosen))
+    caption = "Gain of log det by one visit more: beyond the earlier fit where one is named, else beyond the choice."
+    return Table(("Measure next", *_joints(design), "Gain", "Chosen"), tuple(rows), caption=caption)
 
 
 def _joints(design: ConfigurationDesign) -> tuple[str, ...]:
@@ -254,14 +226,6 @@ def _units(design: ConfigurationDesign) -> tuple[str, ...]:
     return readable_units(design.joint_units, design.configurations.shape[1])
 
 
-def _unit(design: ConfigurationDesign) -> str:
-    return ", ".join(dict.fromkeys(_units(design)))
-
-
 def _written(design: ConfigurationDesign, index: int) -> tuple[str, ...]:
     values = readable(design.configurations[index], design.joint_units).tolist()
     return tuple(joint_text(value, unit) for value, unit in zip(values, _units(design), strict=True))
-
-
-def _weight(weight: float) -> str:
-    return f"{weight:.3f}" if weight > 0 else "0"

@@ -18,111 +18,64 @@ from robid.signals.quantities import METRES, readable, readable_units
 
 @dataclass(frozen=True)
 class ConfigurationRow:
-    """One measured configuration.
+    """One measured configuration."""
 
-    Attributes:
-        campaign: Name of the campaign.
-        index: Index in the campaign.
-        positions: Arm-side joint positions [rad, or m].
-        joint_units: Unit of each; None where all are angles.
-    """
-
-    campaign: str
-    index: int
-    positions: tuple[float, ...]
-    joint_units: tuple[str, ...] | None = None
+    campaign: str  # name of the campaign
+    index: int  # index in the campaign
+    positions: tuple[float, ...]  # arm-side joint positions [rad, or m]
+    joint_units: tuple[str, ...] | None = None  # unit of each; None where all are angles
 
 
 @dataclass(frozen=True)
 class PeakRow:
-    """A predicted peak against its limit.
+    """A predicted peak against its limit."""
 
-    Attributes:
-        channel: Motor or joint.
-        quantity: What peaks, as in `speed`.
-        unit: SI unit of both.
-        predicted: Predicted peak.
-        limit: Limit.
-        rms: Predicted RMS, or None.
-    """
-
-    channel: str
-    quantity: str
-    unit: str
-    predicted: float
-    limit: float
-    rms: float | None = None
+    channel: str  # motor or joint
+    quantity: str  # what peaks, as in `speed`
+    unit: str  # SI unit of both
+    predicted: float  # predicted peak
+    limit: float  # limit
+    rms: float | None = None  # predicted RMS, or None
 
 
 @dataclass(frozen=True)
 class ExcitationRow:
-    """What one campaign excites with.
+    """What one campaign excites with."""
 
-    Attributes:
-        campaign: Name of the campaign.
-        lines: Number of excited lines.
-        low_hz: Lowest excited frequency [Hz].
-        high_hz: Highest excited frequency [Hz].
-        duration_s: Measuring time over all configurations [s].
-        rms: RMS of the injected signal, one for all channels or one each.
-        rms_unit: Its unit.
-        peaks: Predicted peaks against limits.
-        detection_lines: Number of odd lines left out on purpose.
-        period_s: Length of a period [s], or None.
-        crest_factor: The highest of all experiments, or None.
-        worst_snr_db: Lowest predicted signal-to-noise ratio of all lines and motors [dB], or None.
-    """
-
-    campaign: str
-    lines: int
-    low_hz: float
-    high_hz: float
-    duration_s: float
-    rms: tuple[float, ...]
-    rms_unit: str
-    peaks: tuple[PeakRow, ...] = ()
-    detection_lines: int = 0
-    period_s: float | None = None
-    crest_factor: float | None = None
-    worst_snr_db: float | None = None
+    campaign: str  # name of the campaign
+    lines: int  # number of excited lines
+    low_hz: float  # lowest excited frequency [Hz]
+    high_hz: float  # highest excited frequency [Hz]
+    duration_s: float  # measuring time over all configurations [s]
+    rms: tuple[float, ...]  # RMS of the injected signal, one for all channels or one each
+    rms_unit: str  # its unit
+    peaks: tuple[PeakRow, ...] = ()  # predicted peaks against limits
+    detection_lines: int = 0  # number of odd lines left out on purpose
+    period_s: float | None = None  # length of a period [s], or None
+    crest_factor: float | None = None  # the highest of all experiments, or None
+    worst_snr_db: float | None = None  # lowest predicted signal-to-noise ratio of all lines and motors [dB], or None
 
 
 @dataclass(frozen=True)
 class TorqueRow:
-    """Torque that compensation removed, over a campaign.
+    """Torque that compensation removed, over a campaign."""
 
-    Attributes:
-        campaign: Name of the campaign.
-        channel: Motor.
-        removed_rms: RMS of the removed torque.
-        unit: Its unit.
-    """
-
-    campaign: str
-    channel: str
-    removed_rms: float
-    unit: str = "N m"
+    campaign: str  # name of the campaign
+    channel: str  # motor
+    removed_rms: float  # RMS of the removed torque
+    unit: str = "N m"  # its unit
 
 
 @dataclass(frozen=True)
 class StageRow:
-    """One stage that was run.
+    """One stage that was run."""
 
-    Attributes:
-        stage: Name of the stage.
-        artifact: Path of the artifact in the run folder.
-        settings_hash: Short hash of the settings it read.
-        content_hash: Short hash of what it wrote.
-        seconds: Time it took [s], or None when it was not run anew.
-        phrase: What came out.
-    """
-
-    stage: str
-    artifact: str
-    settings_hash: str
-    content_hash: str
-    seconds: float | None = None
-    phrase: str = ""
+    stage: str  # name of the stage
+    artifact: str  # path of the artifact in the run folder
+    settings_hash: str  # short hash of the settings it read
+    content_hash: str  # short hash of what it wrote
+    seconds: float | None = None  # time it took [s], or None when it was not run anew
+    phrase: str = ""  # what came out
 
 
 def experiment_section(
@@ -162,44 +115,29 @@ def run_section(stages: tuple[StageRow, ...]) -> tuple[Section, ...]:
 
 def _excitation_table(rows: tuple[ExcitationRow, ...]) -> Table:
     heads = ("Campaign", "Lines", "Band", "Measuring time", "RMS injected", "Detection lines")
-    cells = tuple(
-        (
-            row.campaign,
-            str(row.lines),
-            f"{significant(row.low_hz)} … {significant(row.high_hz)} Hz",
-            duration(row.duration_s),
-            rms_text(row),
-            str(row.detection_lines),
-            duration(row.period_s),
-            significant(row.crest_factor),
-            significant(row.worst_snr_db) + ("" if row.worst_snr_db is None else " dB"),
-        )
-        for row in rows
-    )
-    return Table((*heads, "Period", "Crest factor", "Worst SNR"), cells, title="Excitation plan", fit="compact")
+    cells = []
+    for row in rows:
+        band = f"{significant(row.low_hz)} … {significant(row.high_hz)} Hz"
+        signal = (row.campaign, str(row.lines), band, duration(row.duration_s), rms_text(row), str(row.detection_lines))
+        snr = significant(row.worst_snr_db) + ("" if row.worst_snr_db is None else " dB")
+        cells.append((*signal, duration(row.period_s), significant(row.crest_factor), snr))
+    return Table((*heads, "Period", "Crest factor", "Worst SNR"), tuple(cells), title="Excitation plan", fit="compact")
 
 
 def _peak_table(row: ExcitationRow) -> Table:
+    cells: list[tuple[str | Cell, ...]] = []
+    for peak in row.peaks:
+        share = peak.predicted / peak.limit if peak.limit else float("nan")
+        sizes = (peak.rms, peak.predicted, peak.limit)
+        texts = (MISSING if size is None else f"{significant(size, 3)} {pretty_unit(peak.unit)}" for size in sizes)
+        shares = Cell(percent(share), "bad" if share > 1 else ""), Cell(percent(share), share=share)
+        cells.append((peak.channel, peak.quantity, *texts, *shares))
     return Table(
         ("Channel", "Quantity", "RMS", "Peak", "Limit", "Share of limit", ""),
-        tuple(_peak_cells(peak) for peak in row.peaks),
+        tuple(cells),
         title=f"Predicted peaks, {row.campaign}",
         caption="Speeds and torques are motor side.",
         styles=("name", "text", "number", "strong", "number", "number", "meter"),
-    )
-
-
-def _peak_cells(peak: PeakRow) -> tuple[str | Cell, ...]:
-    unit = pretty_unit(peak.unit)
-    share = peak.predicted / peak.limit if peak.limit else float("nan")
-    return (
-        peak.channel,
-        peak.quantity,
-        MISSING if peak.rms is None else f"{significant(peak.rms, 3)} {unit}",
-        f"{significant(peak.predicted, 3)} {unit}",
-        f"{significant(peak.limit, 3)} {unit}",
-        Cell(percent(share), "bad" if share > 1 else ""),
-        Cell(percent(share), share=share),
     )
 
 
@@ -244,22 +182,16 @@ def _written(row: ConfigurationRow, units: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def plan_table(excitation: Excitation, names: tuple[str, ...], units: tuple[str, ...] | None = None) -> Group | None:
-    """Lays out what an excitation is predicted to do to each motor, each figure at its worst configuration.
-
-    Args:
-        excitation: The excitation.
-        names: Names of the motors.
-        units: Unit of each joint's position; None where all are angles.
-
-    Returns:
-        A row per motor, the duration and the weakest pair of motors; None without a plan.
-    """
+    """Lays out what an excitation is predicted to do to each motor, at its worst configuration; None without a plan."""
     plan = excitation.plan
     if plan is None:
         return None
     table = rich_table.Table(box=None, pad_edge=False, header_style="dim")
     table.add_column("plan", no_wrap=True)
-    columns = [] if excitation.channels else _injected(excitation)
+    columns: list[tuple[str, list[str]]] = []
+    if not excitation.channels:
+        columns.append((f"rms\n[{UNITS[excitation.kind]}]", [significant(value) for value in excitation.rms]))
+        columns.append(("crest", [f"{value:.2f}" for value in excitation.crest_factor.max(axis=(0, 1))]))
     columns += [
         ("speed\n[rad/s]", _reached(plan.speed_rms, plan.speed_peak, plan.speed_limit)),
         ("torque\n[N m]", _reached(plan.torque_rms, plan.torque_peak, plan.torque_limit)),
@@ -283,16 +215,7 @@ def plan_table(excitation: Excitation, names: tuple[str, ...], units: tuple[str,
     return Group(table, Text("\n".join([*_commands(excitation), *_notes(excitation, names)]), style="dim"))
 
 
-def _injected(excitation: Excitation) -> list[tuple[str, list[str]]]:
-    """Columns with what each motor is told."""
-    return [
-        (f"rms\n[{UNITS[excitation.kind]}]", [significant(value) for value in excitation.rms]),
-        ("crest", [f"{value:.2f}" for value in excitation.crest_factor.max(axis=(0, 1))]),
-    ]
-
-
 def _commands(excitation: Excitation) -> list[str]:
-    """A line with what each channel that is not a motor is told."""
     channels = excitation.channels
     if not channels:
         return []

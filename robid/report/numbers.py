@@ -17,17 +17,11 @@ MAX_DIGITS = 6
 
 @dataclass(frozen=True)
 class Scale:
-    """How the numbers of one row are written: a common factor, unit and number of decimals.
+    """How the numbers of one row are written: a common factor, unit and number of decimals."""
 
-    Attributes:
-        exponent: Numbers are divided by 10 to this power.
-        unit: Unit that belongs to the divided numbers.
-        decimals: Digits after the decimal point.
-    """
-
-    exponent: int
-    unit: str
-    decimals: int
+    exponent: int  # numbers are divided by 10 to this power
+    unit: str  # unit that belongs to the divided numbers
+    decimals: int  # digits after the decimal point
 
     def text(self, value: float | None) -> str:
         """Writes a number in this scale, without the unit."""
@@ -46,16 +40,7 @@ class Scale:
 
 
 def scale_for(value: float, unit: str = "", half_width: float | None = None) -> Scale:
-    """Chooses how to write a number and what stands beside it.
-
-    Args:
-        value: The number that sets the prefix.
-        unit: Its SI unit without prefix.
-        half_width: Its uncertainty, which gets two digits; without it the number gets four.
-
-    Returns:
-        The scale for this number, its interval and its reference.
-    """
+    """Chooses the scale of a number in SI units: its half width gets two digits; without it the number gets four."""
     if not math.isfinite(value) or value == 0:
         return Scale(0, pretty_unit(unit), 3)
     digits = 4

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from importlib import resources
 from itertools import groupby
 from typing import Any, Literal
@@ -14,263 +14,93 @@ from rich.console import Group
 from robid.report.charts import BodeMatrix, RatioChart, Skeletons, Waterfall, bode_data
 from robid.report.numbers import rounded
 from robid.report.parameters import ParameterRow
-from robid.report.section import (
-    AnyFigure,
-    Bars,
-    Beside,
-    Cell,
-    Choice,
-    Curve,
-    Figure,
-    Folded,
-    Notes,
-    Part,
-    Row,
-    Section,
-    Table,
-)
+from robid.report.section import AnyFigure, Bars, Cell, Curve, Figure, Row, Section, Table
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The answer in one line.
+    """The answer in one line."""
 
-    Attributes:
-        text: One sentence.
-        level: `ok` when the result can be used as it is, `warn` when the reader has to look closer, `bad` when it
-            must not be used.
-    """
-
-    text: str
+    text: str  # one sentence
+    # `ok` when the result can be used as it is, `warn` when the reader has to look closer, `bad` when it must not be
+    # used.
     level: Literal["ok", "warn", "bad"]
 
 
 @dataclass(frozen=True)
 class KeyNumber:
-    """A number that a reader looks for first, with what it means.
+    """A number that a reader looks for first, with what it means."""
 
-    Attributes:
-        label: What it is.
-        value: The number, written out.
-        detail: What stands behind it; may be empty.
-    """
-
-    label: str
-    value: str
-    detail: str = ""
+    label: str  # what it is
+    value: str  # the number, written out
+    detail: str = ""  # what stands behind it; may be empty
 
 
 @dataclass(frozen=True)
 class Headline:
-    """What stands at the top of the page about one fit.
+    """What stands at the top of the page about one fit."""
 
-    Attributes:
-        name: Name of the fit.
-        numbers: The few numbers that decide whether it can be used.
-        findings: Everything that speaks against it with its likely cause, a clause each.
-        status: How it ended.
-        advice: What to do about it; empty when there is nothing to do.
-    """
-
-    name: str = ""
-    numbers: tuple[KeyNumber, ...] = ()
-    findings: tuple[str, ...] = ()
-    status: str = ""
-    advice: str = ""
+    name: str = ""  # name of the fit
+    numbers: tuple[KeyNumber, ...] = ()  # the few numbers that decide whether it can be used
+    findings: tuple[str, ...] = ()  # everything that speaks against it with its likely cause, a clause each
+    status: str = ""  # how it ended
+    advice: str = ""  # what to do about it; empty when there is nothing to do
 
 
 @dataclass(frozen=True)
 class FitReport:
-    """What one fit adds to page, terminal and summary; all that these know of its model.
+    """What one fit adds to page, terminal and summary; all that these know of its model."""
 
-    Attributes:
-        headline: What stands at the top of the page.
-        verdict: What the answer in one line says of it.
-        grade: 2 to trust, 1 predicts but single parameters may be off, 0 not to be used; None where that is unknown.
-        sections: Its sections; their anchors are unique among them.
-        parameters: Its parameters.
-        summary: Its numbers by dotted name.
-        terminal: What the end of a run prints.
-    """
-
-    headline: Headline
-    verdict: str
+    headline: Headline  # what stands at the top of the page
+    verdict: str  # what the answer in one line says of it
+    # 2 to trust, 1 predicts but single parameters may be off, 0 not to be used; None where that is unknown.
     grade: int | None
-    sections: tuple[Section, ...]
-    parameters: tuple[ParameterRow, ...] = ()
-    summary: dict[str, float] = field(default_factory=dict)
-    terminal: tuple[Group, ...] = ()
+    sections: tuple[Section, ...]  # its sections; their anchors are unique among them
+    parameters: tuple[ParameterRow, ...] = ()  # its parameters
+    summary: dict[str, float] = field(default_factory=dict)  # its numbers by dotted name
+    terminal: tuple[Group, ...] = ()  # what the end of a run prints
 
 
 @dataclass(frozen=True)
 class ReportContent:
-    """All of a report.
+    """All of a report."""
 
-    Attributes:
-        title: Title of the page, usually the experiment's name.
-        verdict: The answer in one line.
-        robot: Name of the robot.
-        headlines: What stands at the top about each fit, the most important first.
-        warnings: What the reader must know before using a number.
-        sections: Everything below.
-    """
-
-    title: str
-    verdict: Verdict
-    robot: str
-    headlines: tuple[Headline, ...] = ()
-    warnings: tuple[str, ...] = ()
-    sections: tuple[Section, ...] = ()
+    title: str  # title of the page, usually the experiment's name
+    verdict: Verdict  # the answer in one line
+    robot: str  # name of the robot
+    headlines: tuple[Headline, ...] = ()  # what stands at the top about each fit, the most important first
+    warnings: tuple[str, ...] = ()  # what the reader must know before using a number
+    sections: tuple[Section, ...] = ()  # everything below
 
 
 def fit_sections(fits: tuple[FitReport, ...]) -> tuple[Section, ...]:
     """Puts the sections of all fits after each other, under their fit's name where there are several."""
     return tuple(
-        Section(
-            section.title,
-            section.lead,
-            section.parts,
-            f"fit-{number}-{section.anchor}",
-            fit.headline.name if len(fits) > 1 else "",
-        )
+        replace(section, anchor=f"fit-{number}-{section.anchor}", group=fit.headline.name if len(fits) > 1 else "")
         for number, fit in enumerate(fits, 1)
         for section in fit.sections
     )
 
 
+_KINDS = {Figure: "curves", Bars: "bars", Skeletons: "skeletons", Waterfall: "waterfall", RatioChart: "ratios"}
+
+
 def figure_data(figure: AnyFigure) -> dict[str, Any]:
     """Gathers what the page draws of a figure; `kind` names the script that does it."""
-    if isinstance(figure, BodeMatrix):
-        return bode_data(figure)
-    if isinstance(figure, Skeletons):
-        return _skeleton_data(figure)
-    if isinstance(figure, Waterfall):
-        return _waterfall_data(figure)
-    if isinstance(figure, Bars):
-        return _bar_data(figure)
-    if isinstance(figure, RatioChart):
-        return _ratio_data(figure)
-    return _curve_data(figure)
+    return bode_data(figure) if isinstance(figure, BodeMatrix) else {"kind": _KINDS[type(figure)], **_drawn(figure)}
 
 
-def _curve_data(figure: Figure) -> dict[str, Any]:
-    return {
-        "kind": "curves",
-        "x_title": figure.x_title,
-        "y_title": figure.y_title,
-        "log_x": figure.log_x,
-        "log_y": figure.log_y,
-        "y_range": figure.y_range,
-        "height": figure.height,
-        "legend": figure.legend,
-        "x_labels": list(figure.x_labels),
-        "x_range": figure.x_range,
-        "equal": figure.equal,
-        "lines": [{"along": line.along, "at": rounded(line.at), "name": line.name} for line in figure.lines],
-        "curves": [
-            {
-                "name": curve.name,
-                "x": [rounded(x) for x in curve.x],
-                "y": [rounded(y) for y in curve.y],
-                **({"texts": list(curve.texts)} if curve.texts else {}),
-                **({"points": True, "symbol": curve.symbol} if curve.points else {}),
-                **({} if curve.shade is None else {"shade": curve.shade, "dashed": curve.dashed}),
-                **(_band(curve) if curve.lower else {}),
-            }
-            for curve in figure.curves
-        ],
-    }
+def _drawn(value: Any) -> Any:  # noqa: ANN401
+    """A figure as JSON knows it, numbers rounded; without title and caption, and of curves what they state alone."""
+    if is_dataclass(value):
+        parts = [(one, getattr(value, one.name)) for one in fields(value) if one.name not in ("title", "caption")]
+        return {one.name: _drawn(part) for one, part in parts if not isinstance(value, Curve) or part != one.default}
+    if isinstance(value, tuple):
+        return [_drawn(each) for each in value]
+    return value if value is None or isinstance(value, str | int) else rounded(value)
 
 
-def _band(curve: Curve) -> dict[str, list[float | None]]:
-    return {"lower": [rounded(y) for y in curve.lower], "upper": [rounded(y) for y in curve.upper]}
-
-
-def _bar_data(bars: Bars) -> dict[str, Any]:
-    return {
-        "kind": "bars",
-        "value_title": bars.value_title,
-        "label_title": bars.label_title,
-        "labels": list(bars.labels),
-        "flat": bars.flat,
-        "parts": [{"name": name, "values": [rounded(value) for value in values]} for name, values in bars.parts],
-        "groups": [{"name": name, "count": count} for name, count in bars.groups],
-        "marks": [rounded(mark) for mark in bars.marks],
-        "mark_title": bars.mark_title,
-    }
-
-
-def _skeleton_data(arms: Skeletons) -> dict[str, Any]:
-    def columns(points: tuple[tuple[float, float, float], ...]) -> list[list[float | None]]:
-        return [[rounded(value, 4) for value in column] for column in zip(*points, strict=True)]
-
-    return {
-        "kind": "skeletons",
-        "arms": [
-            {"name": name, "weight": rounded(weight, 3), "points": columns(points)}
-            for name, points, weight in zip(arms.names, arms.points, arms.weights, strict=True)
-        ],
-        "others": columns(arms.others),
-    }
-
-
-def _waterfall_data(figure: Waterfall) -> dict[str, Any]:
-    return {
-        "kind": "waterfall",
-        "x_title": figure.x_title,
-        "place_title": figure.place_title,
-        "y_title": figure.y_title,
-        "log_x": figure.log_x,
-        "height": figure.height,
-        "places": [rounded(place) for place in figure.places],
-        "layers": [
-            {
-                "name": layer.name,
-                "drawn": layer.drawn,
-                "x": [rounded(x) for x in layer.x],
-                "heights": [[rounded(height) for height in curve] for curve in layer.heights],
-            }
-            for layer in figure.layers
-        ],
-    }
-
-
-def _ratio_data(chart: RatioChart) -> dict[str, Any]:
-    return {
-        "kind": "ratios",
-        "interval": chart.interval,
-        "panels": [
-            {
-                "title": title,
-                "rows": [
-                    {
-                        "name": row.name,
-                        "estimate": rounded(row.estimate),
-                        "lower": rounded(row.lower),
-                        "upper": rounded(row.upper),
-                        "truth": rounded(row.truth),
-                        "identifiable": row.identifiable,
-                        "text": row.text,
-                    }
-                    for row in rows
-                ],
-            }
-            for title, rows in chart.panels
-        ],
-    }
-
-
-_SCRIPTS = (
-    "page.js",
-    "choice.js",
-    "quality.js",
-    "bode.js",
-    "ratios.js",
-    "curves.js",
-    "bars.js",
-    "skeletons.js",
-    "waterfall.js",
-)
+_SCRIPTS = ("page", "choice", "quality", "bode", "ratios", "curves", "bars", "skeletons", "waterfall")
 
 
 def render(content: ReportContent) -> str:
@@ -295,15 +125,19 @@ def render(content: ReportContent) -> str:
     return environment.get_template("page.html.j2").render(
         content=content,
         sections=_numbered(content.sections),
-        kind=_kind,
+        kind=lambda part: "Figure" if type(part) in _KINDS else type(part).__name__,
         number=number,
         body=_body,
         badges=_badges,
-        styles=_styles,
         style=Markup(_own("page.css")),
-        scripts=[Markup(_own(name)) for name in _SCRIPTS],
+        scripts=[Markup(_own(f"{name}.js")) for name in _SCRIPTS],
         plotly=lambda: Markup(get_plotlyjs() if drawn else ""),
-        data=lambda: Markup(_script_json({"figures": drawn})),
+        # JSON that cannot end the script element it stands in.
+        data=lambda: Markup(
+            json.dumps({"figures": drawn}, separators=(",", ":"), ensure_ascii=False, allow_nan=False).replace(
+                "<", "\\u003c"
+            )
+        ),
     )
 
 
@@ -311,12 +145,6 @@ def _numbered(sections: tuple[Section, ...]) -> list[tuple[str, list[tuple[str, 
     """Sections with their anchors, in runs of the same group."""
     named = [(section.anchor or f"section-{place}", section) for place, section in enumerate(sections, 1)]
     return [(group, list(members)) for group, members in groupby(named, key=lambda item: item[1].group)]
-
-
-def _kind(part: Part) -> str:
-    if isinstance(part, Table | Notes | Beside | Folded | Choice | BodeMatrix):
-        return type(part).__name__
-    return "Figure"
 
 
 def _body(table: Table) -> list[tuple[str, list[tuple[int, Row]]]]:
@@ -331,17 +159,5 @@ def _badges(table: Table) -> dict[str, str]:
     return {cell.badge: cell.hint for cell in cells if cell.badge}
 
 
-def _styles(table: Table) -> tuple[str, ...]:
-    """Style of each column; sentences or numbers behind the name where none is given."""
-    if table.styles:
-        return table.styles
-    return ("name", *(("text" if table.prose else "number",) * (len(table.columns) - 1)))
-
-
 def _own(name: str) -> str:
     return resources.files("robid.report").joinpath("templates", name).read_text("utf-8")
-
-
-def _script_json(value: object) -> str:
-    """Writes JSON that cannot end the script element it stands in."""
-    return json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")

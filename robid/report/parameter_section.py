@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from statistics import median
+from typing import TypeAlias
 
 from rich import table as rich_table
 from rich.console import Group
@@ -28,6 +31,8 @@ from robid.report.section import Cell, ColumnStyle, Folded, Notes, Part, Row, Se
 from robid.robot.parameters import PARAMETER_KINDS
 
 RATIO_PANELS = tuple(dict.fromkeys(kind.panel for kind in PARAMETER_KINDS.values() if kind.panel))
+Groups: TypeAlias = Sequence[tuple[str, Sequence[ParameterLine]]]
+_ASSUMED = partial(Cell, badge="a", hint="assumed: no published source")
 _NUISANCE = (
     "Estimated with the springs so that their error does not end up there. Level and shape of the friction and the"
     " torque scale: deviation from the robot file in percentage points. Ripple: its sine and cosine part in per cent of"
@@ -36,21 +41,30 @@ _NUISANCE = (
 
 
 def parameter_section(estimates: Estimates, conventions: str = "") -> tuple[Section, ...]:
-    """Lays out a fit's parameters: ratios to nominal, table, what is not determined; nothing without any.
-
-    Args:
-        estimates: The parameters.
-        conventions: What their values are to be understood as, a sentence.
-    """
+    """Lays out a fit's parameters: ratios to nominal, table, what is not determined; nothing without any."""
     if not estimates.rows:
         return ()
     truth = " and the truth of the simulated robot" if _with_truth(estimates) else ""
     nominal = ", against the nominal values of the robot file" if estimates.with_nominal else ""
     lead = f"Estimates with {percent(estimates.level)} intervals{nominal}{truth}."
-    parts: list[Part] = [*_ratios(estimates), _table(estimates, conventions)]
+    sentences = (
+        conventions,
+        ratio_sentence(estimates.torque_unit),
+        f"± is half the interval relative to the {'physical value' if estimates.with_effective else 'estimate'}.",
+        effective_sentence(estimates),
+        rule_sentence(estimates),
+        "Grey rows are not determined by the data: use no more of them than was known beforehand.",
+        bootstrap_sentence(estimates),
+    )
+    caption = " ".join(sentence for sentence in sentences if sentence)
+    parts: list[Part] = [*_ratios(estimates), _table(estimates, parameter_groups(estimates), caption)]
     if estimates.undetermined:
         parts.append(Notes(tuple(f"{sentence}." for sentence in estimates.undetermined)))
-    return (Section("Parameters", lead, (*parts, *_nuisances(estimates)), "parameters"),)
+    along = nuisance_lines(estimates)
+    if along:
+        table = _table(estimates, (("", along),), _NUISANCE, nuisances=True)
+        parts.append(Folded(f"Torque nonlinearities (nuisance), {len(along)}", (table,)))
+    return (Section("Parameters", lead, tuple(parts), "parameters"),)
 
 
 def within(is_within: bool | None) -> str | Cell:
@@ -65,16 +79,13 @@ def _with_truth(estimates: Estimates) -> bool:
 
 
 def _ratios(estimates: Estimates) -> tuple[RatioChart, ...]:
+    shown = [row for row in estimates.rows if row.kind in PARAMETER_KINDS and row.nominal > 0 and row.estimate > 0]
     panels = [
         (title, tuple(_ratio(row) for row in rows))
         for title in RATIO_PANELS
-        if (rows := [row for row in estimates.rows if _is_on(title, row) and row.nominal > 0 and row.estimate > 0])
+        if (rows := [row for row in shown if PARAMETER_KINDS[row.kind].panel == title])
     ]
     return (RatioChart("", tuple(panels), f"{percent(estimates.level)} interval"),) if panels else ()
-
-
-def _is_on(panel: str, row: ParameterRow) -> bool:
-    return row.kind in PARAMETER_KINDS and PARAMETER_KINDS[row.kind].panel == panel
 
 
 def _ratio(row: ParameterRow) -> Ratio:
@@ -89,104 +100,55 @@ def _ratio(row: ParameterRow) -> Ratio:
     )
 
 
-def _table(estimates: Estimates, conventions: str) -> Table:
-    with_truth, repeated = _with_truth(estimates), any(row.bootstrap is not None for row in estimates.rows)
-    nominal_heads = ("Nominal", "Change") if estimates.with_nominal else ()
-    nominal_styles: tuple[ColumnStyle, ...] = ("number", "number") if estimates.with_nominal else ()
-    truth_heads = ("Truth", "Off truth", "In interval") if with_truth else ()
-    both = ("Predicts ±", "Physical") if estimates.with_effective else ()
-    interval = f"{percent(estimates.level)} interval"
-    heads = ("Parameter", "Estimate", *both, interval, *(("Bootstrap",) * repeated), "Unit", "±")
-    both_styles: tuple[ColumnStyle, ...] = ("number", "number") if both else ()
-    repeated_styles: tuple[ColumnStyle, ...] = ("number",) if repeated else ()
-    truth_styles: tuple[ColumnStyle, ...] = ("number", "number", "text") if with_truth else ()
-    shown = {"with_both": bool(both), "with_nominal": estimates.with_nominal, "with_truth": with_truth}
-    sentences = (
-        conventions,
-        ratio_sentence(estimates.torque_unit),
-        f"± is half the interval relative to the {'physical value' if estimates.with_effective else 'estimate'}.",
-        effective_sentence(estimates),
-        rule_sentence(estimates),
-        "Grey rows are not determined by the data: use no more of them than was known beforehand.",
-        bootstrap_sentence(estimates),
+def _table(estimates: Estimates, groups: Groups, caption: str, *, nuisances: bool = False) -> Table:
+    """Tabulates parameters, or what is estimated along, with those columns that any of them fills."""
+    with_truth, own = _with_truth(estimates), not nuisances
+    nominal, both = own and estimates.with_nominal, own and estimates.with_effective
+    repeated = own and any(row.bootstrap is not None for row in estimates.rows)
+    every: tuple[tuple[bool, str, ColumnStyle, Callable[[ParameterLine], str | Cell]], ...] = (
+        (True, "Parameter", "name", lambda line: line.name),
+        (True, "Estimate", "strong", lambda line: line.estimate),
+        (both, "Predicts ±", "number", lambda line: line.predicts),
+        (both, "Physical", "number", lambda line: line.physical),
+        (True, f"{percent(estimates.level)} interval", "number", lambda line: f"{line.lower} … {line.upper}"),
+        (repeated, "Bootstrap", "number", lambda line: line.bootstrap),
+        (True, "Unit", "text", lambda line: line.unit),
+        (own, "±", "number", lambda line: line.half_width),
+        (nominal, "Nominal", "number", lambda line: _ASSUMED(line.nominal) if line.assumed else line.nominal),
+        (nominal, "Change", "number", lambda line: line.change),
+        (with_truth, "Truth", "number", lambda line: line.truth),
+        (own and with_truth, "Off truth", "number", lambda line: line.off_truth),
+        (with_truth, "In interval", "text", lambda line: within(line.covered)),
+        (True, "Note", "prose", lambda line: line.note),
     )
-    return Table(
-        (*heads, *nominal_heads, *truth_heads, "Note"),
-        tuple(
-            _row(line, title, **shown, repeated=repeated)
-            for title, lines in parameter_groups(estimates)
-            for line in lines
-        ),
-        caption=" ".join(sentence for sentence in sentences if sentence),
-        styles=(
-            "name", "strong", *both_styles, "number", *repeated_styles, "text", "number", *nominal_styles,
-            *truth_styles, "prose",
-        ),
-    )  # fmt: skip
-
-
-def _row(
-    line: ParameterLine, group: str, *, with_both: bool, with_nominal: bool, with_truth: bool, repeated: bool
-) -> Row:
-    nominal = Cell(line.nominal, badge="a", hint="assumed: no published source") if line.assumed else line.nominal
-    cells = (
-        line.name,
-        line.estimate,
-        *((line.predicts, line.physical) if with_both else ()),
-        f"{line.lower} … {line.upper}",
-        *((line.bootstrap,) if repeated else ()),
-        line.unit,
-        line.half_width,
-        *((nominal, line.change) if with_nominal else ()),
-        *((line.truth, line.off_truth, within(line.covered)) if with_truth else ()),
-        line.note,
-    )
-    return Row(cells, faint=not line.identifiable, group=group)
-
-
-def _nuisances(estimates: Estimates) -> tuple[Folded, ...]:
-    lines, with_truth = nuisance_lines(estimates), _with_truth(estimates)
-    if not lines:
-        return ()
-    truth_heads = ("Truth", "In interval") if with_truth else ()
-    truth_styles: tuple[ColumnStyle, ...] = ("number", "text") if with_truth else ()
+    shown = [column for column in every if column[0]]
     rows = tuple(
-        Row(
-            (
-                line.name,
-                line.estimate,
-                f"{line.lower} … {line.upper}",
-                line.unit,
-                *((line.truth, within(line.covered)) if with_truth else ()),
-                line.note,
-            ),
-            faint=not line.identifiable,
-        )
+        Row(tuple(cell(line) for *_, cell in shown), faint=not line.identifiable, group=title)
+        for title, lines in groups
         for line in lines
     )
-    table = Table(
-        ("Parameter", "Estimate", f"{percent(estimates.level)} interval", "Unit", *truth_heads, "Note"),
-        rows,
-        caption=_NUISANCE,
-        styles=("name", "strong", "number", "text", *truth_styles, "prose"),
-    )
-    return (Folded(f"Torque nonlinearities (nuisance), {len(lines)}", (table,)),)
+    heads = tuple(head for _, head, *_ in shown)
+    return Table(heads, rows, caption=caption, styles=tuple(style for *_, style, _ in shown))
 
 
-def parameter_numbers(estimates: Estimates, *, usable: bool = True) -> tuple[KeyNumber, ...]:
-    """Picks what says how well the parameters are known.
-
-    Args:
-        estimates: The parameters.
-        usable: Whether the fit may be used at all; else none counts as identified.
-    """
-    candidates = (
-        _identified(estimates) if usable else None,
-        _half_width(estimates),
-        _truth_distance(estimates.rows),
-        _coverage(estimates.rows),
-    )
-    return tuple(number for number in candidates if number is not None)
+def parameter_numbers(estimates: Estimates, *, usable: bool = True) -> Iterator[KeyNumber]:
+    """Yields what says how well the parameters are known; none of a fit that is of no use counts as identified."""
+    rows, springs = estimates.rows, _springs(estimates.rows)
+    chosen = springs or list(rows)
+    if usable and rows:
+        found, every = (sum(row.identifiable and row.identified for row in some) for some in (chosen, rows))
+        detail = "" if len(chosen) == len(rows) else f"{every} of {len(rows)} parameters"
+        what = "Springs identified" if springs else "Parameters identified"
+        yield KeyNumber(what, f"{found} of {len(chosen)}", detail)
+    half_width = _median_half_width(springs)
+    if half_width is not None:
+        yield KeyNumber("Spring interval", f"± {percent(half_width)}", f"median, {percent(estimates.level)} level")
+    errors = [abs(row.estimate / row.truth - 1) for row in springs if row.identifiable and row.truth]
+    if errors:
+        yield KeyNumber("Springs off truth", percent(median(errors)), f"median; worst {percent(max(errors))}")
+    known = [row.covered for row in rows if row.identifiable and row.covered is not None]
+    if known:
+        yield KeyNumber("Truth in interval", f"{sum(known)} of {len(known)}", "identifiable parameters")
 
 
 def identified_phrase(estimates: Estimates, *, usable: bool = True) -> str:
@@ -209,53 +171,13 @@ def _springs(rows: tuple[ParameterRow, ...]) -> list[ParameterRow]:
     return [row for row in rows if row.kind == "stiffness"]
 
 
-def _identified(estimates: Estimates) -> KeyNumber | None:
-    if not estimates.rows:
-        return None
-    springs = _springs(estimates.rows)
-    chosen = springs or list(estimates.rows)
-    found = sum(row.identifiable and row.identified for row in chosen)
-    every = sum(row.identifiable and row.identified for row in estimates.rows)
-    detail = "" if len(chosen) == len(estimates.rows) else f"{every} of {len(estimates.rows)} parameters"
-    what = "Springs identified" if springs else "Parameters identified"
-    return KeyNumber(what, f"{found} of {len(chosen)}", detail)
-
-
-def _half_width(estimates: Estimates) -> KeyNumber | None:
-    value = _median_half_width(_springs(estimates.rows))
-    if value is None:
-        return None
-    return KeyNumber("Spring interval", f"± {percent(value)}", f"median, {percent(estimates.level)} level")
-
-
 def _median_half_width(springs: list[ParameterRow]) -> float | None:
     widths = [(row.upper - row.lower) / 2 / abs(row.middle) for row in springs if row.identifiable and row.middle]
     return median(widths) if widths else None
 
 
-def _truth_distance(rows: tuple[ParameterRow, ...]) -> KeyNumber | None:
-    errors = [abs(row.estimate / row.truth - 1) for row in _springs(rows) if row.identifiable and row.truth]
-    if not errors:
-        return None
-    return KeyNumber("Springs off truth", percent(median(errors)), f"median; worst {percent(max(errors))}")
-
-
-def _coverage(rows: tuple[ParameterRow, ...]) -> KeyNumber | None:
-    known = [row.covered for row in rows if row.identifiable and row.covered is not None]
-    if not known:
-        return None
-    return KeyNumber("Truth in interval", f"{sum(known)} of {len(known)}", "identifiable parameters")
-
-
 def parameter_table(estimates: Estimates) -> Group:
-    """Lays out parameters with intervals against nominal values, and the truth where it is known.
-
-    Args:
-        estimates: The parameters; those of the compensated torque are left to the page.
-
-    Returns:
-        A table with a section per kind; rows that are not identifiable are dim, and the notes say why.
-    """
+    """Lays out parameters, those not identifiable dim, with intervals, nominal values and the truth where known."""
     rows = estimates.shown
     with_truth = any(row.truth is not None for row in rows)
     table = open_table("parameter")

@@ -13,51 +13,31 @@ from robid.robot.parameters import FRICTION_KIND, NUISANCE_KIND, PARAMETER_KINDS
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One parameter of a fit, in SI units.
+    """One parameter of a fit, in SI units."""
 
-    Attributes:
-        name: Name of the parameter.
-        kind: Its kind, as in `stiffness`, `damping`, `delay`.
-        unit: Its SI unit, as in `N m/rad`.
-        nominal: Value in the robot file; 0 for kind `friction`, whose values are deviations from it; NaN where nobody
-            knows it beforehand.
-        estimate: Fitted value.
-        lower: Lower end of the interval.
-        upper: Upper end of the interval.
-        relative_std: Relative standard deviation after the fit.
-        truth: True value of a simulated robot, or None.
-        identifiable: Whether the data determine the parameter, fixed before the fit.
-        identified: Whether that is so and the interval after the fit bears it out.
-        predicted_relative_std: Relative deviation predicted before the fit, which decides; None where it is unknown.
-        known_relative_std: Relative deviation known beforehand, or None.
-        physical: Middle of the interval where it is told from the estimate, or None.
-        effective: Value, lower and upper end of what predicts best, where it is told apart, or None.
-        covered: Whether the interval holds the truth, or None without a truth.
-        assumed: Whether the nominal value has no published source.
-        note: What the reader should know, such as why it is not identifiable.
-        bootstrap: Lower and upper end of the bootstrap's interval, or None.
-        realization_relative_std: Relative deviation from the influence of each realization, or None.
-    """
-
-    name: str
-    kind: str
-    unit: str
+    name: str  # name of the parameter
+    kind: str  # its kind, as in `stiffness`, `damping`, `delay`
+    unit: str  # its SI unit, as in `N m/rad`
+    # Value in the robot file; 0 for kind `friction`, whose values are deviations from it; NaN where nobody knows it
+    # beforehand.
     nominal: float
-    estimate: float
-    lower: float
-    upper: float
-    relative_std: float
-    truth: float | None = None
-    identifiable: bool = True
-    covered: bool | None = None
-    assumed: bool = False
-    note: str = ""
-    bootstrap: tuple[float, float] | None = None
-    realization_relative_std: float | None = None
-    identified: bool = True
+    estimate: float  # fitted value
+    lower: float  # lower end of the interval
+    upper: float  # upper end of the interval
+    relative_std: float  # relative standard deviation after the fit
+    truth: float | None = None  # true value of a simulated robot, or None
+    identifiable: bool = True  # whether the data determine the parameter, fixed before the fit
+    covered: bool | None = None  # whether the interval holds the truth, or None without a truth
+    assumed: bool = False  # whether the nominal value has no published source
+    note: str = ""  # what the reader should know, such as why it is not identifiable
+    bootstrap: tuple[float, float] | None = None  # lower and upper end of the bootstrap's interval, or None
+    realization_relative_std: float | None = None  # relative deviation from the influence of each realization, or None
+    identified: bool = True  # whether that is so and the interval after the fit bears it out
+    # Relative deviation predicted before the fit, which decides; None where it is unknown.
     predicted_relative_std: float | None = None
-    known_relative_std: float | None = None
-    physical: float | None = None
+    known_relative_std: float | None = None  # relative deviation known beforehand, or None
+    physical: float | None = None  # middle of the interval where it is told from the estimate, or None
+    # Value, lower and upper end of what predicts best, where it is told apart, or None.
     effective: tuple[float, float, float] | None = None
 
     @property
@@ -74,25 +54,15 @@ class ParameterRow:
 
 @dataclass(frozen=True)
 class Estimates:
-    """All parameters of a fit, and what holds for all of them.
+    """All parameters of a fit, and what holds for all of them."""
 
-    Attributes:
-        rows: The parameters, in the order to show.
-        level: Level of the intervals.
-        torque_unit: What stands for N m where the torque constant is unknown.
-        misfit: Cost over what noise and the assumed model error give.
-        undetermined: Combinations of parameters that the data do not determine, a sentence each.
-        identifiable_relative_std: Predicted deviation up to which a parameter counts as identifiable.
-        interval_rule: What set the width of the intervals, in words.
-    """
-
-    rows: tuple[ParameterRow, ...] = ()
-    level: float = 0.95
-    torque_unit: str = "N m"
-    misfit: float = 0.0
-    undetermined: tuple[str, ...] = ()
-    identifiable_relative_std: float | None = None
-    interval_rule: str = ""
+    rows: tuple[ParameterRow, ...] = ()  # the parameters, in the order to show
+    level: float = 0.95  # level of the intervals
+    torque_unit: str = "N m"  # what stands for N m where the torque constant is unknown
+    misfit: float = 0.0  # cost over what noise and the assumed model error give
+    undetermined: tuple[str, ...] = ()  # combinations of parameters that the data do not determine, a sentence each
+    identifiable_relative_std: float | None = None  # predicted deviation up to which a parameter counts as identifiable
+    interval_rule: str = ""  # what set the width of the intervals, in words
 
     @property
     def with_nominal(self) -> bool:
@@ -116,18 +86,18 @@ class ParameterLine:
 
     name: str
     unit: str
-    nominal: str
     estimate: str
     lower: str
     upper: str
-    half_width: str
-    change: str
     truth: str
-    off_truth: str
     covered: bool | None
-    assumed: bool
     identifiable: bool
     note: str
+    assumed: bool = False
+    nominal: str = ""
+    half_width: str = ""
+    change: str = ""
+    off_truth: str = ""
     bootstrap: str = ""
     predicts: str = ""
     physical: str = ""
@@ -192,7 +162,10 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
     """Writes a parameter; a row that is not identifiable says why."""
     if row.kind == FRICTION_KIND:
         return _nuisance_line(row, threshold)
-    scale = scale_for(row.estimate or row.nominal, row.unit, row.near)
+    scale, predicts = scale_for(row.estimate or row.nominal, row.unit, row.near), ""
+    if row.effective is not None:
+        # Half the interval of what predicts over that value.
+        predicts = percent(row.near / abs(row.effective[0]) if row.effective[0] else math.nan)
     return ParameterLine(
         name=row.name,
         unit=scale.unit,
@@ -209,16 +182,9 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
         identifiable=row.identifiable,
         note=_note(row, threshold),
         bootstrap=f"{scale.text(row.bootstrap[0])} … {scale.text(row.bootstrap[1])}" if row.bootstrap else "",
-        predicts=_predicts(row),
+        predicts=predicts,
         physical="" if row.physical is None else scale.text(row.physical),
     )
-
-
-def _predicts(row: ParameterRow) -> str:
-    """Half the interval of what predicts over that value; empty where it is not told apart."""
-    if row.effective is None:
-        return ""
-    return percent(row.near / abs(row.effective[0]) if row.effective[0] else math.nan)
 
 
 def _relative_half_width(row: ParameterRow) -> float:
@@ -241,16 +207,11 @@ def _nuisance_line(row: ParameterRow, threshold: float | None) -> ParameterLine:
     return ParameterLine(
         name=row.name,
         unit=unit,
-        nominal="",
         estimate=text(row.estimate),
         lower=text(row.lower),
         upper=text(row.upper),
-        half_width="",
-        change="",
         truth=text(row.truth),
-        off_truth="",
         covered=row.covered,
-        assumed=False,
         identifiable=row.identifiable,
         note=_note(row, threshold),
     )

@@ -11,15 +11,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.frf.frf import Frf
-from robid.frf.quality import (
-    Quality,
-    dropped_lines,
-    judge,
-    lowest,
-    middle,
-    saturation_text,
-    worst_saturation,
-)
+from robid.frf.quality import Quality, dropped_lines, judge, lowest, middle, saturation_text, worst_saturation
 from robid.report.charts import BodeMatrix, BodeResponse, configuration_label
 from robid.report.numbers import MISSING, number_of, percent, significant
 from robid.report.page import Headline, KeyNumber
@@ -76,23 +68,15 @@ def responses_verdict(campaigns: Campaigns) -> str:
     end = f" and known: {told} (median standard deviation)" if told else ", with unknown uncertainty" if trusted else ""
     responses = "response is" if len(campaigns) == 1 else f"responses of {len(campaigns)} campaigns are"
     clipped = "".join(f" Do not trust {name}: {text}." for name, frf in campaigns if (text := saturation_text(frf)))
-    lacking = "".join(f" {text}" for name, frf in campaigns if (text := _lacking(name, frf)))
+    lacking = ""
+    for name, frf in campaigns:
+        dropped, whole = _count(frf), len(frf.response) * len(frf.frequency_hz)
+        lacking += f" At {dropped} of {whole} lines of {name} too little was told." * (dropped > _FEW_DROPPED * whole)
     return f"No fit was asked for; the {responses} measured{end}.{lacking}{clipped}"
-
-
-def _lacking(name: str, frf: Frf) -> str:
-    """Says at how many lines a response is not known, where they are more than a few."""
-    dropped, whole = _count(frf), len(frf.response) * len(frf.frequency_hz)
-    return f"At {dropped} of {whole} lines of {name} too little was told." if dropped > _FEW_DROPPED * whole else ""
 
 
 def _by(frf: Frf) -> str:
     return " by noise alone" if frf.total_covariance is None else ""
-
-
-def measured_sentence(name: str, frf: Frf) -> str:
-    """Says what a campaign's response is, and how well it is known."""
-    return f"{name}: {_measured(frf)}"
 
 
 def response_summary(frf: Frf) -> dict[str, float]:
@@ -140,13 +124,8 @@ def _kind(frf: Frf) -> _Kind:
 def _section(campaigns: Campaigns, number: int) -> Section:
     first = campaigns[0][1]
     responses = tuple(BodeResponse(name, named_by_quantity(frf)) for name, frf in campaigns)
-    bode = BodeMatrix(
-        "",
-        responses,
-        input_quantity=quantity_title(first.input_channels),
-        output_quantity=quantity_title(first.output_channels),
-        unit=shown_unit(first),
-    )
+    given, answered = (quantity_title(side) for side in (first.input_channels, first.output_channels))
+    bode = BodeMatrix("", responses, input_quantity=given, output_quantity=answered, unit=shown_unit(first))
     parts: list[Part] = [bode, _table(campaigns)]
     dropped = [sentence for name, frf in campaigns for sentence in _dropped(name, frf)]
     parts += [Notes(tuple(dropped))] if dropped else []
@@ -156,20 +135,9 @@ def _section(campaigns: Campaigns, number: int) -> Section:
 
 def _table(campaigns: Campaigns) -> Table:
     rows = [row for name, frf in campaigns for row in _rows(name, frf, judge(frf))]
-    heads = (
-        "Configuration",
-        "Output",
-        "Lines",
-        "Dropped",
-        "Uncertainty",
-        "Worst",
-        "SNR",
-        "Worst",
-        "Coherence",
-        "Worst",
-    )
+    worst = [head for what in ("Uncertainty", "SNR", "Coherence") for head in (what, "Worst")]
     return Table(
-        ("Campaign", *heads, "Odd", "Even"),
+        ("Campaign", "Configuration", "Output", "Lines", "Dropped", *worst, "Odd", "Even"),
         tuple(rows),
         title="How well the responses are known",
         caption=_CAPTION,
@@ -198,7 +166,6 @@ def _rows(name: str, frf: Frf, quality: Quality) -> list[tuple[str, ...]]:
 
 
 def _both(values: FloatArray, *, highest: bool = False) -> tuple[float, float]:
-    """Median and worst."""
     return middle(values), -lowest(-values) if highest else lowest(values)
 
 
@@ -230,7 +197,6 @@ def _dropped(name: str, frf: Frf) -> list[str]:
 
 
 def _count(frf: Frf) -> int:
-    """How many lines were dropped, counted once for each configuration."""
     return int(dropped_lines(frf).any(axis=2).sum())
 
 
@@ -238,16 +204,12 @@ def _key_numbers(frf: Frf) -> tuple[KeyNumber, ...]:
     quality = judge(frf)
     dropped = _count(frf)
     low, high = frf.frequency_hz[[0, -1]].tolist()
-    band = f"{significant(low)} … {significant(high)} Hz"
+    band, worst = f"{significant(low)} … {significant(high)} Hz", coherence_text(lowest(quality.coherence))
     numbers = [
         KeyNumber("Lines", str(len(frf.lines)), f"{band}, {dropped} dropped" if dropped else band),
         KeyNumber("Uncertainty", percent(middle(quality.relative_std)), "median standard deviation"),
         KeyNumber("Signal to noise", _decibels(middle(quality.signal_to_noise_db)), "median"),
-        KeyNumber(
-            "Coherence",
-            coherence_text(middle(quality.coherence)),
-            f"median; worst {coherence_text(lowest(quality.coherence))}",
-        ),
+        KeyNumber("Coherence", coherence_text(middle(quality.coherence)), f"median; worst {worst}"),
         KeyNumber("Odd distortion", percent(middle(quality.odd)), "median, noise included"),
         KeyNumber("Even distortion", percent(middle(quality.even)), "median, noise included"),
     ]
@@ -256,7 +218,8 @@ def _key_numbers(frf: Frf) -> tuple[KeyNumber, ...]:
     return (*clipped, *(number for number in numbers if number.value != MISSING))
 
 
-def _measured(frf: Frf) -> str:
+def measured_sentence(name: str, frf: Frf) -> str:
+    """Says what a campaign's response is, and how well it is known."""
     n_conf, n_freq, n_out, n_in = frf.response.shape
     quality = judge(frf)
     low, high = frf.frequency_hz[[0, -1]].tolist()
@@ -271,4 +234,4 @@ def _measured(frf: Frf) -> str:
         worst = coherence_text(lowest(quality.coherence))
         text += f", multiple coherence {coherence_text(middle(quality.coherence))} (median; worst {worst})"
     told = saturation_text(frf)
-    return f"{text}; do not trust it: {told}" if told else text
+    return f"{name}: {text}; do not trust it: {told}" if told else f"{name}: {text}"

@@ -13,68 +13,40 @@ ColumnStyle: TypeAlias = Literal["name", "text", "number", "strong", "prose", "c
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell that is more than its text.
+    """A cell that is more than its text."""
 
-    Attributes:
-        text: What it says.
-        mark: Whether that is good or bad news.
-        badge: A letter before the text.
-        hint: What the badge means.
-        share: Share of a limit, drawn as a meter where its column is one.
-        link: Page that it leads to, from this page's folder on; empty for none.
-    """
-
-    text: str
-    mark: Literal["", "good", "bad"] = ""
-    badge: str = ""
-    hint: str = ""
-    share: float | None = None
-    link: str = ""
+    text: str  # what it says
+    mark: Literal["", "good", "bad"] = ""  # whether that is good or bad news
+    badge: str = ""  # a letter before the text
+    hint: str = ""  # what the badge means
+    share: float | None = None  # share of a limit, drawn as a meter where its column is one
+    link: str = ""  # page that it leads to, from this page's folder on; empty for none
 
 
 @dataclass(frozen=True)
 class Row:
-    """A row that is more than its cells.
+    """A row that is more than its cells."""
 
-    Attributes:
-        cells: Its cells.
-        faint: Whether the reader should not rely on it.
-        group: Title above it and its neighbours of the same group.
-        choice: What the reader chooses it by, where the table has a choice.
-    """
-
-    cells: tuple[str | Cell, ...]
-    faint: bool = False
-    group: str = ""
-    choice: str = ""
+    cells: tuple[str | Cell, ...]  # its cells
+    faint: bool = False  # whether the reader should not rely on it
+    group: str = ""  # title above it and its neighbours of the same group
+    choice: str = ""  # what the reader chooses it by, where the table has a choice
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table, its first column naming the row.
+    """A table, its first column naming the row."""
 
-    Attributes:
-        columns: Heads of the columns.
-        rows: Cells as they are written; numbers stand to the right.
-        title: Title above it.
-        caption: What the reader has to know.
-        strong: Index of the row to stress, or None.
-        prose: Whether the cells are sentences, which stand to the left and wrap.
-        styles: Style of each column; a name and numbers when empty.
-        choice: What the reader chooses rows by; empty for no choice.
-        footer: Name and text of lines below the rows.
-        fit: How much room it takes: all of the width, as little as it needs, or a height of its own to scroll in.
-    """
-
-    columns: tuple[str, ...]
-    rows: tuple[Row | tuple[str | Cell, ...], ...]
-    title: str = ""
-    caption: str = ""
-    strong: int | None = None
-    prose: bool = False
-    styles: tuple[ColumnStyle, ...] = ()
-    choice: str = ""
-    footer: tuple[tuple[str, str], ...] = ()
+    columns: tuple[str, ...]  # heads of the columns
+    rows: tuple[Row | tuple[str | Cell, ...], ...]  # cells as they are written; numbers stand to the right
+    title: str = ""  # title above it
+    caption: str = ""  # what the reader has to know
+    strong: int | None = None  # index of the row to stress, or None
+    prose: bool = False  # whether the cells are sentences, which stand to the left and wrap
+    styles: tuple[ColumnStyle, ...] = ()  # style of each column; a name and numbers when empty
+    choice: str = ""  # what the reader chooses rows by; empty for no choice
+    footer: tuple[tuple[str, str], ...] = ()  # name and text of lines below the rows
+    # How much room it takes: all of the width, as little as it needs, or a height of its own to scroll in.
     fit: Literal["wide", "compact", "tall", "compact tall"] = "wide"
 
     @property
@@ -86,112 +58,64 @@ class Table:
 
 @dataclass(frozen=True)
 class Curve:
-    """One curve of a figure; where y is not finite there is a gap.
+    """One curve of a figure; where y is not finite there is a gap."""
 
-    Attributes:
-        name: Its name.
-        x: Along x.
-        y: Along y.
-        texts: What is said of each point; the values when empty.
-        points: Whether points are drawn in place of a line.
-        symbol: What they are drawn as.
-        lower: Lower end of a band around it; no band when empty.
-        upper: Upper end of the band.
-        shade: Index of its colour; that of its place among the curves when None.
-        dashed: Whether a line of a stated shade is dashed; else its place among the curves says how.
-    """
-
-    name: str
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-    texts: tuple[str, ...] = ()
-    points: bool = False
-    symbol: Literal["dot", "small", "cross", "ring", "square", "diamond"] = "dot"
-    lower: tuple[float, ...] = ()
-    upper: tuple[float, ...] = ()
-    shade: int | None = None
-    dashed: bool = False
+    name: str  # its name
+    x: tuple[float, ...]  # along x
+    y: tuple[float, ...]  # along y
+    texts: tuple[str, ...] = ()  # what is said of each point; the values when empty
+    points: bool = False  # whether points are drawn in place of a line
+    symbol: Literal["dot", "small", "cross", "ring", "square", "diamond"] = "dot"  # what they are drawn as
+    lower: tuple[float, ...] = ()  # lower end of a band around it; no band when empty
+    upper: tuple[float, ...] = ()  # upper end of the band
+    shade: int | None = None  # index of its colour; that of its place among the curves when None
+    dashed: bool = False  # whether a line of a stated shade is dashed; else its place among the curves says how
 
 
 @dataclass(frozen=True)
 class Line:
-    """A straight line across a figure, where one coordinate has one value.
+    """A straight line across a figure, where one coordinate has one value."""
 
-    Attributes:
-        along: The coordinate.
-        at: Its value.
-        name: What stands beside it.
-    """
-
-    along: Literal["x", "y"]
-    at: float
-    name: str = ""
+    along: Literal["x", "y"]  # the coordinate
+    at: float  # its value
+    name: str = ""  # what stands beside it
 
 
 @dataclass(frozen=True)
 class Figure:
-    """Curves over one axis.
+    """Curves over one axis."""
 
-    Attributes:
-        title: Title above it.
-        x_title: Quantity and unit along x.
-        y_title: Quantity and unit along y.
-        curves: The curves, at most seven.
-        log_x: Whether x is logarithmic.
-        log_y: Whether y is logarithmic.
-        caption: What the reader has to know.
-        y_range: Ends of the vertical axis; those of the curves when None.
-        height: Height on the page [pixel].
-        legend: Whether the curves are named.
-        x_labels: What stands at x = 0, 1, ...; numbers when empty.
-        lines: Straight lines across it.
-        x_range: Ends of the horizontal axis; those of the curves when None.
-        equal: Whether both axes have one scale.
-    """
-
-    title: str
-    x_title: str
-    y_title: str
-    curves: tuple[Curve, ...]
-    log_x: bool = True
-    log_y: bool = True
-    caption: str = ""
-    y_range: tuple[float, float] | None = None
-    height: int = 340
-    legend: bool = True
-    x_labels: tuple[str, ...] = ()
-    lines: tuple[Line, ...] = ()
-    x_range: tuple[float, float] | None = None
-    equal: bool = False
+    title: str  # title above it
+    x_title: str  # quantity and unit along x
+    y_title: str  # quantity and unit along y
+    curves: tuple[Curve, ...]  # the curves, at most seven
+    log_x: bool = True  # whether x is logarithmic
+    log_y: bool = True  # whether y is logarithmic
+    caption: str = ""  # what the reader has to know
+    y_range: tuple[float, float] | None = None  # ends of the vertical axis; those of the curves when None
+    height: int = 340  # height on the page [pixel]
+    legend: bool = True  # whether the curves are named
+    x_labels: tuple[str, ...] = ()  # what stands at x = 0, 1, ...; numbers when empty
+    lines: tuple[Line, ...] = ()  # straight lines across it
+    x_range: tuple[float, float] | None = None  # ends of the horizontal axis; those of the curves when None
+    equal: bool = False  # whether both axes have one scale
 
 
 @dataclass(frozen=True)
 class Bars:
-    """Stacked bars.
+    """Stacked bars."""
 
-    Attributes:
-        title: Title above it.
-        value_title: Quantity and unit along the bars.
-        labels: What each bar stands for.
-        parts: Name and values (one for each label) of each part of the bars.
-        flat: Whether the bars lie, their labels at the left.
-        label_title: What the labels are.
-        caption: What the reader has to know.
-        groups: Name and number of bars of each group, in the order of the bars; one group when empty.
-        marks: What each bar is held against, or None; nothing when empty.
-        mark_title: What the marks are.
-    """
-
-    title: str
-    value_title: str
-    labels: tuple[str, ...]
-    parts: tuple[tuple[str, tuple[float, ...]], ...]
-    flat: bool = False
-    label_title: str = ""
-    caption: str = ""
+    title: str  # title above it
+    value_title: str  # quantity and unit along the bars
+    labels: tuple[str, ...]  # what each bar stands for
+    parts: tuple[tuple[str, tuple[float, ...]], ...]  # name and values (one for each label) of each part of the bars
+    flat: bool = False  # whether the bars lie, their labels at the left
+    label_title: str = ""  # what the labels are
+    caption: str = ""  # what the reader has to know
+    # Name and number of bars of each group, in the order of the bars; one group when empty.
     groups: tuple[tuple[str, int], ...] = ()
-    marks: tuple[float | None, ...] = ()
-    mark_title: str = ""
+    marks: tuple[float | None, ...] = ()  # what each bar is held against, or None; nothing when empty
+    mark_title: str = ""  # what the marks are
 
 
 @dataclass(frozen=True)
@@ -203,15 +127,10 @@ class Notes:
 
 @dataclass(frozen=True)
 class Beside:
-    """Parts that stand beside each other where the page is wide.
+    """Parts that stand beside each other where the page is wide."""
 
-    Attributes:
-        parts: The parts.
-        columns: How many side by side; as many as there is room for when 0.
-    """
-
-    parts: tuple[Part, ...]
-    columns: int = 0
+    parts: tuple[Part, ...]  # the parts
+    columns: int = 0  # how many side by side; as many as there is room for when 0
 
 
 @dataclass(frozen=True)
@@ -224,15 +143,10 @@ class Folded:
 
 @dataclass(frozen=True)
 class Choice:
-    """Parts of which the reader chooses one.
+    """Parts of which the reader chooses one."""
 
-    Attributes:
-        label: What is chosen, as in `Channel`.
-        options: Name and parts of each.
-    """
-
-    label: str
-    options: tuple[tuple[str, tuple[Part, ...]], ...]
+    label: str  # what is chosen, as in `Channel`
+    options: tuple[tuple[str, tuple[Part, ...]], ...]  # name and parts of each
 
 
 AnyFigure: TypeAlias = Figure | Bars | Skeletons | Waterfall | RatioChart | BodeMatrix
@@ -241,21 +155,13 @@ Part: TypeAlias = Table | Notes | Beside | Folded | Choice | AnyFigure
 
 @dataclass(frozen=True)
 class Section:
-    """A titled part of the page.
+    """A titled part of the page."""
 
-    Attributes:
-        title: Its title.
-        lead: What it is about.
-        parts: Tables, notes and figures, from top to bottom.
-        anchor: Its name in the page's address; its number when empty.
-        group: What it and its neighbours of the same group are about, as in the name of a fit.
-    """
-
-    title: str
-    lead: str = ""
-    parts: tuple[Part, ...] = ()
-    anchor: str = ""
-    group: str = ""
+    title: str  # its title
+    lead: str = ""  # what it is about
+    parts: tuple[Part, ...] = ()  # tables, notes and figures, from top to bottom
+    anchor: str = ""  # its name in the page's address; its number when empty
+    group: str = ""  # what it and its neighbours of the same group are about, as in the name of a fit
 
     @property
     def tables(self) -> tuple[Table, ...]:

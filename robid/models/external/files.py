@@ -88,13 +88,18 @@ def _numerators(solution: ExternalSolution, block: int) -> FloatArray:
     return np.asarray(model.numerator.reshape(-1, model.numerator.shape[2]))
 
 
+def _channels(solution: ExternalSolution) -> Iterator[tuple[int, FloatArray, FloatArray]]:
+    """Yields index, numerator and denominator of each channel, block by block."""
+    own = solution.transfers
+    for block in range(len(own.blocks)):
+        denominator = solution.transfer(block).denominator
+        for channel, numerator in zip(own.channels_of(block).tolist(), _numerators(solution, block), strict=True):
+            yield channel, numerator, denominator
+
+
 def write_csv(task: ExportTask) -> bytes:
     """Writes a row for each coefficient of each channel."""
-    return encode_csv((*_POWERS, *_TIMING), list(_powers(solution_from_artifact(task.model))))
-
-
-def _powers(solution: ExternalSolution) -> Iterator[tuple[object, ...]]:
-    """Yields a row for each coefficient of each channel."""
+    solution, rows = solution_from_artifact(task.model), list[tuple[object, ...]]()
     own, ports = solution.transfers, solution.ports
     for block in range(len(own.blocks)):
         numerators, denominator = _numerators(solution, block), solution.transfer(block).denominator
@@ -104,7 +109,8 @@ def _powers(solution: ExternalSolution) -> Iterator[tuple[object, ...]]:
             who = own.names[channel], ports.inputs[own.inputs[channel]], ports.outputs[own.outputs[channel]]
             for word, values, std in (("numerator", numerator, own_std), ("denominator", denominator, below)):
                 for index, (value, deviation) in enumerate(zip(values.tolist(), std.tolist(), strict=True)):
-                    yield (*who, word, len(values) - 1 - index, value, deviation, *timing)
+                    rows.append((*who, word, len(values) - 1 - index, value, deviation, *timing))
+    return encode_csv((*_POWERS, *_TIMING), rows)
 
 
 def _deviations(solution: ExternalSolution, block: int) -> tuple[FloatArray, FloatArray]:
@@ -164,10 +170,8 @@ def write_control(task: ExportTask) -> bytes:
         "}",
         "TRANSFER_FUNCTIONS = {",
         *(
-            f"    {own.names[channel]!r}: control.TransferFunction({numerator.tolist()!r}, {denominator!r}),"
-            for block in range(len(own.blocks))
-            for denominator in [solution.transfer(block).denominator.tolist()]
-            for channel, numerator in zip(own.channels_of(block).tolist(), _numerators(solution, block), strict=True)
+            f"    {own.names[channel]!r}: control.TransferFunction({numerator.tolist()!r}, {denominator.tolist()!r}),"
+            for channel, numerator, denominator in _channels(solution)
         ),
         "}",
         "",
@@ -178,13 +182,8 @@ def write_control(task: ExportTask) -> bytes:
 def transfer_functions(path: str | Path, *, pade_order: int = 0) -> dict[str, control.TransferFunction]:
     """Reads the transfer functions of a fit as those of python-control.
 
-    Args:
-        path: The fit's `model.h5`.
-        pade_order: Order of the Padé approximation of the delay; 0 leaves the delay out. The moving average of the
-            commands is left out.
-
-    Returns:
-        Continuous transfer functions by the channel's name.
+    They come by the channel's name from the fit's `model.h5`, continuous, with a Padé approximation of the delay of the
+    given order, 0 for none, and without the moving average of the commands.
 
     Raises:
         SettingsError: If python-control is not installed.
@@ -201,10 +200,8 @@ def transfer_functions(path: str | Path, *, pade_order: int = 0) -> dict[str, co
         raise ArtifactError(message, where=str(path), remedy="name the model of an external fit")
     solution = solution_from_artifact(artifact)
     own, found = solution.transfers, {}
-    for block in range(len(own.blocks)):
-        model = solution.transfer(block)
-        late = control.TransferFunction(*control.pade(model.delay_samples * model.sampling_period_s, pade_order))
-        for place, channel in enumerate(own.channels_of(block).tolist()):
-            numerator = model.numerator.reshape(-1, model.numerator.shape[2])[place]
-            found[own.names[channel]] = control.TransferFunction(numerator, model.denominator) * late
+    for channel, numerator, denominator in _channels(solution):
+        delay_s = int(own.delay_samples[own.block_of[channel]]) * solution.ports.sampling_period_s
+        late = control.TransferFunction(*control.pade(delay_s, pade_order))
+        found[own.names[channel]] = control.TransferFunction(numerator, denominator) * late
     return found

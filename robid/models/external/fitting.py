@@ -104,12 +104,7 @@ def phrase_of_model(model: Artifact) -> str:
 
 
 def selected(records: Sequence[Record], configurations: Sequence[int]) -> tuple[Record | None, ...]:
-    """Returns the records of some configurations, None where a record has none of them.
-
-    Args:
-        records: The records.
-        configurations: Indices of the configurations, those of further records counted on; all where empty.
-    """
+    """Returns the records of some configurations, all where none is named; None where a record has none of them."""
     found: list[Record | None] = []
     first = 0
     for record in records:

@@ -49,29 +49,20 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     fit = external_fit(experiment, name)
     limit = "poles" if fit.poles is not None else "max_poles"
     if fit.zeros is not None and fit.zeros >= (fit.poles or fit.max_poles):
-        yield (
-            ("zeros",),
-            f"S061 is not below `{limit}` ({fit.poles or fit.max_poles}): transfer functions are strictly proper",
-        )
-    yield from _held_back(fit)
+        most = fit.poles or fit.max_poles
+        yield ("zeros",), f"S061 is not below `{limit}` ({most}): transfer functions are strictly proper"
+    if fit.choose_on is not None and fit.choose_on not in fit.campaigns:
+        yield ("choose_on",), f"S063 names `{fit.choose_on}`, which is none of the campaigns in `from`"
+    elif fit.choose_on is not None and len(fit.campaigns) == 1:
+        yield ("choose_on",), "S064 names the only campaign in `from`: nothing is left to fit"
+    elif fit.choose_on is not None and fit.rule == "evidence":
+        yield ("choose_on",), "S065 decides nothing with `rule: evidence`: set `rule: sufficient`, or leave it out"
     read = [*fit.campaigns, *(() if fit.validate_on is None else (fit.validate_on,))]
     for campaign in (experiment.campaigns[each] for each in read if each in experiment.campaigns):
         if fit.start == "periodic" and campaign.is_one_shot:
             yield ("start",), "S062 is `periodic`, but a campaign is one shot: let it be `free`, or `rest`"
             break
     yield from _pairs(experiment, fit, read, robot)
-
-
-def _held_back(fit: ExternalFit) -> _Found:
-    """Yields what is wrong with the campaign that only decides the order."""
-    if fit.choose_on is None:
-        return
-    if fit.choose_on not in fit.campaigns:
-        yield ("choose_on",), f"S063 names `{fit.choose_on}`, which is none of the campaigns in `from`"
-    elif len(fit.campaigns) == 1:
-        yield ("choose_on",), "S064 names the only campaign in `from`: nothing is left to fit"
-    elif fit.rule == "evidence":
-        yield ("choose_on",), "S065 decides nothing with `rule: evidence`: set `rule: sufficient`, or leave it out"
 
 
 def _pairs(experiment: Experiment, fit: ExternalFit, read: Sequence[str], robot: RobotFile) -> _Found:
@@ -91,7 +82,6 @@ def _pairs(experiment: Experiment, fit: ExternalFit, read: Sequence[str], robot:
 
 
 def _channel_names(campaign: Campaign, robot: RobotFile) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of a campaign's commands and of its outputs."""
     outputs = output_names(campaign, robot)
     if campaign.source is not None and campaign.source.acquire is not None:
         acquire = campaign.source.acquire

@@ -2,34 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
-
 from robid.later import later
 from robid.models.family import Export, Family
 
-if TYPE_CHECKING:
-    from robid.models.lpv.fit.model import LpvModel
-
 with later(__name__):
-    from robid.models.lpv.files import read_model, write_hdf5, write_json, write_mat
+    from robid.models.lpv.files import evaluate as evaluate
+    from robid.models.lpv.files import write_hdf5, write_json, write_mat
     from robid.models.lpv.fitting import fit, misfits, phrase_of_model, validate
     from robid.models.lpv.page import report
     from robid.models.lpv.settings import LpvFit, problems
-
-
-def evaluate(path: Path | str) -> LpvModel:
-    """Reads a model: of a run folder's `model.h5`, or of an export as JSON or HDF5.
-
-    `evaluate(path).at(points)` gives A(p), B(p), C(p) and D(p) at points (n_point, n_scheduling).
-
-    Args:
-        path: The file.
-
-    Raises:
-        ArtifactError: If it holds no model of this family.
-    """
-    return read_model(Path(path))
 
 
 LPV = Family(

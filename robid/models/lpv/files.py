@@ -30,12 +30,15 @@ _FORMATS = "robid lpv"
 FORMAT = f"{_FORMATS} 1"
 
 
-def read_model(path: Path) -> LpvModel:
-    """Reads a model of `model.h5`, or of an export as JSON or HDF5.
+def evaluate(path: Path | str) -> LpvModel:
+    """Reads a model: of a run folder's `model.h5`, or of an export as JSON or HDF5.
+
+    `evaluate(path).at(points)` gives A(p), B(p), C(p) and D(p) at points (n_point, n_scheduling).
 
     Raises:
         ArtifactError: If the file is missing, damaged, or holds none.
     """
+    path = Path(path)
     if not path.is_file():
         raise _refused(path, "there is no such file")
     content = _json(path) if path.suffix == ".json" else _hdf5(path)
@@ -114,7 +117,7 @@ _NUMBERS = ("exponents", "center", "scale", "knots", "degree", "lower", "upper")
 def _content(task: ExportTask) -> Content:
     """What every format holds; arrays as they are."""
     solution = solution_from_artifact(task.model)
-    ports, basis = solution.ports, solution.basis
+    ports, basis, found = solution.ports, solution.basis, solution.estimate
     return {
         "format": FORMAT,
         **origin_of(task, solution.estimate.status),
@@ -125,14 +128,6 @@ def _content(task: ExportTask) -> Content:
         "basis": basis.kind,
         **{name: getattr(basis, name) for name in _NUMBERS},
         "dropped": block_names(~solution.blocks.kept),
-        **_poles(solution),
-        **{name: getattr(solution.matrices, name) for name in MATRICES},
-    }
-
-
-def _poles(solution: LpvSolution) -> Content:
-    found = solution.estimate
-    return {
         "positions": solution.own.points,
         "parameter_names": found.names,
         "parameter_units": found.units,
@@ -140,6 +135,7 @@ def _poles(solution: LpvSolution) -> Content:
         "parameter_lower": found.lower,
         "parameter_upper": found.upper,
         "largest_pole": solution.largest_pole,
+        **{name: getattr(solution.matrices, name) for name in MATRICES},
     }
 
 

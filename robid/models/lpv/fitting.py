@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 
 import numpy as np
 
@@ -44,7 +43,7 @@ def fit(data: Data, work: Work) -> Artifact:
     fitted, judging = (responses_of(one, data.loaded, settings) for one in (own, choosing))
     ends = fitted.points.min(axis=0), fitted.points.max(axis=0)
     _refuse_outside(judging.points, *ends, ports, "leave the ends of the range to the fit, and choose in between")
-    with _named_positions(ports, fitted.points):
+    try:
         solution = fit_lpv(
             fitted,
             judging,
@@ -55,21 +54,16 @@ def fit(data: Data, work: Work) -> Artifact:
             confidence=settings.confidence,
             identifiable_relative_std=settings.identifiable_relative_std,
         )
-    work.progress.advance()
-    told = [*findings_of_scheduling(frf, data.loaded, settings), *findings_of_signals(frf, settings)]
-    return model_of(solution, assess_lpv(solution, told))
-
-
-@contextmanager
-def _named_positions(ports: Ports, points: FloatArray) -> Iterator[None]:
-    """Names the position that an error is about by its scheduling parameters in place of its number."""
-    try:
-        yield
     except DataError as error:
+        # A position goes by its scheduling parameters in place of its number.
         word, _, number = error.where.partition(" ")
         if word != "position":
             raise
-        raise DataError(error.what, where=ports.place(points[int(number)]), remedy=error.remedy) from error
+        place = ports.place(fitted.points[int(number)])
+        raise DataError(error.what, where=place, remedy=error.remedy) from error
+    work.progress.advance()
+    told = [*findings_of_scheduling(frf, data.loaded, settings), *findings_of_signals(frf, settings)]
+    return model_of(solution, assess_lpv(solution, told))
 
 
 def _refuse_outside(points: FloatArray, lower: FloatArray, upper: FloatArray, ports: Ports, remedy: str) -> None:
@@ -136,7 +130,10 @@ def ports_of(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Ports:
     """Returns channels and scheduling parameters of a fit."""
     outputs, inputs = _channels(frf, settings)
     used = [frf.input_channels[index] for index in inputs], [frf.output_channels[index] for index in outputs]
-    units = [_unit(frf, loaded, name) for name in settings.scheduling]
+    joints, measured = _joints(frf, loaded), frf.measured_channels or frf.output_channels
+    known = {name: channel.unit for name, channel in zip(frf.output_names, measured, strict=False)}
+    known |= dict(zip(joints, frf.joint_units or ("rad",) * len(joints), strict=False))
+    units = [known[name] for name in settings.scheduling]
     return Ports(*_names(used[0]), *_names(used[1]), settings.scheduling, tuple(units), frf.sampling_period_s)
 
 
@@ -145,11 +142,7 @@ def _names(channels: Sequence[Channel]) -> tuple[tuple[str, ...], tuple[str, ...
 
 
 def _held_back(data: Data, settings: LpvFit) -> BoolArray:
-    """Which configurations (n_conf,) only choose the structure.
-
-    Raises:
-        DataError: If there is none of them.
-    """
+    """Which configurations (n_conf,) only choose the structure."""
     if isinstance(settings.choose_on, str):
         rows = np.array([origin == settings.choose_on for origin in data.origins], bool)
     else:
@@ -161,7 +154,6 @@ def _held_back(data: Data, settings: LpvFit) -> BoolArray:
 
 
 def _channels(frf: Frf, settings: LpvFit) -> tuple[IntArray, IntArray]:
-    """Indices of a fit's outputs and inputs."""
     found = []
     for wanted, known, word in (
         (settings.outputs, frf.output_names, "output"),
@@ -192,36 +184,22 @@ def _points(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> FloatArray:
 
 
 def _joints(frf: Frf, loaded: LoadedExperiment) -> tuple[str, ...]:
-    """Names of the joints whose positions a response has."""
     names = tuple(joint.name for joint in loaded.robot.joints)
     return names if frf.configurations.shape[1:] == (len(names),) else ()
 
 
-def _unit(frf: Frf, loaded: LoadedExperiment, name: str) -> str:
-    joints = _joints(frf, loaded)
-    if name in joints:
-        return "rad" if frf.joint_units is None else frf.joint_units[joints.index(name)]
-    channels = frf.measured_channels or frf.output_channels
-    return channels[frf.output_names.index(name)].unit
-
-
 def findings_of_scheduling(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Finding]:
-    """Yields findings about where the responses were measured."""
-    yield from _moving(frf, loaded, settings)
-    yield from _restless(frf, loaded, settings)
-
-
-def findings_of_signals(frf: Frf, settings: LpvFit) -> tuple[Finding, ...]:
-    """Returns findings about the signals of a fit's own inputs and outputs."""
-    outputs, inputs = (at.tolist() for at in _channels(frf, settings))
-    return saturation_findings(saturated_signals(frf, inputs, outputs))
-
-
-def _restless(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Finding]:
-    """Yields a finding where an output moves about its mean by much of the range that the means span."""
+    """Yields findings about where the responses were measured: joints that moved, outputs about their mean."""
+    joints = _joints(frf, loaded)
+    spread = np.ptp(frf.configurations, axis=0) if joints else np.zeros(0)
+    pairs = zip(joints, spread.tolist(), strict=True)
+    stood = [name for name, width in pairs if width > _SAME and name not in settings.scheduling]
+    if stood:
+        told = f"{', '.join(stood)} stood elsewhere in other configurations, of which the model knows nothing"
+        yield Finding("model", told, decisive=False, strength=1.5)
     if frf.mean_output is None or frf.motion_rms is None:
         return
-    for name in (one for one in settings.scheduling if one not in _joints(frf, loaded)):
+    for name in (one for one in settings.scheduling if one not in joints):
         column = frf.output_names.index(name)
         width = max(float(np.ptp(frf.mean_output[:, column])), np.finfo(float).tiny)
         moved = float(np.nanmax(frf.motion_rms[:, column], initial=0.0))
@@ -230,13 +208,7 @@ def _restless(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[
             yield Finding("unsteady", told, decisive=moved > width, strength=moved / (_STILL * width))
 
 
-def _moving(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Iterator[Finding]:
-    """Yields a finding where joints that schedule nothing differ between configurations."""
-    joints = _joints(frf, loaded)
-    spread = np.ptp(frf.configurations, axis=0) if joints else np.zeros(0)
-    moved = [
-        name for name, width in zip(joints, spread, strict=True) if width > _SAME and name not in settings.scheduling
-    ]
-    if moved:
-        told = f"{', '.join(moved)} stood elsewhere in other configurations, of which the model knows nothing"
-        yield Finding("model", told, decisive=False, strength=1.5)
+def findings_of_signals(frf: Frf, settings: LpvFit) -> tuple[Finding, ...]:
+    """Returns findings about the signals of a fit's own inputs and outputs."""
+    outputs, inputs = (at.tolist() for at in _channels(frf, settings))
+    return saturation_findings(saturated_signals(frf, inputs, outputs))

@@ -29,17 +29,10 @@ MISFIT = 2.0
 
 
 def assess_lpv(solution: LpvSolution, told: Sequence[Finding] = ()) -> Grade:
-    """Gathers the findings about a fit and grades it by itself: it predicts at best.
-
-    Args:
-        solution: What the fit found.
-        told: Further findings about its data.
-    """
+    """Gathers the findings about a fit and grades it by itself: it predicts at best."""
     own = error_findings(solution.own, solution.ports, "the fit's own data")
     choosing = error_findings(solution.choosing, solution.ports, "what chooses the structure")
-    return graded_alone(
-        [*_unstable(solution), *_unexplained(solution.own), *told, *own, *choosing], solution.estimate.status
-    )
+    return graded_alone([*_own_doubts(solution), *told, *own, *choosing], solution.estimate.status)
 
 
 def error_findings(held: Held, ports: Ports, where: str) -> Iterator[Finding]:
@@ -56,9 +49,15 @@ def worst_place(held: Held, ports: Ports) -> str:
     return f"{ports.outputs[output]} by {ports.inputs[port]} at {ports.place(held.points[position])}"
 
 
-def _unexplained(held: Held) -> Iterator[Finding]:
-    """Yields a finding where errors are not of the size that the covariance says, however small they are."""
-    ratio = held.agreement.error_ratio
+def _own_doubts(solution: LpvSolution) -> Iterator[Finding]:
+    """Yields an unstable model, and errors that are not of the size that the covariance says, however small."""
+    if solution.largest_pole >= 1:
+        told = (
+            f"the model is unstable within its range, with a pole of absolute value {solution.largest_pole:.6g} at"
+            f" {solution.ports.place(solution.largest_pole_at)}: fit a position there, or take fewer basis functions"
+        )
+        yield Finding("model", told, decisive=True, strength=3.0)
+    ratio = solution.own.agreement.error_ratio
     typical = float(np.nanmedian(ratio)) if np.isfinite(ratio).any() else 0.0
     if typical > MISFIT:
         told = (
@@ -66,15 +65,6 @@ def _unexplained(held: Held) -> Iterator[Finding]:
             " is said, but its poles may be off by more than their intervals"
         )
         yield Finding("model", told, decisive=False, strength=typical / MISFIT)
-
-
-def _unstable(solution: LpvSolution) -> Iterator[Finding]:
-    if solution.largest_pole >= 1:
-        told = (
-            f"the model is unstable within its range, with a pole of absolute value {solution.largest_pole:.6g} at"
-            f" {solution.ports.place(solution.largest_pole_at)}: fit a position there, or take fewer basis functions"
-        )
-        yield Finding("model", told, decisive=True, strength=3.0)
 
 
 _SAME_PLACE = 1e-3  # of the range
@@ -102,13 +92,6 @@ def validate_lpv(
 
     The limits are absolute: an error beyond noise of 30 % of the response is a failure, one of 10 % a finding.
 
-    Args:
-        solution: What the fit found.
-        ports: Channels of the responses.
-        responses: What was measured anew.
-        degrees_of_freedom: Behind its variances.
-        findings: Findings about the fit.
-
     Raises:
         DataError: If the channels or the sampling period differ, or a position lies outside the model's range.
     """
@@ -125,19 +108,16 @@ def validate_lpv(
         else ()
     )
     found = [finding for finding in error_findings(held, ports, "new data") if not finding.decisive]
-    every = [*findings, *found, *_seen(new), *_hidden(held)]
+    every = [*findings, *found, *_doubts(new, held)]
     return LpvValidation(
         outcome=outcome_of(solution.estimate, every, failures, _verdict(held, failures)), held=held, new=new
     )
 
 
-def _seen(new: BoolArray) -> Iterator[Finding]:
+def _doubts(new: BoolArray, held: Held) -> Iterator[Finding]:
     if not new.any():
         told = "every position of the validation is one of the fit: nothing was tested in between"
         yield Finding("same_motion", told, decisive=False, strength=2.0)
-
-
-def _hidden(held: Held) -> Iterator[Finding]:
     worst = float(np.nanmax(hidden_error(held.response, held.std), initial=0.0))
     if worst > UNUSABLE:
         told = f"noise of the new data could hide an error of {worst:.0%}, limit {UNUSABLE:.0%}"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from robid.arrays import FloatArray
@@ -14,28 +12,24 @@ from robid.models.lpv.fit.solution import Held, LpvSolution, Ports
 from robid.models.lpv.fit.state_space import MATRICES, block_names
 from robid.models.lpv.fit.uncertainty import continuous_poles
 from robid.models.lpv.judge import LpvValidation
-from robid.models.parameters import estimates_of, fit_report, quantile
+from robid.models.parameters import MEASURED, MODEL, curve, estimates_of, fit_report, quantile
 from robid.report.numbers import MISSING, joint_text, percent, significant
 from robid.report.page import FitReport, KeyNumber
 from robid.report.parameter_section import parameter_section
-from robid.report.parameters import Estimates
 from robid.report.section import Beside, Choice, ColumnStyle, Curve, Figure, Line, Notes, Part, Row, Section, Table
 
-_MEASURED, _MODEL = 0, 1
 _SURFACE, _GRID = 7, 101
 
 
 def place_label(ports: Ports, point: FloatArray) -> str:
-    """Names a position by its scheduling parameters."""
+    """Names a position by its scheduling parameters, angles in degrees."""
     pairs = zip(ports.scheduling, point.tolist(), ports.scheduling_units, strict=True)
-    return ", ".join(f"{name} {_position_text(value, unit)}" for name, value, unit in pairs)
-
-
-def _position_text(value: float, unit: str) -> str:
-    """Writes a scheduling parameter with its unit, angles in degrees."""
-    if unit == "rad":
-        return f"{joint_text(np.degrees(value), unit)}°"
-    return f"{joint_text(value, unit) if unit == 'm' else significant(value, 4)} {unit}"
+    return ", ".join(
+        f"{name} {joint_text(np.degrees(value), unit)}°"
+        if unit == "rad"
+        else f"{name} {joint_text(value, unit) if unit == 'm' else significant(value, 4)} {unit}"
+        for name, value, unit in pairs
+    )
 
 
 def gain_title(ports: Ports, output: int, port: int) -> str:
@@ -44,14 +38,7 @@ def gain_title(ports: Ports, output: int, port: int) -> str:
 
 
 def response_figures(held: Held, ports: Ports, place: tuple[int, int, int], confidence: float) -> tuple[Figure, Figure]:
-    """Magnitude and phase of one element at one position, measured and modelled, with their bands.
-
-    Args:
-        held: The responses.
-        ports: Channels.
-        place: Position, output and input.
-        confidence: Level of the bands.
-    """
+    """Magnitude and phase of one element (position, output, input), measured and modelled, with their bands."""
     at = (place[0], slice(None), place[1], place[2])
     measured, model, frequency_hz = held.response[at], held.modelled[at], held.frequency_hz
     radius = np.where(np.isfinite(held.std[at]), held.std[at], np.nan) * np.sqrt(-np.log(1 - confidence))
@@ -64,12 +51,12 @@ def response_figures(held: Held, ports: Ports, place: tuple[int, int, int], conf
         for wide, one in ((radius, measured), (half, model))
     )
     heights = (
-        _banded("measured", frequency_hz, size, radius, _MEASURED),
-        _banded("model", frequency_hz, np.abs(model), np.minimum(half, np.abs(model)), _MODEL),
+        curve("measured", frequency_hz, size, MEASURED, radius, points=True),
+        curve("model", frequency_hz, np.abs(model), MODEL, np.minimum(half, np.abs(model))),
     )
     angles = (
-        _banded("measured", frequency_hz, np.where(left_out, np.nan, phase), turned, _MEASURED),
-        _banded("model", frequency_hz, angle, own, _MODEL),
+        curve("measured", frequency_hz, np.where(left_out, np.nan, phase), MEASURED, turned, points=True),
+        curve("model", frequency_hz, angle, MODEL, own),
     )
     known = np.concatenate([size[np.isfinite(size)], np.abs(model)])
     known = known[known > 0]
@@ -90,8 +77,7 @@ def surface_figures(solution: LpvSolution, output: int, port: int) -> tuple[Figu
         Curve(place_label(solution.ports, point), tuple(frequency_hz.tolist()), tuple(one.tolist()))
         for point, one in zip(points, size, strict=True)
     )
-    title = "Over the range"
-    return (Figure(title, "Frequency [Hz]", gain_title(solution.ports, output, port), curves, height=380),)
+    return (Figure("Over the range", "Frequency [Hz]", gain_title(solution.ports, output, port), curves, height=380),)
 
 
 def pole_figures(solution: LpvSolution) -> tuple[Figure, Figure]:
@@ -108,10 +94,7 @@ def pole_figures(solution: LpvSolution) -> tuple[Figure, Figure]:
     )
     name, unit = solution.ports.scheduling[0], solution.ports.scheduling_units[0]
     title = f"{name} [{'°' if unit == 'rad' else unit}]"
-    drawn = [
-        Curve("poles", tuple(along.tolist()), tuple(values.tolist()), points=True, symbol="small", shade=_MODEL)
-        for values in (hertz, damping)
-    ]
+    drawn = [curve("poles", along, values, MODEL, points=True) for values in (hertz, damping)]
     common = {"log_x": False, "legend": False, "lines": fitted}
     return (
         Figure("Natural frequencies", title, "Frequency [Hz]", (drawn[0],), log_y=True, **common),  # type: ignore[arg-type]
@@ -123,14 +106,14 @@ def path_figures(solution: LpvSolution) -> tuple[Figure, Figure]:
     """Costs and number of blocks over the price of a block."""
     path = solution.path
     priced = path.gamma > 0
-    gamma = tuple(path.gamma[priced].tolist())
+    gamma = path.gamma[priced]
     lines = (Line("x", float(path.gamma[path.chosen]), "chosen"),) if priced[path.chosen] else ()
     left = tuple(float(np.count_nonzero(kept)) for kept in path.kept[priced])
     costs = (
-        Curve("of the fit", gamma, tuple(path.refit_cost[priced].tolist()), shade=_MEASURED),
-        Curve("of what chooses", gamma, tuple(path.validation_cost[priced].tolist()), shade=_MODEL, dashed=True),
+        curve("of the fit", gamma, path.refit_cost[priced], MEASURED),
+        curve("of what chooses", gamma, path.validation_cost[priced], MODEL),
     )
-    blocks = (Curve("blocks", gamma, left, points=True, shade=_MODEL),)
+    blocks = (Curve("blocks", tuple(gamma.tolist()), left, points=True, shade=MODEL),)
     return (
         Figure("Costs after the refit", "Price of a block", "Weighted cost", costs, lines=lines),
         Figure("Blocks that are left", "Price of a block", "Blocks", blocks, log_y=False, legend=False, lines=lines),
@@ -149,53 +132,12 @@ def _readable(values: FloatArray, unit: str) -> FloatArray:
     return np.degrees(values) if unit == "rad" else values
 
 
-def _banded(name: str, x: FloatArray, y: FloatArray, half: FloatArray, shade: int) -> Curve:
-    measured = shade == _MEASURED
-    known = bool(np.isfinite(half).any())
-    lower, upper = (tuple((y + sign * half).tolist()) if known else () for sign in (-1, 1))
-    return Curve(
-        name,
-        tuple(x.tolist()),
-        tuple(y.tolist()),
-        points=measured,
-        symbol="small",
-        lower=lower,
-        upper=upper,
-        shade=shade,
-        dashed=not measured,
-    )
-
-
 _FITTED, _CHOOSING, _NEW = "fitted", "chooses the structure", "left out"
 
 
-def sections(
-    solution: LpvSolution, estimates: Estimates, validation: LpvValidation | None, notes: tuple[str, ...]
-) -> tuple[Section, ...]:
-    """Lays out a fit.
-
-    Args:
-        solution: What it found.
-        estimates: Its parameters as rows.
-        validation: What its validation found, if there is one.
-        notes: What the responses' estimator wants the reader to know.
-    """
-    return (
-        _responses(solution, validation, notes),
-        _blocks(solution),
-        _path(solution),
-        _range(solution),
-        *parameter_section(estimates, _conventions(solution)),
-    )
-
-
-def _groups(solution: LpvSolution, validation: LpvValidation | None) -> tuple[tuple[str, Held], ...]:
-    found = ((_FITTED, solution.own), (_CHOOSING, solution.choosing))
-    return found if validation is None else ((_NEW, validation.held), *found)
-
-
 def _responses(solution: LpvSolution, validation: LpvValidation | None, notes: tuple[str, ...]) -> Section:
-    ports, groups = solution.ports, _groups(solution, validation)
+    ports, new = solution.ports, () if validation is None else ((_NEW, validation.held),)
+    groups = (*new, (_FITTED, solution.own), (_CHOOSING, solution.choosing))
     options: list[tuple[str, tuple[Part, ...]]] = []
     for output, port in np.ndindex(len(ports.outputs), len(ports.inputs)):
         element = f"{ports.outputs[output]} by {ports.inputs[port]}"
@@ -220,16 +162,11 @@ def _agreements(groups: tuple[tuple[str, Held], ...], ports: Ports) -> Table:
         found, expected = held.agreement, expected_share(held.degrees_of_freedom)
         for position, output, port in np.ndindex(found.excess.shape):
             at = position, output, port
-            cells = (
-                place_label(ports, held.points[position]),
-                f"{ports.outputs[output]} by {ports.inputs[port]}",
-                _share(float(found.share_within[at])),
-                _share(expected),
-                significant(float(found.error_ratio[at]), 3) if np.isfinite(found.error_ratio[at]) else MISSING,
-                significant(float(found.error_db[at]), 2),
-                percent(float(found.excess[at])),
-            )
-            rows.append(Row(cells, group=word))
+            named = place_label(ports, held.points[position]), f"{ports.outputs[output]} by {ports.inputs[port]}"
+            within = percent(float(found.share_within[at])), percent(expected)
+            ratio = significant(float(found.error_ratio[at]), 3) if np.isfinite(found.error_ratio[at]) else MISSING
+            off = significant(float(found.error_db[at]), 2), percent(float(found.excess[at]))
+            rows.append(Row((*named, *within, ratio, *off), group=word))
     heads = ("Position", "Element", "Within 2 deviations", "Of a perfect model", "Error / deviation", "Error [dB]",
              "Beyond noise")  # fmt: skip
     caption = (
@@ -239,10 +176,6 @@ def _agreements(groups: tuple[tuple[str, Held], ...], ports: Ports) -> Table:
     )
     styles: tuple[ColumnStyle, ...] = ("name", "text", "number", "number", "number", "number", "number")
     return Table(heads, tuple(rows), caption=caption, styles=styles, fit="tall")
-
-
-def _share(value: float) -> str:
-    return percent(value) if np.isfinite(value) else MISSING
 
 
 def _blocks(solution: LpvSolution) -> Section:
@@ -270,16 +203,11 @@ def _path(solution: LpvSolution) -> Section:
     rows = []
     for index in range(len(path.gamma)):
         dropped = block_names(~path.kept[index])
-        cells = (
-            significant(float(path.gamma[index]), 3) if path.gamma[index] > 0 else "0",
-            str(int(np.count_nonzero(path.kept[index]))),
-            ", ".join(dropped) if dropped else MISSING,
-            significant(float(path.refit_cost[index]), 5),
-            significant(float(path.validation_cost[index]), 5),
-            path.status[index].replace("_", " "),
-            "chosen" if index == path.chosen else "",
-        )
-        rows.append(Row(cells, faint=index != path.chosen))
+        price = significant(float(path.gamma[index]), 3) if path.gamma[index] > 0 else "0"
+        left = str(int(np.count_nonzero(path.kept[index]))), ", ".join(dropped) if dropped else MISSING
+        costs = (significant(float(each[index]), 5) for each in (path.refit_cost, path.validation_cost))
+        ended = path.status[index].replace("_", " "), "chosen" if index == path.chosen else ""
+        rows.append(Row((price, *left, *costs, *ended), faint=index != path.chosen))
     heads = ("Price", "Blocks", "Dropped", "Cost", "Cost of what chooses", "Refit", "")
     styles: tuple[ColumnStyle, ...] = ("name", "number", "text", "number", "number", "text", "text")
     table = Table(heads, tuple(rows), styles=styles, fit="tall")
@@ -303,52 +231,43 @@ def _range(solution: LpvSolution) -> Section:
     return Section("Over the range", lead, (Notes((told,)), Beside(pole_figures(solution), 2)), "range")
 
 
-def _conventions(solution: LpvSolution) -> str:
-    ports, points = solution.ports, solution.own.points
-    places = "; ".join(f"p{index + 1}: {place_label(ports, point)}" for index, point in enumerate(points))
-    return (
-        "Poles of the frozen model at the fitted positions, as rates, or as natural frequencies and damping ratios;"
-        f" the matrices themselves depend on the basis of the states. {places}."
-    )
-
-
 def report(shown: Shown) -> FitReport:
     """Lays out a position-dependent fit for page, terminal and summary."""
     solution = solution_from_artifact(shown.model)
     validation = None if shown.validation is None else validation_from_artifact(shown.validation)
-    estimates, kept = estimates_of(shown, solution.estimate), solution.blocks.kept
+    estimates, kept, points = estimates_of(shown, solution.estimate), solution.blocks.kept, solution.own.points
     frf = shown.data.frf
     notes = () if frf is None else tuple(note for note in frf.notes if note not in shown.told)
+    left = f"{int(kept.sum())} of {kept.size}"
+    blocks = KeyNumber("Blocks", left, f"dropped: {', '.join(block_names(~kept)) or 'none'}")
+    new = [] if validation is None else [_error("Beyond noise, new data", validation.held)]
+    places = "; ".join(f"p{at}: {place_label(solution.ports, point)}" for at, point in enumerate(points, start=1))
+    conventions = (
+        "Poles of the frozen model at the fitted positions, as rates, or as natural frequencies and damping ratios;"
+        f" the matrices themselves depend on the basis of the states. {places}."
+    )
     return fit_report(
         shown,
         solution.estimate,
         estimates,
         None if validation is None else validation.outcome,
-        found=f"{solution.core.n_state} states at {len(solution.own.points)} positions,"
-        f" {int(kept.sum())} of {kept.size} blocks.",
-        numbers=_numbers(solution, validation),
-        sections=sections(solution, estimates, validation, notes),
+        found=f"{solution.core.n_state} states at {len(points)} positions, {left} blocks.",
+        numbers=[_error("Beyond noise, own data", solution.own), *new, blocks],
+        sections=(
+            _responses(solution, validation, notes),
+            _blocks(solution),
+            _path(solution),
+            _range(solution),
+            *parameter_section(estimates, conventions),
+        ),
         summary=_summary(solution, validation),
-    )
-
-
-def _numbers(solution: LpvSolution, validation: LpvValidation | None) -> Iterator[KeyNumber]:
-    yield _error("Beyond noise, own data", solution.own)
-    if validation is not None:
-        yield _error("Beyond noise, new data", validation.held)
-    kept = solution.blocks.kept
-    yield KeyNumber(
-        "Blocks", f"{int(kept.sum())} of {kept.size}", f"dropped: {', '.join(block_names(~kept)) or 'none'}"
     )
 
 
 def _error(label: str, held: Held) -> KeyNumber:
     share, expected = _mean(held), expected_share(held.degrees_of_freedom)
-    known = np.isfinite(share) and np.isfinite(expected)
-    detail = (
-        f"{percent(share)} of the lines within 2 deviations; {percent(expected)} of a perfect model" if known else ""
-    )
-    return KeyNumber(label, percent(_worst(held)), detail)
+    told = f"{percent(share)} of the lines within 2 deviations; {percent(expected)} of a perfect model"
+    return KeyNumber(label, percent(_worst(held)), told if np.isfinite(share) and np.isfinite(expected) else "")
 
 
 def _worst(held: Held) -> float:

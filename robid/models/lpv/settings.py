@@ -92,7 +92,6 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
 
 
 def _channels(fit: LpvFit, word: str, wanted: tuple[str, ...], known: tuple[str, ...]) -> _Found:
-    """Yields channels that are not there, or there twice."""
     for index, one in enumerate(wanted):
         if one not in known:
             yield (f"{word}s", index), f"S076 campaign `{fit.campaign}` has no {word} `{one}`; {suggest(one, known)}"
@@ -101,7 +100,6 @@ def _channels(fit: LpvFit, word: str, wanted: tuple[str, ...], known: tuple[str,
 
 
 def _chosen_on(experiment: Experiment, fit: LpvFit) -> _Found:
-    """Yields what is wrong with what only chooses the structure."""
     if isinstance(fit.choose_on, str):
         if fit.choose_on not in fit.campaigns:
             yield ("choose_on",), f"S078 names `{fit.choose_on}`, which is none of the campaigns in `from`"

@@ -57,21 +57,14 @@ def urdf(task: ExportTask) -> bytes:
 def mjcf(task: ExportTask) -> bytes:
     """Writes the rigid robot with its motors as MJCF."""
     found, friction = _found(task), task.friction is not False
+    sensed = ", ".join(joint.name for joint in found.robot.joints if not joint.has_motor)
     own = [
         "Units: m, kg, s, rad, N m; joint positions are the arm's, controls are motor torques, motor side.",
-        *_sensed(found),
+        *([f"Controls of joints without a motor are torques or forces at the joint: {sensed}"] if sensed else []),
         "The payload is in the last link; rotor inertias and friction are the joints', of coupled motors tendons'.",
         "Coulomb friction is `frictionloss`." if friction else "Friction is left out.",
     ]
     return to_rigid_mjcf(found.robot, "\n".join([*_header(task, found), *own]), friction=friction).encode()
-
-
-def _sensed(found: StandardRobot) -> list[str]:
-    """Says which controls are no motor torques."""
-    names = [joint.name for joint in found.robot.joints if not joint.has_motor]
-    return (
-        [f"Controls of joints without a motor are torques or forces at the joint: {', '.join(names)}"] if names else []
-    )
 
 
 def _found(task: ExportTask) -> StandardRobot:
@@ -87,8 +80,11 @@ def _header(task: ExportTask, found: StandardRobot) -> list[str]:
         f" {solution.estimate.status}",
         "Torques determine combinations of masses and inertias alone: these are the real bodies nearest to the robot"
         " file's that have them.",
-        *_moved(solution),
     ]
+    moved = np.zeros(0) if solution.standard is None else np.abs(solution.standard.moved)
+    if moved.max(initial=0.0) >= _FAR:
+        name, far = solution.estimate.names[int(np.argmax(moved))], f"{moved.max():.2g} deviations"
+        lines.append(f"No real bodies have the estimated ones exactly: {name} is off by {far}.")
     if found.payload_is_in_link:
         lines.append("The payload is in the last link: without it no real body would be left.")
     if found.averaged:
@@ -96,16 +92,6 @@ def _header(task: ExportTask, found: StandardRobot) -> list[str]:
     if found.homeless:
         lines.append(f"Estimated, but without a place here: {', '.join(found.homeless)}")
     return lines
-
-
-def _moved(solution: RigidSolution) -> list[str]:
-    """Says how far the base parameters of the real bodies are from the estimated ones, where they are."""
-    moved = None if solution.standard is None else np.abs(solution.standard.moved)
-    if moved is None or moved.max(initial=0.0) < _FAR:
-        return []
-    worst = int(np.argmax(moved))
-    name = solution.estimate.names[worst]
-    return [f"No real bodies have the estimated ones exactly: {name} is off by {moved[worst]:.2g} deviations."]
 
 
 _COLUMNS = ("name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable")
@@ -116,19 +102,15 @@ def _records(solution: RigidSolution) -> list[dict[str, object]]:
     return [{**row, "combination": label} for row, label in rows]
 
 
-def _standard(solution: RigidSolution) -> dict[str, dict[str, float]]:
-    found = solution.standard
-    if found is None:
-        return {}
-    rows = zip(found.names, found.nominal.tolist(), found.value.tolist(), strict=True)
-    return {name: {"nominal": nominal, "value": value} for name, nominal, value in rows}
-
-
 def write_json(task: ExportTask) -> bytes:
     """Writes the parameters as JSON."""
     solution = solution_from_artifact(task.model)
+    found, standard = solution.standard, {}
+    if found is not None:
+        rows = zip(found.names, found.nominal.tolist(), found.value.tolist(), strict=True)
+        standard = {name: {"nominal": nominal, "value": value} for name, nominal, value in rows}
     content: Content = {**origin_of(task, solution.estimate.status), "confidence": solution.estimate.confidence}
-    return encode_json({**content, "parameters": _records(solution), "standard": _standard(solution)})
+    return encode_json({**content, "parameters": _records(solution), "standard": standard})
 
 
 def write_csv(task: ExportTask) -> bytes:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.models.family import Shown
-from robid.models.parameters import estimates_of, fit_report, thinned
+from robid.models.parameters import curve, estimates_of, fit_report, thinned
 from robid.models.rigid.files import solution_from_artifact, validation_from_artifact
 from robid.models.rigid.fit.solution import Checks, Filtered, RigidSolution, RowResiduals
 from robid.models.rigid.judge.validating import Prediction, RigidValidation
@@ -17,7 +17,7 @@ from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import FitReport, KeyNumber
 from robid.report.parameter_section import parameter_section
 from robid.report.parameters import Estimates
-from robid.report.section import Beside, ColumnStyle, Curve, Figure, Folded, Notes, Part, Section, Table
+from robid.report.section import Beside, Curve, Figure, Folded, Notes, Part, Section, Table
 
 _BINS = 40
 _OUTLIER = 3.0
@@ -32,7 +32,7 @@ def histogram(found: RowResiduals, joint: int, name: str, unit: str) -> Figure:
     density, _ = np.histogram(np.clip(residual, edges[0], edges[-1]), edges, density=True)
     middle = 0.5 * (edges[1:] + edges[:-1])
     gaussian = np.exp(-0.5 * (middle / deviation) ** 2) / (np.sqrt(2 * np.pi) * deviation)
-    curves = (_curve("residual", middle, density), _curve("Gaussian", middle, gaussian))
+    curves = (curve("residual", middle, density), curve("Gaussian", middle, gaussian))
     return Figure(name, f"Residual [{unit}]", "Density", curves, log_x=False, log_y=False, height=260)
 
 
@@ -40,9 +40,9 @@ def weights(found: RowResiduals, joint: int, name: str, unit: str) -> Figure:
     """Huber's weight of each row over its residual."""
     residual, weight = _thinned(found.residual[:, joint], found.weight[:, joint])
     order = np.argsort(residual)
-    curve = Curve("weight", tuple(residual[order].tolist()), tuple(weight[order].tolist()), points=True)
+    shown = Curve("weight", tuple(residual[order].tolist()), tuple(weight[order].tolist()), points=True)
     return Figure(
-        name, f"Residual [{unit}]", "Weight", (curve,), log_x=False, log_y=False, y_range=(0.0, 1.05), height=260
+        name, f"Residual [{unit}]", "Weight", (shown,), log_x=False, log_y=False, y_range=(0.0, 1.05), height=260
     )
 
 
@@ -52,9 +52,9 @@ def course(found: RowResiduals, joint: int, name: str, unit: str) -> Figure:
     time, residual = _thinned(found.time_s, found.residual[:, joint])
     ends = np.array([time[0], time[-1]])
     curves = (
-        _curve("residual", time, residual),
-        _curve("3 deviations", ends, np.full(2, _OUTLIER * deviation)),
-        _curve("-3 deviations", ends, np.full(2, -_OUTLIER * deviation)),
+        curve("residual", time, residual),
+        curve("3 deviations", ends, np.full(2, _OUTLIER * deviation)),
+        curve("-3 deviations", ends, np.full(2, -_OUTLIER * deviation)),
     )
     return Figure(name, "Time [s]", f"Residual [{unit}]", curves, log_x=False, log_y=False, height=260)
 
@@ -62,7 +62,7 @@ def course(found: RowResiduals, joint: int, name: str, unit: str) -> Figure:
 def correlations(checks: Checks, names: Sequence[str]) -> Figure:
     """Autocorrelation of the residuals, less what the filter gives white noise."""
     lags = np.arange(1, checks.correlation.shape[1] + 1, dtype=float)
-    curves = tuple(_curve(name, lags, row) for name, row in zip(names, checks.correlation, strict=True))
+    curves = tuple(curve(name, lags, row) for name, row in zip(names, checks.correlation, strict=True))
     return Figure(
         "Correlation in time", "Lag [rows]", "Autocorrelation beyond the filter's", curves, log_x=False, log_y=False
     )
@@ -71,9 +71,9 @@ def correlations(checks: Checks, names: Sequence[str]) -> Figure:
 def trials(filtered: Filtered) -> Figure:
     """What each cut-off that was tried leaves correlated."""
     worst = filtered.trial_correlation.max(axis=1)
-    curve = Curve("worst motor", tuple(filtered.trial_hz.tolist()), tuple(worst.tolist()))
+    tried = curve("worst motor", filtered.trial_hz, worst)
     return Figure(
-        "Choice of the cut-off", "Cut-off [Hz]", "Largest autocorrelation", (curve,), log_y=False, legend=False
+        "Choice of the cut-off", "Cut-off [Hz]", "Largest autocorrelation", (tried,), log_y=False, legend=False
     )
 
 
@@ -82,13 +82,9 @@ def torques(found: Prediction, joint: int, name: str, unit: str) -> Figure:
     time, measured = _thinned(found.time_s, found.measured[:, joint])
     again, predicted = _thinned(found.time_s, found.predicted[:, joint])
     rest, error = _thinned(found.time_s, found.measured[:, joint] - found.predicted[:, joint])
-    curves = (_curve("measured", time, measured), _curve("predicted", again, predicted), _curve("error", rest, error))
+    curves = (curve("measured", time, measured), curve("predicted", again, predicted), curve("error", rest, error))
     quantity = "Force" if unit == "N" else "Torque"
     return Figure(name, "Time [s]", f"{quantity} [{unit}]", curves, log_x=False, log_y=False)
-
-
-def _curve(name: str, x: FloatArray, y: FloatArray) -> Curve:
-    return Curve(name, tuple(x.tolist()), tuple(y.tolist()))
 
 
 def _thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -113,33 +109,28 @@ def sections(
     sensed: Sequence[str] = (),
     pushed: Sequence[str] = (),
 ) -> tuple[Section, ...]:
-    """Lays out a rigid fit.
-
-    Args:
-        solution: What it found.
-        estimates: Its parameters as rows.
-        joints: Names of the joints.
-        validation: Its validation, if any.
-        sensed: Names of those that have no motor, whose torque is measured at the joint.
-        pushed: Names of those among them that slide, whose force it is.
-    """
+    """Lays out a rigid fit; what is pushed, of the joints without a motor, slides, and its torque is a force."""
     units = [estimates.torque_unit if name not in pushed else "N" for name in joints]
-    found = [*_parameters(solution, estimates, sensed), _trust(solution, joints), _residuals(solution, joints, units)]
+    trust: list[Part] = [_estimator_table(solution), _test_table(solution, joints)]
+    if solution.estimators.bends.size:
+        heads = ("Parameter", *(f"H = {bend:g}" for bend in solution.estimators.bends.tolist()))
+        columns = [[f"{value:.4g}" for value in row] for row in solution.estimators.bent.tolist()]
+        bent = Table(heads, tuple(zip(solution.estimate.names, *columns, strict=True)))
+        trust.append(Folded("Other bends of Huber's estimator", (bent,)))
+    found = [
+        *_parameters(solution, estimates, sensed),
+        Section("Is least squares to be trusted?", solution.checks.sentence, tuple(trust), "verdict"),
+        _residuals(solution, joints, units),
+    ]
     if validation is not None:
         found.append(_prediction(validation, joints, units))
     return tuple(found)
 
 
-def _sides(sensed: Sequence[str]) -> str:
-    """Says of which side the parameters are."""
-    told = "Everything is on the motor side, but for what links and payload have"
-    if not sensed:
-        return f"{told}."
-    return f"{told}, and what belongs to joints without a motor, whose torque is measured there: {', '.join(sensed)}."
-
-
 def _parameters(solution: RigidSolution, estimates: Estimates, sensed: Sequence[str]) -> tuple[Section, ...]:
-    (section,) = parameter_section(estimates, _sides(sensed))
+    told = ", and what belongs to joints without a motor, whose torque is measured there: " if sensed else ""
+    sides = f"Everything is on the motor side, but for what links and payload have{told}{', '.join(sensed)}."
+    (section,) = parameter_section(estimates, sides)
     base = solution.base
     rows = tuple(
         (name, label) for name, label in zip(solution.estimate.names, base.labels, strict=True) if label != name
@@ -149,13 +140,13 @@ def _parameters(solution: RigidSolution, estimates: Estimates, sensed: Sequence[
         title = f"What {len(rows)} of the {len(base.labels)} base parameters stand for"
         more.append(Folded(title, (Table(("Parameter", "Combination"), rows, styles=("name", "prose")),)))
     gap = "infinite" if not np.isfinite(base.gap) else f"{base.gap:.2g}"
-    told = [
+    notes = [
         f"Base parameters are told from the rest by a gap of {gap} in the singular values; the condition number of the"
         f" motion is {significant(base.condition, 4)} (columns of norm 1; {significant(base.unscaled_condition, 4)} as"
         " they are).",
-        f"Without any effect on a torque: {', '.join(base.silent)}." if base.silent else "",
+        *([f"Without any effect on a torque: {', '.join(base.silent)}."] if base.silent else []),
     ]
-    parts = (*section.parts, *more, Notes(tuple(note for note in told if note)))
+    parts = (*section.parts, *more, Notes(tuple(notes)))
     return (Section(section.title, section.lead, parts, section.anchor), *_standard(solution))
 
 
@@ -163,12 +154,8 @@ def _standard(solution: RigidSolution) -> tuple[Section, ...]:
     found = solution.standard
     if found is None:
         return ()
-    rows = tuple(
-        (name, f"{nominal:.4g}", f"{value:.4g}", unit)
-        for name, nominal, value, unit in zip(
-            found.names, found.nominal.tolist(), found.value.tolist(), found.units, strict=True
-        )
-    )
+    pairs = zip(found.names, found.nominal.tolist(), found.value.tolist(), found.units, strict=True)
+    rows = tuple((name, f"{nominal:.4g}", f"{value:.4g}", unit) for name, nominal, value, unit in pairs)
     words = {
         "estimated": "They have exactly the estimated base parameters.",
         "moved": f"No real bodies have exactly the estimated ones: base parameters moved by up to"
@@ -184,16 +171,10 @@ def _standard(solution: RigidSolution) -> tuple[Section, ...]:
     return (Section("Standard parameters", lead, (Folded(f"{len(rows)} parameters", (table,)),), "standard"),)
 
 
-def _trust(solution: RigidSolution, joints: Sequence[str]) -> Section:
-    parts: list[Part] = [_estimator_table(solution), _test_table(solution, joints)]
-    if solution.estimators.bends.size:
-        parts.append(Folded("Other bends of Huber's estimator", (_bend_table(solution),)))
-    return Section("Is least squares to be trusted?", solution.checks.sentence, tuple(parts), "verdict")
-
-
 def _estimator_table(solution: RigidSolution) -> Table:
     found, checks, names = solution.estimators, solution.checks, solution.estimate.names
-    values = [[f"{value:.4g} ± {std:.2g}" for value, std in zip(*pair, strict=True)] for pair in _pairs(solution)]
+    pairs = zip(found.values.tolist(), found.std.tolist(), strict=True)
+    values = [[f"{value:.4g} ± {std:.2g}" for value, std in zip(*pair, strict=True)] for pair in pairs]
     against = checks.instrument_variation
     varied = [percent(value) for value in checks.huber_variation.tolist()]
     other = [MISSING] * len(names) if against is None else [percent(value) for value in against.tolist()]
@@ -204,42 +185,25 @@ def _estimator_table(solution: RigidSolution) -> Table:
         " least squares from the others (eq. 22 of the paper, over at least three deviations, first moments over their"
         " vector's length)."
     )
-    styles: list[ColumnStyle] = ["number"] * len(heads[1:])
-    return Table(heads, rows, title="Estimators beside each other", caption=caption, styles=("name", *styles))
-
-
-def _pairs(solution: RigidSolution) -> list[tuple[list[float], list[float]]]:
-    found = solution.estimators
-    return [(value.tolist(), std.tolist()) for value, std in zip(found.values, found.std, strict=True)]
+    return Table(heads, rows, title="Estimators beside each other", caption=caption)
 
 
 def _test_table(solution: RigidSolution, joints: Sequence[str]) -> Table:
     checks, error = solution.checks, solution.residuals.relative_error
+    largest, odd = (
+        np.abs(checks.correlation).max(axis=1),
+        (checks.skewness, checks.excess_kurtosis, checks.outlier_share),
+    )
+    columns = (each.tolist() for each in (error, *odd, largest))
     rows = tuple(
-        (
-            name,
-            percent(float(error[joint])),
-            f"{checks.skewness[joint]:.2f}",
-            f"{checks.excess_kurtosis[joint]:.2f}",
-            percent(float(checks.outlier_share[joint])),
-            f"{np.abs(checks.correlation[joint]).max():.2f}",
-        )
-        for joint, name in enumerate(joints)
+        (name, percent(left), f"{skewness:.2f}", f"{kurtosis:.2f}", percent(outliers), f"{correlation:.2f}")
+        for name, left, skewness, kurtosis, outliers, correlation in zip(joints, *columns, strict=True)
     )
     heads = ("Motor", "Residual", "Skewness", "Excess kurtosis", "Beyond 3 deviations", "Correlation")
     caption = (
         "Residuals of weighted least squares over the torque's size. Of a Gaussian 0.27 % lie beyond 3 deviations."
     )
-    return Table(heads, rows, title="Residuals", caption=caption, styles=("name", *("number",) * 5))
-
-
-def _bend_table(solution: RigidSolution) -> Table:
-    found = solution.estimators
-    heads = ("Parameter", *(f"H = {bend:g}" for bend in found.bends.tolist()))
-    columns = [[f"{value:.4g}" for value in row] for row in found.bent.tolist()]
-    rows = tuple(zip(solution.estimate.names, *columns, strict=True))
-    styles: list[ColumnStyle] = ["number"] * len(columns)
-    return Table(heads, rows, styles=("name", *styles))
+    return Table(heads, rows, title="Residuals", caption=caption)
 
 
 def _residuals(solution: RigidSolution, joints: Sequence[str], units: Sequence[str]) -> Section:
@@ -272,7 +236,7 @@ def _prediction(validation: RigidValidation, joints: Sequence[str], units: Seque
     )
     heads = ("Motor", "Error over torque", "Error over the fit's own", "Simulated position off")
     caption = "Positions are simulated in the robot's loop under the recorded commands, where these are known."
-    table = Table(heads, rows, caption=caption, styles=("name", *("number",) * 3))
+    table = Table(heads, rows, caption=caption)
     curves = tuple(torques(validation.prediction, joint, name, units[joint]) for joint, name in enumerate(joints))
     lead = f"The model {validation.outcome.verdict}."
     return Section("Predicted torques", lead, (table, *curves), "prediction")

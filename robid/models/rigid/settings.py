@@ -92,7 +92,6 @@ def _cut_off(experiment: Experiment, fit: RigidFit, robot: RobotFile) -> _Found:
 
 
 def _payloads(experiment: Experiment, fit: RigidFit, robot: RobotFile) -> _Found:
-    """Yields what is wrong with the payloads of a fit's campaigns."""
     apart = fit.model.payload == "body"
     if apart and robot.payload is None:
         message = "S089 a payload with parameters of its own needs a `payload` in the robot file"

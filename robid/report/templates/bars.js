@@ -73,5 +73,9 @@
     }), hover);
   }
 
-  onFigures("bars", (host, figure) => () => draw(host, figure));
+  onFigures("bars", (host, figure) => {
+    const parts = figure.parts.map(([name, values]) => ({ name, values }));
+    const groups = figure.groups.map(([name, count]) => ({ name, count }));
+    return () => draw(host, { ...figure, parts, groups });
+  });
 })();

@@ -28,11 +28,11 @@
   }
 
   function trace(curve, index) {
-    const shade = shadeOf(curve, index);
+    const shade = shadeOf(curve, index), symbol = curve.symbol || "dot";
     const hovertemplate = curve.texts ? "%{text}<extra></extra>" : `${curve.name}: %{y:.3g}<extra></extra>`;
     const drawn = { type: "scatter", name: curve.name, x: curve.x, y: curve.y, text: curve.texts, hovertemplate };
     if (!curve.points) return { ...drawn, mode: "lines", line: { color: shade, width: 1.8, dash: curve.shade === undefined ? DASHES[index % DASHES.length] : DASHES[curve.dashed ? 1 : 0] } };
-    return { ...drawn, mode: "markers", marker: { size: curve.symbol === "small" ? 4 : 9, color: shade, symbol: SYMBOLS[curve.symbol], line: { color: shade, width: ["dot", "small"].includes(curve.symbol) ? 0 : 1.8 } } };
+    return { ...drawn, mode: "markers", marker: { size: symbol === "small" ? 4 : 9, color: shade, symbol: SYMBOLS[symbol], line: { color: shade, width: ["dot", "small"].includes(symbol) ? 0 : 1.8 } } };
   }
 
   // The outline of a band, one for each run without a gap.

@@ -75,7 +75,8 @@
     ]);
   }
 
-  onFigures("ratios", (host, figure) => {
+  onFigures("ratios", (host, { interval, panels: named }) => {
+    const figure = { interval, panels: named.map(([title, rows]) => ({ title, rows })) };
     host.before(element("div", { class: "controls" }, legend(figure)));
     return () => draw(host, figure.panels);
   });

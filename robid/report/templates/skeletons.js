@@ -44,5 +44,10 @@
     }), hover);
   }
 
-  onFigures("skeletons", (host, figure) => () => draw(host, figure));
+  const columns = (points) => [0, 1, 2].map((axis) => points.map((point) => point[axis]));
+
+  onFigures("skeletons", (host, figure) => {
+    const arms = figure.names.map((name, index) => ({ name, weight: figure.weights[index], points: columns(figure.points[index]) }));
+    return () => draw(host, { arms, others: figure.others.length ? columns(figure.others) : [] });
+  });
 })();

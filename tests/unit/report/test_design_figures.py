@@ -64,12 +64,13 @@ def data_of(html):
 def test_arms_and_bars_reach_the_page():
     arms, weights, information, *_ = data_of(render(page_of(Section("Design", parts=figures()))))
     assert arms["kind"] == "skeletons"
-    assert arms["arms"][1] == {"name": "12", "weight": 0.75, "points": [list(row) for row in POINTS[1].T.round(4)]}
-    assert arms["others"] == [[1.0], [2.0], [3.0]]
+    assert (arms["names"][1], arms["weights"][1]) == ("12", 0.75)
+    assert arms["points"][1] == [list(row) for row in POINTS[1].round(4)]
+    assert arms["others"] == [[1.0, 2.0, 3.0]]
     assert weights["labels"] == list(NAMES)
-    assert weights["parts"][0]["values"] == [0.25, 0.75]
+    assert weights["parts"][0][1] == [0.25, 0.75]
     assert information["flat"]
-    assert [part["values"] for part in information["parts"]] == [[0.25, 0.25], [0.75, 0.75]]
+    assert [values for _, values in information["parts"]] == [[0.25, 0.25], [0.75, 0.75]]
 
 
 def test_deviations_are_in_per_cent_and_logarithmic():

@@ -144,10 +144,10 @@ def test_the_figures_hold_the_data(arm_page, arm):
         (curve,) = chosen["models"]
         predicted = 10 ** (np.array(curve["magnitude"]) / 20) * np.exp(1j * np.deg2rad(curve["phase"]))
         np.testing.assert_allclose(predicted, np.moveaxis(model[1], 0, -1), rtol=2e-3)
-    springs = ratios["panels"][0]
+    title, rows = ratios["panels"][0]
     first = fit.estimates.rows[0]
-    assert springs["title"] == "Springs"
-    assert springs["rows"][0]["truth"] == pytest.approx(first.truth / first.nominal, rel=1e-4)
+    assert title == "Springs"
+    assert rows[0]["truth"] == pytest.approx(first.truth / first.nominal, rel=1e-4)
 
 
 def test_the_figures_hold_distortion_noise_and_the_response_before_compensation(arm_page, arm):

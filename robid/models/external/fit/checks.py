@@ -109,12 +109,7 @@ def usable_blocks(
 ) -> tuple[tuple[Block, ...], tuple[ChannelFinding, ...]]:
     """Leaves out channels whose command never moves; refuses what cannot be fitted.
 
-    Args:
-        blocks: The channels.
-        shots: What was recorded.
-        floor (n_in,): Motion from which on a command counts as moving.
-        names: Names of the outputs.
-        options: Options of the fit.
+    A command moves from the motion `floor` (n_in,) on.
 
     Raises:
         DataError: If no channel is left, one that was asked for never moves, an output rests, is quantised to nothing,
@@ -283,12 +278,9 @@ def _stuck(shot: Shot, output: int, inputs: Sequence[int]) -> float:
     allowed = max(_STUCK_MOTION, _DWELL * np.sqrt(0.5 * quantum / size))
     most = 0
     for extreme in (answer.min(), answer.max()):
-        for first, last in _runs(np.abs(answer - extreme) <= max(0.5 * quantum, 1e-9 * size)):
+        flags = np.abs(answer - extreme) <= max(0.5 * quantum, 1e-9 * size)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int))).tolist()
+        for first, last in zip(edges[::2], edges[1::2], strict=True):
             if last - first >= _STUCK_SAMPLES and np.ptp(told[first:last], axis=0).max() / moved > allowed:
                 most += last - first
     return most / len(answer)
-
-
-def _runs(flags: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Iterator[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)

@@ -44,17 +44,9 @@ def choose_structure(
     *,
     hold: Hold = "zoh",
 ) -> Choice:
-    """Chooses the numbers of poles and zeros and the delay of a block.
+    """Chooses the numbers of poles and zeros and the delay of a block; `sufficient` judges on shots held back.
 
     The delay is found with the richest structure, then the structure at this delay, and both in turn until they stay.
-
-    Args:
-        shots: Experiments of the fit.
-        inputs: Which of their inputs.
-        outputs: Which of their outputs.
-        options: Options of the fit.
-        choose_on: Experiments held back from the fits, on which the rule `sufficient` judges.
-        hold: What commands do between samples.
 
     Source:
         Oliveira et al. (2019), sec. 2.4, for the rule `sufficient`; Schwarz (1978), "Estimating the dimension of a
@@ -65,11 +57,17 @@ def choose_structure(
     candidates = Candidates(
         shots, inputs, outputs, common, choose_on, hopeless if options.rule == "evidence" else np.inf
     )
-    delays, orders = _delays(options), _orders(options)
+    searched = list(range(options.max_delay_samples + 1))
+    delays = searched if options.delay_samples is None else [options.delay_samples]
+    orders = _orders(options)
     best = _in_turn(candidates, orders, delays, hopeless, options)
     if options.rule == "evidence":
         best = _look_about(candidates, orders, best, options)
-        best = _simplest(candidates, orders, best, delays, hopeless)
+        # The fewest poles, at a delay of their own, against which there is no strong evidence.
+        for order in (each for each in orders if each[0] < best.structure.poles):
+            _nearby(candidates, candidates.fit(*order, best.structure.delay_samples), delays, hopeless)
+        even = [each for each in candidates.tried if each.bic <= best.bic + _WEAK]
+        best = min(even, key=lambda each: (each.structure.poles, each.bic))
     messages = _about_delay(candidates, best, delays) + _about_order(best, options)
     return Choice(best.structure, best, candidates.tried, _reason(best, options, len(choose_on)), messages)
 
@@ -126,16 +124,6 @@ def _look_about(
     return best
 
 
-def _simplest(
-    candidates: Candidates, orders: Sequence[tuple[int, int]], best: Candidate, delays: Sequence[int], hopeless: float
-) -> Candidate:
-    """Returns the fewest poles, at a delay of their own, against which there is no strong evidence."""
-    for order in (each for each in orders if each[0] < best.structure.poles):
-        _nearby(candidates, candidates.fit(*order, best.structure.delay_samples), delays, hopeless)
-    even = [each for each in candidates.tried if each.bic <= best.bic + _WEAK]
-    return min(even, key=lambda each: (each.structure.poles, each.bic))
-
-
 def _delays_alike(candidates: Candidates) -> set[int]:
     """Returns the delays at which some structure explains the data about as well as at any other."""
     found = set()
@@ -145,12 +133,6 @@ def _delays_alike(candidates: Candidates) -> set[int]:
         if len(fits) > 1:
             found |= {each.structure.delay_samples for each in fits if each.bic < least + STRONG_EVIDENCE}
     return found
-
-
-def _delays(options: ExternalOptions) -> list[int]:
-    if options.delay_samples is not None:
-        return [options.delay_samples]
-    return list(range(options.max_delay_samples + 1))
 
 
 def _orders(options: ExternalOptions) -> list[tuple[int, int]]:
@@ -166,7 +148,6 @@ def _orders(options: ExternalOptions) -> list[tuple[int, int]]:
 def _select(
     candidates: Candidates, orders: Sequence[tuple[int, int]], delay: int, options: ExternalOptions
 ) -> Candidate:
-    """Returns the best structure at a delay."""
     descending = sorted(orders, key=lambda order: (order[0], -order[1]))
     if options.rule == "evidence" or len(orders) == 1:
         return min((candidates.fit(*order, delay) for order in descending), key=lambda each: each.bic)

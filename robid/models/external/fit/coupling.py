@@ -69,14 +69,8 @@ def map_coupling(
 ) -> CouplingMap:
     """Maps the coupling of all outputs to all commands.
 
-    Where several commands move at once, the coherence is the partial one: what the others explain is taken out.
-
-    Args:
-        shots: What was recorded.
-        floor (n_in,): Amplitude from which on a command counts as moving.
-        etfe: Their empirical response.
-        pairs: Commands and outputs.
-        options: Thresholds.
+    Where several commands move at once, the coherence is the partial one: what the others explain is taken out. A
+    command moves from the amplitude `floor` (n_in,) on.
 
     Source:
         Oliveira et al. (2019), sec. 3.2.1, Fig. 9.
@@ -115,10 +109,7 @@ def map_coupling(
 def coherence_limit(averages: float, frequencies: int, level: float) -> float:
     """Returns the root coherence that the largest of unrelated signals' exceeds with a chance of `level`.
 
-    Args:
-        averages: Independent segments.
-        frequencies: Frequencies of which the largest is taken.
-        level: Chance.
+    `averages` counts independent segments, `frequencies` those of which the largest is taken.
     """
     # The largest of F independent coherences stays below x with (1 - p)^F, where one exceeds it with p = (1 - x^2)^(n -
     # 1).
@@ -151,19 +142,13 @@ def _band(
 
 
 def _cross_spectra(group: Sequence[Shot], moved: IntArray, segments: int) -> tuple[FloatArray, ComplexArray]:
-    """Cross spectral densities (n_freq, n_signal, n_signal) of moving commands and outputs, by Welch's method.
-
-    Raises:
-        DataError: If the shots are too short for as many segments.
-    """
+    """Cross spectral densities (n_freq, n_signal, n_signal) of moving commands and outputs, by Welch's method."""
     n_sample = len(group[0].inputs)
     length = 2 * n_sample // (segments + 1)
     if length < _SHORTEST:
-        raise DataError(
-            f"D146 {segments} segments of a motion of {n_sample} samples are shorter than {_SHORTEST} samples.",
-            where="coupling.segments",
-            remedy=f"ask for {2 * n_sample // _SHORTEST - 1} at most",
-        )
+        message = f"D146 {segments} segments of a motion of {n_sample} samples are shorter than {_SHORTEST} samples."
+        remedy = f"ask for {2 * n_sample // _SHORTEST - 1} at most"
+        raise DataError(message, where="coupling.segments", remedy=remedy)
     total: ComplexArray | float = 0.0
     for shot in group:
         signals = np.hstack([shot.inputs[:, moved], shot.outputs]).T

@@ -43,13 +43,8 @@ def find_spread(problem: Problem, point: Point, noise: FloatArray, unseen: float
     """Computes residuals and the coefficients' covariance.
 
     For white residuals it is `sigma^2 (J'J)^-1`; where any is coloured, its smoothed spectrum takes the place of
-    `sigma^2`, which keeps intervals honest when the model leaves something over.
-
-    Args:
-        problem: Data and structure.
-        point: The fit.
-        noise (n_shot, n_out): Weights' standard deviations.
-        unseen: How fast, per sample, the fastest pole must be for samples not to tell it from an immediate answer.
+    `sigma^2`, which keeps intervals honest when the model leaves something over. The deviations `noise` (n_shot, n_out)
+    weight residuals; from `unseen` per sample on, samples do not tell the fastest pole from an immediate answer.
 
     Source:
         White (1980), "A heteroskedasticity-consistent covariance matrix estimator"; Ljung (1999), eq. 9.42.
@@ -71,19 +66,15 @@ def find_spread(problem: Problem, point: Point, noise: FloatArray, unseen: float
         meat = np.zeros((pulls.shape[1], pulls.shape[1]))
         for index, (each, span) in enumerate(zip(experiments, spans, strict=True)):
             residuals[index][:, output] = part.residual[span] * noise[index, output]
-            added, chances[index, output], taken[index, output] = _judged(each, part.residual[span], pulls[span])
-            meat += added
+            # The pulls are orthonormal over all shots: their squares in one are the degrees of freedom that it gave.
+            excited, left = excited_lines(each), part.residual[span]
+            taken[index, output] = np.sum(pulls[span] ** 2) + each.offset
+            chances[index, output] = whiteness(left, excited, taken[index, output] - each.offset)
+            white = bool(chances[index, output] >= WHITE)
+            meat += _meat(left, pulls[span], excited, taken[index, output], white=white)
+
         meats.append(meat)
     return Spread(tuple(residuals), _root(linear, triangle, meats, point, sought), chances, taken)
-
-
-def _judged(experiment: Experiment, residual: FloatArray, pull: FloatArray) -> tuple[FloatArray, float, float]:
-    """What a residual (n_sample,) adds to the covariance of its pulls, its whiteness, and what was taken from it."""
-    excited = excited_lines(experiment)
-    # The pulls are orthonormal over all shots: their squares in one are the degrees of freedom that it gave.
-    n_taken = float(np.sum(pull**2)) + experiment.offset
-    chance = whiteness(residual, excited, n_taken - experiment.offset)
-    return _meat(residual, pull, excited, n_taken, white=chance >= WHITE), chance, n_taken
 
 
 @dataclass(frozen=True)

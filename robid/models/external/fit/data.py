@@ -63,7 +63,9 @@ def commands_of(record: Record, options: ExternalOptions) -> Commands:
         channels, values, held = record.reference_channels, record.reference[:, :, :, None], "zoh"
     if options.hold != "recorded":
         held = options.hold
-    if options.speed_references == "kept" or not _leads_to_position(channels, record.output_channels):
+    speeds = all(channel.quantity in ("speed_reference", "speed") for channel in channels)
+    leads = speeds and all(QUANTITIES[channel.quantity].derivatives == 2 for channel in record.output_channels)
+    if options.speed_references == "kept" or not leads:
         return Commands(channels, values, held)
     moved = _integrated(values, record.sampling_period_s, held, periodic=not record.is_one_shot)
     units = ("rad" if channel.unit.startswith("rad") else "m" for channel in channels)
@@ -80,11 +82,6 @@ def shots_of(record: Record, options: ExternalOptions, name: str) -> tuple[Shot,
 
     Periods are averaged, and realizations with the same commands. Where an offset is estimated along, commands are
     counted from their first sample, those of a period from their mean: what a constant command does is in the offset.
-
-    Args:
-        record: The record.
-        options: Options of the fit.
-        name: Name of its campaign.
     """
     commands = commands_of(record, options).values
     # What is moved by speeds or torques need not come back to where it was.
@@ -195,11 +192,6 @@ def _words(place: Sequence[int], counts: Sequence[int]) -> list[str]:
     return [f"{word} {index + 1}" for word, index, count in every if count > 1]
 
 
-def _leads_to_position(inputs: Sequence[Channel], outputs: Sequence[Channel]) -> bool:
-    speeds = all(channel.quantity in ("speed_reference", "speed") for channel in inputs)
-    return speeds and all(QUANTITIES[channel.quantity].derivatives == 2 for channel in outputs)
-
-
 def _integrated(values: FloatArray, sampling_period_s: float, hold: str, *, periodic: bool) -> FloatArray:
     """Integrates speeds (..., n_sample, n_in) from zero on; over a whole period they move nowhere."""
     if periodic:
@@ -234,15 +226,7 @@ def agreements(
     errors: Sequence[FloatArray],
     inputs: Sequence[int],
 ) -> tuple[Agreement, ...]:
-    """Compares a block's outputs with what was measured.
-
-    Args:
-        names: Name of each of its outputs.
-        shots: The shots.
-        outputs: Indices of its outputs.
-        measured: Outputs (n_sample, n_out) of each shot.
-        errors: Errors (n_sample, n_out) of each shot.
-        inputs: Indices of its commands.
+    """Compares a block's outputs with what was measured: outputs and errors (n_sample, n_out) of each shot.
 
     Source:
         Oliveira et al. (2019), Table 2.

@@ -78,13 +78,8 @@ def solve(
 ) -> Point:
     """Solves for numerators and free responses, and projects the derivatives by the poles.
 
-    Args:
-        reduced: The shots at these poles, with the states of the double cascade where `slopes` are wanted.
-        basis: The poles.
-        sought: The numerators.
-        n_in: Inputs of the block.
-        noise (n_shot, n_out): Standard deviation of each output's noise in each shot.
-        slopes: Whether the derivatives are wanted.
+    Where `slopes` are wanted, shots are reduced with the states of the double cascade. The deviations of each output's
+    noise in each shot are `noise` (n_shot, n_out).
 
     Source:
         Golub and Pereyra (2003), "Separable nonlinear least squares"; Kaufman's approximation.
@@ -313,10 +308,7 @@ def moved(point: Point, step: FloatArray) -> FloatArray:
 def admit(denominator: FloatArray, limit: float, *, stable: bool) -> tuple[FloatArray, bool]:
     """Returns the denominator with coefficient 1 first and poles of a limited magnitude, and whether any was reflected.
 
-    Args:
-        denominator (n_pole + 1,): In powers of s over the reference frequency; its first coefficient may vanish.
-        limit: Largest magnitude of a pole.
-        stable: Whether unstable poles are reflected.
+    The denominator (n_pole + 1,) is in powers of s over the reference frequency; its first coefficient may vanish.
     """
     reach = float(np.abs(denominator).max())
     if abs(denominator[0]) * limit ** (len(denominator) - 1) < 1e-12 * reach:

@@ -54,12 +54,8 @@ def estimate_etfe(shots: Sequence[Shot], floor: FloatArray, confidence: float) -
     """Estimates the empirical response over the band that was excited.
 
     Around each frequency the ratio of the spectra is a polynomial of second order; what a state at the beginning of a
-    single shot adds is another one. What both leave is the noise. Shots are merged by the inverse of their variance.
-
-    Args:
-        shots: What was recorded.
-        floor (n_in,): Amplitude of a component from which on it counts as excited, in the commands' units.
-        confidence: Level of the radius.
+    single shot adds is another one. What both leave is the noise. Shots are merged by the inverse of their variance. A
+    component counts as excited from the amplitude `floor` (n_in,) on, in the commands' units.
 
     Source:
         Oliveira et al. (2019), sec. 3.3, with local polynomials after Pintelon and Schoukens (2012), ch. 7.
@@ -89,11 +85,8 @@ def estimate_etfe(shots: Sequence[Shot], floor: FloatArray, confidence: float) -
 def floors(shots: Sequence[Shot], resolution: FloatArray) -> FloatArray:
     """Returns the amplitude (n_in,) of a component from which on it counts as excited.
 
-    It is the robot's resolution, but no more than a tenth of the command's largest component.
-
-    Args:
-        shots: What was recorded.
-        resolution (n_in,): Resolution of each command; infinite where there is none.
+    It is the robot's resolution, but no more than a tenth of the command's largest component. The resolutions (n_in,)
+    are infinite where there are none.
     """
     largest = np.max([np.abs(_amplitudes(shot.inputs)).max(axis=0) for shot in shots], axis=0)
     return np.asarray(np.minimum(resolution, _LARGEST * largest))
@@ -154,9 +147,8 @@ def _within(grid: FloatArray, group: _Group) -> BoolArray:
 def _local(group: _Group, centre: float) -> tuple[ComplexArray, FloatArray, int] | None:
     """Fits the local polynomials around one place among the lines.
 
-    Returns:
-        Response (n_out, n_moved), its variance (n_out, n_moved), and the degrees of freedom of that; None where there
-        are too few lines, or commands cannot be told apart.
+    Returns response and variance (n_out, n_moved) and the degrees of freedom of that; None where there are too few
+    lines, or commands cannot be told apart.
     """
     width = int(np.ceil((group.n_column + _FREEDOM) / len(group.inputs)))
     if width > group.lines.size:
@@ -236,12 +228,7 @@ def show_excitation(
 ) -> Excitation:
     """Gathers what each command did in the shots that move it.
 
-    Args:
-        shots: What was recorded.
-        channels: A channel of each command.
-        floor (n_in,): Amplitude from which on a command counts as moving.
-        input_resolution (n_in,): Resolution of each command, in its unit.
-        output_resolution (n_out,): The same of each output.
+    A command moves from the amplitude `floor` (n_in,) on; resolutions (n_in,) and (n_out,) are in the signals' units.
 
     Source:
         Oliveira et al. (2019), Fig. 5.
@@ -253,7 +240,9 @@ def show_excitation(
                 command, answer = shot.inputs[:, channel.input], shot.outputs[:, channel.output]
                 level = answer.mean() if shot.start == "periodic" else answer[0]
                 shown = answer - level if shot.offset else answer
-                times.append(_labelled(place, index, _course(command, shown, shot.sampling_period_s)))
+                kept = np.arange(0, len(command), max(1, -(-len(command) // _SAMPLES)))
+                course = np.stack([kept * shot.sampling_period_s, command[kept], shown[kept]])
+                times.append(_labelled(place, index, course))
                 lines.append(_labelled(place, index, _spectrum(command, answer, shot.sampling_period_s)))
     time, line = (np.concatenate(each, axis=1) if each else np.zeros((5, 0)) for each in (times, lines))
     return Excitation(
@@ -275,14 +264,7 @@ def show_excitation(
 
 
 def _labelled(place: int, shot: int, rows: FloatArray) -> FloatArray:
-    """Channel and shot above rows (3, n)."""
     return np.vstack([np.full(rows.shape[1], place), np.full(rows.shape[1], shot), rows])
-
-
-def _course(command: FloatArray, answer: FloatArray, period_s: float) -> FloatArray:
-    """Time, command and output (3, n)."""
-    kept = np.arange(0, len(command), max(1, -(-len(command) // _SAMPLES)))
-    return np.stack([kept * period_s, command[kept], answer[kept]])
 
 
 def _spectrum(command: FloatArray, answer: FloatArray, period_s: float) -> FloatArray:

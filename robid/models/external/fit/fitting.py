@@ -41,15 +41,7 @@ def fit_external(
     options: ExternalOptions,
     choose_on: Sequence[Shot] = (),
 ) -> ExternalSolution:
-    """Fits transfer functions from commands to outputs.
-
-    Args:
-        shots: What was recorded.
-        inputs: What each command is.
-        outputs: What each output is.
-        hold: What commands do between samples.
-        options: Options of the fit.
-        choose_on: Shots that only decide the order.
+    """Fits transfer functions from commands to outputs; shots to choose on only decide the order.
 
     Raises:
         DataError: If a channel cannot be fitted, or the records are not alike.

@@ -32,14 +32,9 @@ def response_deviation(
 ) -> ResponseDeviation:
     """Propagates the coefficients' covariance to the response.
 
-    The continuous response of a model with poles beyond the sampling is often not determined where that from samples
-    to samples is.
-
-    Args:
-        model: The transfer functions.
-        root (n_param, n_root): Root of the covariance of `[numerators, denominator]` without the latter's first.
-        omega (n_freq,): Frequencies [rad/s].
-        sampled: Whether the response is that from samples to samples, with hold and average.
+    The continuous response of a model with poles beyond the sampling is often not determined where that from samples to
+    samples is. `root` (n_param, n_root) is one of the covariance of `[numerators, denominator]` without the latter's
+    first, `omega` (n_freq,) in rad/s; `sampled` is from samples to samples, with hold and average.
     """
     omega = np.asarray(omega, dtype=float)
     cascade, weights, scale = _derivatives(model, root)
@@ -57,14 +52,10 @@ def response_deviation(
         states = np.linalg.solve(s[:, None, None] * np.eye(len(cascade.b)) - cascade.A, cascade.b[:, None])[..., 0]
         states = states * np.exp(-1j * omega * model.delay_samples * model.sampling_period_s)[:, None]
         whole = model.response(omega)
-    return _relative(np.einsum("fk,oikr->foir", states, weights), whole)
-
-
-def _relative(moves: ComplexArray, whole: ComplexArray) -> ResponseDeviation:
     with np.errstate(divide="ignore", invalid="ignore"):
         # To first order ln G moves by dG / G: its real part is the relative change of the magnitude, its imaginary part
         # that of the phase.
-        relative = moves / whole[..., None]
+        relative = np.einsum("fk,oikr->foir", states, weights) / whole[..., None]
     return ResponseDeviation(np.linalg.norm(relative.real, axis=-1), np.linalg.norm(relative.imag, axis=-1))
 
 
@@ -73,14 +64,8 @@ def output_deviation(
 ) -> FloatArray:
     """Propagates the coefficients' covariance to a simulation.
 
-    Args:
-        model: The transfer functions.
-        root (n_param, n_root): Root of the covariance of `[numerators, denominator]` without the latter's first.
-        inputs (n_sample, n_in): Commands.
-        start: From zero state, or in the steady state of a period.
-
-    Returns:
-        Standard deviation (n_sample, n_out) of each simulated output.
+    Returns the deviation (n_sample, n_out) of each output for commands (n_sample, n_in), from zero state or in the
+    steady state of a period; `root` is as in `response_deviation`.
     """
     cascade, weights, scale = _derivatives(model, root)
     period = model.sampling_period_s * scale
@@ -93,9 +78,8 @@ def output_deviation(
 def _derivatives(model: TransferMatrix, root: FloatArray) -> tuple[Cascade, FloatArray, float]:
     """Returns what a covariance root's columns move outputs by.
 
-    Returns:
-        The cascade of the poles, each twice, the weights (n_out, n_in, n_state, n_root) of its states in those moves,
-        and the reference frequency [rad/s].
+    They are the cascade of the poles, each twice, the weights (n_out, n_in, n_state, n_root) of its states in those
+    moves, and the reference frequency [rad/s].
     """
     single, _, scale = model.cascade()
     n_pole, (n_out, n_in, n_weight) = len(single.b), model.numerator.shape
@@ -241,7 +225,6 @@ def _padded(roots: ComplexArray | FloatArray, count: int) -> ComplexArray:
 
 
 def _flat(values: ComplexArray) -> ComplexArray:
-    """Channels of (n, n_out, n_in) one after the other."""
     return values.reshape(len(values), -1)
 
 

@@ -63,15 +63,7 @@ def fit_block(
     *,
     names: tuple[tuple[str, ...], tuple[str, ...]] | None = None,
 ) -> BlockFit:
-    """Fits transfer functions with common poles to what was measured.
-
-    Args:
-        shots: Experiments.
-        inputs: Which of their inputs.
-        outputs: Which of their outputs.
-        structure: Numbers of poles and zeros, delay, and the rest of what is held fixed.
-        start: A model with as many poles to start from, instead of starts found from the data.
-        names: Names of inputs and outputs.
+    """Fits transfer functions with common poles to what was measured, from a start, or from starts found from the data.
 
     Raises:
         ValueError: If the structure is none.
@@ -144,15 +136,9 @@ def default_names(problem: Problem) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def predict(model: TransferMatrix, shot: Shot, inputs: Sequence[int], outputs: Sequence[int]) -> FloatArray:
-    """Simulates a shot's outputs (n_sample, n_out).
+    """Simulates a shot's outputs (n_sample, n_out) by a block's model.
 
     What no model knows beforehand, an offset and the state that a free start begins in, is taken from the shot itself.
-
-    Args:
-        model: Transfer functions of the block.
-        shot: The shot.
-        inputs: Which of its inputs the model takes.
-        outputs: Which of its outputs it gives.
     """
     commands = delayed(shot.inputs[:, list(inputs)], model.delay_samples, model.moving_average, shot.start)
     cascade, weights, scale = model.cascade()
@@ -206,13 +192,7 @@ class Candidate:
 class Candidates:
     """Fits structures to the same shots.
 
-    Args:
-        shots: Experiments of the fit.
-        inputs: Which of their inputs.
-        outputs: Which of their outputs.
-        common: What all structures share.
-        held_back: Experiments that are not fitted.
-        hopeless: How much worse than the best criterion so far a structure may be to be worth more than a first try.
+    A structure that is worse than the best criterion so far by `hopeless` is worth no more than a first try.
     """
 
     def __init__(

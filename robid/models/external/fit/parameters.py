@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.stats import chi2, norm
 
 from robid.arrays import ComplexArray, FloatArray
@@ -36,12 +37,7 @@ class Root:
         return float(np.linalg.norm(self.moves.real))
 
     def differs(self, other: Root, quantile: float) -> bool:
-        """Whether it lies significantly apart from another root of the same fit.
-
-        Args:
-            other: The other root.
-            quantile: Largest distance in standard deviations that chance explains.
-        """
+        """Whether it lies apart from another root of the same fit by more deviations than chance explains."""
         distance, moves = self.place - other.place, self.moves - other.moves
         both = np.stack([moves.real, moves.imag])
         value = np.array([distance.real, distance.imag])
@@ -55,12 +51,7 @@ class Root:
 
 
 def poles_of(model: TransferMatrix, root: FloatArray) -> tuple[Root, ...]:
-    """Returns the poles, slow ones first.
-
-    Args:
-        model: The transfer functions.
-        root (n_param, n_root): Root of the covariance of `[numerators, denominator]` without the latter's first.
-    """
+    """Returns the poles, slow ones first; `root` (n_param, n_root) is as in `block_parameters`."""
     n_pole = len(model.denominator) - 1
     return _roots(model.denominator, np.concatenate([np.zeros((1, root.shape[1])), root[-n_pole:]]))
 
@@ -89,20 +80,18 @@ def block_parameters(
     """Turns the coefficients of a block into poles, zeros and static gains.
 
     A real root is given as its rate, positive in the left half plane, a pair as natural frequency and damping ratio.
-
-    Args:
-        name: Name of the block, which names of its poles begin with.
-        channels: Name of each of its channels, output by output.
-        units: Unit of each channel's static gain.
-        model: Its transfer functions.
-        root (n_coefficient, n_root): Root of the coefficients' covariance: numerators, then the denominator without
-            its first.
+    Channels are named output by output. `root` (n_coefficient, n_root) is one of the covariance of numerators, then of
+    the denominator without its first.
     """
     nyquist = np.pi / model.sampling_period_s
     rows = _rows_of_roots(name, "pole", poles_of(model, root), nyquist)
     for channel, unit, place in zip(channels, units, np.ndindex(model.numerator.shape[:2]), strict=True):
-        gain, slope = _gain(model, root, place)
-        rows.append(Row(f"{channel}.gain", "gain", unit, gain, abs(gain), slope))
+        last = (int(np.ravel_multi_index(place, model.numerator.shape[:2])) + 1) * model.numerator.shape[2] - 1
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # G(0) = b_0 / a_0, so that dG(0) = (db_0 - G(0) da_0) / a_0.
+            gain = model.numerator[place][-1] / model.denominator[-1]
+            slope = np.asarray((root[last] - gain * root[-1]) / model.denominator[-1])
+        rows.append(Row(f"{channel}.gain", "gain", unit, float(gain), abs(float(gain)), slope))
         rows += _rows_of_roots(channel, "zero", zeros_of(model, root, *place), nyquist)
     return rows
 
@@ -115,32 +104,14 @@ def _rows_of_roots(owner: str, kind: str, found: Sequence[Root], nyquist: float)
     return rows
 
 
-def _gain(model: TransferMatrix, root: FloatArray, place: tuple[int, ...]) -> tuple[float, FloatArray]:
-    """Static gain of a channel, and what each column of the covariance root (n_coefficient, n_root) moves it by."""
-    n_power, level = model.numerator.shape[2], model.denominator[-1]
-    last = int(np.ravel_multi_index(place, model.numerator.shape[:2])) * n_power + n_power - 1
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # G(0) = b_0 / a_0, so that dG(0) = (db_0 - G(0) da_0) / a_0.
-        gain = model.numerator[place][-1] / level
-        return float(gain), np.asarray((root[last] - gain * root[-1]) / level)
-
-
 def estimate_of(
     blocks: Sequence[Sequence[Row]], options: ExternalOptions, undetermined: Sequence[str], status: str, advice: str
 ) -> Estimate:
-    """Puts the parameters of all blocks together; blocks are independent of each other.
-
-    Args:
-        blocks: Parameters of each block.
-        options: Options of the fit.
-        undetermined: What the data do not determine, a sentence each.
-        status: How the fit ended.
-        advice: What to try next.
-    """
+    """Puts the parameters of all blocks together; blocks are independent of each other."""
     roots = [np.array([row.moves for row in rows]) for rows in blocks]
     return estimate_of_rows(
         [row for rows in blocks for row in rows],
-        _diagonal([root @ root.T for root in roots]),
+        block_diag(*(root @ root.T for root in roots)),
         "the residual, as coloured as it is",
         status,
         advice,
@@ -148,14 +119,6 @@ def estimate_of(
         identifiable_relative_std=options.identifiable_relative_std,
         undetermined=undetermined,
     )
-
-
-def _diagonal(blocks: Sequence[FloatArray]) -> FloatArray:
-    ends = np.cumsum([0, *(len(block) for block in blocks)])
-    whole = np.zeros((ends[-1], ends[-1]))
-    for first, block in zip(ends, blocks, strict=False):
-        whole[first : first + len(block), first : first + len(block)] = block
-    return whole
 
 
 CANCELLING = 0.05
@@ -186,13 +149,8 @@ def find_findings(
 ) -> Findings:
     """Looks through the poles and zeros of one channel.
 
-    Args:
-        model: The transfer functions.
-        root (n_param, n_root): Root of the covariance of `[numerators, denominator]` without the latter's first.
-        output: Output of the channel.
-        input: Input of the channel.
-        confidence: Level of the tests.
-        largest_relative_std: Relative deviation above which a pole or zero counts as undetermined.
+    `root` (n_param, n_root) is as in `block_parameters`; poles and zeros of a larger relative deviation than
+    `largest_relative_std` count as undetermined.
     """
     poles, zeros = poles_of(model, root), zeros_of(model, root, output, input)
     nyquist = np.pi / model.sampling_period_s

@@ -138,18 +138,14 @@ def pose(shots: Sequence[Shot], inputs: Sequence[int], outputs: Sequence[int], s
     """
     check_block(shots, inputs, outputs, structure)
     experiments = prepare(shots, inputs, outputs, structure.delay_samples, structure.moving_average)
-    period = shots[0].sampling_period_s
-    return Problem(experiments, structure, len(inputs), _own_frequency(experiments) / period, period)
-
-
-def _own_frequency(experiments: Sequence[Experiment]) -> float:
-    """Root-mean-square frequency of the outputs in radians per sample."""
     # The mean square of the differences over that of the signal is about omega^2 (radians per sample) of a slow one.
     shares = [
         np.sum(np.diff(each.outputs, axis=1) ** 2) / max(np.sum(each.outputs**2), np.finfo(float).tiny)
         for each in experiments
     ]
-    return float(np.clip(np.sqrt(np.mean(shares)), 1e-6, 1.0))
+    own_frequency = float(np.clip(np.sqrt(np.mean(shares)), 1e-6, 1.0))
+    period = shots[0].sampling_period_s
+    return Problem(experiments, structure, len(inputs), own_frequency / period, period)
 
 
 def first_noise(experiments: Sequence[Experiment]) -> FloatArray:

@@ -53,26 +53,18 @@ def prepare(
     shots: Sequence[Shot], inputs: Sequence[int], outputs: Sequence[int], delay_samples: int, moving_average: int
 ) -> tuple[Experiment, ...]:
     """Takes a block's signals from shots, with commands averaged and delayed."""
-    return tuple(_prepare(shot, inputs, outputs, delay_samples, moving_average) for shot in shots)
-
-
-def _prepare(shot: Shot, inputs: Sequence[int], outputs: Sequence[int], delay: int, average: int) -> Experiment:
-    told = delayed(shot.inputs[:, list(inputs)], delay, average, shot.start)
-    moved = tuple(np.flatnonzero(np.any(told != 0, axis=1)).tolist())
-    found = np.ascontiguousarray(shot.outputs[:, list(outputs)].T, dtype=float)
-    size = np.maximum(np.abs(found).max(axis=1), found.std(axis=1))
-    if shot.offset:
-        found = found - found.mean(axis=1, keepdims=True)
-    noise = np.zeros(len(found)) if shot.noise_std is None else np.asarray(shot.noise_std)[list(outputs)]
-    return Experiment(
-        commands=told[list(moved)],
-        moved=moved,
-        outputs=found,
-        start=shot.start,
-        offset=shot.offset,
-        noise=np.maximum(noise, _ROUNDING * size),
-        name=shot.name,
-    )
+    prepared = []
+    for shot in shots:
+        told = delayed(shot.inputs[:, list(inputs)], delay_samples, moving_average, shot.start)
+        moved = tuple(np.flatnonzero(np.any(told != 0, axis=1)).tolist())
+        found = np.ascontiguousarray(shot.outputs[:, list(outputs)].T, dtype=float)
+        size = np.maximum(np.abs(found).max(axis=1), found.std(axis=1))
+        if shot.offset:
+            found = found - found.mean(axis=1, keepdims=True)
+        noise = np.zeros(len(found)) if shot.noise_std is None else np.asarray(shot.noise_std)[list(outputs)]
+        noise = np.maximum(noise, _ROUNDING * size)
+        prepared.append(Experiment(told[list(moved)], moved, found, shot.start, shot.offset, noise, shot.name))
+    return tuple(prepared)
 
 
 @dataclass(frozen=True)
@@ -127,14 +119,7 @@ def build_basis(denominator: FloatArray) -> Basis:
 
 
 def reduce_shots(experiments: Sequence[Experiment], cascade: Cascade, period: float, hold: Hold) -> tuple[Reduced, ...]:
-    """Reduces experiments at the poles of a cascade.
-
-    Args:
-        experiments: The experiments.
-        cascade: The cascade.
-        period: Sampling period times the reference frequency.
-        hold: What commands do between samples.
-    """
+    """Reduces experiments at the poles of a cascade; `period` is the sampling period times the reference frequency."""
     found = []
     for experiment in experiments:
         states = states_of(experiment, cascade, period, hold)
@@ -164,12 +149,8 @@ def whiteness(residual: FloatArray, excited: BoolArray, n_taken: float) -> float
     """Chance of a white residual to look as coloured as this one.
 
     Its power where commands excite is held against the rest, and its autocorrelation at the first lags against zero;
-    the smaller chance counts twice.
-
-    Args:
-        residual (n_sample,): Residual.
-        excited (n_line,): Lines that commands excite.
-        n_taken: Degrees of freedom that the fit took from this residual.
+    the smaller chance counts twice. The lines (n_line,) that commands excite and the degrees of freedom that the fit
+    took from this residual (n_sample,) are given.
 
     Source:
         Ljung and Box (1978), "On a measure of lack of fit in time series models".

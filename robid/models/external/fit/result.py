@@ -54,18 +54,19 @@ def make_solution(
     coupling: CouplingMap,
     findings: Sequence[ChannelFinding],
 ) -> ExternalSolution:
-    """Puts together what an external fit found.
-
-    Args:
-        found: The blocks.
-        ports: Commands and outputs.
-        options: Options of the fit.
-        etfe: The empirical response.
-        coupling: The decoupling map.
-        findings: What is doubtful about the data.
-    """
+    """Puts together what an external fit found."""
     transfers = _transfers(found, ports, options)
-    every = [_agreements(one, ports) for one in found]
+    every = [
+        agreements(
+            _output_names(one.block, ports),
+            one.shots,
+            one.block.outputs,
+            one.measured,
+            one.fit.residuals,
+            one.block.inputs,
+        )
+        for one in found
+    ]
     quality = _quality(found, ports, etfe, every)
     parameters = [
         block_parameters(
@@ -77,7 +78,8 @@ def make_solution(
         )
         for index, one in enumerate(found)
     ]
-    status = _status([one.fit.status for one in found])
+    ended = [one.fit.status for one in found]
+    status = next((status for status in ("stalled", "iteration_limit") if status in ended), "converged")
     told = [_findings(one, options) for one in found]
     undetermined = [
         f"{one.block.name}: {sentence}"
@@ -85,6 +87,8 @@ def make_solution(
         for sentence in dict.fromkeys(text for each in those for text in (*each.undetermined, *each.cancelling))
     ]
     fitted = [one.fitted for one in found]
+    # What tells something of any block; one line alone has no band.
+    lowest_hz = float(np.nanmin(np.append(quality.lowest_hz, 0.01 / ports.sampling_period_s)))
     return ExternalSolution(
         estimate=estimate_of(parameters, options, undetermined, status, _REMEDIES.get(status, "")),
         ports=ports,
@@ -94,7 +98,7 @@ def make_solution(
         tried=_tried(found),
         etfe=etfe,
         coupling=coupling,
-        responses=frequency_responses(fitted, _lowest_hz(quality, ports)),
+        responses=frequency_responses(fitted, lowest_hz),
         steps=step_responses(fitted),
         loci=root_loci(fitted),
         traces=_traces(found),
@@ -123,6 +127,13 @@ def _transfers(found: Sequence[FittedBlock], ports: Ports, options: ExternalOpti
         for output in one.block.outputs
         for command in one.block.inputs
     ]
+    # A single channel has its block's name, those of a matrix that of output and command.
+    names = [
+        found[index].block.name
+        if found[index].block.is_single
+        else pair_name(ports.inputs[command], ports.outputs[output])
+        for index, output, command in places
+    ]
     models = [one.fit.model for one in found]
     n_power = max(len(model.denominator) for model in models)
     numerators = [each for model in models for each in model.numerator.reshape(-1, model.numerator.shape[2])]
@@ -136,30 +147,24 @@ def _transfers(found: Sequence[FittedBlock], ports: Ports, options: ExternalOpti
         delay_samples=np.array([model.delay_samples for model in models]),
         delay_estimated=np.full(len(found), options.delay_samples is None),
         moving_average=options.moving_average,
-        denominator=np.array([_in_front(model.denominator, n_power) for model in models]),
-        covariance_root=np.array([_behind(root, shape) for root in roots]),
-        names=_channel_names(found, ports),
+        denominator=np.array([np.pad(one.denominator, (n_power - len(one.denominator), 0)) for one in models]),
+        covariance_root=np.array(
+            [np.pad(root, [(0, n - own) for n, own in zip(shape, root.shape, strict=True)]) for root in roots]
+        ),
+        names=tuple(names),
         block_of=block_of,
         inputs=inputs,
         outputs=outputs,
-        numerator=np.array([_in_front(each, n_power) for each in numerators]),
-    )
-
-
-def _channel_names(found: Sequence[FittedBlock], ports: Ports) -> tuple[str, ...]:
-    """A single channel has its block's name, those of a matrix that of output and command."""
-    return tuple(
-        one.block.name if one.block.is_single else pair_name(ports.inputs[command], ports.outputs[output])
-        for one in found
-        for output in one.block.outputs
-        for command in one.block.inputs
+        numerator=np.array([np.pad(each, (n_power - len(each), 0)) for each in numerators]),
     )
 
 
 def _quality(
     found: Sequence[FittedBlock], ports: Ports, etfe: Etfe, every: Sequence[Sequence[Agreement]]
 ) -> FitQuality:
-    bands = [_band(one.block, etfe) for one in found]
+    # Frequencies at which a command of a block was excited.
+    known = (np.isfinite(etfe.radius[:, :, list(one.block.inputs)]).any(axis=(1, 2)) for one in found)
+    bands = [etfe.frequency_hz[own][[0, -1]] if own.any() else np.full(2, np.nan) for own in known]
     names = [_output_names(one.block, ports) for one in found]
     worst = [
         min(each.nrmse for each in own if each.output == name)
@@ -185,12 +190,6 @@ def _output_names(block: Block, ports: Ports) -> list[str]:
     return [block.name] if block.is_single else [ports.outputs[index] for index in block.outputs]
 
 
-def _agreements(one: FittedBlock, ports: Ports) -> tuple[Agreement, ...]:
-    block = one.block
-    names = _output_names(block, ports)
-    return agreements(names, one.shots, block.outputs, one.measured, one.fit.residuals, block.inputs)
-
-
 def _final_prediction_error(one: FittedBlock) -> float:
     """Akaike's final prediction error: determinant of the residuals' covariance, outputs scaled to their size.
 
@@ -201,13 +200,6 @@ def _final_prediction_error(one: FittedBlock) -> float:
     scaled = left / np.maximum(measured.std(axis=0), np.finfo(float).tiny)
     ratio = one.fit.n_free / len(left)
     return float(np.linalg.det(scaled.T @ scaled / len(left)) * (1 + ratio) / max(1 - ratio, 1e-3))
-
-
-def _band(block: Block, etfe: Etfe) -> tuple[float, float]:
-    """Lowest and highest frequency at which a command of a block was excited [Hz]."""
-    known = np.isfinite(etfe.radius[:, :, list(block.inputs)]).any(axis=(1, 2))
-    frequency_hz = etfe.frequency_hz[known] if known.any() else np.array([np.nan])
-    return float(frequency_hz[0]), float(frequency_hz[-1])
 
 
 def _tried(found: Sequence[FittedBlock]) -> tuple[Tried, ...]:
@@ -242,22 +234,12 @@ def _traces(found: Sequence[FittedBlock]) -> Traces:
     return Traces(output.astype(int), shots.astype(int), tuple(names), time, measured, simulated)
 
 
-def _lowest_hz(quality: FitQuality, ports: Ports) -> float:
-    """Lowest frequency that tells something of any block; one line alone has no band."""
-    return float(np.nanmin(np.append(quality.lowest_hz, 0.01 / ports.sampling_period_s)))
-
-
 def _gain_unit(transfers: Transfers, ports: Ports, channel: int) -> str:
     output, command = ports.output_units[transfers.outputs[channel]], ports.input_units[transfers.inputs[channel]]
     return "1" if output == command else f"{output}/({command})" if "/" in command else f"{output}/{command}"
 
 
-def _status(every: Sequence[str]) -> str:
-    return next((status for status in ("stalled", "iteration_limit") if status in every), "converged")
-
-
 def _remarks(one: FittedBlock, found: Sequence[Findings]) -> list[str]:
-    """What is to be known of a block beside its parameters."""
     told = [
         sentence
         for each in found
@@ -270,7 +252,6 @@ def _remarks(one: FittedBlock, found: Sequence[Findings]) -> list[str]:
 
 
 def _findings(one: FittedBlock, options: ExternalOptions) -> list[Findings]:
-    """What is to be known of the poles and zeros of each channel of a block."""
     return [
         find_findings(
             one.fit.model,
@@ -281,13 +262,3 @@ def _findings(one: FittedBlock, options: ExternalOptions) -> list[Findings]:
         )
         for place in np.ndindex(one.fit.model.numerator.shape[:2])
     ]
-
-
-def _in_front(polynomial: FloatArray, n_power: int) -> FloatArray:
-    return np.concatenate([np.zeros(n_power - len(polynomial)), polynomial])
-
-
-def _behind(values: FloatArray, shape: Sequence[int]) -> FloatArray:
-    whole = np.zeros(shape)
-    whole[: values.shape[0], : values.shape[1]] = values
-    return whole

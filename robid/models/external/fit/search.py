@@ -26,17 +26,9 @@ def guess(n_pole: int, frequency: float) -> FloatArray:
 def refine(problem: Problem, denominator: FloatArray, noise: FloatArray, passes: int = 8) -> list[FloatArray]:
     """Improves a denominator by linear least squares on filtered signals, again and again.
 
-    Both sides of `a y = b u` are divided by the last denominator; later passes take the simulated output as
-    instrument, which removes the bias that noise gives.
-
-    Args:
-        problem: Data and structure.
-        denominator (n_pole + 1,): The first, in powers of s over the reference frequency.
-        noise (n_shot, n_out): Standard deviation of each output's noise in each shot.
-        passes: Number of passes.
-
-    Returns:
-        The denominator of each pass.
+    Both sides of `a y = b u` are divided by the last denominator; later passes take the simulated output as instrument,
+    which removes the bias that noise gives. Denominators (n_pole + 1,) are in powers of s over the reference frequency,
+    one a pass; `noise` (n_shot, n_out) is the deviation of each output's noise in each shot.
 
     Source:
         Young and Jakeman (1980), "Refined instrumental variable methods of recursive time-series analysis", III.
@@ -66,13 +58,8 @@ def refine(problem: Problem, denominator: FloatArray, noise: FloatArray, passes:
 class _Filtered:
     """What the last denominator makes of one experiment's signals, offset and free response taken out.
 
-    Args:
-        experiment: The experiment.
-        told: The poles, discretised for commands.
-        answered: The poles, discretised for outputs, which move in straight lines between samples.
-        period: Sampling period times the reference frequency.
-        n_zero: Zeros.
-        noise (n_out,): Standard deviation of each output's noise.
+    The poles come discretised for commands and, for outputs, which move in straight lines between samples, once more;
+    `noise` (n_out,) is the deviation of each output's.
     """
 
     def __init__(
@@ -112,15 +99,9 @@ class _Filtered:
 
 
 def _solve(signals: Sequence[_Filtered], n_told: int, *, instruments: bool) -> FloatArray:
-    """Returns the denominator's change (n_pole,) along the states' numerators.
+    """Returns the denominator's change (n_pole,) along the states' numerators; NaN where the signals overflow.
 
-    Args:
-        signals: The filtered signals.
-        n_told: Numerator coefficients of one output.
-        instruments: Whether the simulated outputs are instruments for the measured ones.
-
-    Returns:
-        The change; NaN where the signals overflow.
+    With `instruments` the simulated outputs are instruments for the measured ones.
     """
     n_out, n_pole, _ = signals[0].answered.shape
     gram, pull = np.zeros((n_told, n_told)), np.zeros((n_told, n_out))
@@ -172,17 +153,10 @@ def search(
 ) -> tuple[Descent, FloatArray]:
     """Searches poles and weights.
 
-    Args:
-        problem: Data and structure.
-        starts: Denominators (n_pole + 1,) to start from, in powers of s over the reference frequency.
-        noise (n_shot, n_out): Weights' standard deviations to start with.
-        is_hopeless: Tells after a first try whether more is wasted.
-        linear: Whether starts are also found from the data.
-        tried: From how many of the best starts the search sets out.
-        tolerance: Move of the poles, in standard deviations of theirs, that ends the search.
-
-    Returns:
-        The fit and the noise (n_shot, n_out) that weights it.
+    Starts are denominators (n_pole + 1,) in powers of s over the reference frequency, and with `linear` also found from
+    the data; the search sets out from the best `tried` of them and ends where poles move by less than `tolerance`
+    deviations of theirs. `is_hopeless` tells after a first try whether more is wasted. The fit comes with the noise
+    (n_shot, n_out) that weights it.
 
     Raises:
         DataError: If no start can be simulated.
@@ -207,11 +181,7 @@ def search(
 
 
 def _cheapest(problem: Problem, denominators: Sequence[FloatArray], noise: FloatArray) -> list[Point]:
-    """The points at some denominators, that of the least cost first.
-
-    Raises:
-        DataError: If none can be simulated.
-    """
+    """The points at some denominators, that of the least cost first."""
     points = [problem.evaluate(each, noise, slopes=False) for each in denominators]
     usable = sorted((each for each in points if each is not None), key=lambda point: point.cost)
     if not usable:
@@ -223,12 +193,8 @@ def _cheapest(problem: Problem, denominators: Sequence[FloatArray], noise: Float
 def settle(problem: Problem, found: Descent, noise: FloatArray) -> Descent:
     """Puts a pole of which samples only tell that it is fast where it answers at once.
 
-    Where it came to rest is chance, and so would be all that moves with it.
-
-    Args:
-        problem: Data and structure.
-        found: Where the search ended.
-        noise (n_shot, n_out): Weights' standard deviations.
+    Where it came to rest is chance, and so would be all that moves with it. The deviations `noise` (n_shot, n_out)
+    weight it.
     """
     fastest = found.point.basis.single.stages[0]
     if abs(fastest.pole) * problem.period <= np.pi:
@@ -242,12 +208,8 @@ def settle(problem: Problem, found: Descent, noise: FloatArray) -> Descent:
 def slowest_unseen(problem: Problem, point: Point, noise: FloatArray) -> float:
     """Returns about how fast, per sample, the fastest pole must be for samples not to tell it from an immediate answer.
 
-    What a pole of rate x per sample leaves after one falls with exp(-x).
-
-    Args:
-        problem: Data and structure.
-        point: The fit.
-        noise (n_shot, n_out): Weights' standard deviations.
+    What a pole of rate x per sample leaves after one falls with exp(-x). The deviations `noise` (n_shot, n_out) weight
+    the fit.
     """
     # Its column at the Nyquist frequency, what all others do taken out, says how well a pole there would be seen.
     seen = problem.evaluate(_with_fastest(point, np.pi / problem.period), noise)

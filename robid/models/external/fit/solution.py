@@ -15,6 +15,11 @@ from robid.models.external.fit.etfe import Etfe, Excitation
 from robid.models.external.fit.transfer import TransferMatrix
 from robid.results.estimate import Estimate
 
+_INPUT = "as in input_units"
+_OUTPUT = "as of the output"
+_SCORE = "1, or as of the output"
+_CHANNEL = "model_frequency channel"
+
 
 @dataclass(frozen=True)
 class Ports:
@@ -24,13 +29,9 @@ class Ports:
     input_units: Annotated[tuple[str, ...], Quantity("1", "input")]
     outputs: Annotated[tuple[str, ...], Quantity("1", "output", "Names of the outputs")]
     output_units: Annotated[tuple[str, ...], Quantity("1", "output")]
-    input_resolution: Annotated[
-        FloatArray, Quantity("as in input_units", "input", "Resolution that gains are normalised by")
-    ]
+    input_resolution: Annotated[FloatArray, Quantity(_INPUT, "input", "Resolution that gains are normalised by")]
     output_resolution: Annotated[FloatArray, Quantity("as in output_units", "output", "The same")]
-    floor: Annotated[
-        FloatArray, Quantity("as in input_units", "input", "Amplitude from which on a command counts as excited")
-    ]
+    floor: Annotated[FloatArray, Quantity(_INPUT, "input", "Amplitude from which on a command counts as excited")]
     sampling_period_s: float
     hold: str  # what commands do between samples
 
@@ -105,17 +106,12 @@ class Responses:
 
     frequency_hz: Annotated[FloatArray, Quantity("Hz", "model_frequency")]
     # Responses with delay, without hold and moving average.
-    response: Annotated[
-        ComplexArray, Quantity("output over input", "model_frequency channel", "Responses of the models with delay")
-    ]
+    response: Annotated[ComplexArray, Quantity("output over input", _CHANNEL, "Responses of the models with delay")]
     sampled: Annotated[
-        ComplexArray,
-        Quantity("output over input", "model_frequency channel", "From samples to samples, hold and average included"),
+        ComplexArray, Quantity("output over input", _CHANNEL, "From samples to samples, hold and average included")
     ]
-    relative_std: Annotated[
-        FloatArray, Quantity("1", "model_frequency channel", "Deviation of the magnitude, relative")
-    ]
-    phase_std: Annotated[FloatArray, Quantity("rad", "model_frequency channel", "Deviation of the phase")]
+    relative_std: Annotated[FloatArray, Quantity("1", _CHANNEL, "Deviation of the magnitude, relative")]
+    phase_std: Annotated[FloatArray, Quantity("rad", _CHANNEL, "Deviation of the phase")]
 
 
 @dataclass(frozen=True)
@@ -152,10 +148,8 @@ class Traces:
     shot: Annotated[IntArray, Quantity("1", "row", "Index into shots")]
     shots: Annotated[tuple[str, ...], Quantity("1", "shot", "Names of the shots")]
     time_s: Annotated[FloatArray, Quantity("s", "row")]  # time since the shot began
-    measured: Annotated[
-        FloatArray, Quantity("as of the output", "row", "Measured output less its offset", compact=True)
-    ]
-    simulated: Annotated[FloatArray, Quantity("as of the output", "row", "The model's", compact=True)]
+    measured: Annotated[FloatArray, Quantity(_OUTPUT, "row", "Measured output less its offset", compact=True)]
+    simulated: Annotated[FloatArray, Quantity(_OUTPUT, "row", "The model's", compact=True)]
 
 
 @dataclass(frozen=True)
@@ -166,9 +160,7 @@ class ExternalSolution:
     ports: Ports  # commands and outputs of the records
     transfers: Transfers  # the transfer functions
     quality: FitQuality  # how they were fitted
-    agreements: Annotated[
-        tuple[Agreement, ...], Quantity("1, or as of the output", "agreement", "Agreement, place by place")
-    ]
+    agreements: Annotated[tuple[Agreement, ...], Quantity(_SCORE, "agreement", "Agreement, place by place")]
     tried: Annotated[tuple[Tried, ...], Quantity("1", "trial", "Structures that were tried")]
     etfe: Etfe  # the empirical response
     coupling: CouplingMap  # the decoupling map

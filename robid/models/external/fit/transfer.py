@@ -87,12 +87,7 @@ def chain_stages(poles: list[complex]) -> tuple[Stage, ...]:
 
 
 def build_cascade(stages: tuple[Stage, ...], copies: int = 1) -> Cascade:
-    """Builds the cascade of some poles, or of each twice, the second time in reverse.
-
-    Args:
-        stages: The poles.
-        copies: 1 for `a(s)`, 2 for `a(s)^2`.
-    """
+    """Builds the cascade of some poles, `1 / a(s)`, or with two copies of each twice, the second time in reverse."""
     poles = [stage.pole for stage in stages]
     # The second copy runs backwards, so that fast poles meet and the cascade of one copy is the head of that of both.
     stages = chain_stages([*poles, *reversed(poles)] if copies == 2 else poles)
@@ -140,12 +135,7 @@ class Held:
 
 
 def discretise(cascade: Cascade, period: float, hold: Hold) -> Held:
-    """Discretises a cascade exactly by one matrix exponential.
-
-    Args:
-        cascade: The cascade.
-        period: Sampling period times the reference frequency.
-        hold: What the input does between samples.
+    """Discretises a cascade exactly by one matrix exponential; `period` is over that of the reference frequency.
 
     Source:
         Van Loan (1978), "Computing integrals involving the matrix exponential".
@@ -163,16 +153,9 @@ def discretise(cascade: Cascade, period: float, hold: Hold) -> Held:
 
 
 def propagate(held: Held, period: float, inputs: FloatArray, start: Start) -> FloatArray:
-    """Simulates a cascade's states for several inputs.
+    """Simulates a cascade's states (n_in, n_state, n_sample) for several inputs (n_in, n_sample).
 
-    Args:
-        held: The discretised cascade.
-        period: Sampling period times the reference frequency.
-        inputs (n_in, n_sample): The inputs.
-        start: `periodic` for the steady state of a period, else from zero.
-
-    Returns:
-        States (n_in, n_state, n_sample).
+    The start is zero, but for `periodic`: the steady state of a period, which is over the reference frequency's.
     """
     periodic = start == "periodic"
     # Beyond the last sample a period begins again, and a single shot goes on as it ended.
@@ -266,11 +249,7 @@ class TransferMatrix:
         return bool((self.poles.real < 0).all())
 
     def response(self, omega: FloatArray) -> ComplexArray:
-        """Computes the response (n_freq, n_out, n_in) with delay, without hold and average.
-
-        Args:
-            omega (n_freq,): Frequencies [rad/s].
-        """
+        """Computes the response (n_freq, n_out, n_in) at frequencies [rad/s] with delay, without hold and average."""
         s = 1j * np.asarray(omega)
         # G(s) = B(s) / A(s) exp(-s T_d), in plain powers of s: no samples come in here.
         above = np.moveaxis(_values(self.numerator, s), -1, 0)
@@ -278,11 +257,7 @@ class TransferMatrix:
         return np.asarray(above * (delay / _values(self.denominator, s))[:, None, None])
 
     def sampled_response(self, omega: FloatArray) -> ComplexArray:
-        """Computes the response (n_freq, n_out, n_in) from samples to samples: with hold, delay and average.
-
-        Args:
-            omega (n_freq,): Frequencies [rad/s].
-        """
+        """Computes the response (n_freq, n_out, n_in) at frequencies [rad/s] from samples to samples, hold included."""
         cascade, weights, scale = self.cascade()
         held = discretise(cascade, self.sampling_period_s * scale, self.hold)
         z = np.exp(1j * np.asarray(omega) * self.sampling_period_s)
@@ -294,11 +269,7 @@ class TransferMatrix:
         return np.asarray(above * powers.mean(axis=1)[:, None, None])
 
     def step(self, time: FloatArray) -> FloatArray:
-        """Computes the response (n_time, n_out, n_in) to a unit step at zero, with delay, without hold and average.
-
-        Args:
-            time (n_time,): Times [s].
-        """
+        """Computes the response (n_time, n_out, n_in) to a unit step at zero over time [s], without hold or average."""
         cascade, weights, scale = self.cascade()
         size = len(cascade.b)
         augmented = np.zeros((size + 1, size + 1))
@@ -308,12 +279,7 @@ class TransferMatrix:
         return np.asarray(np.einsum("oik,tk->toi", weights, states))
 
     def simulate(self, inputs: FloatArray, start: Literal["rest", "periodic"] = "rest") -> FloatArray:
-        """Simulates the outputs (n_sample, n_out) to commands (n_sample, n_in).
-
-        Args:
-            inputs (n_sample, n_in): Commands, zero before the first sample.
-            start: From zero state, or in the steady state of a period.
-        """
+        """Simulates outputs (n_sample, n_out) to commands (n_sample, n_in), from zero or in the steady state."""
         cascade, weights, scale = self.cascade()
         period = self.sampling_period_s * scale
         commands = delayed(inputs, self.delay_samples, self.moving_average, start)
@@ -343,16 +309,9 @@ def reference_frequency(denominator: FloatArray) -> float:
 
 
 def delayed(inputs: FloatArray, delay_samples: int, moving_average: int, start: Start) -> FloatArray:
-    """Averages and delays commands.
+    """Averages and delays commands (n_sample, n_in): what the transfer function receives (n_in, n_sample).
 
-    Args:
-        inputs (n_sample, n_in): Commands.
-        delay_samples: Delay in samples.
-        moving_average: Samples averaged.
-        start: What came before: nothing (`rest`), the same period (`periodic`) or the first value (`free`).
-
-    Returns:
-        What the transfer function receives (n_in, n_sample).
+    Before came nothing (`rest`), the same period (`periodic`) or the first value (`free`).
     """
     signals = np.ascontiguousarray(np.asarray(inputs, dtype=float).T)
     n_sample = signals.shape[1]

@@ -65,8 +65,7 @@ def solution_findings(solution: ExternalSolution, options: ExternalOptions) -> t
         *_signals(solution),
         *_unexplained(solution),
         *_gains(solution),
-        *_unstable(solution),
-        *_undamped(solution),
+        *_never_settling(solution),
         *_drifting(solution),
         *_delays(solution, options),
         *_orders(solution, options),
@@ -133,11 +132,18 @@ def _read_as(gain: float) -> Scale | None:
     return None
 
 
-def _unstable(solution: ExternalSolution) -> Iterator[Finding]:
+def _never_settling(solution: ExternalSolution) -> Iterator[Finding]:
+    """Unstable poles, and pairs that ring for much longer than any shot lasts: they follow from an unexcited line."""
+    longest_s = float(solution.traces.time_s.max())
     for block, name in enumerate(solution.transfers.blocks):
-        if not solution.transfer(block).is_stable:
+        model = solution.transfer(block)
+        if not model.is_stable:
             told = f"{name} has a pole in the right half plane, which a loop that holds its position cannot have"
             yield Finding("model", told, decisive=True, strength=3.0)
+        ringing = model.poles[(model.poles.imag > 0) & (np.abs(model.poles.real) * longest_s < _RINGING)]
+        if ringing.size:
+            told = f"{name} has poles that never stop ringing, at {ringing.imag[0] / (2 * np.pi):.3g} Hz"
+            yield Finding("model", told, decisive=True, strength=2.0)
 
 
 def _delays(solution: ExternalSolution, options: ExternalOptions) -> Iterator[Finding]:
@@ -185,18 +191,6 @@ def _is_open(solution: ExternalSolution, block: str) -> bool:
         and one.bic < chosen.bic + STRONG_EVIDENCE
         for one in own
     )
-
-
-def _undamped(solution: ExternalSolution) -> Iterator[Finding]:
-    """Pairs of poles that ring for much longer than any shot lasts: these follow from a line that was not excited."""
-    traces = solution.traces
-    longest_s = float(traces.time_s.max())
-    for block, name in enumerate(solution.transfers.blocks):
-        poles = solution.transfer(block).poles
-        ringing = poles[(poles.imag > 0) & (np.abs(poles.real) * longest_s < _RINGING)]
-        if ringing.size:
-            told = f"{name} has poles that never stop ringing, at {ringing.imag[0] / (2 * np.pi):.3g} Hz"
-            yield Finding("model", told, decisive=True, strength=2.0)
 
 
 def _drifting(solution: ExternalSolution) -> Iterator[Finding]:

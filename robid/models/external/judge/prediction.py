@@ -19,6 +19,9 @@ from robid.results.finding import Finding
 _ROUNDED = 12**-0.5  # of a step: repeats of what hardly moves are rounded alike
 
 
+_OUTPUT = "as of the output"
+
+
 @dataclass(frozen=True)
 class NewShots:
     """Shots of a validation that concern one block."""
@@ -54,13 +57,9 @@ class PredictedTraces:
     shots: Annotated[tuple[str, ...], Quantity("1", "shot", "Names of the shots")]
     shot: Annotated[IntArray, Quantity("1", "row", "Index into shots")]
     time_s: Annotated[FloatArray, Quantity("s", "row")]  # time since the shot began
-    measured: Annotated[
-        FloatArray, Quantity("as of the output", "row", "Measured output less its offset", compact=True)
-    ]
-    predicted: Annotated[FloatArray, Quantity("as of the output", "row", "The model's", compact=True)]
-    std: Annotated[
-        FloatArray, Quantity("as of the output", "row", "Deviation of their difference, as expected", compact=True)
-    ]
+    measured: Annotated[FloatArray, Quantity(_OUTPUT, "row", "Measured output less its offset", compact=True)]
+    predicted: Annotated[FloatArray, Quantity(_OUTPUT, "row", "The model's", compact=True)]
+    std: Annotated[FloatArray, Quantity(_OUTPUT, "row", "Deviation of their difference, as expected", compact=True)]
 
 
 def new_shots(solution: ExternalSolution, shots: Sequence[Shot]) -> tuple[NewShots, ...]:
@@ -200,8 +199,9 @@ def compare_homes(one: ExternalSolution, other: ExternalSolution) -> Iterator[Ho
     for name in one.transfers.names:
         if name not in other.transfers.names:
             continue
-        bands = [_band(each, name) for each in (one, other)]
-        low, high = max(band[0] for band in bands), min(band[1] for band in bands)
+        qualities = [(each.quality, _place(each, name)[0]) for each in (one, other)]
+        low = max(float(quality.lowest_hz[block]) for quality, block in qualities)
+        high = min(float(quality.highest_hz[block]) for quality, block in qualities)
         if not low < high:
             continue
         frequency_hz = np.geomspace(low, high, _FREQUENCIES)
@@ -226,11 +226,6 @@ def _place(solution: ExternalSolution, name: str) -> tuple[int, int]:
     channel = solution.transfers.names.index(name)
     block = int(solution.transfers.block_of[channel])
     return block, int(np.flatnonzero(solution.transfers.channels_of(block) == channel)[0])
-
-
-def _band(solution: ExternalSolution, name: str) -> tuple[float, float]:
-    block, _ = _place(solution, name)
-    return float(solution.quality.lowest_hz[block]), float(solution.quality.highest_hz[block])
 
 
 def _response(solution: ExternalSolution, name: str, frequency_hz: FloatArray) -> tuple[ComplexArray, FloatArray]:

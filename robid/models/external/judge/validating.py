@@ -33,6 +33,9 @@ _EXPLAINED = 1.2  # of the expected error
 _NOISE = ", which noise explains: move farther, or repeat more often"
 
 
+_SCORE = "1, or as of the output"
+
+
 @dataclass(frozen=True)
 class Bounds:
     """How an output's error compares with its bounds, in the order of the agreements."""
@@ -52,12 +55,8 @@ class ExternalValidation:
     """How well transfer functions predict other motions."""
 
     outcome: Outcome  # whether they hold, their grade
-    agreements: Annotated[
-        tuple[Agreement, ...], Quantity("1, or as of the output", "agreement", "Agreement, place by place")
-    ]
-    bounds: Annotated[
-        tuple[Bounds, ...], Quantity("1, or as of the output", "agreement", "The same against the bounds")
-    ]
+    agreements: Annotated[tuple[Agreement, ...], Quantity(_SCORE, "agreement", "Agreement, place by place")]
+    bounds: Annotated[tuple[Bounds, ...], Quantity(_SCORE, "agreement", "The same against the bounds")]
     traces: PredictedTraces  # measured and predicted outputs
     confidence: float  # level of the bounds
     untested: Annotated[tuple[str, ...], Quantity("1", "block", "Channels that do not move in the validation")]
@@ -70,11 +69,6 @@ def validate_external(
 
     The limits are absolute: an NRMSE below 0.9 is a failure, an error beyond what noise, parameters and a model error
     of one per cent of the motion give is a reason for doubt.
-
-    Args:
-        solution: What the fit found.
-        shots: What was recorded anew.
-        findings: Findings about the fit.
 
     Raises:
         DataError: If the shots are sampled otherwise than those of the fit, or none of its commands moves.
@@ -89,9 +83,14 @@ def validate_external(
     bounds = tuple(each for pair in zip(found, traces, strict=True) for each in _bounds(solution, *pair))
     tested = {solution.transfers.blocks[one.block] for one in found}
     untested = tuple(name for name in solution.transfers.blocks if name not in tested)
-    failures = _failures(agreed, bounds)
+    failures = tuple(
+        f"{one.output} is predicted with an NRMSE of {one.nrmse:.3g} in `{one.place}`, limit {NRMSE_LIMIT:g}"
+        f"{_NOISE if one.error_std < _EXPLAINED * bound.expected_std else ''}"
+        for one, bound in zip(agreed, bounds, strict=True)
+        if one.nrmse < NRMSE_LIMIT
+    )
     excess = excess_findings(agreed, [one.expected_std for one in bounds])
-    every = [*findings, *novelty_findings(solution, found), *excess, *_outside(bounds, solution), *_untested(untested)]
+    every = [*findings, *novelty_findings(solution, found), *excess, *_own_findings(bounds, untested, solution)]
     return ExternalValidation(
         outcome=outcome_of(solution.estimate, every, failures, _verdict(agreed, bounds, failures)),
         agreements=agreed,
@@ -137,33 +136,19 @@ def _bounds(solution: ExternalSolution, one: NewShots, traces: Sequence[Predicte
         )
 
 
-def _failures(agreed: Sequence[Agreement], bounds: Sequence[Bounds]) -> tuple[str, ...]:
-    return tuple(
-        f"{one.output} is predicted with an NRMSE of {one.nrmse:.3g} in `{one.place}`, limit {NRMSE_LIMIT:g}"
-        f"{_NOISE if one.error_std < _EXPLAINED * bound.expected_std else ''}"
-        for one, bound in zip(agreed, bounds, strict=True)
-        if one.nrmse < NRMSE_LIMIT
-    )
-
-
-def _outside(bounds: Sequence[Bounds], solution: ExternalSolution) -> tuple[Finding, ...]:
-    """Findings about intervals where far more samples lie outside the bounds than their level says."""
+def _own_findings(bounds: Sequence[Bounds], untested: Sequence[str], solution: ExternalSolution) -> Iterator[Finding]:
+    """Findings about bounds that hold far fewer samples than their level says, and about what did not move."""
     confidence, worst = solution.estimate.confidence, min(bounds, key=lambda one: one.inside)
     excess = (1 - worst.inside) / (1 - confidence)
-    if excess <= _OUTSIDE:
-        return ()
-    told = (
-        f"{worst.inside:.0%} of the samples of {worst.output} lie inside the {confidence:.0%} bounds ({worst.place}):"
-        " the intervals do not hold what the model lacks"
-    )
-    return (Finding("model", told, decisive=False, strength=excess / _OUTSIDE),)
-
-
-def _untested(names: Sequence[str]) -> tuple[Finding, ...]:
-    if not names:
-        return ()
-    told = f"{', '.join(names)} do not move in the validation: nothing was tested of them"
-    return (Finding("excitation", told, decisive=False, strength=2.0),)
+    if excess > _OUTSIDE:
+        told = (
+            f"{worst.inside:.0%} of the samples of {worst.output} lie inside the {confidence:.0%} bounds"
+            f" ({worst.place}): the intervals do not hold what the model lacks"
+        )
+        yield Finding("model", told, decisive=False, strength=excess / _OUTSIDE)
+    if untested:
+        told = f"{', '.join(untested)} do not move in the validation: nothing was tested of them"
+        yield Finding("excitation", told, decisive=False, strength=2.0)
 
 
 def _verdict(agreed: Sequence[Agreement], bounds: Sequence[Bounds], failures: Sequence[str]) -> str:

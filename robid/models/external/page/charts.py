@@ -10,11 +10,9 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.models.external.fit.etfe import Excitation
 from robid.models.external.fit.solution import ExternalSolution, StepResponses
-from robid.models.parameters import MOST_POINTS, quantile, thinned
+from robid.models.parameters import ERROR, GREY, MEASURED, MODEL, MOST_POINTS, curve, quantile, thinned
 from robid.report.section import Curve, Figure, Line
 
-MEASURED, MODEL, GREY, ERROR = 0, 1, 4, 3
-"""Shades of what figures show: what was commanded or measured, what a model says, limits, and differences."""
 _BEYOND = 4.0  # times the highest excited frequency
 _READABLE = {"m": (1e3, "mm"), "rad": (180 / np.pi, "°"), "m/s": (1e3, "mm/s"), "rad/s": (180 / np.pi, "°/s")}
 
@@ -25,14 +23,7 @@ def readable_factor(unit: str) -> tuple[float, str]:
 
 
 def excitation_figures(found: Excitation, channel: int, shot: int, units: tuple[str, str]) -> tuple[Figure, Figure]:
-    """Command and output of one shot over time, and their spectra against the resolution.
-
-    Args:
-        found: What was commanded and what came of it.
-        channel: Index of the channel.
-        shot: Index of the shot.
-        units: Units of command and output.
-    """
+    """Command and output of one shot of a channel over time, and their spectra against the resolution."""
     rows = (found.time_channel == channel) & (found.time_shot == shot)
     lines = (found.line_channel == channel) & (found.line_shot == shot)
     (to_command, unit), (to_answer, other) = (readable_factor(each) for each in units)
@@ -69,12 +60,12 @@ def response_figures(solution: ExternalSolution, channel: int) -> tuple[Figure, 
     unit = solution.ports.output_units[place[1]], solution.ports.input_units[place[2]]
     gain = "Magnitude" if unit[0] == unit[1] else f"Magnitude [{unit[0]} / ({unit[1]})]"
     heights = (
-        _banded("measured", etfe.frequency_hz, np.abs(measured), radius, MEASURED, points=True),
-        _banded("model", frequency_hz, size, size * np.minimum(off, 1.0), MODEL),
+        curve("measured", etfe.frequency_hz, np.abs(measured), MEASURED, radius, points=True),
+        curve("model", frequency_hz, size, MODEL, size * np.minimum(off, 1.0)),
     )
     angles = (
-        _banded("measured", etfe.frequency_hz, phase, half, MEASURED, points=True),
-        _banded("model", frequency_hz, angle, turned, MODEL),
+        curve("measured", etfe.frequency_hz, phase, MEASURED, half, points=True),
+        curve("model", frequency_hz, angle, MODEL, turned),
     )
     kept = _reach(measured, size)
     return (
@@ -86,7 +77,7 @@ def response_figures(solution: ExternalSolution, channel: int) -> tuple[Figure, 
 def step_figure(found: StepResponses, channel: int, final: float, confidence: float) -> Figure:
     """One channel's response to a unit step, with its bounds and its final value."""
     time, value = found.time_s[:, channel], found.value[:, channel]
-    course = replace(_banded("output", time, value, quantile(confidence) * found.std[:, channel], MODEL), dashed=False)
+    course = replace(curve("output", time, value, MODEL, quantile(confidence) * found.std[:, channel]), dashed=False)
     lines = (Line("y", 0.0), Line("y", final)) if np.isfinite(final) else (Line("y", 0.0),)
     return Figure(
         "Step response", "Time [s]", "Output per step", (course,), log_x=False, log_y=False, height=380, lines=lines
@@ -103,7 +94,7 @@ def locus_figure(solution: ExternalSolution, channel: int) -> Figure:
     paths = paths[np.isfinite(paths) & (np.abs(paths.real) <= reach) & (np.abs(paths.imag) <= reach)]
     wide = quantile(solution.estimate.confidence)
     curves = [
-        Curve("closed loop", _tuple(paths.real), _tuple(paths.imag), points=True, symbol="small", shade=4),
+        curve("closed loop", paths.real, paths.imag, GREY, points=True),
         _roots("poles", poles, MODEL),
         _roots("zeros", zeros, MEASURED),
         _bounds("bounds of poles", poles, wide * found.pole_std[channel], reach, MODEL),
@@ -142,41 +133,20 @@ def trace_figures(trace: Trace, unit: str) -> tuple[Figure, Figure]:
     to_unit, shown = readable_factor(unit)
     kept = slice(None, None, max(1, -(-len(trace.time_s) // MOST_POINTS)))
     time, measured, simulated = trace.time_s[kept], to_unit * trace.measured[kept], to_unit * trace.simulated[kept]
-    half = np.zeros(0) if trace.half is None else to_unit * trace.half[kept]
-    model = (
-        _banded("simulated", time, simulated, half, MODEL) if half.size else curve("simulated", time, simulated, MODEL)
-    )
+    half = None if trace.half is None else to_unit * trace.half[kept]
+    both = (curve("measured", time, measured, MEASURED), curve("simulated", time, simulated, MODEL, half))
     left = curve("measured less simulated", time, measured - simulated, ERROR)
-    limits = [] if not half.size else [_banded("bounds", time, 0 * half, half, GREY)]
+    limits = [] if half is None else [curve("bounds", time, 0 * half, GREY, half)]
     return (
-        Figure(
-            trace.name,
-            "Time [s]",
-            f"[{shown}]",
-            (curve("measured", time, measured, MEASURED), model),
-            log_x=False,
-            log_y=False,
-        ),
+        Figure(trace.name, "Time [s]", f"[{shown}]", both, log_x=False, log_y=False),
         Figure("Difference", "Time [s]", f"[{shown}]", (left, *limits), log_x=False, log_y=False),
-    )
-
-
-def curve(name: str, x: FloatArray, y: FloatArray, shade: int) -> Curve:
-    """Returns a curve of one shade; what models and outputs say is dashed."""
-    return Curve(name, _tuple(x), _tuple(y), shade=shade, dashed=shade == MODEL)
-
-
-def _banded(name: str, x: FloatArray, y: FloatArray, half: FloatArray, shade: int, *, points: bool = False) -> Curve:
-    lower, upper = _tuple(y - half), _tuple(y + half)
-    return Curve(
-        name, _tuple(x), _tuple(y), (), points, "small", lower=lower, upper=upper, shade=shade, dashed=shade == MODEL
     )
 
 
 def _roots(name: str, roots: ComplexArray, shade: int) -> Curve:
     texts = tuple(f"{name[:-1]} {root.real:.4g} {root.imag:+.4g}j rad/s" for root in roots)
     symbol: Literal["cross", "ring"] = "cross" if name == "poles" else "ring"
-    return Curve(name, _tuple(roots.real), _tuple(roots.imag), texts, points=True, symbol=symbol, shade=shade)
+    return replace(curve(name, roots.real, roots.imag, shade, points=True), texts=texts, symbol=symbol)
 
 
 def _bounds(name: str, roots: ComplexArray, half: ComplexArray, reach: float, shade: int) -> Curve:
@@ -201,7 +171,3 @@ def _phase_range(model: FloatArray, measured: FloatArray) -> tuple[float, float]
     known = measured[np.isfinite(measured)]
     low = min(known.min(initial=0.0), max(model.min(), -720.0))
     return float(90 * np.floor(low / 90)), float(90 * np.ceil(max(model.max(), known.max(initial=model.max())) / 90))
-
-
-def _tuple(values: FloatArray) -> tuple[float, ...]:
-    return tuple(np.asarray(values, float).tolist())

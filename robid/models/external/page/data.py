@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from typing import Literal
 
@@ -26,13 +27,7 @@ _LEAD = (
 
 
 def coupling_section(found: CouplingMap, ports: Ports, options: CouplingOptions) -> tuple[Section, ...]:
-    """Lays out the decoupling map; nothing where there is nothing to be coupled.
-
-    Args:
-        found: The map.
-        ports: Commands and outputs.
-        options: Thresholds.
-    """
+    """Lays out the decoupling map; nothing where there is nothing to be coupled."""
     if found.own.all():
         return ()
     parts = (_map(found, ports, options), Notes((found.sentence,)), _pairs(found, ports), _limits(found, ports))
@@ -60,14 +55,13 @@ def _map(found: CouplingMap, ports: Ports, options: CouplingOptions) -> Figure:
         tuple(curve for curve in curves if curve.x),
         log_x=False,
         x_range=(0.0, 1.03),
-        y_range=(0.5 * min(options.ratio, float(found.ratio[known].min(initial=1.0))), _above(found, known, options)),
+        y_range=(
+            0.5 * min(options.ratio, float(found.ratio[known].min(initial=1.0))),
+            2.0 * max(options.ratio, float(found.ratio[known].max(initial=1.0))),
+        ),
         lines=lines,
         height=420,
     )
-
-
-def _above(found: CouplingMap, known: BoolArray, options: CouplingOptions) -> float:
-    return 2.0 * max(options.ratio, float(found.ratio[known].max(initial=1.0)))
 
 
 def _points(
@@ -86,18 +80,13 @@ def _pairs(found: CouplingMap, ports: Ports) -> Table:
     """Largest size of what follows of each pair, over the bands."""
     largest: list[list[float]] = np.where(np.isfinite(found.ratio), found.ratio, -np.inf).max(axis=0).tolist()
     coupled: list[list[bool]] = np.asarray(found.coupled.any(axis=0)).tolist()
-    rows = tuple(
-        Row((name, *(_pair(size, coupled=mark) for size, mark in zip(sizes, marks, strict=True))))
-        for name, sizes, marks in zip(ports.outputs, largest, coupled, strict=True)
-    )
-    numbers: list[ColumnStyle] = ["number"] * len(ports.inputs)
+    rows: list[tuple[str | Cell, ...]] = []
+    for name, sizes, marks in zip(ports.outputs, largest, coupled, strict=True):
+        texts = [significant(size, 2) if np.isfinite(size) else MISSING for size in sizes]
+        rows.append((name, *(Cell(text, "bad" if mark else "") for text, mark in zip(texts, marks, strict=True))))
     caption = "Largest of all bands, in resolutions. Red: coupled in some band."
     heads = ("Output", *(f"command {name}" for name in ports.inputs))
-    return Table(heads, rows, title="Size of what follows", caption=caption, styles=("name", *numbers), fit="compact")
-
-
-def _pair(value: float, *, coupled: bool) -> Cell:
-    return Cell(significant(value, 2) if np.isfinite(value) else MISSING, "bad" if coupled else "")
+    return Table(heads, tuple(rows), title="Size of what follows", caption=caption, fit="compact")
 
 
 def _limits(found: CouplingMap, ports: Ports) -> Table:
@@ -149,13 +138,13 @@ def new_section(solution: ExternalSolution, validation: ExternalValidation) -> S
 
 def own_table(solution: ExternalSolution) -> Table:
     """Tabulates how well the fit describes its own shots."""
-    quality, blocks = solution.quality, _block_of(solution)
+    quality, place = solution.quality, dict(zip(solution.quality.output_names, itertools.count(), strict=False))
     rows = []
     for each in solution.agreements:
-        block = blocks[each.output]
+        block = int(np.searchsorted(quality.first_output, place[each.output], side="right")) - 1
         scores = significant(float(quality.fpe[block]), 2), percent(float(quality.whiteness_p[block]))
-        cells = (*_scores(each), *scores, *_sizes(solution, each), quality.status[block].replace("_", " "))
-        rows.append(Row((each.output, each.place, *cells)))
+        cells = (f"{each.r_squared:.4f}", f"{each.nrmse:.4f}", *scores, *_sizes(solution, each))
+        rows.append(Row((each.output, each.place, *cells, quality.status[block].replace("_", " "))))
     caption = (
         f"{_CAPTION}FPE: Akaike's final prediction error over the output's variance. Whiteness: chance that white noise"
         " looks as coloured as the residual of the worst shot."
@@ -169,23 +158,12 @@ def own_table(solution: ExternalSolution) -> Table:
 def _new_table(solution: ExternalSolution, validation: ExternalValidation) -> Table:
     rows = []
     for each, bounds in zip(validation.agreements, validation.bounds, strict=True):
-        expected = _size(solution, each.output, bounds.expected_std)
-        cells = (
-            *_scores(each),
-            f"{bounds.own_nrmse:.4f}",
-            significant(bounds.fpe, 2),
-            *_sizes(solution, each),
-            expected,
-            percent(bounds.inside),
-        )
-        rows.append(Row((each.output, each.place, *cells)))
+        scores = [f"{score:.4f}" for score in (each.r_squared, each.nrmse, bounds.own_nrmse)]
+        sizes = (*_sizes(solution, each), _size(solution, each.output, bounds.expected_std), percent(bounds.inside))
+        rows.append((each.output, each.place, *scores, significant(bounds.fpe, 2), *sizes))
     heads = ("Output", "Where", "R²", "NRMSE", "of the fit", "FPE", "Error", "Motion", "Expected error", "In bounds")
     caption = f"{_CAPTION}Expected error: what noise, parameters and a model error of one per cent of the motion give."
     return Table(heads, tuple(rows), caption=caption, styles=("name", "text", *("number",) * 8))
-
-
-def _scores(each: Agreement) -> tuple[str, str]:
-    return f"{each.r_squared:.4f}", f"{each.nrmse:.4f}"
 
 
 def _sizes(solution: ExternalSolution, each: Agreement) -> tuple[str, str]:
@@ -203,14 +181,6 @@ def _traces(
     labels: tuple[IntArray, IntArray, tuple[str, ...]],
     trace: Callable[[BoolArray, str], Trace],
 ) -> Choice:
-    """Figures of the first shots of each output.
-
-    Args:
-        solution: What the fit found.
-        names: Names of the outputs.
-        labels: Index of the output and of the shot of each row, and the shots' names.
-        trace: Makes a trace of some rows.
-    """
     units, (outputs, shots, every) = _unit_of(solution), labels
     options = []
     for output, name in enumerate(names):
@@ -231,10 +201,3 @@ def _unit_of(solution: ExternalSolution) -> dict[str, str]:
     ]
     units = (solution.ports.output_units[output] for output in outputs)
     return dict(zip(solution.quality.output_names, units, strict=True))
-
-
-def _block_of(solution: ExternalSolution) -> dict[str, int]:
-    """Index of the block of each output that the quality names."""
-    first = solution.quality.first_output
-    rows = enumerate(solution.quality.output_names)
-    return {name: int(np.searchsorted(first, row, side="right")) - 1 for row, name in rows}

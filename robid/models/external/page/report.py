@@ -21,19 +21,14 @@ from robid.report.numbers import MINUS, MISSING, duration, percent, significant
 from robid.report.page import FitReport, KeyNumber
 from robid.report.parameter_section import parameter_section
 from robid.report.parameters import Estimates
-from robid.report.section import Beside, Choice, Folded, Notes, Part, Row, Section, Table
+from robid.report.section import Beside, Choice, ColumnStyle, Folded, Notes, Part, Row, Section, Table
 
 _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _DIGITS = 5
 
 
 def transfer_text(numerator: FloatArray, denominator: FloatArray) -> str:
-    """Writes a transfer function as `(0.2 s + 3) / (s² + 4 s + 3)`.
-
-    Args:
-        numerator (n_power,): Coefficients, highest power first; zeros in front are left out.
-        denominator (n_power,): The same of the denominator.
-    """
+    """Writes a transfer function, coefficients highest power first, as `(0.2 s + 3) / (s² + 4 s + 3)`."""
     above, below = polynomial_text(numerator), polynomial_text(denominator)
     return f"{_wrapped(above)} / {_wrapped(below)}"
 
@@ -46,15 +41,11 @@ def polynomial_text(coefficients: FloatArray) -> str:
         if value == 0:
             continue
         sign = "" if not text and value > 0 else MINUS if not text else f" {MINUS} " if value < 0 else " + "
-        text += sign + _term(abs(value), degree - place)
+        power = degree - place
+        variable = "" if power == 0 else "s" if power == 1 else f"s{str(power).translate(_SUPERSCRIPTS)}"
+        size = "" if abs(value) == 1 and variable else significant(abs(value), _DIGITS)
+        text += sign + f"{size} {variable}".strip()
     return text or "0"
-
-
-def _term(value: float, power: int) -> str:
-    variable = "" if power == 0 else "s" if power == 1 else f"s{str(power).translate(_SUPERSCRIPTS)}"
-    if value == 1 and variable:
-        return variable
-    return f"{significant(value, _DIGITS)} {variable}".strip()
 
 
 def _wrapped(text: str) -> str:
@@ -64,23 +55,20 @@ def _wrapped(text: str) -> str:
 _MOST_SHOTS = 4
 _HELD = {"zoh": "held for a sample", "foh": "in straight lines between samples"}
 _VISIBLE = 1e-3  # of the final value
+_CONVENTIONS = (
+    "A real root is given as its rate, positive in the left half plane; a pair as natural frequency and damping"
+    " ratio. Zeros with a negative rate or damping lie in the right half plane."
+)
 
 
 def sections(
     solution: ExternalSolution, estimates: Estimates, data: Section, options: CouplingOptions
 ) -> tuple[Section, ...]:
-    """Lays out a fit.
-
-    Args:
-        solution: What it found.
-        estimates: Its parameters as rows.
-        data: Measured against simulated outputs.
-        options: When channels count as coupled.
-    """
+    """Lays out a fit."""
     return (
         _transfers(solution),
         data,
-        *_parameters(solution, estimates),
+        *parameter_section(estimates, _CONVENTIONS),
         _responses(solution),
         _dynamics(solution),
         *coupling_section(solution.coupling, solution.ports, options),
@@ -117,36 +105,24 @@ def _transfers(solution: ExternalSolution) -> Section:
 
 
 def _tried(solution: ExternalSolution) -> Table:
-    rows = tuple(
-        Row(
-            (
-                str(each.poles),
-                str(each.zeros),
-                str(each.delay_samples),
-                f"{each.bic:.1f}" if np.isfinite(each.bic) else MISSING,
-                f"{each.nrmse:.4f}",
-                percent(each.whiteness_p),
-                "chosen" if each.chosen else "",
-            ),
-            group=each.block,
-            faint=not each.chosen,
-            choice=each.block,
-        )
-        for each in solution.tried
-    )
+    rows = []
+    for each in solution.tried:
+        structure = (str(number) for number in (each.poles, each.zeros, each.delay_samples))
+        bic = f"{each.bic:.1f}" if np.isfinite(each.bic) else MISSING
+        cells = (*structure, bic, f"{each.nrmse:.4f}", percent(each.whiteness_p), "chosen" if each.chosen else "")
+        rows.append(Row(cells, group=each.block, faint=not each.chosen, choice=each.block))
     caption = "BIC: Bayesian information criterion, the smaller the better."
     heads = ("Poles", "Zeros", "Delay", "BIC", "NRMSE", "Whiteness", "")
-    return Table(heads, rows, caption=caption, styles=("name", *("number",) * 5, "text"), choice="Channel", fit="tall")
+    styles: tuple[ColumnStyle, ...] = ("name", *("number",) * 5, "text")
+    return Table(heads, tuple(rows), caption=caption, styles=styles, choice="Channel", fit="tall")
 
 
 def _behaviour(solution: ExternalSolution) -> list[str]:
-    """Says which channels go the wrong way first."""
+    names = solution.transfers.names
     return [
         f"{name}: a step goes the wrong way first, by {percent(share)} of its final value (a zero in the right half"
         " plane)."
-        for name, share, own in zip(
-            solution.transfers.names, solution.steps.undershoot.tolist(), _own(solution), strict=True
-        )
+        for name, share, own in zip(names, solution.steps.undershoot.tolist(), _own(solution), strict=True)
         if own and share > _VISIBLE
     ]
 
@@ -155,15 +131,6 @@ def _own(solution: ExternalSolution) -> list[bool]:
     """Whether each channel leads from a command to its own output; others may end anywhere near zero."""
     transfers = solution.transfers
     return [bool(own) for own in solution.coupling.own[transfers.outputs, transfers.inputs]]
-
-
-def _parameters(solution: ExternalSolution, estimates: Estimates) -> tuple[Section, ...]:
-    del solution
-    conventions = (
-        "A real root is given as its rate, positive in the left half plane; a pair as natural frequency and damping"
-        " ratio. Zeros with a negative rate or damping lie in the right half plane."
-    )
-    return parameter_section(estimates, conventions)
 
 
 def _responses(solution: ExternalSolution) -> Section:
@@ -180,39 +147,23 @@ def _responses(solution: ExternalSolution) -> Section:
 
 def _dynamics(solution: ExternalSolution) -> Section:
     steps, confidence = solution.steps, solution.estimate.confidence
-    options = tuple(
-        (
-            name,
-            (
-                Beside(
-                    (
-                        locus_figure(solution, channel),
-                        step_figure(steps, channel, _final(solution, channel), confidence),
-                    ),
-                    2,
-                ),
-            ),
-        )
-        for channel, name in enumerate(solution.transfers.names)
-    )
+    options: list[tuple[str, tuple[Part, ...]]] = []
+    for channel, name in enumerate(solution.transfers.names):
+        step = step_figure(steps, channel, _final(solution, channel), confidence)
+        options.append((name, (Beside((locus_figure(solution, channel), step), 2),)))
+    columns = (steps.undershoot.tolist(), steps.overshoot.tolist(), steps.rise_s.tolist(), _own(solution))
     rows = tuple(
-        (
-            name,
-            percent(float(steps.undershoot[channel])),
-            percent(float(steps.overshoot[channel])),
-            duration(float(steps.rise_s[channel])) if np.isfinite(steps.rise_s[channel]) else MISSING,
-        )
-        for channel, (name, own) in enumerate(zip(solution.transfers.names, _own(solution), strict=True))
+        (name, percent(under), percent(over), duration(rise) if np.isfinite(rise) else MISSING)
+        for name, under, over, rise, own in zip(solution.transfers.names, *columns, strict=True)
         if own
     )
-    heads = ("Channel", "Undershoot", "Overshoot", "Rise, 10 to 90 %")
-    table = Table(heads, rows, title="Steps", styles=("name", *("number",) * 3), fit="compact")
+    table = Table(("Channel", "Undershoot", "Overshoot", "Rise, 10 to 90 %"), rows, title="Steps", fit="compact")
     lead = (
         "Poles and zeros with bounds on their real and imaginary parts, and where the poles go in a proportional loop"
         " around the channel without its delay; roots beyond half the sampling rate are left out. Beside them what the"
         " model does after a step of one unit, delay included, with bounds."
     )
-    return Section("Poles, zeros and steps", lead, (Choice("Channel", options), table), "dynamics")
+    return Section("Poles, zeros and steps", lead, (Choice("Channel", tuple(options)), table), "dynamics")
 
 
 def _final(solution: ExternalSolution, channel: int) -> float:
@@ -284,21 +235,16 @@ def _summary(solution: ExternalSolution, validation: ExternalValidation | None) 
             f"{name}.delay_samples": float(transfers.delay_samples[block]),
             f"{name}.fpe": float(solution.quality.fpe[block]),
         }
-    return found | ({} if validation is None else _validated(validation))
-
-
-def _validated(validation: ExternalValidation) -> dict[str, float]:
-    """Numbers of each output, in the place where it is worst."""
-    found = {
-        "validation.ok": float(validation.outcome.ok),
-        "validation.nrmse": min(each.nrmse for each in validation.agreements),
-    }
-    pairs = sorted(zip(validation.agreements, validation.bounds, strict=True), key=lambda pair: -pair[0].nrmse)
-    for each, bounds in pairs:
-        found |= {
-            f"validation.{each.output}.nrmse": each.nrmse,
-            f"validation.{each.output}.r_squared": each.r_squared,
-            f"validation.{each.output}.fpe": bounds.fpe,
-            f"validation.{each.output}.inside": bounds.inside,
-        }
+    if validation is not None:
+        found["validation.ok"] = float(validation.outcome.ok)
+        found["validation.nrmse"] = min(each.nrmse for each in validation.agreements)
+        # Of each output in the place where it is worst, which comes last.
+        pairs = sorted(zip(validation.agreements, validation.bounds, strict=True), key=lambda pair: -pair[0].nrmse)
+        for each, bounds in pairs:
+            found |= {
+                f"validation.{each.output}.nrmse": each.nrmse,
+                f"validation.{each.output}.r_squared": each.r_squared,
+                f"validation.{each.output}.fpe": bounds.fpe,
+                f"validation.{each.output}.inside": bounds.inside,
+            }
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -16,14 +17,7 @@ from robid.models.lpv.fit.local import (
     interpolate,
     middle_position,
 )
-from robid.models.lpv.fit.model import (
-    Basis,
-    LpvModel,
-    add_integrators,
-    different_positions,
-    largest_pole,
-    make_basis,
-)
+from robid.models.lpv.fit.model import Basis, LpvModel, add_integrators, different_positions, largest_pole, make_basis
 from robid.models.lpv.fit.options import BasisOptions, LpvOptions
 from robid.models.lpv.fit.path import Path, find_sparse_bases, follow_path
 from robid.models.lpv.fit.responses import (
@@ -75,11 +69,7 @@ class LpvResult:
     integrators: tuple[int, ...]  # how often each output integrates
 
     def uncertainty(self, points: FloatArray, frequency_hz: FloatArray) -> ResponseUncertainty:
-        """Returns the response, integrators included, with its deviations.
-
-        Args:
-            points (n_pos, n_scheduling): Scheduling parameters.
-            frequency_hz (n_freq,): Lines.
+        """Returns the response at points (n_pos, n_scheduling), integrators included, with its deviations.
 
         Raises:
             DataError: If a point lies outside the range.
@@ -89,13 +79,7 @@ class LpvResult:
 
 
 def estimate_lpv(responses: LocalResponses, validation: LocalResponses, basis: Basis, options: LpvOptions) -> LpvResult:
-    """Identifies one sparse model from frequency responses at several positions.
-
-    Args:
-        responses: What is fitted.
-        validation: Responses at other positions, or of other realizations, that choose the structure.
-        basis: The basis functions and their range.
-        options: What to do.
+    """Identifies one sparse model from frequency responses at several positions; others choose the structure.
 
     Raises:
         DataError: If there are too few positions or lines, a position lies outside the range, or a local model is
@@ -167,17 +151,7 @@ def fit_lpv(
     confidence: float,
     identifiable_relative_std: float,
 ) -> LpvSolution:
-    """Identifies a model.
-
-    Args:
-        own: What is fitted; the basis holds over the range of its positions.
-        choosing: What chooses the structure.
-        ports: Channels and scheduling parameters.
-        basis: Options of the basis functions.
-        options: Options of the fit.
-        degrees_of_freedom: Behind the responses' variances.
-        confidence: Level of the intervals.
-        identifiable_relative_std: Relative deviation up to which a parameter counts as identifiable.
+    """Identifies a model; the basis holds over the range of the fitted positions, other responses choose the structure.
 
     Raises:
         DataError: If weights are asked for and the variance is unknown, there are too few positions or lines, a
@@ -188,9 +162,13 @@ def fit_lpv(
             message = "D167 The responses have no covariance that could weigh them."
             raise DataError(message, remedy="measure several realizations or periods, or set `weighted: false`")
     found = estimate_lpv(own, choosing, make_basis(own.points, basis), options)
-    found = _widened(found) if options.weighted else found
+    if options.weighted:
+        # What the residual is beyond its weights widens intervals: the model, or the variances, are off by as much.
+        wider = found.parameters.covariance * max(1.0, found.parameters.misfit)
+        found = replace(found, parameters=replace(found.parameters, covariance=wider))
     best, covariance = found.path.best, found.parameters.covariance
     norms = measure(found.core.parameters, found.core.basis.largest, found.core.sizes)
+    full = rescaled(found.path.points[0].parameters, found.core.sizes, found.scales)
     return LpvSolution(
         estimate=estimate_poles(
             found.core,
@@ -204,7 +182,7 @@ def fit_lpv(
         basis=tabulate_basis(found.core.basis),
         matrices=Matrices(*found.model.coefficients.matrices),
         core=Core(found.core.parameters, covariance, found.scales, found.integrators, found.core.sizes.n_state),
-        dense=Dense(found.smile.parameters, _full(found)),
+        dense=Dense(found.smile.parameters, full),
         blocks=BlockTable(found.kept, norms.absolute, norms.relative),
         path=_tabulated(found.path),
         own=_held(found, own, degrees_of_freedom),
@@ -216,14 +194,7 @@ def fit_lpv(
 
 
 def hold(responses: LocalResponses, model: ResponseUncertainty, degrees_of_freedom: float, *, seen: bool) -> Held:
-    """Holds a model against responses.
-
-    Args:
-        responses: What was measured.
-        model: The model's response there.
-        degrees_of_freedom: Behind the responses' variances.
-        seen: Whether the fit saw them; if not, what the parameters may be off counts too.
-    """
+    """Holds a model against responses; where no fit saw them, what the parameters may be off counts too."""
     unknown = np.full(responses.response.shape, np.nan)
     std = unknown if responses.variance is None else np.sqrt(responses.variance)
     expected = std if seen else np.hypot(std, model.total)
@@ -240,32 +211,12 @@ def hold(responses: LocalResponses, model: ResponseUncertainty, degrees_of_freed
     )
 
 
-def _widened(found: LpvResult) -> LpvResult:
-    """Widens intervals by what the residual is beyond its weights: the model, or the variances, are off by as much."""
-    parameters = found.parameters
-    covariance = parameters.covariance * max(1.0, parameters.misfit)
-    return replace(found, parameters=replace(parameters, covariance=covariance))
-
-
 def _held(found: LpvResult, responses: LocalResponses, degrees_of_freedom: float) -> Held:
     model = found.uncertainty(responses.points, responses.frequency_hz)
     return hold(responses, model, degrees_of_freedom, seen=True)
 
 
-def _full(found: LpvResult) -> FloatArray:
-    """The model without prices, outputs in their own units."""
-    return rescaled(found.path.points[0].parameters, found.core.sizes, found.scales)
-
-
 def _tabulated(path: Path) -> PathTable:
-    points = path.points
-    return PathTable(
-        gamma=np.array([point.gamma for point in points]),
-        kept=np.array([point.kept for point in points]),
-        relative=np.array([point.relative for point in points]),
-        refit_cost=np.array([point.refit_cost for point in points]),
-        validation_cost=np.array([point.validation_cost for point in points]),
-        steps=np.array([point.steps for point in points]),
-        status=tuple(point.status for point in points),
-        chosen=path.chosen,
-    )
+    numbers = ("gamma", "kept", "relative", "refit_cost", "validation_cost", "steps")
+    columns: dict[str, Any] = {name: np.array([getattr(point, name) for point in path.points]) for name in numbers}
+    return PathTable(**columns, status=tuple(point.status for point in path.points), chosen=path.chosen)

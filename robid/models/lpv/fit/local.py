@@ -20,17 +20,8 @@ def subspace_model(
     """Realises a frequency response from the space that its states span.
 
     The lines are first spread over the circle: lines far below the sampling rate crowd at 1, and their powers tell
-    states apart badly.
-
-    Args:
-        z (n_freq,): Points of the unit circle.
-        response (n_freq, n_out, n_in): Frequency response.
-        root_weight (n_freq, n_out, n_in): Root of each element's weight.
-        order: Number of states.
-        n_block: Block rows, more than `order / n_out`.
-
-    Returns:
-        A stable model.
+    states apart badly. Given are points of the unit circle (n_freq,), the response and the root of each element's
+    weight (n_freq, n_out, n_in), and more block rows than `order / n_out`; the model is stable.
 
     Source:
         McKelvey, Akcay and Ljung (1996), Subspace-based multivariable system identification from frequency response
@@ -41,7 +32,12 @@ def subspace_model(
     middle = float(np.median(tangent))
     w = (middle + 1j * tangent) / (middle - 1j * tangent)
     A, C = _states(w, response, root_weight.mean(axis=(1, 2)), order, n_block)
-    A = _reflect(A)
+    # Poles go into the unit circle: 1 / conj(pole) has the same magnitude response but for a factor; a little inside,
+    # so that it is never on the circle.
+    values, vectors = np.linalg.eig(A)
+    size = np.abs(values)
+    inside = np.where(size >= 1, values / np.maximum(size, 1e-300) ** 2 * 0.999, values)
+    A = np.asarray(np.real(vectors @ (inside[:, None] * np.linalg.inv(vectors))))
     B, D = _inputs(w, response, root_weight, A, C)
     return remap(StateSpace(A, B, C, D), middle + 1, middle - 1, middle - 1, middle + 1)
 
@@ -62,16 +58,6 @@ def _states(
     space = np.linalg.svd(seen)[0][:, :order]
     # O without its last block row, times A, is O without its first; C is its first block row.
     return np.linalg.lstsq(space[:-n_out], space[n_out:], rcond=None)[0], space[:n_out]
-
-
-def _reflect(A: FloatArray) -> FloatArray:
-    """Brings poles into the unit circle."""
-    values, vectors = np.linalg.eig(A)
-    size = np.abs(values)
-    # 1 / conj(pole) has the same magnitude response but for a factor; a little inside, so that it is never on the
-    # circle.
-    inside = np.where(size >= 1, values / np.maximum(size, 1e-300) ** 2 * 0.999, values)
-    return np.asarray(np.real(vectors @ (inside[:, None] * np.linalg.inv(vectors))))
 
 
 def _inputs(
@@ -97,11 +83,7 @@ def align_neighbours(systems: StateSpace, points: FloatArray) -> StateSpace:
     """Brings local models to the basis of a middle one, balanced, each by way of a neighbour that is there already.
 
     A transformation makes a model as much like its neighbour as a basis can: linear least squares, from its own
-    balanced basis, so that the basis it came in does not matter.
-
-    Args:
-        systems: Stable local models, one per position.
-        points (n_pos, n_scheduling): Their positions.
+    balanced basis, so that the basis it came in does not matter. Stable models stand at points (n_pos, n_scheduling).
 
     Raises:
         DataError: If a model has nothing in common with its neighbour.
@@ -137,46 +119,31 @@ def _like(system: StateSpace, other: StateSpace, index: int) -> StateSpace:
     T = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0].reshape(n, n)
     values = np.linalg.svd(T, compute_uv=False)
     if not values[-1] > _SINGULAR * values[0]:
-        raise DataError(
-            "D168 No basis makes the local model resemble its neighbour's.",
-            where=f"position {index}",
-            remedy="Measure positions in between, or choose another order.",
-        )
+        message = "D168 No basis makes the local model resemble its neighbour's."
+        remedy = "Measure positions in between, or choose another order."
+        raise DataError(message, where=f"position {index}", remedy=remedy)
     return transform(system, T)
 
 
 def check_positions(values: FloatArray) -> None:
-    """Refuses positions that do not tell the basis functions apart.
-
-    Args:
-        values (n_pos, n_function + 1): The functions at the positions.
+    """Refuses positions that do not tell the basis functions (n_pos, n_function + 1) apart.
 
     Raises:
         DataError: If there are fewer positions than functions, or they leave a combination of functions open.
     """
     n_pos, n_function = values.shape
     if n_pos < n_function:
-        raise DataError(
-            f"D169 {n_pos} different positions cannot tell {n_function} basis functions apart (the constant one "
-            "counted).",
-            remedy="Fit more positions, or take fewer functions (`basis`).",
-        )
+        told = f"{n_pos} different positions cannot tell {n_function} basis functions apart (the constant one counted)."
+        raise DataError(f"D169 {told}", remedy="Fit more positions, or take fewer functions (`basis`).")
     if np.linalg.matrix_rank(values / np.linalg.norm(values, axis=0)) < n_function:
-        raise DataError(
-            "D170 At these positions some basis functions are combinations of others.",
-            remedy="Take fewer functions (`basis`), or positions that vary every scheduling parameter.",
-        )
+        remedy = "Take fewer functions (`basis`), or positions that vary every scheduling parameter."
+        raise DataError("D170 At these positions some basis functions are combinations of others.", remedy=remedy)
 
 
 def interpolate(systems: StateSpace, values: FloatArray) -> FloatArray:
-    """Fits every element of the matrices over the positions by least squares.
+    """Fits every element of the matrices over the positions by least squares, packed (n_function + 1, n_local).
 
-    Args:
-        systems: Local models in one basis.
-        values (n_pos, n_function + 1): The basis functions at the positions.
-
-    Returns:
-        The packed matrices of each function (n_function + 1, n_local).
+    Local models are in one basis; `values` (n_pos, n_function + 1) are the basis functions at their positions.
 
     Raises:
         DataError: If the positions do not tell the basis functions apart.
@@ -199,14 +166,10 @@ class LocalModels:
 
 
 def fit_local_models(problem: Problem, *, max_iterations: int = 100) -> LocalModels:
-    """Fits one model of the problem's order at every position.
+    """Fits one model of the problem's order at every position; its basis functions play no part.
 
     Every fit starts from subspace models, then also from its neighbours' results: the better one stays, a stable one
     before any that is not.
-
-    Args:
-        problem: The responses; its basis functions play no part.
-        max_iterations: Limit on steps of one descent.
 
     Raises:
         DataError: If there are too few lines for the order, or a model is unstable.
@@ -217,11 +180,9 @@ def fit_local_models(problem: Problem, *, max_iterations: int = 100) -> LocalMod
     # Subspace models, with which every fit begins, have a block row to spare.
     most = min((int(told.min()) - n_out * n_in) // (n_out + n_in), (len(problem.z) // 2 - 1) * n_out)
     if n_state > most:
-        raise DataError(
-            f"D171 The lines are too few for {n_state} states.",
-            where=f"position {int(np.argmin(told))}",
-            remedy=f"Measure more lines, or lower `order` to {max(most, 1)} at most.",
-        )
+        message, where = f"D171 The lines are too few for {n_state} states.", f"position {int(np.argmin(told))}"
+        remedy = f"Measure more lines, or lower `order` to {max(most, 1)} at most."
+        raise DataError(message, where=where, remedy=remedy)
     n_pos = len(problem.response)
     found = [_fit(at_position(problem, index), max_iterations) for index in range(n_pos)]
     # Forth and back, so that a good minimum reaches every position from wherever it was found.

@@ -43,7 +43,16 @@ class Polynomials:
     @property
     def names(self) -> tuple[str, ...]:
         """Name of each function."""
-        return tuple(_monomial(powers) for powers in self.exponents)
+        single = len(self.exponents[0]) == 1 if self.exponents else True
+        parts = (
+            [
+                f"p{'' if single else at + 1}{'' if power == 1 else f'^{power}'}"
+                for at, power in enumerate(powers)
+                if power
+            ]
+            for powers in self.exponents
+        )
+        return tuple(" ".join(each) for each in parts)
 
     def values(self, points: FloatArray) -> FloatArray:
         """Returns the functions (n_point, n_function) at points (n_point, n_scheduling)."""
@@ -95,10 +104,7 @@ class Basis:
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
     def values(self, points: FloatArray) -> FloatArray:
-        """Returns all functions (n_point, n_function + 1), the constant one first.
-
-        Args:
-            points (n_point, n_scheduling): Scheduling parameters.
+        """Returns all functions (n_point, n_function + 1) at points (n_point, n_scheduling), the constant one first.
 
         Raises:
             DataError: If a point lies outside the range.
@@ -106,11 +112,9 @@ class Basis:
         check_shape("points", points, "n_point n_scheduling", n_scheduling=len(self.lower))
         outside = is_outside(points, self.lower, self.upper)
         if outside.any():
-            raise DataError(
-                f"D166 The model holds from {_told(self.lower)} to {_told(self.upper)}, not at "
-                f"{_told(points[outside][0])}.",
-                remedy="Ask for positions within the range, or measure further out and fit again.",
-            )
+            lower, upper, place = (_told(point) for point in (self.lower, self.upper, points[outside][0]))
+            remedy = "Ask for positions within the range, or measure further out and fit again."
+            raise DataError(f"D166 The model holds from {lower} to {upper}, not at {place}.", remedy=remedy)
         return np.column_stack([np.ones(len(points)), self.functions.values(points)])
 
 
@@ -147,12 +151,9 @@ def make_basis(points: FloatArray, options: BasisOptions) -> Basis:
 
 
 def polynomial_basis(points: FloatArray, degree: int, *, center: FloatArray | None = None) -> Basis:
-    """Makes the basis of all monomials up to a total degree, over the range of some positions.
+    """Makes the basis of all monomials up to a total degree, over the range of positions (n_pos, n_scheduling).
 
-    Args:
-        points (n_pos, n_scheduling): Positions.
-        degree: Highest total degree.
-        center (n_scheduling,): Where the parameters are counted from; zero by default, as in the paper.
+    The parameters are counted from `center` (n_scheduling,), zero by default, as in the paper.
 
     Source:
         Turk et al. (2018), eq. 19.
@@ -166,13 +167,7 @@ def polynomial_basis(points: FloatArray, degree: int, *, center: FloatArray | No
 
 
 def spline_basis(points: FloatArray, *, pieces: int, degree: int = 3) -> Basis:
-    """Makes B-splines with evenly spaced knots over the range of some positions.
-
-    Args:
-        points (n_pos, n_scheduling): Positions.
-        pieces: Intervals of each parameter.
-        degree: Degree of the pieces.
-    """
+    """Makes B-splines with evenly spaced knots over the range of some positions (n_pos, n_scheduling)."""
     lower, upper = points.min(axis=0), points.max(axis=0)
     knots = []
     for low, high in zip(lower, upper, strict=True):
@@ -181,16 +176,6 @@ def spline_basis(points: FloatArray, *, pieces: int, degree: int = 3) -> Basis:
         inner = np.linspace(low, high, pieces + 1).tolist()
         knots.append(tuple([inner[0]] * degree + inner + [inner[-1]] * degree))
     return Basis(Splines(tuple(knots), degree), lower, upper)
-
-
-def _monomial(powers: tuple[int, ...]) -> str:
-    single = len(powers) == 1
-    parts = [
-        f"p{'' if single else index + 1}{'' if power == 1 else f'^{power}'}"
-        for index, power in enumerate(powers)
-        if power
-    ]
-    return " ".join(parts)
 
 
 def _told(point: FloatArray) -> str:
@@ -251,16 +236,10 @@ def largest_pole(model: LpvModel) -> tuple[float, FloatArray]:
 def simulate_lpv(
     model: LpvModel, inputs: FloatArray, scheduling: FloatArray, initial_state: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Runs a model while its scheduling parameters move.
+    """Runs a model while its scheduling parameters (n_sample, n_scheduling) move.
 
-    Args:
-        model: The model.
-        inputs (n_sample, n_in): Inputs.
-        scheduling (n_sample, n_scheduling): Scheduling parameters of the same samples.
-        initial_state (n_state,): State at the first sample; zero by default.
-
-    Returns:
-        Outputs (n_sample, n_out) and the state (n_state,) after the last sample.
+    Returns outputs (n_sample, n_out) to inputs (n_sample, n_in) and the state (n_state,) after the last sample; the
+    first one is zero by default.
 
     Raises:
         DataError: If the parameters leave the range.

@@ -51,22 +51,18 @@ def follow_path(
 ) -> Path:
     """Fits at every price, refits each structure exactly, and chooses the sparsest that validates.
 
-    At one price, the start whose refit costs least, blocks counted at their price, stays.
-
-    Args:
-        problem: The responses to fit.
-        validation: Responses of positions, or realizations, that the fit does not see.
-        starts: Models (n_function + 1, n_local) fitted without prices, in different bases.
-        largest (n_function,): Largest value of each basis function.
-        options: Prices and the choice.
-        sparsity: The penalised fit.
+    At one price, the start whose refit costs least, blocks counted at their price, stays. Starts (n_function + 1,
+    n_local) are fitted without prices, in different bases; `largest` (n_function,) is the largest value of each basis
+    function.
     """
     n_free = starts[0].size
     # One unit of price is what a complex element costs on average; parameters take half an element each.
     unit = cost(problem, starts[0]) / max(problem.n_data - n_free / 2, 1.0)
     gammas = unit * np.geomspace(options.smallest, options.largest, options.count)
     known: dict[bytes, tuple[FloatArray, float, Status]] = {}
-    points = [_full_point(problem, validation, starts[0], largest)]
+    parameters, minimum = solve(problem, starts[0])
+    whole = SparseFit(starts[0], np.ones((4, len(largest)), bool), 0), (parameters, minimum.cost, minimum.status)
+    points = [_point(problem, validation, *whole, largest, 0.0)]
     for gamma in gammas.tolist():
         fits = [fit_sparse(problem, start, largest, gamma, sparsity) for start in starts]
         found = [_point(problem, validation, fit, _refit(problem, fit, known), largest, gamma) for fit in fits]
@@ -74,16 +70,9 @@ def follow_path(
     return Path(tuple(points), choose_point(points, options.allowance))
 
 
-def _full_point(problem: Problem, validation: Problem, start: FloatArray, largest: FloatArray) -> PathPoint:
-    parameters, minimum = solve(problem, start)
-    fit = SparseFit(start, np.ones((4, len(largest)), bool), 0)
-    return _point(problem, validation, fit, (parameters, minimum.cost, minimum.status), largest, 0.0)
-
-
 def _refit(
     problem: Problem, fit: SparseFit, known: dict[bytes, tuple[FloatArray, float, Status]]
 ) -> tuple[FloatArray, float, Status]:
-    """Fits a structure without prices, once."""
     structure = fit.kept.tobytes()
     if structure not in known:
         parameters, minimum = solve(problem, fit.parameters, free=spread(fit.kept, problem.sizes))
@@ -193,22 +182,14 @@ def find_sparse_bases(
 ) -> tuple[StateSpace, ...]:
     """Transforms local models, which keeps their responses, to where few blocks of their interpolation vary.
 
-    Frozen responses leave the basis free at every position, but a block that is zero for the true states stays so
-    only under one transformation for all. A local basis of any kind, balanced ones too, differs from that by a
+    Frozen responses leave the basis free at every position, but a block that is zero for the true states stays so only
+    under one transformation for all. A local basis of any kind, balanced ones too, differs from that by a
     transformation that varies, and makes all blocks vary. So the transformations are searched: least squares on the
     varying blocks, each divided by its own last norm, from a limit that treats all alike down to the norm that counts
     as none. The search is not convex, and noise hides which of its ends is best: one end is returned for each of
-    several preferences (none, a constant C, a constant B), for the fit to tell apart.
-
-    Args:
-        systems: Local models in one basis, well conditioned.
-        values (n_pos, n_function + 1): The basis functions at the positions.
-        largest (n_function,): Largest value of each function.
-        fixed: The position whose basis stays.
-        options: How to search.
-
-    Returns:
-        The same models in each of the bases found.
+    several preferences (none, a constant C, a constant B), for the fit to tell apart. Local models come in one basis,
+    well conditioned, with the basis functions at the positions (n_pos, n_function + 1) and the largest value
+    (n_function,) of each; the basis of one position stays.
     """
     search = _Search(systems, values, largest, fixed)
     ends = [_descend(search, np.array(first, float), options) for first in _PREFERENCES]
@@ -216,7 +197,6 @@ def find_sparse_bases(
 
 
 def _descend(search: _Search, first: FloatArray, options: SparseBasisOptions) -> FloatArray:
-    """Returns where one search ends."""
     point: FloatArray = np.tile(np.eye(search.systems.sizes.n_state).ravel(), len(search.moved_at))
     weights = np.tile(first[:, None], len(search.largest))
     levels = np.geomspace(_FIRST_LEVEL, options.smallest, options.passes)

@@ -116,19 +116,10 @@ def normal(problem: Problem, parameters: FloatArray) -> Normal:
 def solve(
     problem: Problem, start: FloatArray, *, free: BoolArray | None = None, max_iterations: int = 200
 ) -> tuple[FloatArray, Minimum]:
-    """Minimises the cost from a start.
+    """Minimises the cost from a start (n_function + 1, n_local); returns the model, and how the descent ended.
 
-    The states' basis is free, so some directions move no response: the gradient has no part in them, and damping
-    keeps them out of every step.
-
-    Args:
-        problem: What the model is held against.
-        start (n_function + 1, n_local): Where to start.
-        free (n_function + 1, n_local): Which elements may move; all by default.
-        max_iterations: Limit on steps.
-
-    Returns:
-        The model (n_function + 1, n_local) and how the descent ended.
+    The states' basis is free, so some directions move no response: the gradient has no part in them, and damping keeps
+    them out of every step. Elements that may not move are False in `free`.
 
     Source:
         Turk et al. (2018), eq. 11.
@@ -203,14 +194,10 @@ def output_scales(responses: LocalResponses) -> FloatArray:
 
 
 def smooth_variance(variance: FloatArray, window: int) -> FloatArray:
-    """Averages variances over neighbouring lines, infinite ones left out and left as they are.
+    """Averages variances (n_pos, n_freq, n_out, n_in) over a window of lines, fewer at the ends; infinite ones stay.
 
     Variances from a few realizations scatter widely, and so would weights: with three degrees of freedom, estimates
     scatter by 1.4 times the least.
-
-    Args:
-        variance (n_pos, n_freq, n_out, n_in): Variances.
-        window: Lines that are averaged, fewer at the ends.
     """
     known = np.isfinite(variance)
     sums = [
@@ -228,13 +215,8 @@ def make_problem(
 ) -> Problem:
     """Poses the fit of responses in units of the outputs' scales; the cost is that of the outputs' own units.
 
-    Args:
-        responses: Responses without integrators.
-        basis: The basis functions.
-        n_state: Number of states.
-        scales (n_out,): Units of the outputs.
-        weighted: Whether elements are weighted by `1 / sigma^2`, or all alike as in the paper (eq. 7).
-        window: Lines over which variances are averaged for the weights.
+    The scales (n_out,) are units of the outputs. Elements are weighted by `1 / sigma^2`, variances averaged over a
+    window of lines, or all alike as in the paper (eq. 7).
 
     Raises:
         DataError: If a position lies outside the basis' range.
@@ -275,14 +257,10 @@ class Agreement:
 
 
 def agree(response: ComplexArray, modelled: ComplexArray, std: FloatArray, noise: FloatArray) -> Agreement:
-    """Compares a model with responses.
+    """Compares a model with responses (n_pos, n_freq, n_out, n_in).
 
-    Args:
-        response (n_pos, n_freq, n_out, n_in): What was measured.
-        modelled (n_pos, n_freq, n_out, n_in): What the model says.
-        std (n_pos, n_freq, n_out, n_in): Root of `E|error|^2`; NaN where it is unknown, infinite where an element is
-            left out.
-        noise (n_pos, n_freq, n_out, n_in): What of it the measurement alone makes.
+    `std` is the root of `E|error|^2`, NaN where it is unknown, infinite where an element is left out; of it the
+    measurement alone makes `noise`.
     """
     counts = ~np.isinf(std)
     known = counts & (std > 0)
@@ -291,6 +269,8 @@ def agree(response: ComplexArray, modelled: ComplexArray, std: FloatArray, noise
     tiny = np.finfo(float).tiny
     levels = [20 * np.log10(np.maximum(np.abs(one), tiny)) for one in (modelled, response)]
     decibels = np.abs(levels[0] - levels[1])
+    some = np.asarray(counts.any(axis=1))
+    median = np.nanmedian(np.where(counts | ~some[:, None], decibels, np.nan), axis=1)
     power = _mean(np.abs(response) ** 2, counts)
     error = _mean(size**2, counts)
     # Under noise alone the mean square error is its mean variance, and scatters by the root of the summed squares of
@@ -299,19 +279,14 @@ def agree(response: ComplexArray, modelled: ComplexArray, std: FloatArray, noise
     return Agreement(
         share_within=_mean((ratio <= _DEVIATIONS).astype(float), known),
         error_ratio=np.sqrt(_mean(ratio**2, known)),
-        error_db=_median(decibels, counts),
+        error_db=np.where(some, median, np.nan),
         relative_error=np.sqrt(error / power),
         excess=np.sqrt(np.maximum(error - expected - chance, 0)) / _natural(power),
     )
 
 
 def hidden_error(response: ComplexArray, std: FloatArray) -> FloatArray:
-    """Returns the error (n_pos, n_out, n_in), as of `Agreement.excess`, that chance could hide.
-
-    Args:
-        response (n_pos, n_freq, n_out, n_in): What was measured.
-        std (n_pos, n_freq, n_out, n_in): Its deviation; NaN where it is unknown, infinite where it is left out.
-    """
+    """Returns the error (n_pos, n_out, n_in), as of `Agreement.excess`, that chance could hide; as of `agree`."""
     counts = ~np.isinf(std)
     return np.asarray(np.sqrt(_of_noise(std, counts)[1]) / _natural(_mean(np.abs(response) ** 2, counts)))
 
@@ -350,9 +325,3 @@ def _mean(values: FloatArray, chosen: BoolArray) -> FloatArray:
     count = chosen.sum(axis=1)
     total = np.where(chosen, values, 0.0).sum(axis=1)
     return np.asarray(np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0))
-
-
-def _median(values: FloatArray, chosen: BoolArray) -> FloatArray:
-    some = np.asarray(chosen.any(axis=1))
-    found = np.nanmedian(np.where(chosen | ~some[:, None], values, np.nan), axis=1)
-    return np.where(some, found, np.nan)

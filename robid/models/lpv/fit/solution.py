@@ -202,11 +202,7 @@ class LpvSolution:
         return LpvModel(parameters, sizes, self.basis.basis(), self.ports.sampling_period_s)
 
     def response(self, points: FloatArray, frequency_hz: FloatArray) -> ResponseUncertainty:
-        """Returns the response of the model at rest, with its deviations.
-
-        Args:
-            points (n_pos, n_scheduling): Scheduling parameters.
-            frequency_hz (n_freq,): Lines.
+        """Returns the response of the model at rest at points (n_pos, n_scheduling), with its deviations.
 
         Raises:
             DataError: If a point lies outside the range.

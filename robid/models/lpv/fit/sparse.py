@@ -25,18 +25,9 @@ def minimise_model(
     """Minimises `d' H d + 2 g' d + sum_b price_b |x_b + d_b|` over the step d, with `held' d = 0`.
 
     Every norm is bounded by a variable of its own, in a second-order cone; H and g hold whatever rows there were. The
-    elements without a price are eliminated first.
-
-    Args:
-        hessian (n_free, n_free): H, positive definite.
-        gradient (n_free,): g.
-        point (n_free,): x.
-        members: Places of each block's elements in x; at least one block.
-        price (n_block,): What a block's norm costs.
-        held (n_free, n_held): Directions without a part in the step, orthonormal.
-
-    Returns:
-        The step (n_free,); no numbers where the solver fails, which a descent takes for a step too long.
+    elements without a price are eliminated first. H (n_free, n_free) is positive definite; a block has members in x
+    (n_free,) and a price (n_block,); directions without a part in the step (n_free, n_held) are orthonormal. The step
+    is no numbers where the solver fails, which a descent takes for a step too long.
 
     Source:
         Turk et al. (2018), eq. 12, for one Levenberg-Marquardt step.
@@ -162,13 +153,9 @@ class Quadratic:
 
 
 def descend(priced: Penalised, start: FloatArray, *, tolerance: float, step_limit: int) -> Descent:
-    """Minimises cost plus prices times norms.
+    """Minimises cost plus prices times norms from a start (n_function + 1, n_local).
 
-    Args:
-        priced: What is minimised.
-        start (n_function + 1, n_local): Where to start.
-        tolerance: Relative decrease, had or foreseen, at which to stop.
-        step_limit: Cone programs at most.
+    It stops at a relative decrease, had or foreseen, or after so many cone programs.
     """
     point = start.ravel()[priced.blocks.free]
     objective, here = priced.objective(point), _expand(priced, point)
@@ -219,14 +206,8 @@ def fit_sparse(
 ) -> SparseFit:
     """Fits a model whose blocks have a price, until the prices stay.
 
-    A block that has vanished stays so.
-
-    Args:
-        problem: What the model is held against.
-        start (n_function + 1, n_local): A fit without prices.
-        largest (n_function,): Largest value of each basis function.
-        gamma: Price of a block, in units of the cost.
-        options: When to stop.
+    A block that has vanished stays so. The start (n_function + 1, n_local) is a fit without prices, `largest`
+    (n_function,) the largest value of each basis function, and `gamma` the price of a block in units of the cost.
 
     Source:
         Turk et al. (2018), sec. II-C, eq. 12-16.

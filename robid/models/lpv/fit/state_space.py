@@ -129,11 +129,7 @@ def similarity_tangent(system: StateSpace) -> FloatArray:
 def balance(system: StateSpace) -> tuple[StateSpace, FloatArray]:
     """Brings one stable model to the basis in which both Gramians are the same diagonal matrix.
 
-    Args:
-        system: A stable model.
-
-    Returns:
-        The model and the transformation that was applied (n_state, n_state).
+    The transformation (n_state, n_state) that was applied comes along.
 
     Raises:
         DataError: If a state can neither be moved nor seen.
@@ -181,12 +177,7 @@ class Norms:
 
 
 def measure(parameters: FloatArray, largest: FloatArray, sizes: Sizes) -> Norms:
-    """Measures the blocks of a model.
-
-    Args:
-        parameters (n_function + 1, n_local): The model.
-        largest (n_function,): Largest value of each function.
-        sizes: Of the model.
+    """Measures the blocks of a model (n_function + 1, n_local), by the largest value (n_function,) of each function.
 
     Source:
         Turk et al. (2018), eq. 13-15: relative to the constant block, or as it is where there is none.

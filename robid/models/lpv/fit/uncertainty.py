@@ -41,21 +41,19 @@ def parameter_uncertainty(
 ) -> ParameterUncertainty:
     """Returns the covariance of all parameters.
 
-    The states' basis is free: the directions that move no response are taken out by a pseudo-inverse. The covariance
-    is that of one basis, but what it says of responses holds in any.
-
-    Args:
-        problem: What was fitted.
-        parameters (n_function + 1, n_local): The fit.
-        free (n_function + 1, n_local): Which elements were fitted.
-        variance (n_pos, n_freq, n_out, n_in): `E|error|^2` of the problem's responses, in its units; None where it is
-            unknown, then the residual stands for it, alike in all weighted elements.
+    The states' basis is free: the directions that move no response are taken out by a pseudo-inverse. The covariance is
+    that of one basis, but what it says of responses holds in any. Which elements of the fit (n_function + 1, n_local)
+    were free is given, and the variance `E|error|^2` (n_pos, n_freq, n_out, n_in), in the problem's units; where it is
+    None, the residual stands for it, alike in all weighted elements.
     """
     error, slope = local_jacobian(problem, parameters)
     # J of all parameters: each position's derivative by its local matrices, times the basis functions there.
     full = np.einsum("qk,qrl->qrkl", problem.values, slope).reshape(-1, parameters.size)[:, free.ravel()]
     bread = np.real(full.conj().T @ full)
-    null, root = _null_directions(bread)
+    # Directions that move no response, orthonormal by the scale of each parameter.
+    root = np.sqrt(np.maximum(np.diag(bread), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(bread / np.outer(root, root))
+    null = vectors[:, values < _SINGULAR * values[-1]]
     # Adding one along the null directions makes the matrix regular; subtracted again, its inverse is the
     # pseudo-inverse.
     scaled = bread / np.outer(root, root) + null @ null.T
@@ -78,13 +76,7 @@ def parameter_uncertainty(
 
 
 def response_uncertainty(problem: Problem, parameters: FloatArray, covariance: FloatArray) -> ResponseUncertainty:
-    """Carries the parameters' covariance to responses at the problem's positions and lines.
-
-    Args:
-        problem: Positions and lines; its responses and weights play no part.
-        parameters (n_function + 1, n_local): The fit.
-        covariance (n_param, n_param): Of the parameters.
-    """
+    """Carries the parameters' covariance (n_param, n_param) to responses at the problem's positions and lines."""
     shape = problem.response.shape
     plain = replace(problem, response=np.zeros(shape, complex), root_weight=np.ones(shape))
     here, slope = local_jacobian(plain, parameters)
@@ -94,17 +86,6 @@ def response_uncertainty(problem: Problem, parameters: FloatArray, covariance: F
     local = np.einsum("qk,kiml,qm->qil", problem.values, blocks, problem.values)
     squared = np.einsum("qri,qil,qrl->qr", slope.conj(), local, slope).real
     return ResponseUncertainty(here.reshape(shape), np.sqrt(np.maximum(squared, 0)).reshape(shape))
-
-
-def _null_directions(hessian: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns directions that move no response.
-
-    Returns:
-        The directions (n_param, n_null), orthonormal where parameters are multiplied by the scale (n_param,), and it.
-    """
-    root = np.sqrt(np.maximum(np.diag(hessian), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(hessian / np.outer(root, root))
-    return vectors[:, values < _SINGULAR * values[-1]], root
 
 
 _REAL = 1e-9  # of a pole's absolute value, an imaginary part that counts as none
@@ -121,15 +102,9 @@ def estimate_poles(
 ) -> Estimate:
     """Returns natural frequencies, damping ratios and rates of the frozen models at some positions.
 
-    Poles on the negative real axis of the z plane have no counterpart in continuous time and are left out.
-
-    Args:
-        core: The model without integrators.
-        covariance (n_param, n_param): Of its parameters; the outputs' units play no part.
-        points (n_pos, n_scheduling): Positions.
-        status: How the fit ended.
-        confidence: Level of the intervals.
-        identifiable_relative_std: Relative deviation up to which a parameter counts as identifiable.
+    Poles on the negative real axis of the z plane have no counterpart in continuous time and are left out. The model is
+    without integrators; its covariance (n_param, n_param) is of whatever units of outputs, the positions (n_pos,
+    n_scheduling).
     """
     rows = [row for index in range(len(points)) for row in _rows(core, points[index : index + 1], f"p{index + 1}")]
     slopes = np.array([row.moves for row in rows]).reshape(len(rows), core.parameters.size)
@@ -186,15 +161,10 @@ def model_response(
     points: FloatArray,
     frequency_hz: FloatArray,
 ) -> ResponseUncertainty:
-    """Returns the response, integrators included, with its deviations.
+    """Returns the response at points (n_pos, n_scheduling), integrators included, with its deviations.
 
-    Args:
-        core: The model without integrators, in the outputs' own units.
-        scales (n_out,): Units of the outputs in which the covariance is.
-        covariance (n_param, n_param): Of the core's parameters.
-        integrators: How often each output integrates.
-        points (n_pos, n_scheduling): Scheduling parameters.
-        frequency_hz (n_freq,): Lines.
+    The core without integrators is in the outputs' own units, its covariance (n_param, n_param) in those of `scales`
+    (n_out,).
 
     Raises:
         DataError: If a point lies outside the range.

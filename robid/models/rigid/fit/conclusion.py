@@ -48,16 +48,10 @@ def instrumental_variables(
 ) -> tuple[Regression, Influence, RowSource]:
     """Estimates with the simulated model as instrument, simulated again until the parameters stay.
 
-    Args:
-        instrumented: Simulates parameters (n_param,) and returns the rows with these instruments; where rows are
-            dropped, the instrument's speed decides. None where the simulation is lost.
-        start: Where to start: its parameters and its joints' weights.
-        options: When to stop.
-        known (n_param,): Parameters that can be simulated, such as the robot file's: least squares on badly filtered
-            rows may be no robot at all, and the simulation then begins on the way to these.
-
-    Returns:
-        The estimate, its linearisation, and the rows of its last simulation.
+    `instrumented` simulates parameters (n_param,) and returns the rows with these instruments, None where the
+    simulation is lost; where rows are dropped, the instrument's speed decides. Least squares on badly filtered rows may
+    be no robot at all: the simulation then begins on the way to `known` (n_param,), such as the robot file's. The
+    estimate comes with its linearisation and the rows of its last simulation.
 
     Raises:
         ValueError: If the rows have no instruments, or these do not determine the parameters.
@@ -95,14 +89,7 @@ def _simulated(
 
 
 def solve_instruments(rows: RowSource, weights: FloatArray) -> tuple[Regression, Influence]:
-    """Estimates with the instruments that the rows bring.
-
-    Args:
-        rows: Rows with instruments.
-        weights (n_joint,): Weight of each joint's rows.
-
-    Returns:
-        The estimate and its linearisation.
+    """Estimates with the instruments that the rows bring, by weights (n_joint,), and linearises the estimate.
 
     Raises:
         ValueError: If the rows have no instruments or these do not determine the parameters.
@@ -184,16 +171,9 @@ def judge(
 ) -> Verdict:
     """Judges a least-squares estimate.
 
-    Args:
-        least_squares: The estimate.
-        huber: Huber's estimate from the same rows.
-        instruments: The estimate by instrumental variables, if any.
-        long_run: Joint covariance of these, in this order.
-        residual (n_row, n_joint): Residuals of least squares on rows decimated to twice the cut-off [N m, or N].
-        expected (n_joint, n_lag + 1): Autocorrelation to be expected of each joint's, see `expected_correlation`.
-        names: Names of the parameters.
-        vectors: Indices of the parameters that are one vector, such as a body's first moments.
-        options: When to speak.
+    The joint covariance `long_run` is of least squares, Huber and instruments if any, the residual (n_row, n_joint) of
+    least squares on rows decimated to twice the cut-off [N m, or N], and `expected` (n_joint, n_lag + 1) as of
+    `expected_correlation`; `vectors` are indices of parameters that are one vector.
 
     Source:
         Janot et al. (2009), eq. 22 and sec. IV; Hausman (1978); docs/methods, sec. 7.
@@ -246,7 +226,6 @@ def _vary(
 
 
 def _sentence(huber: Variation, instruments: Variation | None, odd: bool, coloured: bool, names: Sequence[str]) -> str:
-    """States the strongest objection and its remedy."""
     if instruments is not None and instruments.alarm:
         return (
             f"Do not trust: {_largest(instruments, names)} away from the instrumental variables, so noise biases it; "
@@ -296,15 +275,9 @@ def conclude(
     vectors: Sequence[Sequence[int]] = (),
     options: ConclusionOptions | None = None,
 ) -> Conclusion:
-    """Fits rows by least squares and by Huber, and judges the fit.
+    """Fits rows, decimated to twice the cut-off, by least squares and by Huber, and judges the fit.
 
-    Args:
-        source: The rows, decimated to twice the cut-off.
-        decimator: What decimated them.
-        names: Names of the parameters.
-        instruments: Instrumental variables from the same rows, if any.
-        vectors: Indices of the parameters that are one vector, such as a body's first moments.
-        options: How.
+    `vectors` are indices of parameters that are one vector, such as a body's first moments.
     """
     chosen = options or ConclusionOptions()
     reduction = reduce_rows(source)

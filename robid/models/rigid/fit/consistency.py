@@ -203,12 +203,6 @@ def against_nominal(
 
     The rotors that are grouped with links are taken as the robot file has them. What other parameters can give along
     this motion is left out of both, since an estimate shares it out as it pleases.
-
-    Args:
-        model: The model with all of its standard parameters.
-        base: Its base parameters.
-        estimate: Their estimates.
-        reduction: The rows.
     """
     # Rotors that are grouped with links count as the file has them: they are known better than what drives them.
     rotors = base.combination @ np.where(np.isin(np.array(model.kinds), _ROTORS), model.nominal, 0.0)

@@ -47,13 +47,7 @@ _DEPENDENT = 1e-7  # share of a column that is rounding in filtered rows
 def fit_rigid(
     robot: Robot, shots: Sequence[Shot], options: RigidFitOptions, simulate: Simulate | None = None
 ) -> RigidSolution:
-    """Fits rigid dynamics and friction.
-
-    Args:
-        robot: The robot file's; its values are where nothing is known beforehand.
-        shots: What was recorded.
-        options: Model, filters, estimators.
-        simulate: Simulates the loop of each shot, for instrumental variables; without it there are none.
+    """Fits rigid dynamics and friction; without a simulation of the loop there are no instrumental variables.
 
     Returns:
         The base parameters with their uncertainty, and whether least squares is to be trusted.
@@ -190,18 +184,14 @@ def _without_dependent(problem: _Problem, base: BaseParameters) -> tuple[_Proble
     again = select_base(factor, problem.model, _DEPENDENT)
     if len(again.columns) == len(problem.model.names):
         return problem, base
-    combination = again.combination @ base.combination
+    combination, own = again.combination @ base.combination, base.columns[again.columns]
     joined = replace(
         base,
-        columns=base.columns[again.columns],
+        columns=own,
         combination=combination,
-        labels=_labels(combination, base.names, base.columns[again.columns].tolist()),
+        labels=tuple(label(row, base.names, first) for row, first in zip(combination, own.tolist(), strict=True)),
         units=again.units,
         silent=(*base.silent, *again.silent),
         undetermined=tuple(dict.fromkeys((*base.undetermined, *again.undetermined))),
     )
     return replace(problem, model=problem.model.only(again.columns.tolist())), joined
-
-
-def _labels(combination: FloatArray, names: Sequence[str], own: Sequence[int]) -> tuple[str, ...]:
-    return tuple(label(row, names, first) for row, first in zip(combination, own, strict=True))

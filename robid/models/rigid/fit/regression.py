@@ -65,13 +65,10 @@ def weighted_least_squares(reduction: Reduction) -> Regression:
 
 
 def solve_factor(factor: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Solves the least-squares problem of a triangular factor of `[W y]`.
+    """Solves the least-squares problem of a triangular factor (n_param + 1, n_param + 1) of `[W y]`.
 
-    Args:
-        factor (n_param + 1, n_param + 1): The factor.
-
-    Returns:
-        Parameters (n_param,), `(W' W)^-1` (n_param, n_param) and the condition number of W with columns of norm one.
+    Returns parameters (n_param,), `(W' W)^-1` (n_param, n_param) and the condition number of W with columns of norm
+    one.
 
     Raises:
         ValueError: If the columns are dependent.
@@ -132,11 +129,6 @@ def huber_weights(standardised: FloatArray, bend: float) -> FloatArray:
 def huber(source: RowSource, reduction: Reduction, options: HuberOptions | None = None) -> HuberRegression:
     """Estimates with weights that fall beyond the bend, scale and parameters in turn, from least squares on.
 
-    Args:
-        source: The rows; one pass for each iteration and one before.
-        reduction: The same rows reduced without weights.
-        options: Weights and when to stop.
-
     Raises:
         ValueError: If the median residual of a joint is zero.
 
@@ -151,8 +143,10 @@ def huber(source: RowSource, reduction: Reduction, options: HuberOptions | None 
     iterations = 0
     while status != "converged" and iterations < chosen.iteration_limit:
         iterations += 1
-        _check_scale(scale)
-        weighted, residual = reduce_weighted(source, parameters, partial(_row_weights, scale=scale, bend=chosen.bend))
+        if not np.all(scale > 0):
+            raise ValueError("Half of a joint's residuals are equal, so they have no scale: is its torque quantised?")
+        row_weights = partial(lambda residual, scale: huber_weights(residual / scale, chosen.bend), scale=scale)
+        weighted, residual = reduce_weighted(source, parameters, row_weights)
         before, scale_before, scale = parameters, scale, robust_scale(residual)
         parameters, inverse, condition = solve_factor(weighted.weighted(scale_before**-2.0))
         small_step = chosen.tolerance * np.sqrt(np.diag(inverse))
@@ -168,15 +162,6 @@ def sweep_bend(
 ) -> tuple[HuberRegression, ...]:
     """Estimates with each of several bends: towards 0 they minimise magnitudes, towards infinity squares."""
     return tuple(huber(source, reduction, replace(options or HuberOptions(), bend=bend)) for bend in bends)
-
-
-def _row_weights(residual: FloatArray, scale: FloatArray, bend: float) -> FloatArray:
-    return huber_weights(residual / scale, bend)
-
-
-def _check_scale(scale: FloatArray) -> None:
-    if not np.all(scale > 0):
-        raise ValueError("Half of a joint's residuals are equal, so they have no scale: is its torque quantised?")
 
 
 def _estimate(
@@ -200,7 +185,10 @@ def _estimate(
     else:
         _, plain, _ = solve_factor(reduction.weighted(scale**-2.0))
         scores = sum(float(np.sum(np.clip(joint, -options.bend, options.bend) ** 2)) for joint in standardised)
-        covariance = plain * _asymptotic_factor(scores / freedom.sum(), down, n_param / n_row.sum())
+        # What multiplies `(W' W)^-1` for an M-estimator (Huber 1981, eq. 7.6.10), residuals in deviations.
+        linear = 1 - down
+        correction = 1 + n_param / n_row.sum() * down / linear
+        covariance = plain * correction**2 * (scores / freedom.sum()) / linear**2
     return HuberRegression(
         parameters=parameters,
         covariance=covariance,
@@ -213,13 +201,6 @@ def _estimate(
         scale=scale,
         share_down_weighted=float(down),
     )
-
-
-def _asymptotic_factor(mean_square_score: float, share_down: float, param_per_row: float) -> float:
-    """What multiplies `(W' W)^-1` for an M-estimator (Huber 1981, eq. 7.6.10), residuals in deviations."""
-    linear = 1 - share_down
-    correction = 1 + param_per_row * share_down / linear
-    return correction**2 * mean_square_score / linear**2
 
 
 @dataclass(frozen=True)
@@ -264,13 +245,7 @@ def reduce_weighted(
 ) -> tuple[Reduction, FloatArray]:
     """Reduces rows with weights that follow from their residuals, in one pass.
 
-    Args:
-        source: The rows.
-        parameters (n_param,): Where the residuals are taken.
-        weigh: Weights of residuals (n_row, n_joint).
-
-    Returns:
-        The weighted rows' reduction, and all residuals (n_row, n_joint), NaN where a row is not used.
+    Residuals (n_row, n_joint) at the parameters (n_param,) come along, NaN where a row is not used.
     """
     running, kept = _Running(), []
     for rows in source:

@@ -64,9 +64,8 @@ def check_normality(residual: FloatArray) -> Normality:
 def check_whiteness(residual: FloatArray, own: FloatArray) -> Whiteness:
     """Tests the residuals of one joint.
 
-    Args:
-        residual (n_row,): Residuals in the order of time; NaN where a row is not used.
-        own (n_lag + 1,): Autocorrelation to be expected of white noise, from lag 0.
+    Residuals (n_row,) are in the order of time, NaN where a row is not used; `own` (n_lag + 1,) is the autocorrelation
+    to be expected of white noise, from lag 0.
 
     Source:
         Box and Pierce (1970), with Bartlett's covariance of the autocorrelations about the filter's own.
@@ -86,18 +85,10 @@ def check_whiteness(residual: FloatArray, own: FloatArray) -> Whiteness:
 
 
 def expected_correlation(source: RowSource, reduction: Reduction, estimate: Regression, own: FloatArray) -> FloatArray:
-    """Computes the autocorrelation that least-squares residuals of white torque noise have.
+    """Computes the autocorrelation (n_joint, n_lag + 1) that least-squares residuals of white torque noise have.
 
-    The filter correlates them, and the fit takes out what looks like its columns.
-
-    Args:
-        source: The rows, for one pass.
-        reduction: The same reduced.
-        estimate: Plain or weighted least squares.
-        own (n_lag + 1,): Autocorrelation that the filter gives white noise, from lag 0.
-
-    Returns:
-        Autocorrelation (n_joint, n_lag + 1) of each joint's residuals.
+    The filter correlates them, and the fit takes out what looks like its columns. The filter gives white noise the
+    autocorrelation `own` (n_lag + 1,), from lag 0.
     """
     _, inverse, _ = solve_factor(reduction.weighted(estimate.weights))
     # Residuals are (1 - P) e with P = W (W^T W)^-1 W^T: at a lag, the product of two rows of W R is what P takes, with
@@ -213,12 +204,6 @@ def long_run_covariance(
     The long-run variance of the influences is the mean of the squares of their first cosine transforms, whose
     number, 0.4 n^(2/3), is the degrees of freedom of Student's t.
 
-    Args:
-        source: The rows.
-        influences: The estimators.
-        n_row: Kept samples of a pass.
-        n_used: How many of them count for a joint in the mean; all by default.
-
     Source:
         Lazarus, Lewis, Stock and Watson (2018), "HAR inference", the equal-weighted cosine estimator.
     """
@@ -282,14 +267,9 @@ def choose_cut_off(
 ) -> CutOffChoice:
     """Tries cut-offs from the excited band upwards.
 
-    Args:
-        position (n_sample, n_joint): Measured positions [rad, or m].
-        torque (n_sample, n_joint): Motor torques [N m, or N].
-        sampling_period_s: Sampling period [s].
-        regressor: The inverse dynamics, of base parameters.
-        options: The filters; rows are decimated to twice each cut-off.
-        candidates_hz: Cut-offs to try; by default from 1.5 times the excited band in steps of one half.
-        held: Whether each torque is a command held until the next sample.
+    Positions (n_sample, n_joint) are in rad, or m, torques of the motors in N m, or N, commands held until the next
+    sample where `held`. Tried are by default 1.5 times the excited band and on in steps of one half; rows are decimated
+    to twice each cut-off.
 
     Raises:
         ValueError: If the record is too short for any of them.
@@ -298,7 +278,10 @@ def choose_cut_off(
         docs/methods, sec. 7: residual whiteness against the excited band.
     """
     excited = excited_band(position, sampling_period_s)
-    cuts = sorted(candidates_hz) or _ladder(float(excited.max()), sampling_period_s)
+    highest = _HIGHEST / sampling_period_s
+    lowest = min(_MARGIN * max(float(excited.max()), 1e-3 * highest), highest)
+    count = int(np.log(highest / lowest) / np.log(_RATIO)) + 1
+    cuts = sorted(candidates_hz) or [lowest * _RATIO**index for index in range(count)]
     every = [replace(options, position_cut_hz=cut, decimation=0) for cut in cuts]
     wanted = fewest_rows(len(regressor.names), position.shape[1])
     every = [tried for tried in every if row_count(len(position), tried, sampling_period_s) >= wanted]
@@ -337,13 +320,6 @@ def row_count(n_sample: int, options: PreprocessingOptions, sampling_period_s: f
 def fewest_rows(n_param: int, n_joint: int) -> int:
     """Returns how many rows of a joint a fit needs at least."""
     return math.ceil(_ROWS * n_param / n_joint)
-
-
-def _ladder(excited_hz: float, sampling_period_s: float) -> list[float]:
-    highest = _HIGHEST / sampling_period_s
-    lowest = min(_MARGIN * max(excited_hz, 1e-3 * highest), highest)
-    count = int(np.log(highest / lowest) / np.log(_RATIO)) + 1
-    return [lowest * _RATIO**index for index in range(count)]
 
 
 def _try(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm, t
 
-from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.arrays import FloatArray, IntArray
 from robid.models.rigid.fit.conclusion import HUBER, INSTRUMENTS, LEAST_SQUARES, Conclusion, Verdict, scale_of
 from robid.models.rigid.fit.consistency import against_nominal, make_consistent, parameter_scale, pseudo_inertia
 from robid.models.rigid.fit.options import EstimatorName, PreprocessingOptions, RigidFitOptions
@@ -72,17 +72,7 @@ def make_solution(
     travel: Travel,
     options: RigidFitOptions,
 ) -> RigidSolution:
-    """Puts together what a rigid fit found.
-
-    Args:
-        model: The model with all of its standard parameters.
-        base: Its base parameters.
-        reduced: The model with the columns of these alone.
-        found: What the estimators found.
-        choice: How the cut-off was chosen.
-        travel: Where the arm was.
-        options: Options of the fit.
-    """
+    """Puts together what a rigid fit found."""
     name = options.estimator if options.estimator in found.by_name else "weighted"
     estimate = _estimate(model, base, reduced, found, name, options)
     standard = _standard(model, base, estimate, options) if options.physical else None
@@ -163,6 +153,9 @@ def _estimate(
     stated = np.where(nominal == 0, size, np.abs(nominal))
     identifiable = std / stated <= limit
     quantile, status = norm.ppf(0.5 + 0.5 * options.confidence), chosen.status
+    known = identifiable & (reach / size <= quantile * limit)
+    poor = ", ".join(name for name, is_known in zip(reduced.names, known.tolist(), strict=True) if not is_known)
+    told = (f"Known to no better than {limit:.0%}, or not told from zero: {poor}",)
     return Estimate(
         names=tuple(reduced.names),
         kinds=tuple(reduced.kinds),
@@ -181,17 +174,10 @@ def _estimate(
         relative_half_width=reach / size,
         identifiable=identifiable,
         identifiable_relative_std=limit,
-        undetermined=_poorly_known(reduced.names, identifiable & (reach / size <= quantile * limit), limit),
+        undetermined=told if poor else (),
         status=status,
         advice="" if status == "converged" else f"{name} least squares has not converged: raise its iteration limit",
     )
-
-
-def _poorly_known(names: Sequence[str], known: BoolArray, limit: float) -> tuple[str, ...]:
-    poor = [name for name, is_known in zip(names, known.tolist(), strict=True) if not is_known]
-    if not poor:
-        return ()
-    return (f"Known to no better than {limit:.0%}, or not told from zero: {', '.join(poor)}",)
 
 
 def _estimators(found: Found, bends: Sequence[float]) -> Estimators:

@@ -42,13 +42,8 @@ class Regressor(Protocol):
     ) -> FloatArray:
         """Returns one column a parameter (n_sample, n_joint, n_param) along a motion.
 
-        Args:
-            position (n_sample, n_joint): Positions [rad, or m].
-            velocity (n_sample, n_joint): Speeds.
-            acceleration (n_sample, n_joint): Accelerations.
-            torque (n_sample, n_joint): Torques that friction grows with, where it does [N m, or N].
-            friction_speed (n_sample, n_joint): Speeds that give friction its sign; `velocity` by default.
-            loaded: Whether a payload with parameters of its own is there.
+        Of (n_sample, n_joint) each are positions [rad, or m], speeds, accelerations, torques that friction grows with,
+        where it does [N m, or N], and speeds that give friction its sign, `velocity` by default.
         """
 
 
@@ -83,12 +78,7 @@ class RowSource(Protocol):
 
 
 class Remembered:
-    """A source that keeps what fits its budget, so that only the other blocks are made again in each pass.
-
-    Args:
-        source: Where the rows come from.
-        budget_bytes: What the kept blocks may take.
-    """
+    """A source that keeps what fits its budget, so that only the other blocks are made again in each pass."""
 
     def __init__(self, source: RowSource, budget_bytes: int = _BUDGET_BYTES) -> None:
         self._source = source
@@ -164,15 +154,8 @@ def prepare(
 ) -> Motion:
     """Checks a record and finds the speeds that are too slow.
 
-    Args:
-        position (n_sample, n_joint): Measured positions [rad, or m].
-        torque (n_sample, n_joint): Motor torques [N m, or N].
-        sampling_period_s: Sampling period [s].
-        options: The filters.
-        instrument (n_sample, n_joint): Positions of a simulation without noise, for instrumental variables.
-        held: Whether each torque is a command held until the next sample.
-        load_dependent: Whether friction grows with the torque.
-        loaded: Whether a payload with parameters of its own is there.
+    Of (n_sample, n_joint) each are measured positions [rad, or m], motor torques [N m, or N], commands held until the
+    next sample where `held`, and, for instrumental variables, positions of a simulation without noise.
 
     Raises:
         ValueError: If the record is too short for its filters.
@@ -196,10 +179,7 @@ def prepare(
 def speed_noise(removed: FloatArray, sampling_period_s: float, options: PreprocessingOptions) -> FloatArray:
     """Estimates the deviation (n_joint,) of the filtered speed's noise [rad/s, or m/s].
 
-    Args:
-        removed (n_sample, n_joint): What the low pass took from the positions, white noise for its greater part.
-        sampling_period_s: Sampling period [s].
-        options: The filters.
+    What the low pass took from the positions (n_sample, n_joint) is white noise for its greater part.
     """
     angle, gain = low_pass_gain(sampling_period_s, options.cut_hz, options.position_order)
     # White noise of positions passes the filter and the central difference, i sin(angle) / T; what the filter removed,
@@ -215,11 +195,7 @@ _BLOCK_REACHES = 8
 class Reading:
     """Rows of motions, filtered and decimated block by block.
 
-    Args:
-        motions: The records; no row lies across two.
-        regressor: The inverse dynamics.
-        decimator: What torque and columns pass.
-        block_samples: Samples of a block, for memory; a block has at least some reaches of the filter.
+    No row lies across two motions; a block has at least some reaches of the filter.
     """
 
     def __init__(
@@ -276,7 +252,6 @@ class Reading:
 def _differentiated(
     motion: Motion, position: FloatArray, first: int, end: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Returns low-passed positions, speeds and accelerations of some samples."""
     # Filter first, then differentiate: both commute, and the differences of what is smooth have no noise to speak of.
     around = motion.smooth(position, first - 1, end + 1)
     return around[1:-1], *central_differences(around, motion.sampling_period_s)

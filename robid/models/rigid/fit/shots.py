@@ -47,15 +47,9 @@ class Shot:
 
 
 def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: bool = True) -> tuple[Shot, ...]:
-    """Cuts a record into shots: one for each experiment, the mean of its periods.
+    """Cuts a record into shots: one for each experiment, the mean of its periods; torques act `late_samples` later.
 
     What repeats from period to period beside noise, such as ripple, counts once.
-
-    Args:
-        record: The record.
-        robot: The robot, by whose joints' names channels are chosen.
-        late_samples: Samples from a recorded torque to the one that is applied.
-        loaded: Whether a payload with parameters of its own was there.
 
     Raises:
         DataError: If a joint has no channel, or the channels of both sides do not determine all motors.
@@ -139,7 +133,6 @@ def _constant(names: Sequence[str], signals: Sequence[FloatArray], rounding: flo
 
 
 def _chosen(channels: Sequence[Channel], names: Sequence[str], quantities: Sequence[str], what: str) -> list[int]:
-    """Indices of the joints' channels."""
     found: dict[str, int] = {}
     for index, channel in enumerate(channels):
         joint = channel.name.removesuffix(".arm")
@@ -181,11 +174,7 @@ def _motor_torques(torque: FloatArray, arm: BoolArray, robot: Robot) -> FloatArr
 
 
 def _inverse(measured: FloatArray, robot: Robot, arm: BoolArray) -> FloatArray:
-    """Inverse (n_joint, n_joint) of what is measured per motor or arm, rows scaled to 1.
-
-    Raises:
-        DataError: If the channels of both sides do not determine it: several show the same motors.
-    """
+    """Inverse (n_joint, n_joint) of what is measured per motor or arm, rows scaled to 1."""
     size = np.linalg.norm(measured, axis=1)
     scaled = measured / size[:, None]
     if np.linalg.cond(scaled) > _SAME_MOTION:
@@ -226,7 +215,8 @@ def travel_of(robot: Robot, shots: Sequence[Shot]) -> Travel:
     """Returns where the arm of a robot was during some shots, at moments evenly spread over each."""
     turns = robot.arm_per_motor.T
     index = [np.linspace(0, len(shot.position) - 1, _MOMENTS).round().astype(int) for shot in shots]
-    extremes = np.array([[_extremes(shot.position @ joint) for joint in turns.T] for shot in shots])
+    courses = [shot.position @ turns for shot in shots]
+    extremes = np.array([np.stack([course.min(axis=0), course.max(axis=0)], axis=1) for course in courses])
     return Travel(
         shot=np.repeat(np.arange(len(shots)), _MOMENTS),
         time_s=np.concatenate([own * shot.sampling_period_s for own, shot in zip(index, shots, strict=True)]),
@@ -236,10 +226,6 @@ def travel_of(robot: Robot, shots: Sequence[Shot]) -> Travel:
         lower_limit=robot.lower,
         upper_limit=robot.upper,
     )
-
-
-def _extremes(course: FloatArray) -> tuple[float, float]:
-    return float(course.min()), float(course.max())
 
 
 def repeats(travel: Travel, robot: Robot, shot: Shot) -> bool:

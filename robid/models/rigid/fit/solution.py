@@ -10,6 +10,8 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray, IntArray, Quantity
 from robid.results.estimate import Estimate
 
+_TORQUE = "N m, or the drives' unit"
+
 
 @dataclass(frozen=True)
 class Base:
@@ -36,9 +38,7 @@ class Estimators:
     names: Annotated[tuple[str, ...], Quantity("1", "estimator")]
     values: Annotated[FloatArray, Quantity("as in units", "estimator parameter", "Estimates")]
     std: Annotated[FloatArray, Quantity("as in units", "estimator parameter", "As if residuals were independent")]
-    deviation: Annotated[
-        FloatArray, Quantity("N m, or the drives' unit", "estimator joint", "Deviation of the residuals")
-    ]
+    deviation: Annotated[FloatArray, Quantity(_TORQUE, "estimator joint", "Deviation of the residuals")]
     iterations: Annotated[IntArray, Quantity("1", "estimator", "Passes")]
     status: Annotated[tuple[str, ...], Quantity("1", "estimator", "How they ended")]
     bends: Annotated[FloatArray, Quantity("1", "bend", "Bends of Huber's estimator")]
@@ -90,10 +90,8 @@ class RowResiduals:
     """Torques row by row, NaN where a row does not count."""
 
     time_s: Annotated[FloatArray, Quantity("s", "row", "Time, shots after each other")]
-    torque: Annotated[FloatArray, Quantity("N m, or the drives' unit", "row joint", "Filtered torque", compact=True)]
-    residual: Annotated[
-        FloatArray, Quantity("N m, or the drives' unit", "row joint", "What least squares leaves", compact=True)
-    ]
+    torque: Annotated[FloatArray, Quantity(_TORQUE, "row joint", "Filtered torque", compact=True)]
+    residual: Annotated[FloatArray, Quantity(_TORQUE, "row joint", "What least squares leaves", compact=True)]
     weight: Annotated[FloatArray, Quantity("1", "row joint", "Huber's weight", compact=True)]
 
     @property

@@ -50,7 +50,9 @@ def _estimators(solution: RigidSolution) -> Iterator[Finding]:
     if checks.instruments_differ and solution.chosen != "instruments":
         yield Finding("filters", told, decisive=True, strength=2.0)
     elif checks.huber_differs and checks.instrument_variation is None:
-        yield Finding("filters", told, decisive=_varies(solution), strength=2.0)
+        # What is hardly told from zero decides nothing.
+        varies = checks.huber_variation[solution.estimate.identified] > _BIASED
+        yield Finding("filters", told, decisive=bool(varies.any()), strength=2.0)
     elif checks.huber_differs and not checks.instruments_differ:
         # The instruments agree: what moves Huber's estimate is no noise of the positions.
         told = f"{solution.estimate.names[int(np.argmax(checks.huber_variation))]} depends on large residuals"
@@ -70,11 +72,6 @@ def _estimators(solution: RigidSolution) -> Iterator[Finding]:
         share = float(np.max(checks.outlier_share))
         told = f"the residuals are not Gaussian: up to {share:.2g} of a joint's lie beyond three deviations"
         yield Finding("friction", told, decisive=False, strength=1.5)
-
-
-def _varies(solution: RigidSolution) -> bool:
-    """Whether Huber's estimate differs by much in what is identified; what is hardly told from zero decides nothing."""
-    return bool((solution.checks.huber_variation[solution.estimate.identified] > _BIASED).any())
 
 
 def _sizes(solution: RigidSolution) -> Iterator[Finding]:
@@ -180,10 +177,5 @@ def _bodies(solution: RigidSolution) -> Iterator[Finding]:
 
 
 def assess_rigid(solution: RigidSolution, scales: Sequence[Finding] = ()) -> Grade:
-    """Gathers the findings about a rigid fit and grades it by itself: it predicts at best.
-
-    Args:
-        solution: What the fit found.
-        scales: Wrong units and other scales of its record; nothing else is looked for beside them.
-    """
+    """Grades a rigid fit by itself: it predicts at best. Beside wrong scales nothing else is looked for."""
     return graded_alone(scales or parameter_findings(solution), solution.estimate.status)

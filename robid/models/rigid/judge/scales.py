@@ -72,12 +72,6 @@ def rigid_scale_findings(
     Torques are explained by the model as it would be under each mistake: by gravity, which times do not change, and by
     inertia, which angles, times and torques do. What a record's channels say of each other counts too, and how far the
     arm would have moved.
-
-    Args:
-        robot: The robot file's.
-        shots: What was recorded, motor side.
-        motions: What the record says of the joints' motions.
-        options: Options of the fit.
     """
     try:
         scene = _Scene(robot, shots, motions, options)
@@ -176,10 +170,7 @@ class _Scene:
         position, velocity, acceleration, torque = self._rows
         path = position / motion, velocity / motion * time, acceleration / motion * time**2
         whole, still = (self._columns.columns(*one) for one in (path, (path[0], 0 * path[1], 0 * path[2])))
-        scale = np.maximum(torque.std(axis=0), 1e-300)
-        values = solved(whole / scale[:, None], torque / scale)
-        error = whole @ values - torque
-        share = float(np.linalg.norm(error / scale) / np.linalg.norm((torque - torque.mean(axis=0)) / scale))
+        values, share = _explained(whole, torque)
         travel, reach = self._travel()
         beyond = np.log(np.maximum(np.where(np.isfinite(reach), travel / motion / reach, 1.0), 1.0))
         # What each row's value goes with, the value in deviations or as a logarithm, and whether it is one.
@@ -249,6 +240,14 @@ def solved(columns: FloatArray, torque: FloatArray) -> FloatArray:
     return np.asarray(turned @ (inverse * (turned.T @ (matrix.T @ torque.ravel()))) / size)
 
 
+def _explained(columns: FloatArray, torque: FloatArray) -> tuple[FloatArray, float]:
+    """Parameters (n_param,) that explain torques (n_row, n_joint) best, and the share of these that is left."""
+    scale = np.maximum(torque.std(axis=0), 1e-300)
+    values = solved(columns / scale[:, None], torque / scale)
+    left = (columns @ values - torque) / scale
+    return values, float(np.linalg.norm(left) / np.linalg.norm((torque - torque.mean(axis=0)) / scale))
+
+
 def _compare(estimated: FloatArray, stated: FloatArray, torque: FloatArray) -> tuple[float, float]:
     """Ratio and likeness of two courses of a torque, their means taken out; NaN where neither is a part of it."""
     estimated, stated = estimated - estimated.mean(), stated - stated.mean()
@@ -271,11 +270,6 @@ def sum_findings(robot: Robot, shots: Sequence[Shot], options: RigidFitOptions) 
 
     Controllers show some axes against the horizontal, though their motors turn them against the link before. Where
     the torques are badly explained, they are explained again with each angle less or plus each other.
-
-    Args:
-        robot: The robot file's.
-        shots: What was recorded, motor side.
-        options: Options of the fit.
     """
     if len(robot.joints) < 2:
         return ()
@@ -324,9 +318,7 @@ def _unexplained(model: RigidModel, rows: tuple[FloatArray, ...]) -> float:
     """Share of the torques that no parameters explain."""
     position, velocity, acceleration, torque = rows
     columns = model.columns(position, velocity, acceleration, torque=torque if model.needs_torque else None)
-    scale = np.maximum(torque.std(axis=0), 1e-300)
-    left = (columns @ solved(columns / scale[:, None], torque / scale) - torque) / scale
-    return float(np.linalg.norm(left) / np.linalg.norm((torque - torque.mean(axis=0)) / scale))
+    return _explained(columns, torque)[1]
 
 
 def _what(robot: Robot, joint: int, other: int, sign: int) -> str:

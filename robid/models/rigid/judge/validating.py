@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -61,13 +61,7 @@ class Prediction:
 def predict(
     model: RigidModel, parameters: FloatArray, shots: Sequence[Shot], filters: PreprocessingOptions
 ) -> Prediction:
-    """Predicts torques along the measured motion of some shots.
-
-    Args:
-        model: The model.
-        parameters (n_param,): Values of its columns.
-        shots: What was recorded.
-        filters: Filters of positions, torques and columns.
+    """Predicts torques along the measured motion of some shots by parameters (n_param,).
 
     Raises:
         ValueError: If a shot is too short for its filters.
@@ -122,15 +116,6 @@ def validate_rigid(
     The limits are absolute: torques may be off by 15 % of their size, those of a single motor by 30 %. A motor whose
     torque is off by more than 5 % and twice what the fit left is a reason for doubt.
 
-    Args:
-        robot: The robot file that the fit started from.
-        solution: What the fit found.
-        shots: What was recorded anew.
-        options: Options of the fit.
-        findings: Findings about the fit, for the grade.
-        truth: True values by parameter name, of a simulated robot.
-        simulate: Simulates the loop of each shot, where it is known.
-
     Raises:
         DataError: If a shot is too short for the fit's filters.
     """
@@ -146,12 +131,16 @@ def validate_rigid(
         message = "D191 no row of the validation is left: all motors are slower than the fit's rows"
         remedy = "validate on a faster motion, or lower `filters.drop_below_rad_s` and `filters.drop_deviations`"
         raise DataError(message, where="validation", remedy=remedy)
-    _refuse_other(solution, shots)
+    refuse_other_rate(solution.filtered.sampling_period_s, [shot.sampling_period_s for shot in shots])
+    units = {shot.torque_unit for shot in shots} - {solution.torque_unit}
+    if units:
+        message = f"D193 the validation's torques are in {units.pop()}, the fit's in {solution.torque_unit}"
+        raise DataError(message, where="validation", remedy="validate on a record of the same quantity")
     own = np.sqrt(np.nanmean(solution.residuals.residual**2, axis=0))
     ratio = prediction.deviation / np.maximum(own, 1e-300)
     failures = _failures(robot, prediction)
     same = any(repeats(solution.travel, robot, shot) for shot in shots)
-    every = [*findings, *_seen_already(same), *_worse(robot, prediction, ratio), *_untested(robot, prediction)]
+    every = [*findings, *_doubts(robot, prediction, ratio, same=same)]
     return RigidValidation(
         outcome=outcome_of(solution.estimate, every, failures, _verdict(prediction, ratio, failures, same=same), truth),
         prediction=prediction,
@@ -170,13 +159,6 @@ def _forward(simulated: Sequence[FloatArray], shots: Sequence[Shot]) -> FloatArr
     return np.asarray(np.sqrt(np.mean(error**2, axis=0) / np.mean(moved**2, axis=0)))
 
 
-def _seen_already(same: bool) -> tuple[Finding, ...]:
-    if not same:
-        return ()
-    told = "the validation repeats the motion of the fit: it says nothing of other motions"
-    return (Finding("same_motion", told, decisive=False, strength=2.0),)
-
-
 def _failures(robot: Robot, prediction: Prediction) -> tuple[str, ...]:
     error = np.nan_to_num(prediction.relative_error)
     worst, found = int(np.argmax(error)), []
@@ -188,35 +170,21 @@ def _failures(robot: Robot, prediction: Prediction) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _worse(robot: Robot, prediction: Prediction, ratio: FloatArray) -> tuple[Finding, ...]:
-    """A motor whose torque is predicted much worse than on the fit's own motion."""
+def _doubts(robot: Robot, prediction: Prediction, ratio: FloatArray, *, same: bool) -> Iterator[Finding]:
+    """Yields what is doubtful: a motion seen already, a torque predicted much worse than there, too few rows."""
+    if same:
+        told = "the validation repeats the motion of the fit: it says nothing of other motions"
+        yield Finding("same_motion", told, decisive=False, strength=2.0)
     telling = np.nan_to_num(np.where(prediction.relative_error > _MATTERS, ratio, 0.0))
     worst = int(np.argmax(telling))
-    if telling[worst] <= _WORSE:
-        return ()
-    told = f"the torque of {robot.joints[worst].name} is off by {telling[worst]:.2g} times what the fit left"
-    return (Finding("model", told, decisive=False, strength=float(telling[worst]) / _WORSE),)
-
-
-def _untested(robot: Robot, prediction: Prediction) -> tuple[Finding, ...]:
-    few = [
-        joint.name
-        for joint, count in zip(robot.joints, prediction.n_row.tolist(), strict=True)
-        if count < FEWEST_TESTED
-    ]
-    if not few:
-        return ()
-    told = f"the validation leaves fewer than {FEWEST_TESTED} rows of {', '.join(few)}, too few to tell anything"
-    return (Finding("excitation", told, decisive=False, strength=2.0),)
-
-
-def _refuse_other(solution: RigidSolution, shots: Sequence[Shot]) -> None:
-    """Refuses records that are sampled otherwise, or in other units, than those of the fit."""
-    refuse_other_rate(solution.filtered.sampling_period_s, [shot.sampling_period_s for shot in shots])
-    units = {shot.torque_unit for shot in shots} - {solution.torque_unit}
-    if units:
-        message = f"D193 the validation's torques are in {units.pop()}, the fit's in {solution.torque_unit}"
-        raise DataError(message, where="validation", remedy="validate on a record of the same quantity")
+    if telling[worst] > _WORSE:
+        told = f"the torque of {robot.joints[worst].name} is off by {telling[worst]:.2g} times what the fit left"
+        yield Finding("model", told, decisive=False, strength=float(telling[worst]) / _WORSE)
+    counts = zip(robot.joints, prediction.n_row.tolist(), strict=True)
+    few = [joint.name for joint, count in counts if count < FEWEST_TESTED]
+    if few:
+        told = f"the validation leaves fewer than {FEWEST_TESTED} rows of {', '.join(few)}, too few to tell anything"
+        yield Finding("excitation", told, decisive=False, strength=2.0)
 
 
 def _verdict(prediction: Prediction, ratio: FloatArray, failures: tuple[str, ...], *, same: bool) -> str:
