@@ -20,19 +20,12 @@ from robid.robot.response import ElasticParameters, nominal_parameters, response
 
 @dataclass(frozen=True)
 class ParametersOfInterest:
-    """Parameters of a design.
+    """Parameters of a design."""
 
-    Attributes:
-        kinds: All kinds, those that are estimated along last.
-        columns (n_all,): Which elements of these kinds are estimated.
-        names: Names of the parameters that the design is about; they come first among those estimated.
-        precision (n_estimated,): What is known of each beforehand, over its variance; of those that the design is
-            about, nothing.
-    """
-
-    kinds: tuple[str, ...]
-    columns: BoolArray
-    names: tuple[str, ...]
+    kinds: tuple[str, ...]  # All kinds, those that are estimated along last
+    columns: BoolArray  # (n_all,) Which elements of these kinds are estimated
+    names: tuple[str, ...]  # Names of the parameters that the design is about; they come first among those estimated
+    # (n_estimated,) What is known of each beforehand, over its variance; of those that the design is about, nothing
     precision: FloatArray
 
     def scales(self, nominal: ElasticParameters, period_s: float) -> FloatArray:

@@ -48,17 +48,11 @@ def _inverse_trace(totals: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Bound:
-    """A tangent of a criterion.
+    """A tangent of a criterion."""
 
-    Attributes:
-        factors (n_draw, n_param, n_param): `G` of the slopes `tr(G H_i)`.
-        scale: What a difference of slopes is relative to.
-        excess: What the slopes times the weights, and the prior's own, exceed `scale` by; 0 but for `e` smoothed.
-    """
-
-    factors: FloatArray
-    scale: float
-    excess: float
+    factors: FloatArray  # (n_draw, n_param, n_param) `G` of the slopes `tr(G H_i)`
+    scale: float  # What a difference of slopes is relative to
+    excess: float  # What the slopes times the weights, and the prior's own, exceed `scale` by; 0 but for `e` smoothed
 
 
 def tangent(criterion: Criterion, totals: FloatArray, smoothing: float) -> Bound:

@@ -23,30 +23,15 @@ _TIGHTENED = 4  # How often the bound on a fit with its own weights is made tigh
 
 @dataclass(frozen=True)
 class ConfigurationDesign:
-    """The chosen configurations with what they promise.
+    """The chosen configurations with what they promise."""
 
-    Attributes:
-        weights: Optimal weights of the candidates, sum 1: shares of the experiments, or of the cost. Where parameters
-            differ between configurations and none is repeated, no share is larger than that of one visit.
-        gap: Certificate of the weights: no others are worth more than `1 + gap` times as much; for `d` without prior
-            `(max tr(M^-1 H_i) - n) / n`.
-        efficiency: Worth of the chosen numbers over the certified bound on any weights, 0 to 1; what is missing is
-            also the price of few configurations and whole numbers.
-        choice_efficiency: The same over the certified bound on choices of as many different candidates, with equal
-            effort, or with repeats or costs with all the effort in each; `efficiency` where that is tighter.
-        rounding_loss: Share of the worth that whole numbers cost, against optimal weights of the chosen ones.
-        gain: What one experiment more of each candidate adds to `log det` of the information known beforehand; where
-            that alone does not determine all parameters, of it and the chosen ones together.
-        information: Information of each candidate about the log-parameters as they are there, mean over the draws.
-        predicted_relative_std: Relative standard deviations that what is known beforehand and the chosen numbers
-            promise together.
-        cost_s: Cost of one experiment in each candidate; None where they cost the same.
-        stability: Whether the choice would come out the same; None without other information to choose by.
-    """
-
+    # Optimal weights of the candidates, sum 1: shares of the experiments, or of the cost. Where parameters differ
+    # between configurations and none is repeated, no share is larger than that of one visit
     weights: Annotated[
         FloatArray, Quantity("1", "candidate", "Optimal weights: shares of the experiments, or of the cost")
     ]
+    # Certificate of the weights: no others are worth more than `1 + gap` times as much; for `d` without prior
+    # `(max tr(M^-1 H_i) - n) / n`
     gap: float
     criterion: str
     slopes: Annotated[
@@ -54,21 +39,31 @@ class ConfigurationDesign:
     ]
     chosen: Annotated[IntArray, Quantity("1", "configuration", "Indices of the chosen candidates")]
     counts: Annotated[IntArray, Quantity("1", "candidate", "Experiments in each candidate")]
+    # Worth of the chosen numbers over the certified bound on any weights, 0 to 1; what is missing is also the price of
+    # few configurations and whole numbers
     efficiency: float
+    # The same over the certified bound on choices of as many different candidates, with equal effort, or with repeats
+    # or costs with all the effort in each; `efficiency` where that is tighter
     choice_efficiency: float
-    rounding_loss: float
+    rounding_loss: float  # Share of the worth that whole numbers cost, against optimal weights of the chosen ones
+    # What one experiment more of each candidate adds to `log det` of the information known beforehand; where that alone
+    # does not determine all parameters, of it and the chosen ones together
     gain: Annotated[
         FloatArray, Quantity("1", "candidate", "What one experiment more adds to log det of the information")
     ]
+    # Information of each candidate about the log-parameters as they are there, mean over the draws
     information: Annotated[
         FloatArray, Quantity("1", "candidate parameter parameter", "Information about the log-parameters")
     ]
+    # Relative standard deviations that what is known beforehand and the chosen numbers promise together
     predicted_relative_std: Annotated[
         FloatArray, Quantity("1", "parameter", "Relative standard deviation that the choice promises")
     ]
     parameter_names: Annotated[tuple[str, ...], Quantity("1", "parameter")]
     configurations: Annotated[FloatArray, Quantity("{joint}", "candidate joint", "The candidates' arm-side joints")]
+    # Cost of one experiment in each candidate; None where they cost the same
     cost_s: Annotated[FloatArray | None, Quantity("s", "candidate", "Time of one visit: experiments and way")] = None
+    # Whether the choice would come out the same; None without other information to choose by
     stability: Stability | None = None
     joint_units: Annotated[tuple[str, ...] | None, Quantity("1", "joint", "Units of the joints' positions")] = None
     between_relative_std: Annotated[
@@ -94,16 +89,11 @@ class ConfigurationDesign:
 
 @dataclass(frozen=True)
 class Stability:
-    """Choices by other information than the one that was used, see `robid.design.configurations.information`.
+    """Choices by other information than the one that was used, see `robid.design.configurations.information`."""
 
-    Attributes:
-        source: Where that comes from: `realizations` (each half of them) or `draws` (each one alone).
-        efficiency: Efficiency of each trial's choice by information that it did not use: the other half, or the mean
-            over all draws.
-    """
-
-    source: str
+    source: str  # Where that comes from: `realizations` (each half of them) or `draws` (each one alone)
     kept: Annotated[FloatArray, Quantity("1", "trial", "Share of the choice that other data or parameters choose too")]
+    # Efficiency of each trial's choice by information that it did not use: the other half, or the mean over all draws
     efficiency: Annotated[FloatArray, Quantity("1", "trial", "Efficiency of that choice by what it did not use")]
     chosen_often: Annotated[FloatArray, Quantity("1", "candidate", "Share of the trials that choose each candidate")]
 

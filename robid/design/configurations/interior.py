@@ -16,13 +16,10 @@ _CHUNK = 4096
 
 @dataclass(frozen=True)
 class Packed:
-    """Information matrices of all candidates, half the memory of the full ones.
+    """Information matrices of all candidates, half the memory of the full ones."""
 
-    Attributes:
-        rows (n_draw, n_cand, n_param (n_param + 1) / 2): Upper triangles, off-diagonals times sqrt(2): the product of
-            two rows is the trace of the product of their matrices.
-    """
-
+    # (n_draw, n_cand, n_param (n_param + 1) / 2) upper triangles, off-diagonals times sqrt(2): the product of two rows
+    # is the trace of the product of their matrices
     rows: FloatArray
     n_param: int
 
@@ -78,15 +75,11 @@ _RIDGE = 1e-14  # Added to the Newton matrix of unit diagonal against rounding
 
 @dataclass(frozen=True)
 class RelaxedProblem:
-    """A relaxed design.
-
-    Attributes:
-        prior (n_param, n_param): What is added to it.
-    """
+    """A relaxed design."""
 
     criterion: Criterion
     candidates: Packed
-    prior: FloatArray
+    prior: FloatArray  # (n_param, n_param) What is added to it
     limit: float
 
     def totals(self, weights: FloatArray) -> FloatArray:

@@ -31,21 +31,13 @@ _ALIKE = 1 - 1e-12
 
 @dataclass(frozen=True)
 class _Errors:
-    """Errors of a response in one configuration, its elements the rows one after the other.
+    """Errors of a response in one configuration, its elements the rows one after the other."""
 
-    Attributes:
-        noise (n_freq, n_element, n_element): Covariance of the measured response, relative to `size`.
-        assumed (n_freq, n_element): Standard deviation of the assumed model error, relative to `size`.
-        alike (n_element, n_element): Correlation of the assumed model error.
-        size (n_freq, n_element): What both are relative to.
-        correlation (n_freq, n_next): Of each line's noise with the next lines', or None.
-    """
-
-    noise: ComplexArray
-    assumed: ComplexArray
-    alike: FloatArray
-    size: ComplexArray
-    correlation: FloatArray | None
+    noise: ComplexArray  # (n_freq, n_element, n_element) Covariance of the measured response, relative to `size`
+    assumed: ComplexArray  # (n_freq, n_element) Standard deviation of the assumed model error, relative to `size`
+    alike: FloatArray  # (n_element, n_element) Correlation of the assumed model error
+    size: ComplexArray  # (n_freq, n_element) What both are relative to
+    correlation: FloatArray | None  # (n_freq, n_next) Of each line's noise with the next lines', or None
 
     def covariance(self) -> ComplexArray:
         """Covariance (n_freq, n_element, n_element) of each line, the assumed model error included."""

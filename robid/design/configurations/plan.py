@@ -19,25 +19,17 @@ _SMOOTHING = 1e-6  # Smoothing of `e` over the smallest eigenvalue, where slopes
 
 @dataclass(frozen=True)
 class Exchange:
-    """What may be measured, and what it is worth.
-
-    Attributes:
-        visits: What experiments of each candidate add, see `merged`.
-        base (n_draw, n_part, n_all, n_all): What is there without any.
-        distinct: Number of different candidates at most.
-        cost (n_cand,): Cost of one experiment.
-        wanted: Number of parameters that the choice is about, the first ones; all when not given.
-    """
+    """What may be measured, and what it is worth."""
 
     criterion: Criterion
-    visits: Visits
-    base: FloatArray
+    visits: Visits  # What experiments of each candidate add, see `merged`
+    base: FloatArray  # (n_draw, n_part, n_all, n_all) What is there without any
     experiments: int
-    distinct: int
+    distinct: int  # Number of different candidates at most
     repeats: bool
-    cost: FloatArray
+    cost: FloatArray  # (n_cand,) Cost of one experiment
     budget: float
-    wanted: int | None = None
+    wanted: int | None = None  # Number of parameters that the choice is about, the first ones; all when not given
 
     def total(self, counts: IntArray) -> FloatArray:
         """Total (n_draw, n_part, n_all, n_all) of some numbers of experiments (n_cand,)."""
@@ -196,24 +188,18 @@ _FLOOR = 1e-9
 
 @dataclass(frozen=True)
 class ConfigurationPlan:
-    """A choice to be made.
-
-    Attributes:
-        matrices (n_draw, n_cand, n_param, n_param): Information of one experiment in each candidate, or for a fit
-            with its own weights what its sums never exceed. So many times it, no number of experiments tells more.
-        visits: What adds up over experiments: the information alone, or bread and meat of a fit with its own weights,
-            nuisances last.
-        prior (n_param, n_param): What is known beforehand, beside `matrices`; may be one for each draw.
-        base (n_part, n_all, n_all): The same beside `visits`.
-        cost (n_cand,): Cost of one experiment.
-    """
+    """A choice to be made."""
 
     options: DesignOptions
+    # (n_draw, n_cand, n_param, n_param) Information of one experiment in each candidate, or for a fit with its own
+    # weights what its sums never exceed. So many times it, no number of experiments tells more
     matrices: FloatArray
+    # What adds up over experiments: the information alone, or bread and meat of a fit with its own weights, nuisances
+    # last
     visits: Visits
-    prior: FloatArray
-    base: FloatArray
-    cost: FloatArray
+    prior: FloatArray  # (n_param, n_param) What is known beforehand, beside `matrices`; may be one for each draw
+    base: FloatArray  # (n_part, n_all, n_all) The same beside `visits`
+    cost: FloatArray  # (n_cand,) Cost of one experiment
     experiments: int
     budget: float
 

@@ -17,21 +17,16 @@ _PATIENCE = 4  # Looks at all candidates without progress after which to stop
 
 @dataclass(frozen=True)
 class Relaxed:
-    """Optimal weights.
+    """Optimal weights."""
 
-    Attributes:
-        weights (n_cand,): Weights, sum 1; 0 for what is not needed.
-        gap: Certified relative gap: every other weighting is worth at most `1 + gap` times as much. For `d` without
-            prior it is `(max tr(M^-1 H_i) - n) / n`.
-        slopes (n_cand,): Slope of the criterion by each weight, relative to what the optimum's support has: a
-            candidate at 1 is as good as the chosen ones, one at 0 is useless.
-        worth: What the weighted information is worth, see `robid.design.configurations.criteria.worth`.
-    """
-
-    weights: FloatArray
+    weights: FloatArray  # (n_cand,) Weights, sum 1; 0 for what is not needed
+    # Certified relative gap: every other weighting is worth at most `1 + gap` times as much. For `d` without prior it
+    # is `(max tr(M^-1 H_i) - n) / n`
     gap: float
+    # (n_cand,) Slope of the criterion by each weight, relative to what the optimum's support has: a candidate at 1 is
+    # as good as the chosen ones, one at 0 is useless
     slopes: FloatArray
-    worth: float
+    worth: float  # What the weighted information is worth, see `robid.design.configurations.criteria.worth`
     steps: int
 
 

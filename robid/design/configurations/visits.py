@@ -14,17 +14,13 @@ _CHUNK = 256
 
 @dataclass(frozen=True)
 class Visits:
-    """What visits to each candidate add.
+    """What visits to each candidate add."""
 
-    Attributes:
-        alone (n_draw, n_cand, n_part, n_all, n_all): One visit, were all configurations alike: the information, or
-            bread and meat of a fit with weights of its own. Of n visits it is n times as much.
-        between (n_all,): Variance of each parameter between configurations; 0 for what all of them share.
-        once (n_draw, n_cand, n_part, n_all, n_all): One visit, what differs between configurations allowed for.
-    """
-
+    # (n_draw, n_cand, n_part, n_all, n_all) One visit, were all configurations alike: the information, or bread and
+    # meat of a fit with weights of its own. Of n visits it is n times as much
     alone: FloatArray
-    between: FloatArray
+    between: FloatArray  # (n_all,) Variance of each parameter between configurations; 0 for what all of them share
+    # (n_draw, n_cand, n_part, n_all, n_all) One visit, what differs between configurations allowed for
     once: FloatArray
 
     def take(self, candidates: IntArray) -> Visits:
@@ -112,20 +108,16 @@ class FittedInformation:
 
     The parameters are the wanted ones and then those that are estimated along. These are the same in all
     configurations, so they go out of the sums, not of the single candidates, and what is known of them counts once.
-
-    Attributes:
-        bread (n_draw, n_conf, n_all, n_all): `2 Re J^H W J`.
-        meat (n_draw, n_conf, n_all, n_all): `2 Re J^H W Lambda W J`; the covariance of the fit is `B^-1 S B^-1` of
-            the sums, what is known beforehand added to both.
-        best (n_draw, n_conf, n_all, n_all): Information by optimal weights, `2 Re J^H Lambda^-1 J`, `Lambda` taken
-            for granted as in the meat.
-        precision (n_all,): What is known of each parameter beforehand, over its variance.
     """
 
-    bread: FloatArray
+    bread: FloatArray  # (n_draw, n_conf, n_all, n_all) `2 Re J^H W J`
+    # (n_draw, n_conf, n_all, n_all) `2 Re J^H W Lambda W J`; the covariance of the fit is `B^-1 S B^-1` of the sums,
+    # what is known beforehand added to both
     meat: FloatArray
+    # (n_draw, n_conf, n_all, n_all) Information by optimal weights, `2 Re J^H Lambda^-1 J`, `Lambda` taken for granted
+    # as in the meat
     best: FloatArray
-    precision: FloatArray
+    precision: FloatArray  # (n_all,) What is known of each parameter beforehand, over its variance
 
     def scaled(self, wanted: FloatArray) -> FittedInformation:
         """The same over scales: (n_wanted,) of the first parameters, and what is natural to the others."""

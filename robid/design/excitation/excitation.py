@@ -31,41 +31,36 @@ UNITS = {"speed_reference": "rad/s", "position_reference": "rad", "torque": "N m
 
 @dataclass(frozen=True)
 class ExcitationPlan:
-    """What the excitation will do to the nominal robot, over all realizations and experiments.
-
-    Attributes:
-        torque_rms: Motor torque with its static part.
-        torque_peak: Largest absolute motor torque with its static part.
-        excursion_rms: Arm excursion, motor angle over gear ratio.
-        admissible_scale: Factor on all motors' RMS at which this motor meets its first limit; 0 where the static torque
-            alone does.
-        snr_db: Power of each element of the response over the variance that the assumed noise will give its estimate;
-            None with fewer experiments than motors and in older files.
-        duration_s: Time that the whole campaign takes, transients included; None in older files [s].
-        condition: Of a trajectory, condition number of the regressor of its base parameters, each column over its size
-            in random motions; None for other signals and in older files.
-    """
+    """What the excitation will do to the nominal robot, over all realizations and experiments."""
 
     speed_rms: Annotated[FloatArray, Quantity("rad/s", "configuration motor", "Predicted RMS of the speed")]
     speed_peak: Annotated[FloatArray, Quantity("rad/s", "configuration motor", "Predicted peak of the speed")]
+    # Motor torque with its static part
     torque_rms: Annotated[FloatArray, Quantity("N m", "configuration motor", "Predicted RMS of the torque")]
+    # Largest absolute motor torque with its static part
     torque_peak: Annotated[FloatArray, Quantity("N m", "configuration motor", "Predicted peak of the torque")]
+    # Arm excursion, motor angle over gear ratio
     excursion_rms: Annotated[FloatArray, Quantity("rad", "configuration motor", "Predicted RMS of the excursion")]
     excursion_peak: Annotated[FloatArray, Quantity("rad", "configuration motor", "Predicted peak of the excursion")]
     speed_limit: Annotated[FloatArray, Quantity("rad/s", "motor", "Limit of the speed")]
     torque_limit: Annotated[FloatArray, Quantity("N m", "motor", "Limit of the torque")]
     excursion_limit: Annotated[FloatArray, Quantity("rad", "motor", "Limit of the excursion")]
+    # Factor on all motors' RMS at which this motor meets its first limit; 0 where the static torque alone does
     admissible_scale: Annotated[
         FloatArray, Quantity("1", "configuration motor", "Factor on all RMS at which the first limit is met")
     ]
     speed_crest: Annotated[
         FloatArray | None, Quantity("1", "configuration motor", "Largest crest factor of the motor speed")
     ] = None
+    # Power of each element of the response over the variance that the assumed noise will give its estimate; None with
+    # fewer experiments than motors and in older files
     snr_db: Annotated[
         FloatArray | None,
         Quantity("dB", "configuration frequency output input", "Predicted signal-to-noise ratio of the response"),
     ] = None
-    duration_s: float | None = None
+    duration_s: float | None = None  # Time that the whole campaign takes, transients included; None in older files [s]
+    # Of a trajectory, condition number of the regressor of its base parameters, each column over its size in random
+    # motions; None for other signals and in older files
     condition: Annotated[
         FloatArray | None, Quantity("1", "realization", "Condition number of a trajectory's regressor")
     ] = None
@@ -102,34 +97,28 @@ def make_plan(rms: FloatArray, peak: FloatArray, limits: FloatArray, admissible_
 
 @dataclass(frozen=True)
 class Excitation:
-    """What each motor is told to do, one period per realization and experiment.
+    """What each motor is told to do, one period per realization and experiment."""
 
-    Attributes:
-        reference: Injected signal; of a pose chirp the commands, a channel of the pose in place of each motor.
-        kind: `speed_reference`, `position_reference`, `torque` or `pose_reference`.
-        sampling_period_s: Sampling period of the controller [s].
-        rms: RMS of each motor's signal, a slow motion left out.
-        crest_factor: Peak over RMS, a slow motion left out.
-        plan: Predicted motion against the limits, or None before `predict`.
-        travel: Position reference of a large motion beneath it, from the configuration; None without one.
-    """
-
+    # Injected signal; of a pose chirp the commands, a channel of the pose in place of each motor
     reference: Annotated[
         FloatArray,
         Quantity("{signal}", "realization experiment sample motor", "Injected signal, one period", compact=True),
     ]
-    kind: str
+    kind: str  # `speed_reference`, `position_reference`, `torque` or `pose_reference`
     excited_lines: Annotated[IntArray, Quantity("1", "frequency", "Excited DFT lines")]
     detection_lines: Annotated[IntArray, Quantity("1", "detection", "DFT lines left out to detect distortion")]
-    sampling_period_s: float
+    sampling_period_s: float  # Sampling period of the controller [s]
     spectrum: Annotated[
         ComplexArray,
         Quantity("{signal}", "realization experiment frequency motor", "Complex amplitudes of the excited lines"),
     ]
+    # RMS of each motor's signal, a slow motion left out
     rms: Annotated[FloatArray, Quantity("{signal}", "motor", "RMS of each motor's signal")]
+    # Peak over RMS, a slow motion left out
     crest_factor: Annotated[FloatArray, Quantity("1", "realization experiment motor", "Peak over RMS")]
-    plan: ExcitationPlan | None = None
+    plan: ExcitationPlan | None = None  # Predicted motion against the limits, or None before `predict`
     channels: Annotated[tuple[Channel, ...], Quantity("1", "motor", "What each column is where it is no motor")] = ()
+    # Position reference of a large motion beneath it, from the configuration; None without one
     travel: Annotated[
         FloatArray | None,
         Quantity(
@@ -175,14 +164,10 @@ class Excitation:
 
 @dataclass(frozen=True)
 class CampaignExcitation:
-    """The excitation of one campaign.
-
-    Attributes:
-        excitation: The excitation; without realizations where a log was played by others.
-    """
+    """The excitation of one campaign."""
 
     configurations: Annotated[FloatArray, Quantity("rad", "configuration joint", "Arm-side joint angles")]
-    excitation: Excitation
+    excitation: Excitation  # The excitation; without realizations where a log was played by others
 
 
 def design_excitation(

@@ -71,27 +71,18 @@ def predicted_snr_db(
 
 @dataclass(frozen=True)
 class NominalLoop:
-    """The nominal robot under its controller, at the excited lines.
+    """The nominal robot under its controller, at the excited lines."""
 
-    Attributes:
-        robot: Names, limits, gear ratios and rotor inertias.
-        configurations (n_conf, n_joint): Arm-side joint angles [rad].
-        frequency_hz (n_freq,): Excited frequencies [Hz].
-        response (n_conf, n_freq, n_motor, n_motor): Sampled response from motor torque to motor acceleration, hold
-            and computation delay inside [rad/(s^2 N m)].
-        static_torque (n_conf, n_motor): Motor torque that holds the arm [N m].
-        delay_s: Delay from recorded to applied torque, hold excluded [s].
-        linear: The linearised robot, for derivatives of the response.
-    """
-
-    robot: Robot
+    robot: Robot  # Names, limits, gear ratios and rotor inertias
     controller: Controller
-    configurations: FloatArray
-    frequency_hz: FloatArray
+    configurations: FloatArray  # (n_conf, n_joint) Arm-side joint angles [rad]
+    frequency_hz: FloatArray  # (n_freq,) Excited frequencies [Hz]
+    # (n_conf, n_freq, n_motor, n_motor) Sampled response from motor torque to motor acceleration, hold and computation
+    # delay inside [rad/(s^2 N m)]
     response: ComplexArray
-    static_torque: FloatArray
-    delay_s: float = 0.0
-    linear: LinearModel | None = None
+    static_torque: FloatArray  # (n_conf, n_motor) Motor torque that holds the arm [N m]
+    delay_s: float = 0.0  # Delay from recorded to applied torque, hold excluded [s]
+    linear: LinearModel | None = None  # The linearised robot, for derivatives of the response
 
     @property
     def omega(self) -> FloatArray:

@@ -26,19 +26,12 @@ _STILL = 1e-9  # Share of a limit below which a motion is none
 
 @dataclass(frozen=True)
 class PoseLimits:
-    """What a motion may use.
+    """What a motion may use."""
 
-    Attributes:
-        lower (n_joint,): Least joint positions [rad, or m].
-        upper (n_joint,): Greatest joint positions [rad, or m].
-        speed (n_joint,): Motor speeds [rad/s].
-        torque (n_joint,): Motor torques [N m].
-    """
-
-    lower: FloatArray
-    upper: FloatArray
-    speed: FloatArray
-    torque: FloatArray
+    lower: FloatArray  # (n_joint,) Least joint positions [rad, or m]
+    upper: FloatArray  # (n_joint,) Greatest joint positions [rad, or m]
+    speed: FloatArray  # (n_joint,) Motor speeds [rad/s]
+    torque: FloatArray  # (n_joint,) Motor torques [N m]
 
     @property
     def middle(self) -> FloatArray:
@@ -262,19 +255,12 @@ class PoseRobot:
 
 @dataclass(frozen=True)
 class PoseMotion:
-    """Motion from one home.
+    """Motion from one home."""
 
-    Attributes:
-        path: Joint positions (n_exp, n_sample, n_joint), and how far they lead.
-        speed (n_exp, n_sample, n_joint): Motor speeds [rad/s].
-        torque (n_exp, n_sample, n_joint): Motor torques [N m].
-        static (n_joint,): Motor torques that hold the robot at home [N m].
-    """
-
-    path: PosePath
-    speed: FloatArray
-    torque: FloatArray
-    static: FloatArray
+    path: PosePath  # Joint positions (n_exp, n_sample, n_joint), and how far they lead
+    speed: FloatArray  # (n_exp, n_sample, n_joint) Motor speeds [rad/s]
+    torque: FloatArray  # (n_exp, n_sample, n_joint) Motor torques [N m]
+    static: FloatArray  # (n_joint,) Motor torques that hold the robot at home [N m]
 
 
 def _pose_motion(

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +30,7 @@ from robid.robot.description import Robot
 from robid.settings.robot_parts import delay_s, plain_settings
 from robid.studies.mistakes.responses import Case, campaigns_of, cases, mistaken_robot, mistaken_truth
 from robid.studies.settings.mistakes import Mistake, MistakesStudy
-from robid.studies.simulated import kept_solution, kept_truth, response_from, solution_or_refusal
+from robid.studies.simulated import kept_or_refused, kept_solution, kept_truth, response_from
 from robid.studies.study import Content, Earlier, Task, study_of
 
 GRADING = 4
@@ -77,6 +79,11 @@ def against_truth(solution: ElasticSolution, validation: Validation, truth: dict
     )
 
 
+def about_doubts(values: Sequence[Any], kind: type = str) -> Dataset:
+    """Returns what a task keeps of each finding that speaks against a fit."""
+    return Dataset(np.array(values, dtype=kind), "1", ("doubt",))
+
+
 def refused_causes(robot: Robot, frf: Frf | None, text: str, delay_s: float = 0.0) -> tuple[str, ...]:
     """Returns the causes that the tool names where it refuses data, by its text and the response, in their order."""
     seen = () if frf is None else tuple(doubt.cause for doubt in data_findings(robot, frf, delay_s))
@@ -107,8 +114,8 @@ def case_tasks(run: Run, earlier: Earlier) -> list[Task]:
     found, responses = [], earlier[0].by_name
     for case, model in zip(cases(run), earlier[1].paths, strict=True):
         _, fitting = _fitting(run, case, responses[case.simulation])
-        about: dict[str, Attribute] = {"case": case.name, "robot": case.subject.name, "seed": case.seed}
-        about["cause"] = case.mistake.cause or ""
+        named, cause = {"case": case.name, "robot": case.subject.name}, case.mistake.cause or ""
+        about: dict[str, Attribute] = {**named, "seed": case.seed, "cause": cause}
         decides = {"model": model.name, "grading": GRADING, **about}
         found.append(Task(case.key, decides, (fitting, model, case.mistake, about)))
     return found
@@ -119,25 +126,18 @@ def _fitting(run: Run, case: Case, responses: Path) -> tuple[dict[str, Any], Fit
     loaded = replace(loaded, robot=mistaken_robot(loaded.robot, case.mistake))
     fit = study_of(run.loaded, MistakesStudy).fit
     options = elastic_fit(loaded.experiment, fit).options()
-    used = [loaded.experiment.campaigns[name] for name in campaigns_of(loaded, fit).values()]
-    robots = loaded.robot.to_robot(used[0].payload_kg), loaded.robot.to_robot(used[1].payload_kg)
-    decides = {
-        "responses": responses.name,
-        "response": case.response,
-        "options": plain_settings(options),
-        "settings": [model_settings(loaded, name) for name in campaigns_of(loaded, fit).values()],
-    }
-    return decides, Fitting(responses, case.response, robots, options, delay_s(loaded, used[0]))
+    names = campaigns_of(loaded, fit).values()
+    own, new = (loaded.experiment.campaigns[name] for name in names)
+    robots = loaded.robot.to_robot(own.payload_kg), loaded.robot.to_robot(new.payload_kg)
+    settings = [model_settings(loaded, name) for name in names]
+    decides = {"responses": responses.name, "response": case.response, "options": plain_settings(options)}
+    return {**decides, "settings": settings}, Fitting(responses, case.response, robots, options, delay_s(loaded, own))
 
 
 def fit_case(one: Fitting) -> Content:
     """Fits a case, or says why it was refused."""
-
-    def fit() -> ElasticSolution:
-        frf = _response(read_artifact(one.responses, TASK), one, "estimation")
-        return fit_elastic(one.robots[0], frf, one.options, one.delay_s)
-
-    return solution_or_refusal(fit)
+    frf = partial(_response, read_artifact(one.responses, TASK), one, "estimation")
+    return kept_or_refused(lambda: fit_elastic(one.robots[0], frf(), one.options, one.delay_s))
 
 
 def _response(held: Artifact, one: Fitting, campaign: str) -> Frf:
@@ -157,14 +157,13 @@ def judge_case(fitting: Fitting, model: Path, mistake: Mistake, about: dict[str,
         validation = validate_elastic(fitting.robots[1], solution, new, fitting.options, fitting.delay_s, truth, doubts)
     except DataError as error:
         # Nothing may be used of what was refused, which no truth contradicts.
-        causes = np.array(refused_causes(fitting.robots[0], frf, str(error), fitting.delay_s), dtype=str)
-        attributes = {**about, "refusal": str(error), "given": 0, "right": 0}
-        return Content({"causes": Dataset(causes, "1", ("doubt",))}, attributes)
+        causes = refused_causes(fitting.robots[0], frf, str(error), fitting.delay_s)
+        return Content({"causes": about_doubts(causes)}, {**about, "refusal": str(error), "given": 0, "right": 0})
     return _content(about, solution, validation, against_truth(solution, validation, truth))
 
 
 def _content(about: dict[str, Attribute], solution: ElasticSolution, validation: Validation, truth: Against) -> Content:
-    error, axis, doubts = solution.model_error, ("doubt",), validation.outcome.grade.findings
+    error, grade = solution.model_error, validation.outcome.grade
     shares = dict.fromkeys(("share_above", "share_correlated", "telling_above", "telling_correlated"), float("nan"))
     if error is not None:
         shares = dict(zip(shares, (error.share_above, error.share_correlated, *telling_shares(error)), strict=True))
@@ -173,7 +172,7 @@ def _content(about: dict[str, Attribute], solution: ElasticSolution, validation:
         **about,
         **shares,
         **{key: getattr(validation, key) for key in keys},
-        "given": validation.outcome.grade.value,
+        "given": grade.value,
         "right": truth.grade,
         "holds": truth.holds,
         "worst_spring_error": truth.spring_error,
@@ -181,15 +180,14 @@ def _content(about: dict[str, Attribute], solution: ElasticSolution, validation:
         "coverage": truth.coverage,
         "status": solution.estimate.status,
         "misfit": solution.misfit,
-        "reasons": "; ".join(validation.outcome.grade.reasons),
+        "reasons": "; ".join(grade.reasons),
         "resonance_shift": float("nan") if validation.resonance_shift is None else validation.resonance_shift,
         "validation_ok": validation.outcome.ok,
     }
+    kept: dict[str, tuple[str, type]] = {"causes": ("cause", str), "messages": ("message", str)}
+    kept |= {"decisive": ("decisive", bool), "strength": ("strength", float)}
     datasets = {
-        "causes": Dataset(np.array([doubt.cause for doubt in doubts], dtype=str), "1", axis),
-        "messages": Dataset(np.array([doubt.message for doubt in doubts], dtype=str), "1", axis),
-        "decisive": Dataset(np.array([doubt.decisive for doubt in doubts], dtype=bool), "1", axis),
-        "strength": Dataset(np.array([doubt.strength for doubt in doubts], dtype=float), "1", axis),
+        **{name: about_doubts([getattr(one, key) for one in grade.findings], of) for name, (key, of) in kept.items()},
         "error_db": Dataset(validation.error_db, "dB", ("configuration", "motor"), "Median of the own responses"),
         "cost": Dataset(validation.cost, "1", ("configuration",), "Validation cost"),
         "expected_cost": Dataset(validation.expected_cost, "1", ("configuration",), "By the covariance alone"),

@@ -31,6 +31,7 @@ from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.studies.experiments import Further, both_runs, changed_simulation, excitations
 from robid.studies.settings.mistakes import Mistake, MistakesStudy, robot_problems
 from robid.studies.simulated import (
+    REFUSAL,
     Estimator,
     make_estimator,
     played,
@@ -116,8 +117,7 @@ def cases(run: Run) -> list[Case]:
     if not study.makes_mistakes:
         return []
     robots = subjects(run)
-    nothing = Mistake()
-    found = [Case(SOUND, nothing, robot, seed) for robot in robots.values() for seed in robot.sound]
+    found = [Case(SOUND, Mistake(), robot, seed) for robot in robots.values() for seed in robot.sound]
     seeds = range(study.chosen.first, study.chosen.first + study.chosen.mistakes)
     for name, mistake in study.mistakes.items():
         found += [Case(name, mistake, robots[mistake.robot], seed) for seed in seeds]
@@ -138,47 +138,34 @@ def mistaken_record(record: Record, mistake: Mistake, configurations: FloatArray
     torque = np.array([mistake.torque_factor.get(name, 1.0) for name in record.input_names])
     angle = np.array([mistake.angle_factor.get(name, 1.0) for name in record.output_names])
     if mistake.swapped is not None and campaign == "estimation":
-        exchanged = dict(zip(mistake.swapped, reversed(mistake.swapped), strict=True))
-        told = exchanged.get(index, index)
+        told = dict(zip(mistake.swapped, reversed(mistake.swapped), strict=True)).get(index, index)
         record = replace(record, configurations=configurations[told : told + 1])
-    return replace(
-        record,
-        inputs=record.inputs * torque,
-        outputs=_late(record.outputs, mistake.delay_samples) * angle,
-        output_offset=record.output_offset * angle,
-    )
-
-
-def _late(position: FloatArray, samples: int) -> FloatArray:
-    """The same steady state (n_conf, n_real, n_exp, n_period, n_sample, n_out), read later."""
-    if samples == 0:
-        return position
-    shape = position.shape
-    joined = position.reshape(*shape[:3], -1, shape[-1])
-    return np.roll(joined, samples, axis=3).reshape(shape)
+    # The same steady state (n_conf, n_real, n_exp, n_period, n_sample, n_out), read later.
+    shape = record.outputs.shape
+    late = np.roll(record.outputs.reshape(*shape[:3], -1, shape[-1]), mistake.delay_samples, axis=3).reshape(shape)
+    offset = record.output_offset * angle
+    return replace(record, inputs=record.inputs * torque, outputs=late * angle, output_offset=offset)
 
 
 def mistaken_robot(robot: RobotFile, mistake: Mistake) -> RobotFile:
     """Returns a robot file with a mistake in it."""
-    joints = tuple(_mistaken_joint(joint, mistake) for joint in robot.joints)
+
+    def mistaken(joint: JointSection) -> JointSection:
+        stated = given(joint.motor)
+        turned, law = stated.with_ratio(mistake.gear_ratio_factor.get(joint.name, 1.0)), stated.friction
+        levels = {key: getattr(law, key) * mistake.friction_factor for key in ("coulomb_nm", "static_nm")}
+        motor = turned.model_copy(update={"friction": law.model_copy(update=levels)})
+        gear = None if f"gear_{joint.name}" in mistake.without_springs else joint.gear
+        return joint.model_copy(update={"motor": motor, "gear": gear})
+
     springs = tuple(spring for spring in robot.springs if spring.name not in mistake.without_springs)
-    return robot.model_copy(update={"joints": joints, "springs": springs})
+    return robot.model_copy(update={"joints": tuple(map(mistaken, robot.joints)), "springs": springs})
 
 
 def mistaken_truth(truth: Mapping[str, float], mistake: Mistake) -> dict[str, float]:
     """Returns true values as they relate to the robot file that is read: levels of friction are relative to its own."""
     factor = mistake.friction_factor
     return {name: (1 + value) / factor - 1 if name.endswith(".level") else value for name, value in truth.items()}
-
-
-def _mistaken_joint(joint: JointSection, mistake: Mistake) -> JointSection:
-    stated = given(joint.motor)
-    factor, law = mistake.friction_factor, stated.friction
-    levels = {key: getattr(law, key) * factor for key in ("coulomb_nm", "static_nm")}
-    turned = stated.with_ratio(mistake.gear_ratio_factor.get(joint.name, 1.0))
-    motor = turned.model_copy(update={"friction": law.model_copy(update=levels)})
-    gear = None if f"gear_{joint.name}" in mistake.without_springs else joint.gear
-    return joint.model_copy(update={"motor": motor, "gear": gear})
 
 
 @dataclass(frozen=True)
@@ -247,10 +234,8 @@ def _measured(
     for key, each in read.items():
         mistaken = replace(loaded, robot=mistaken_robot(loaded.robot, each.mistake))
         estimators[key] = make_estimator(mistaken, campaign, campaign.estimate)
-    decides = {
-        **response_settings(loaded, campaign, options, experiment),
-        "configurations": content.configurations.tolist(),
-    }
+    settings = response_settings(loaded, campaign, options, experiment)
+    decides = {**settings, "configurations": content.configurations.tolist()}
     nominal, delay = loaded.robot.to_robot(campaign.payload_kg), delay_s(loaded, campaign)
     return Measured(name, experiment, content.configurations, estimators, nominal, delay), decides
 
@@ -260,11 +245,7 @@ def measure_all(one: Individual) -> Content:
     datasets: dict[str, Dataset] = {}
     attributes: dict[str, Attribute] = {}
     for campaign in one.campaigns:
-        for key, found in _responses(campaign, one).items():
-            if isinstance(found, str):
-                attributes[f"{key}/{campaign.name}/refusal"] = found
-                continue
-            held = response_content(found)
+        for key, held in _responses(campaign, one).items():
             datasets |= {f"{key}/{campaign.name}/{name}": values for name, values in held.datasets.items()}
             attributes |= {f"{key}/{campaign.name}/{name}": value for name, value in held.attributes.items()}
     first = one.campaigns[0]
@@ -272,8 +253,8 @@ def measure_all(one: Individual) -> Content:
     return with_truth(Content(datasets, attributes), truth)
 
 
-def _responses(campaign: Measured, one: Individual) -> dict[str, Frf | str]:
-    """Every response in all configurations, or why there is none."""
+def _responses(campaign: Measured, one: Individual) -> dict[str, Content]:
+    """What is kept of every response in all configurations, or of why there is none."""
     parts: dict[str, list[Frf]] = {key: [] for key in one.read}
     refusals: dict[str, str] = {}
     for index, configuration in enumerate(campaign.configurations):
@@ -284,5 +265,6 @@ def _responses(campaign: Measured, one: Individual) -> dict[str, Frf | str]:
                 parts[key].append(campaign.estimators[key].estimate(changed))
             except DataError as error:
                 refusals.setdefault(key, str(error))
+    refused = {key: Content({}, {REFUSAL: text}) for key, text in refusals.items()}
     names = [str(index + 1) for index in range(len(campaign.configurations))]
-    return {key: refusals[key] if key in refusals else join(found, names) for key, found in parts.items()}
+    return {key: refused.get(key) or response_content(join(found, names)) for key, found in parts.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -24,7 +25,6 @@ from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.results.scale import read_scale
 from robid.settings.experiment import Campaign, Source
 from robid.settings.load import LoadedExperiment
-from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import plain_settings, require_controller
 from robid.settings.sources import Acquire
 from robid.settings.yaml import FieldPath
@@ -96,20 +96,6 @@ def unit_subjects(run: Run) -> dict[str, UnitSubject]:
     return found
 
 
-def individuals(study: MistakesStudy) -> list[Individual]:
-    """Returns all individuals: for each robot those whose logs are read in wrong units, then those of rough files."""
-    if study.units is None or not study.reads_units:
-        return []
-    seeds = study.chosen
-    counts = {False: seeds.units, True: seeds.rough}
-    return [
-        Individual(robot, seeds.first + number, number, rough)
-        for robot in study.units.chosen
-        for rough, count in counts.items()
-        for number in range(count)
-    ]
-
-
 def needed_by_units(run: Run) -> Further:
     """Returns the experiments of the robots, with the outputs of their chains that the tasks read."""
     return tuple(
@@ -154,11 +140,18 @@ class Reading:
 
 def unit_tasks(run: Run, _earlier: Earlier) -> list[Task]:
     """Returns one task for each individual."""
-    study, subjects = study_of(run.loaded, MistakesStudy), unit_subjects(run)
+    study, subjects, found = study_of(run.loaded, MistakesStudy), unit_subjects(run), list[Task]()
     if study.units is None:
-        return []
-    found = []
-    for one in individuals(study):
+        return found
+    seeds = study.chosen
+    counts = itertools.product(subjects, ((False, seeds.units), (True, seeds.rough)))
+    # For each robot those whose logs are read in wrong units, then those of rough files.
+    individuals = (
+        Individual(robot, seeds.first + number, number, rough)
+        for robot, (rough, count) in counts
+        for number in range(count)
+    )
+    for one in individuals:
         subject = subjects[one.robot]
         played = {name: subject.run.path(f"{owner}/excitation.h5") for name, owner in subject.campaigns.items()}
         mistakes = {} if one.rough else study.units.mistakes
@@ -186,7 +179,12 @@ def read_individual(reading: Reading) -> Content:
     """Simulates an individual and reads its logs with each mistake, or soundly with a rough robot file."""
     loaded = load_experiment(reading.experiment)
     logs = dict(_logs(reading, loaded))
-    loaded = replace(loaded, robot=_with_torque_constant(loaded.robot, reading.settings.torque_constant_nm_a))
+    stated = {"torque_constant_nm_a": reading.settings.torque_constant_nm_a}
+    joints = tuple(
+        joint.model_copy(update={"motor": joint.motor and joint.motor.model_copy(update=stated)})
+        for joint in loaded.robot.joints
+    )
+    loaded = replace(loaded, robot=loaded.robot.model_copy(update={"joints": joints}))
     if reading.of.rough:
         factors = rough_torque_constants(len(loaded.robot.joints), reading.rough, reading.of.seed)
         torque = read_scale("torque x 1000")
@@ -196,19 +194,8 @@ def read_individual(reading: Reading) -> Content:
     else:
         said = {name: _chain(reading, loaded, logs, mistake) for name, mistake in reading.mistakes.items()}
     rows = [{"case": name, **one.texts()} for name, one in said.items()]
-    columns = {key: np.array([row[key] for row in rows], dtype=str) for key in rows[0]}
-    datasets = {key: Dataset(values, "1", ("case",)) for key, values in columns.items()}
+    datasets = {key: Dataset(np.array([row[key] for row in rows], dtype=str), "1", ("case",)) for key in rows[0]}
     return Content(datasets, {"robot": reading.of.robot, "seed": reading.of.seed, "rough": reading.of.rough})
-
-
-def _with_torque_constant(robot: RobotFile, constant_nm_a: float) -> RobotFile:
-    """The robot file that states it of all motors."""
-    stated = {"torque_constant_nm_a": constant_nm_a}
-    joints = tuple(
-        joint if joint.motor is None else joint.model_copy(update={"motor": joint.motor.model_copy(update=stated)})
-        for joint in robot.joints
-    )
-    return robot.model_copy(update={"joints": joints})
 
 
 def _logs(reading: Reading, loaded: LoadedExperiment) -> Iterator[tuple[str, Log]]:

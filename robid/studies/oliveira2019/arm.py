@@ -54,15 +54,11 @@ _RESPONSE = "frequency output command"
 
 @dataclass(frozen=True)
 class Mapped:
-    """What was found in one home.
-
-    Attributes:
-        map: The decoupling map.
-    """
+    """What was found in one home."""
 
     inputs: Annotated[tuple[str, ...], Quantity("1", "command", "Names of the commands")]
     outputs: Annotated[tuple[str, ...], Quantity("1", "output", "Names of the outputs")]
-    map: CouplingMap
+    map: CouplingMap  # The decoupling map
     response: Annotated[
         ComplexArray, Quantity("as the channels", _RESPONSE, "The empirical response, from samples to samples")
     ]

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from dataclasses import dataclass
+from typing import Literal
 
-from pydantic import Field
-
+from robid.arrays import option
 from robid.frf.residual import EstimatorKind
 from robid.models.elastic.fit.options import ElasticOptions, WeightsKind
 from robid.robot.parameters import ElasticKind
@@ -16,83 +15,66 @@ from robid.settings.experiment import Experiment
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import given
 from robid.settings.yaml import FieldPath
-from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, name_problems, unknown
+from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, entry, name_problems, unknown
 
 
 @dataclass(frozen=True)
 class StepOptions:
     """Short steps of one axis at a time, as fast as the motors allow."""
 
-    configurations: int = field(
-        default=5, metadata={"description": "Random configurations in which every axis is stepped.", "ge": 1}
-    )
-    seed: int = field(default=1, metadata={"description": "Seed of the configurations.", "ge": 0})
-    step_deg: float = field(default=1.0, metadata={"description": "Size of a step, arm side [deg].", "gt": 0})
-    step_m: float = field(default=0.01, metadata={"description": "The same of prismatic joints [m].", "gt": 0})
-    peak_motor_speed_rad_s: float = field(
-        default=20.0, metadata={"description": "Largest speed of any motor during a step [rad/s].", "gt": 0}
-    )
-    torque_share: float = field(
-        default=0.8,
-        metadata={"description": "Share of the torque limits that a step may need; feedback has the rest.", "gt": 0},
-    )
-    shortest_ramp_s: float = field(
-        default=0.1, metadata={"description": "Shortest time in which a step reaches its speed [s].", "gt": 0}
-    )
-    duration_s: float = field(
-        default=1.0, metadata={"description": "Time that is compared, from the beginning of a step [s].", "gt": 0}
-    )
+    configurations: int = option(5, "Random configurations in which every axis is stepped.", ge=1)
+    seed: int = option(1, "Seed of the configurations.", ge=0)
+    step_deg: float = option(1.0, "Size of a step, arm side [deg].", gt=0)
+    step_m: float = option(0.01, "The same of prismatic joints [m].", gt=0)
+    peak_motor_speed_rad_s: float = option(20.0, "Largest speed of any motor during a step [rad/s].", gt=0)
+    torque_share: float = option(0.8, "Share of the torque limits that a step may need; feedback has the rest.", gt=0)
+    shortest_ramp_s: float = option(0.1, "Shortest time in which a step reaches its speed [s].", gt=0)
+    duration_s: float = option(1.0, "Time that is compared, from the beginning of a step [s].", gt=0)
 
 
 class ModelChoice(Section):
     """The data of one model of a design study, and what it frees beyond the others."""
 
-    configurations: tuple[Annotated[int, Field(ge=0)], ...] | None = Field(
-        None, description="Indices, from 0, of the campaigns' configurations; all when not given.", min_length=1
+    configurations: tuple[Whole, ...] | None = entry(
+        "Indices, from 0, of the campaigns' configurations; all when not given.", None, min_length=1
     )
-    count: Count | None = Field(None, description="How many of these are taken; all when not given.")
-    seed: Whole = Field(1, description="Seed of the draw that takes them.")
-    low_torque: Name | None = Field(
-        None, description="Name of the joint with whose smallest gravity torques they are taken, not drawn."
+    count: Count | None = entry("How many of these are taken; all when not given.", None)
+    seed: Whole = entry("Seed of the draw that takes them.", 1)
+    low_torque: Name | None = entry(
+        "Name of the joint with whose smallest gravity torques they are taken, not drawn.", None
     )
-    free: tuple[ElasticKind, ...] = Field((), description="Kinds that it frees beside those of `fit`.")
-    fixed: tuple[str, ...] = Field((), description="Parameters that it fixes beside those of `fit`.")
+    free: tuple[ElasticKind, ...] = entry("Kinds that it frees beside those of `fit`.", ())
+    fixed: tuple[str, ...] = entry("Parameters that it fixes beside those of `fit`.", ())
 
 
 class ZimmermannStudy(Section):
     """Models from few configurations, chosen in different ways, against the model from all of them."""
 
-    kind: Literal["zimmermann2023"] = Field(description="What is studied.")
-    estimation: tuple[Name, ...] = Field(
-        description="Names of simulated campaigns, one for each individual of the robot, in the same configurations.",
-        min_length=1,
+    kind: Literal["zimmermann2023"] = entry("What is studied.")
+    estimation: tuple[Name, ...] = entry(
+        "Names of simulated campaigns, one for each individual of the robot, in the same configurations.", min_length=1
     )
-    validation: tuple[Name, ...] = Field(
-        description="Names of the campaigns that validate: the same individuals and configurations, in this order.",
-        min_length=1,
+    validation: tuple[Name, ...] = entry(
+        "Names of the campaigns that validate: the same individuals and configurations, in this order.", min_length=1
     )
-    fit: ElasticOptions = Field(
+    fit: ElasticOptions = entry(
+        "Options that all fits share.",
         default_factory=lambda: ElasticOptions(free=("stiffness", "viscous"), estimator="lls"),
-        description="Options that all fits share.",
     )
-    models: dict[Name, ModelChoice] = Field(description="The models, by name.", min_length=1)
-    axes: tuple[Name, ...] = Field(
+    models: dict[Name, ModelChoice] = entry("The models, by name.", min_length=1)
+    axes: tuple[Name, ...] = entry(
+        "Joints by whose first resonance, of the motor's own response, the models are judged.",
         ("axis_2", "axis_3"),
-        description="Joints by whose first resonance, of the motor's own response, the models are judged.",
         min_length=1,
     )
-    reference: Name = Field("m49", description="The model that has all configurations.")
-    optimal: Name = Field("opt2", description="The model that has those of `design`.")
-    guess: Name = Field("guess", description="The model that has those an engineer would choose.")
-    nonlinear: Name | None = Field(
-        None, description="The model whose gears stiffen, which explains the others' springs."
-    )
-    design: Name = Field(description="The design of the study.")
-    steps: StepOptions = Field(
-        default_factory=StepOptions, description="Steps that compare the models in the time domain."
-    )
-    stepped: tuple[Name, ...] = Field((), description="Models that control the steps, the robot file beside.")
-    paper: str | None = Field(None, description="File with the paper's figures, relative to this one.", min_length=1)
+    reference: Name = entry("The model that has all configurations.", "m49")
+    optimal: Name = entry("The model that has those of `design`.", "opt2")
+    guess: Name = entry("The model that has those an engineer would choose.", "guess")
+    nonlinear: Name | None = entry("The model whose gears stiffen, which explains the others' springs.", None)
+    design: Name = entry("The design of the study.")
+    steps: StepOptions = entry("Steps that compare the models in the time domain.", default_factory=StepOptions)
+    stepped: tuple[Name, ...] = entry("Models that control the steps, the robot file beside.", ())
+    paper: str | None = entry("File with the paper's figures, relative to this one.", None, min_length=1)
 
 
 def check_zimmermann2023(study: ZimmermannStudy, experiment: Experiment, robot: RobotFile | None) -> Problems:
@@ -106,10 +88,8 @@ def check_zimmermann2023(study: ZimmermannStudy, experiment: Experiment, robot: 
     yield from unusable
     yield from _check_names(experiment, study, robot)
     if len(study.validation) != len(study.estimation):
-        message = (
-            f"S391 has {len(study.validation)} campaigns for the {len(study.estimation)} of `estimation`: one for each"
-        )
-        yield ("study", "validation"), message
+        counts = f"{len(study.validation)} campaigns for the {len(study.estimation)} of `estimation`"
+        yield ("study", "validation"), f"S391 has {counts}: one for each"
     elif not unusable:
         yield from _check_pairs(experiment, study)
     if not unusable:
@@ -122,8 +102,7 @@ def _check_pairs(experiment: Experiment, study: ZimmermannStudy) -> Problems:
     for key, names in (("estimation", study.estimation), ("validation", study.validation)):
         for index, name in enumerate(names):
             if experiment.campaigns[name].configurations != first.configurations:
-                message = f"S392 `{name}` has other configurations than `{study.estimation[0]}`"
-                yield ("study", key, index), message
+                yield ("study", key, index), f"S392 `{name}` has other configurations than `{study.estimation[0]}`"
     for index, pair in enumerate(zip(study.estimation, study.validation, strict=True)):
         own, other = (given(given(experiment.campaigns[name].source).simulate) for name in pair)
         if own.truth != other.truth:
@@ -134,20 +113,16 @@ def _check_pairs(experiment: Experiment, study: ZimmermannStudy) -> Problems:
 def _check_names(experiment: Experiment, study: ZimmermannStudy, robot: RobotFile | None) -> Problems:
     if message := unknown("design", study.design, experiment.designs):
         yield ("study", "design"), message
-    roles: list[tuple[FieldPath, str | None]] = [
-        ((key,), getattr(study, key)) for key in ("reference", "optimal", "guess", "nonlinear")
+    named: list[tuple[str, FieldPath, str | None]] = [
+        *(("model", (key,), getattr(study, key)) for key in ("reference", "optimal", "guess", "nonlinear")),
+        *(("model", ("stepped", index), name) for index, name in enumerate(study.stepped)),
     ]
-    roles += [(("stepped", index), name) for index, name in enumerate(study.stepped)]
-    for place, name in roles:
-        if name is not None and (message := unknown("model", name, study.models)):
-            yield ("study", *place), message
-    joints = [] if robot is None else [joint.name for joint in robot.joints]
-    asked: list[tuple[FieldPath, str | None]] = [
-        (("models", name, "low_torque"), choice.low_torque) for name, choice in study.models.items()
-    ]
-    asked += [(("axes", index), joint) for index, joint in enumerate(study.axes)]
-    for place, joint in asked:
-        if robot is not None and joint is not None and (message := unknown("joint", joint, joints)):
+    if robot is not None:
+        named += [("joint", ("models", name, "low_torque"), one.low_torque) for name, one in study.models.items()]
+        named += [("joint", ("axes", index), joint) for index, joint in enumerate(study.axes)]
+    known = {"model": list(study.models), "joint": [] if robot is None else [joint.name for joint in robot.joints]}
+    for kind, place, name in named:
+        if name is not None and (message := unknown(kind, name, known[kind])):
             yield ("study", *place), message
 
 
@@ -165,46 +140,40 @@ def _check_configurations(study: ZimmermannStudy, n_conf: int | None) -> Problem
 class EstimatorChoice(Section):
     """One estimator of the parameters."""
 
-    estimator: EstimatorKind = Field(description="As in a fit.")
-    weights: WeightsKind = Field("user", description="As `kind` in the weights of a fit.")
-    configurations: Literal["all", "best"] = Field(
-        "all", description="All, or the one with the smallest predicted covariance."
-    )
+    estimator: EstimatorKind = entry("As in a fit.")
+    weights: WeightsKind = entry("As `kind` in the weights of a fit.", "user")
+    configurations: Literal["all", "best"] = entry("All, or the one with the smallest predicted covariance.", "all")
 
 
 class WernholtStudy(Section):
     """Estimators of springs and dampers by the models that they reach from many starts."""
 
-    kind: Literal["wernholt2008"] = Field(description="What is studied.")
-    campaign: Name = Field(description="Name of the simulated campaign whose responses are fitted.")
-    fit: ElasticOptions = Field(
-        default_factory=lambda: ElasticOptions(free=("stiffness", "damping"), correct_torques=False, starts=100),
-        description="Options that all estimators share: free parameters, starts, strategy. All starts are random, the"
+    kind: Literal["wernholt2008"] = entry("What is studied.")
+    campaign: Name = entry("Name of the simulated campaign whose responses are fitted.")
+    fit: ElasticOptions = entry(
+        "Options that all estimators share: free parameters, starts, strategy. All starts are random, the"
         " same for all estimators.",
+        default_factory=lambda: ElasticOptions(free=("stiffness", "damping"), correct_torques=False, starts=100),
     )
-    estimators: dict[Name, EstimatorChoice] = Field(description="What is compared, by name.", min_length=1)
-    reference: Name = Field(
-        "lls15u", description="The estimator whose best model the others' parameters are divided by."
-    )
-    wide: tuple[Name, ...] = Field((), description="Estimators that also start over `wide_decades`.")
-    wide_decades: Positive = Field(2.0, description="Spread of these starts [decades].")
-    plain: bool = Field(True, description="Whether every start is also fitted with `strategy: plain`, as in the paper.")
-    starts_per_task: Count = Field(25, description="Starts that are fitted in one go.")
-    individuals: tuple[Name, ...] = Field(
-        (),
-        description="Names of further simulated campaigns, one for each individual of the robot, on which estimates"
+    estimators: dict[Name, EstimatorChoice] = entry("What is compared, by name.", min_length=1)
+    reference: Name = entry("The estimator whose best model the others' parameters are divided by.", "lls15u")
+    wide: tuple[Name, ...] = entry("Estimators that also start over `wide_decades`.", ())
+    wide_decades: Positive = entry("Spread of these starts [decades].", 2.0)
+    plain: bool = entry("Whether every start is also fitted with `strategy: plain`, as in the paper.", True)
+    starts_per_task: Count = entry("Starts that are fitted in one go.", 25)
+    individuals: tuple[Name, ...] = entry(
+        "Names of further simulated campaigns, one for each individual of the robot, on which estimates"
         " from all configurations are held against the truth.",
+        (),
     )
-    individual_estimators: tuple[Name, ...] = Field(
-        (), description="Estimators that are held against them; all with all configurations when not given."
+    individual_estimators: tuple[Name, ...] = entry(
+        "Estimators that are held against them; all with all configurations when not given.", ()
     )
-    individual_starts: Count = Field(
-        3, description="Starts of each of these fits, the robot file's values the first one."
+    individual_starts: Count = entry("Starts of each of these fits, the robot file's values the first one.", 3)
+    element: tuple[int, int] = entry(
+        "Numbers, from 1, of the output and the input of the response that is drawn.", (1, 1)
     )
-    element: tuple[int, int] = Field(
-        (1, 1), description="Numbers, from 1, of the output and the input of the response that is drawn."
-    )
-    paper: str | None = Field(None, description="File with the paper's figures, relative to this one.", min_length=1)
+    paper: str | None = entry("File with the paper's figures, relative to this one.", None, min_length=1)
 
 
 def check_wernholt2008(study: WernholtStudy, experiment: Experiment, _robot: RobotFile | None) -> Problems:
@@ -212,11 +181,8 @@ def check_wernholt2008(study: WernholtStudy, experiment: Experiment, _robot: Rob
     if message := campaign_problem(experiment, study.campaign):
         yield ("study", "campaign"), message
     problems = dict(name_problems(study.individuals, study.individuals))
-    problems |= {
-        index: message
-        for index, name in enumerate(study.individuals)
-        if (message := campaign_problem(experiment, name))
-    }
+    campaigns = {index: campaign_problem(experiment, name) for index, name in enumerate(study.individuals)}
+    problems |= {index: message for index, message in campaigns.items() if message}
     yield from ((("study", "individuals", index), message) for index, message in problems.items())
     if found := [
         *name_problems((study.reference,), list(study.estimators)),

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import Field, StringConstraints
+from pydantic import StringConstraints
 
 from robid.results.finding import CAUSES
 from robid.results.scale import CHANNELS, OWN_SCALES, SCALES
@@ -13,7 +13,7 @@ from robid.settings.base import Name, Section
 from robid.settings.experiment import Experiment
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
-from robid.studies.experiments import Count, Positive, Problems, Whole, fit_problem, physics_problems, unknown
+from robid.studies.experiments import Count, Positive, Problems, Whole, entry, fit_problem, physics_problems, unknown
 
 LogSignal: TypeAlias = Literal["angle", "arm", "speed"]
 """What a log may hold beside the torques: angles of motors and arms, speeds of motors."""
@@ -26,27 +26,23 @@ ScaleText = Annotated[str, StringConstraints(pattern=SCALE_PATTERN)]
 class Physics(Section):
     """What is simulated otherwise than the campaigns say."""
 
-    imperfections: dict[str, Any] = Field(
-        default_factory=dict, description="`imperfections` that take the place of the campaigns'."
+    imperfections: dict[str, Any] = entry(
+        "`imperfections` that take the place of the campaigns'.", default_factory=dict
     )
-    truth: dict[str, Any] = Field(default_factory=dict, description="`truth` that takes the place of the campaigns'.")
+    truth: dict[str, Any] = entry("`truth` that takes the place of the campaigns'.", default_factory=dict)
 
 
 class UnitRobot(Section):
     """A simulated robot whose logs are read."""
 
-    experiment: str = Field(description="Experiment file, relative to this one.", min_length=1)
-    fit: Name = Field(description="Name of its fit, of any family, with a campaign to validate on, both simulated.")
-    log: tuple[LogSignal, ...] = Field(
-        ("angle",), description="What its logs hold beside time and motor torques.", min_length=1
-    )
-    counts_per_turn: Positive = Field(65536, description="Counts of one turn of a motor's encoder.")
-    torque_constant_nm_a: Positive = Field(
-        description="Torque constant of the motors, which the robot file states too [N m/A]."
-    )
-    variants: tuple[Physics, ...] = Field(
+    experiment: str = entry("Experiment file, relative to this one.", min_length=1)
+    fit: Name = entry("Name of its fit, of any family, with a campaign to validate on, both simulated.")
+    log: tuple[LogSignal, ...] = entry("What its logs hold beside time and motor torques.", ("angle",), min_length=1)
+    counts_per_turn: Positive = entry("Counts of one turn of a motor's encoder.", 65536)
+    torque_constant_nm_a: Positive = entry("Torque constant of the motors, which the robot file states too [N m/A].")
+    variants: tuple[Physics, ...] = entry(
+        "How true robots differ beside their seed, in what the model lacks too; seeds take turns.",
         (Physics(),),
-        description="How true robots differ beside their seed, in what the model lacks too; seeds take turns.",
         min_length=1,
     )
 
@@ -54,44 +50,40 @@ class UnitRobot(Section):
 class UnitMistake(Section):
     """A unit or a scale of a log that is stated wrongly."""
 
-    scale: ScaleText = Field(
-        description="What is wrong: a channel, `x` where the values that are read are too large or `/` where they are"
+    scale: ScaleText = entry(
+        "What is wrong: a channel, `x` where the values that are read are too large or `/` where they are"
         " too small, and the factor."
     )
-    one_joint: bool = Field(False, description="Whether it is that of one joint, by the seed; else of all.")
-    stamps: bool = Field(
-        True, description="Whether the log has a time channel; else only its sampling period is stated."
+    one_joint: bool = entry("Whether it is that of one joint, by the seed; else of all.", False)
+    stamps: bool = entry("Whether the log has a time channel; else only its sampling period is stated.", True)
+    log: dict[Name, tuple[LogSignal, ...]] = entry(
+        "What the logs hold in the place of the robot's `log`, by robot.", default_factory=dict
     )
-    log: dict[Name, tuple[LogSignal, ...]] = Field(
-        default_factory=dict, description="What the logs hold in the place of the robot's `log`, by robot."
+    same: dict[Name, tuple[ScaleText, ...]] = entry(
+        "Further scales that give the same data, by robot: its group.", default_factory=dict
     )
-    same: dict[Name, tuple[ScaleText, ...]] = Field(
-        default_factory=dict, description="Further scales that give the same data, by robot: its group."
-    )
-    refusals: tuple[str, ...] = Field((), description="Words by which a refusal names it, beside those of its scale.")
+    refusals: tuple[str, ...] = entry("Words by which a refusal names it, beside those of its scale.", ())
 
 
 class Rough(Section):
     """How far the robot files of sound records are off: each value by its own log-uniform factor, up to these."""
 
-    rotor_inertia: float = Field(2.5, description="Rotor inertias.", ge=1)
-    mass: float = Field(2.0, description="Mass and inertia of each link.", ge=1)
-    inertia: float = Field(1.5, description="Inertia of each link beside that.", ge=1)
-    spring: float = Field(3.0, description="Springs.", ge=1)
-    damper: float = Field(3.0, description="Dampers.", ge=1)
-    friction: float = Field(3.0, description="Viscous coefficient and dry levels of each motor.", ge=1)
-    torque_constant: float = Field(2.0, description="Torque constant of each motor.", ge=1)
+    rotor_inertia: float = entry("Rotor inertias.", 2.5, ge=1)
+    mass: float = entry("Mass and inertia of each link.", 2.0, ge=1)
+    inertia: float = entry("Inertia of each link beside that.", 1.5, ge=1)
+    spring: float = entry("Springs.", 3.0, ge=1)
+    damper: float = entry("Dampers.", 3.0, ge=1)
+    friction: float = entry("Viscous coefficient and dry levels of each motor.", 3.0, ge=1)
+    torque_constant: float = entry("Torque constant of each motor.", 2.0, ge=1)
 
 
 class UnitMistakes(Section):
     """Logs in wrong units, and sound ones of robots whose files are rough."""
 
-    robots: dict[Name, UnitRobot] = Field(description="The robots, by name.", min_length=1)
-    only: tuple[Name, ...] | None = Field(
-        None, description="The robots that are read; all when not given.", min_length=1
-    )
-    mistakes: dict[Name, UnitMistake] = Field(description="The mistakes, by name; each with every robot.", min_length=1)
-    rough: Rough = Field(default_factory=Rough, description="How rough the robot files of the sound records are.")
+    robots: dict[Name, UnitRobot] = entry("The robots, by name.", min_length=1)
+    only: tuple[Name, ...] | None = entry("The robots that are read; all when not given.", None, min_length=1)
+    mistakes: dict[Name, UnitMistake] = entry("The mistakes, by name; each with every robot.", min_length=1)
+    rough: Rough = entry("How rough the robot files of the sound records are.", default_factory=Rough)
 
     @property
     def chosen(self) -> dict[str, UnitRobot]:
@@ -102,31 +94,24 @@ class UnitMistakes(Section):
 class Mistake(Physics):
     """One mistake with its size, in the logs, in the robot file that the fit reads, or in what is simulated."""
 
-    cause: str | None = Field(
-        None, description="The cause that it should be blamed on; none where there is no single one."
+    cause: str | None = entry("The cause that it should be blamed on; none where there is no single one.", None)
+    robot: Literal["heavy", "light"] = entry("Whose robot it is made with: this file's or that of `light`.", "heavy")
+    torque_factor: dict[Name, float] = entry(
+        "Logs: factors of the torques, by joint; -1 is a wrong sign.", default_factory=dict
     )
-    robot: Literal["heavy", "light"] = Field(
-        "heavy", description="Whose robot it is made with: this file's or that of `light`."
+    angle_factor: dict[Name, float] = entry(
+        "Logs: factors of the motor angles, by joint; -1 is a wrong sign.", default_factory=dict
     )
-    torque_factor: dict[Name, float] = Field(
-        default_factory=dict, description="Logs: factors of the torques, by joint; -1 is a wrong sign."
+    swapped: tuple[int, int] | None = entry(
+        "Logs: indices, from 0, of two configurations of the estimation that are taken for each other.", None
     )
-    angle_factor: dict[Name, float] = Field(
-        default_factory=dict, description="Logs: factors of the motor angles, by joint; -1 is a wrong sign."
+    delay_samples: Whole = entry("Logs: samples by which the angles come late.", 0)
+    gear_ratio_factor: dict[Name, float] = entry(
+        "Robot file: factors of the gear ratios, by joint.", default_factory=dict
     )
-    swapped: tuple[int, int] | None = Field(
-        None,
-        description="Logs: indices, from 0, of two configurations of the estimation that are taken for each other.",
-    )
-    delay_samples: Whole = Field(0, description="Logs: samples by which the angles come late.")
-    gear_ratio_factor: dict[Name, float] = Field(
-        default_factory=dict, description="Robot file: factors of the gear ratios, by joint."
-    )
-    without_springs: tuple[str, ...] = Field((), description="Robot file: names of the springs that it lacks.")
-    friction_factor: Positive = Field(
-        1.0, description="Robot file: factor of the Coulomb and breakaway levels of all motors."
-    )
-    excitation_factor: Positive = Field(1.0, description="Simulation: factor of the excitation.")
+    without_springs: tuple[str, ...] = entry("Robot file: names of the springs that it lacks.", ())
+    friction_factor: Positive = entry("Robot file: factor of the Coulomb and breakaway levels of all motors.", 1.0)
+    excitation_factor: Positive = entry("Simulation: factor of the excitation.", 1.0)
 
     @property
     def physics(self) -> dict[str, Any]:
@@ -140,12 +125,12 @@ class Mistake(Physics):
 class SeedChoice(Section):
     """Seeds of true robots and noise."""
 
-    first: Whole = Field(description="The first seed; further ones follow it.")
-    mistakes: Count = Field(5, description="Seeds with which each mistake is made, from the first.")
-    heavy: Count = Field(40, description="Sound robots of this file.")
-    light: Whole = Field(10, description="Sound robots of `light`.")
-    units: Count = Field(5, description="Seeds with which each log is read in wrong units.")
-    rough: Whole = Field(20, description="Sound logs of each robot of `units`, their robot files rough.")
+    first: Whole = entry("The first seed; further ones follow it.")
+    mistakes: Count = entry("Seeds with which each mistake is made, from the first.", 5)
+    heavy: Count = entry("Sound robots of this file.", 40)
+    light: Whole = entry("Sound robots of `light`.", 10)
+    units: Count = entry("Seeds with which each log is read in wrong units.", 5)
+    rough: Whole = entry("Sound logs of each robot of `units`, their robot files rough.", 20)
 
     def end(self, *, units: bool) -> int:
         """Returns the first seed that is none of them, where a study reads `units`, or not."""
@@ -156,26 +141,24 @@ class SeedChoice(Section):
 class Seeds(Section):
     """Two disjoint sets of seeds: thresholds are chosen with one, the stated figures come from the other."""
 
-    judge: SeedChoice = Field(description="Those of the stated figures.")
-    choose: SeedChoice = Field(description="Those that thresholds are chosen with.")
+    judge: SeedChoice = entry("Those of the stated figures.")
+    choose: SeedChoice = entry("Those that thresholds are chosen with.")
 
 
 class MistakesStudy(Section):
     """What grade a fit gets where something is wrong, and what it is blamed on."""
 
-    kind: Literal["mistakes"] = Field(description="What is studied.")
-    fit: Name = Field(description="Name of the fit, with a campaign to validate on, both simulated.")
-    light: str | None = Field(
-        None,
-        description="Experiment file, relative to this one, of a light robot, with a fit of the same name.",
-        min_length=1,
+    kind: Literal["mistakes"] = entry("What is studied.")
+    fit: Name = entry("Name of the fit, with a campaign to validate on, both simulated.")
+    light: str | None = entry(
+        "Experiment file, relative to this one, of a light robot, with a fit of the same name.", None, min_length=1
     )
-    seeds: Seeds = Field(description="Seeds of the robots.")
-    use: Literal["judge", "choose"] = Field("judge", description="Which of the seeds are used.")
-    mistakes: dict[Name, Mistake] = Field(description="The mistakes, by name.", min_length=1)
-    units: UnitMistakes | None = Field(None, description="Logs that are read in wrong units.")
-    only: Literal["mistakes", "units"] | None = Field(
-        None, description="What is done alone: `mistakes`, or `units`; both when not given."
+    seeds: Seeds = entry("Seeds of the robots.")
+    use: Literal["judge", "choose"] = entry("Which of the seeds are used.", "judge")
+    mistakes: dict[Name, Mistake] = entry("The mistakes, by name.", min_length=1)
+    units: UnitMistakes | None = entry("Logs that are read in wrong units.", None)
+    only: Literal["mistakes", "units"] | None = entry(
+        "What is done alone: `mistakes`, or `units`; both when not given.", None
     )
 
     @property
@@ -203,31 +186,23 @@ def check_mistakes(study: MistakesStudy, experiment: Experiment, robot: RobotFil
             yield (*field, "cause"), message
         if mistake.robot == "light" and study.light is None:
             yield (*field, "robot"), "S396 the study has no `light` robot"
-    yield from _check_units(study)
+    if study.units is None and study.only == "units":
+        yield ("study", "only"), "S398 the study has no `units`"
+    if study.units is not None:
+        robots = list(study.units.robots)
+        yield from _unknown(("study", "units", "only"), study.units.only or (), "robot", robots)
+        for name, wrong in study.units.mistakes.items():
+            for key in ("log", "same"):
+                yield from _unknown(("study", "units", "mistakes", name, key), getattr(wrong, key), "robot", robots)
     judge, choose = study.seeds.judge, study.seeds.choose
     first, last = sorted((judge, choose), key=lambda seeds: seeds.first)
     if first.end(units=study.units is not None) > last.first:
         yield ("study", "seeds"), "S397 the seeds of `judge` and `choose` overlap"
 
 
-def _check_units(study: MistakesStudy) -> Problems:
-    """Yields robots that a mistake of units names and that are not there."""
-    if study.units is None:
-        if study.only == "units":
-            yield ("study", "only"), "S398 the study has no `units`"
-        return
-    robots = study.units.robots
-    yield from _unknown(("study", "units", "only"), study.units.only or (), "robot", list(robots))
-    for name, mistake in study.units.mistakes.items():
-        for key in ("log", "same"):
-            field = ("study", "units", "mistakes", name, key)
-            yield from _unknown(field, list(getattr(mistake, key)), "robot", list(robots))
-
-
 def robot_problems(study: MistakesStudy, name: str, experiment: Experiment, robot: RobotFile | None) -> Problems:
     """Yields what the fit, or mistakes with the study's robot `heavy` or `light`, names that its file does not have."""
-    problem = fit_problem(experiment, study.fit)
-    if problem:
+    if problem := fit_problem(experiment, study.fit):
         yield ("study", "fit"), problem
     for key, mistake in study.mistakes.items():
         if mistake.robot == name:
@@ -236,16 +211,14 @@ def robot_problems(study: MistakesStudy, name: str, experiment: Experiment, robo
                 campaign = experiment.campaigns[experiment.fits[study.fit].campaign]
                 found = physics_problems(campaign, mistake.physics, robot)
                 yield from (((*field, *place), message) for place, message in found)
-            yield from () if robot is None else _name_problems(field, mistake, robot)
+            if robot is None:
+                continue
+            joints, springs = [joint.name for joint in robot.joints], [spring.name for spring in robot.all_springs]
+            for part in ("torque_factor", "angle_factor", "gear_ratio_factor"):
+                yield from _unknown((*field, part), getattr(mistake, part), "joint", joints)
+            for index, spring in enumerate(mistake.without_springs):
+                yield from _unknown((*field, "without_springs", index), [spring], "spring", springs)
 
 
-def _name_problems(field: FieldPath, mistake: Mistake, robot: RobotFile) -> Problems:
-    joints, springs = [joint.name for joint in robot.joints], [spring.name for spring in robot.all_springs]
-    for key in ("torque_factor", "angle_factor", "gear_ratio_factor"):
-        yield from _unknown((*field, key), list(getattr(mistake, key)), "joint", joints)
-    for index, name in enumerate(mistake.without_springs):
-        yield from _unknown((*field, "without_springs", index), [name], "spring", springs)
-
-
-def _unknown(field: FieldPath, names: Sequence[str], kind: str, known: Sequence[str]) -> Problems:
+def _unknown(field: FieldPath, names: Iterable[str], kind: str, known: Sequence[str]) -> Problems:
     yield from ((field, message) for name in names if (message := unknown(kind, name, known)))

@@ -12,10 +12,10 @@ from robid.frf.options import EstimateOptions
 from robid.models.known import load_experiment
 from robid.settings.base import Name, Section
 from robid.settings.checks.experiment import Studies
-from robid.settings.experiment import Campaign, Experiment
+from robid.settings.experiment import Experiment
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
-from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, name_problems, unknown
+from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, entry, name_problems, unknown
 from robid.studies.settings.elastic import WernholtStudy, ZimmermannStudy, check_wernholt2008, check_zimmermann2023
 from robid.studies.settings.mistakes import MistakesStudy, check_mistakes
 from robid.studies.settings.parts import (
@@ -32,21 +32,21 @@ from robid.studies.settings.trust import TrustStudy, check_trust
 class FrfStudy(Section):
     """Estimators against the best linear approximation, and what compensation leaves of the bias."""
 
-    kind: Literal["frf"] = Field(description="What is studied.")
-    campaign: Name = Field(description="Name of the simulated campaign whose realizations it divides into groups.")
-    group: int = Field(4, description="Realizations of one estimate.", ge=2)
-    groups_per_task: Count = Field(5, description="Groups that are simulated at once.")
-    estimators: tuple[str, ...] | None = Field(
-        None, description="Values of `estimate.estimator` to compare; all when not given.", min_length=1
+    kind: Literal["frf"] = entry("What is studied.")
+    campaign: Name = entry("Name of the simulated campaign whose realizations it divides into groups.")
+    group: int = entry("Realizations of one estimate.", 4, ge=2)
+    groups_per_task: Count = entry("Groups that are simulated at once.", 5)
+    estimators: tuple[str, ...] | None = entry(
+        "Values of `estimate.estimator` to compare; all when not given.", None, min_length=1
     )
-    compensations: tuple[str, ...] | None = Field(
-        None, description="Values of `estimate.compensation` to compare; all when not given.", min_length=1
+    compensations: tuple[str, ...] | None = entry(
+        "Values of `estimate.compensation` to compare; all when not given.", None, min_length=1
     )
-    reference_estimator: str = Field(
-        "joint", description="Estimator of the best linear approximation, from all realizations of a task."
+    reference_estimator: str = entry(
+        "Estimator of the best linear approximation, from all realizations of a task.", "joint"
     )
-    references: dict[str, float] = Field(
-        default_factory=dict, description="Figures to hold ours against, by their name in summary.json."
+    references: dict[str, float] = entry(
+        "Figures to hold ours against, by their name in summary.json.", default_factory=dict
     )
 
 
@@ -59,26 +59,17 @@ def choices(option: Literal["estimator", "compensation"]) -> tuple[str, ...]:
 
 def check_frf_study(study: FrfStudy, experiment: Experiment, _robot: RobotFile | None) -> Problems:
     """Yields the field and the message of everything that is wrong with a study of estimators of responses."""
-    message = campaign_problem(experiment, study.campaign)
-    if message:
+    if message := campaign_problem(experiment, name := study.campaign):
         yield ("study", "campaign"), message
     else:
-        yield from _check_groups(study, experiment.campaigns[study.campaign])
+        campaign = experiment.campaigns[name]
+        if campaign.estimate.friction_fit is not None:
+            what = "is a fit's, which this study does not compare: name another one"
+            yield ("study", "campaign"), f"S417 the friction of `{name}` {what}"
+        if campaign.realizations % study.group or campaign.realizations < 2 * study.group:
+            what = f"the {campaign.realizations} realizations of `{name}` into groups, two or more"
+            yield ("study", "group"), f"S418 does not divide {what}"
     yield from _check_names(study)
-
-
-def _check_groups(study: FrfStudy, campaign: Campaign) -> Problems:
-    if campaign.estimate.friction_fit is not None:
-        message = (
-            f"S417 the friction of `{study.campaign}` is a fit's, which this study does not compare: name another one"
-        )
-        yield ("study", "campaign"), message
-    if campaign.realizations % study.group or campaign.realizations < 2 * study.group:
-        message = (
-            f"S418 does not divide the {campaign.realizations} realizations of `{study.campaign}` into groups, two "
-            "or more"
-        )
-        yield ("study", "group"), message
 
 
 def _check_names(study: FrfStudy) -> Problems:
@@ -94,44 +85,40 @@ def _check_names(study: FrfStudy) -> Problems:
 class FleetFaults(Section):
     """What is wrong with some of the robots: six kinds, as many robots of each."""
 
-    each: Whole = Field(5, description="Robots of each kind.")
-    seed: Whole = Field(1, description="Seed of which robots these are, and of what is wrong where.")
-    stiffness_factor: Positive = Field(
-        0.7, description="`spring`: true stiffness of a joint's transmission over that of a sound one."
+    each: Whole = entry("Robots of each kind.", 5)
+    seed: Whole = entry("Seed of which robots these are, and of what is wrong where.", 1)
+    stiffness_factor: Positive = entry(
+        "`spring`: true stiffness of a joint's transmission over that of a sound one.", 0.7
     )
-    payload_kg: Positive = Field(5.0, description="`payload`: what is mounted beyond what the manifest says [kg].")
-    lost_samples: tuple[int, int] = Field(
-        (3, 200), description="`gap`: fewest and most samples that are lost inside an experiment."
+    payload_kg: Positive = entry("`payload`: what is mounted beyond what the manifest says [kg].", 5.0)
+    lost_samples: tuple[int, int] = entry(
+        "`gap`: fewest and most samples that are lost inside an experiment.", (3, 200)
     )
 
 
 class FleetSpeed(Section):
     """How the speed of `robid reprocess` is measured: backends in turn, again and again."""
 
-    rows: int = Field(100, description="Rows of each run, all of sound robots.", ge=3)
-    repeats: Count = Field(5, description="Runs of each backend.")
+    rows: int = entry("Rows of each run, all of sound robots.", 100, ge=3)
+    repeats: Count = entry("Runs of each backend.", 5)
 
 
 class FleetStudy(Section):
     """Logs of many simulated robots, some with faults, through `robid reprocess`."""
 
-    kind: Literal["fleet"] = Field(description="What is studied.")
-    campaign: Name = Field(description="Name of the simulated campaign that is logged of each robot.")
-    experiment: str = Field(
-        description="Experiment file, relative to this one, that reads these logs: its rows have `id`, `log` and"
-        " `payload_kg`.",
+    kind: Literal["fleet"] = entry("What is studied.")
+    campaign: Name = entry("Name of the simulated campaign that is logged of each robot.")
+    experiment: str = entry(
+        "Experiment file, relative to this one, that reads these logs: its rows have `id`, `log` and `payload_kg`.",
         min_length=1,
     )
-    robots: Count = Field(1000, description="Number of robots.")
-    robots_per_task: Count = Field(10, description="Robots that are simulated in one go.")
-    first_seed: Whole = Field(1, description="Seed of the first robot and its noise; the others follow.")
-    faults: FleetFaults = Field(default_factory=FleetFaults, description="What is wrong with some of them.")
-    speed: FleetSpeed | None = Field(
-        default_factory=FleetSpeed, description="How speed is measured; not at all when null."
-    )
-    scheduled: Whole = Field(
-        0,
-        description="Rows without work that a local Dask cluster is fed with, to see what it bears; 0 leaves it out.",
+    robots: Count = entry("Number of robots.", 1000)
+    robots_per_task: Count = entry("Robots that are simulated in one go.", 10)
+    first_seed: Whole = entry("Seed of the first robot and its noise; the others follow.", 1)
+    faults: FleetFaults = entry("What is wrong with some of them.", default_factory=FleetFaults)
+    speed: FleetSpeed | None = entry("How speed is measured; not at all when null.", default_factory=FleetSpeed)
+    scheduled: Whole = entry(
+        "Rows without work that a local Dask cluster is fed with, to see what it bears; 0 leaves it out.", 0
     )
 
 
@@ -141,14 +128,13 @@ KINDS = ("spring", "sign", "dead", "gap", "payload", "file")
 
 def check_fleet(study: FleetStudy, experiment: Experiment, _robot: RobotFile | None) -> Problems:
     """Yields the field and the message of everything that is wrong with a study of fleets."""
-    message = campaign_problem(experiment, study.campaign)
-    if message:
+    if message := campaign_problem(experiment, study.campaign):
         yield ("study", "campaign"), message
-    faulty = len(KINDS) * study.faults.each
-    if faulty > study.robots:
-        yield ("study", "faults", "each"), f"S419 makes {faulty} robots with a fault, of {study.robots}"
-    elif study.speed is not None and study.speed.rows > study.robots - faulty:
-        yield ("study", "speed", "rows"), f"S420 must be of sound robots, of which there are {study.robots - faulty}"
+    sound = study.robots - len(KINDS) * study.faults.each
+    if sound < 0:
+        yield ("study", "faults", "each"), f"S419 makes {study.robots - sound} robots with a fault, of {study.robots}"
+    elif study.speed is not None and study.speed.rows > sound:
+        yield ("study", "speed", "rows"), f"S420 must be of sound robots, of which there are {sound}"
     fewest, most = study.faults.lost_samples
     if not 0 < fewest <= most:
         yield ("study", "faults", "lost_samples"), "S421 must rise from a number above 0"

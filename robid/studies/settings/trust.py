@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field
 
 from robid.results.finding import CAUSES
 from robid.settings.base import Name, Section
@@ -21,6 +20,7 @@ from robid.studies.experiments import (
     Problems,
     Whole,
     campaign_problem,
+    entry,
     fit_problem,
     physics_problems,
     unknown,
@@ -31,88 +31,74 @@ from robid.studies.settings.mistakes import Physics
 class Defects(Physics):
     """What the robots of a set have and their model lacks, each in sizes of its own."""
 
-    robot: Literal["heavy", "light"] = Field(
-        "heavy", description="Whose robots they are: this file's or that of `light`."
-    )
-    springs: tuple[SpringSection, ...] = Field(
-        (), description="Springs that the robot file lacks, from which each robot has some."
-    )
-    springs_each: Whole = Field(0, description="How many of these a robot has, drawn without return.")
-    size_factor: float = Field(
-        1.5,
-        description="Sizes of the imperfections that stand here, and stiffness and damping of the springs, are"
+    robot: Literal["heavy", "light"] = entry("Whose robots they are: this file's or that of `light`.", "heavy")
+    springs: tuple[SpringSection, ...] = entry("Springs that the robot file lacks, from which each robot has some.", ())
+    springs_each: Whole = entry("How many of these a robot has, drawn without return.", 0)
+    size_factor: float = entry(
+        "Sizes of the imperfections that stand here, and stiffness and damping of the springs, are"
         " multiplied log-uniformly by up to this factor.",
+        1.5,
         ge=1,
     )
-    listed: bool = Field(
-        False,
-        description="Whether the list of doubts has these defects, so that intervals must hold the springs themselves.",
+    listed: bool = entry(
+        "Whether the list of doubts has these defects, so that intervals must hold the springs themselves.", False
     )
-    robots: Count = Field(description="Number of robots.")
-    referenced: Whole = Field(
-        0,
-        description="How many of them, the first ones, are measured in fresh and in designed places too.",
-    )
+    robots: Count = entry("Number of robots.")
+    referenced: Whole = entry("How many of them, the first ones, are measured in fresh and in designed places too.", 0)
 
 
 class LinearRobots(Section):
     """Robots with exact responses plus noise, in as many random places as the others."""
 
-    drawn: Whole = Field(40, description="Robots whose doubted values are drawn from their priors.")
-    file: Whole = Field(10, description="Robots that are, but for springs and dampers, what their file says.")
-    relative_noise: Positive = Field(
-        0.01,
-        description="Standard deviation of an element's noise over the median response of its output.",
+    drawn: Whole = entry("Robots whose doubted values are drawn from their priors.", 40)
+    file: Whole = entry("Robots that are, but for springs and dampers, what their file says.", 10)
+    relative_noise: Positive = entry(
+        "Standard deviation of an element's noise over the median response of its output.", 0.01
     )
 
 
 class CauseKind(Physics):
     """A defect that the tool is to name."""
 
-    named: tuple[str, ...] = Field(
-        description="Causes that count as right: several where they cannot be told apart.", min_length=1
-    )
+    named: tuple[str, ...] = entry("Causes that count as right: several where they cannot be told apart.", min_length=1)
 
 
 class TrustSeeds(Section):
     """Seeds of true robots, places and noise, consecutive over all robots of the study."""
 
-    first: Whole = Field(description="The first seed.")
-    robots: Count | None = Field(None, description="At most as many robots of each set and kind; all when not given.")
+    first: Whole = entry("The first seed.")
+    robots: Count | None = entry("At most as many robots of each set and kind; all when not given.", None)
 
 
 class TrustSeedChoice(Section):
     """Two disjoint sets of seeds: everything is chosen with one, the stated figures come from the other."""
 
-    judge: TrustSeeds = Field(description="Those of the stated figures.")
-    choose: TrustSeeds = Field(description="Those that everything is chosen with.")
+    judge: TrustSeeds = entry("Those of the stated figures.")
+    choose: TrustSeeds = entry("Those that everything is chosen with.")
 
 
 class TrustStudy(Section):
     """Whether intervals hold, on robots whose defects their model does not contain."""
 
-    kind: Literal["trust"] = Field(description="What is studied.")
-    fit: Name = Field(
-        description="Name of the fit: its campaign has the random places of a robot, the one to validate on the fresh"
+    kind: Literal["trust"] = entry("What is studied.")
+    fit: Name = entry(
+        "Name of the fit: its campaign has the random places of a robot, the one to validate on the fresh"
         " places of the reference. Each robot's places are drawn anew."
     )
-    designed: Name | None = Field(
-        None,
-        description="Name of the campaign in designed places, which all robots share; none when not given.",
+    designed: Name | None = entry(
+        "Name of the campaign in designed places, which all robots share; none when not given.", None
     )
-    validated_in: Count = Field(4, description="Fresh places, the first ones, in which every robot is validated.")
-    light: str | None = Field(
-        None,
-        description="Experiment file, relative to this one, of a light robot, fit and campaigns named alike.",
-        min_length=1,
+    validated_in: Count = entry("Fresh places, the first ones, in which every robot is validated.", 4)
+    light: str | None = entry(
+        "Experiment file, relative to this one, of a light robot, fit and campaigns named alike.", None, min_length=1
     )
-    sets: dict[Name, Defects] = Field(description="The sets of robots, by name.", min_length=1)
-    linear: LinearRobots | None = Field(None, description="Linear robots; none when not given.")
-    causes: dict[Name, CauseKind] = Field(default_factory=dict, description="Defects that are to be named, by name.")
-    cause_robots: Count = Field(5, description="Robots of each of these.")
-    cause_places: Count = Field(4, description="Random places, the first ones, in which these are measured.")
-    seeds: TrustSeedChoice = Field(description="Seeds of the robots.")
-    use: Literal["judge", "choose"] = Field("judge", description="Which of the seeds are used.")
+    sets: dict[Name, Defects] = entry("The sets of robots, by name.", min_length=1)
+    linear: LinearRobots | None = entry("Linear robots; none when not given.", None)
+    causes: dict[Name, CauseKind] = entry("Defects that are to be named, by name.", default_factory=dict)
+    cause_robots: Count = entry("Robots of each of these.", 5)
+    cause_places: Count = entry("Random places, the first ones, in which these are measured.", 4)
+    seeds: TrustSeedChoice = entry("Seeds of the robots.")
+    use: Literal["judge", "choose"] = entry("Which of the seeds are used.", "judge")
 
     @property
     def chosen(self) -> TrustSeeds:
@@ -150,36 +136,24 @@ def individuals(study: TrustStudy) -> list[Individual]:
     """Returns all robots: those of the sets, of the causes, then the linear ones; each has a seed of its own."""
     limit, seed = study.chosen.robots, study.chosen.first
     found: list[Individual] = []
-    for group in _groups(study):
-        count = group.count if limit is None else min(group.count, limit)
-        found += [group.individual(number, seed + number) for number in range(count)]
+    for name, kind, wanted, defects in _groups(study):
+        count = wanted if limit is None else min(wanted, limit)
+        for number, own in enumerate(range(seed, seed + count)):
+            referenced = kind == "set" and number < defects.referenced
+            found.append(Individual(name, kind, defects.robot, own, drawn_physics(defects, own), referenced))
         seed += count
     return found
 
 
-@dataclass(frozen=True)
-class _Group:
-    """Robots of one kind, with what they lack in their model."""
-
-    name: str
-    kind: str
-    count: int
-    defects: Defects
-    referenced: int = 0
-
-    def individual(self, number: int, seed: int) -> Individual:
-        physics = drawn_physics(self.defects, seed)
-        return Individual(self.name, self.kind, self.defects.robot, seed, physics, number < self.referenced)
-
-
-def _groups(study: TrustStudy) -> Iterator[_Group]:
+def _groups(study: TrustStudy) -> Iterator[tuple[str, str, int, Defects]]:
+    """Robots of one kind each: their name, their kind, how many there are, and what their model lacks."""
     for name, defects in study.sets.items():
-        yield _Group(name, "set", defects.robots, defects, defects.referenced)
-    for name, kind in study.causes.items():
-        stated = Defects(imperfections=kind.imperfections, truth=kind.truth, size_factor=1.0, robots=study.cause_robots)
-        yield _Group(name, "cause", study.cause_robots, stated)
+        yield name, "set", defects.robots, defects
+    for name, cause in study.causes.items():
+        physics, count = {"imperfections": cause.imperfections, "truth": cause.truth}, study.cause_robots
+        yield name, "cause", count, Defects(**physics, size_factor=1.0, robots=count)
     for name, count in () if study.linear is None else ((LINEAR, study.linear.drawn), (FILE, study.linear.file)):
-        yield _Group(name, "linear", count, Defects(robots=max(count, 1)))
+        yield name, "linear", count, Defects(robots=max(count, 1))
 
 
 def drawn_physics(defects: Defects, seed: int) -> dict[str, Any]:
@@ -205,7 +179,8 @@ def check_trust(study: TrustStudy, experiment: Experiment, robot: RobotFile | No
     """Yields the field and the message of everything that is wrong with a study of trust."""
     yield from robot_problems(study, "heavy", experiment, robot)
     yield from _check_groups(study)
-    ends = [_end(study, use) for use in ("judge", "choose")]
+    both = [individuals(study.model_copy(update={"use": use})) for use in ("judge", "choose")]
+    ends = [max((one.seed for one in found), default=0) + 1 for found in both]
     if max(study.seeds.judge.first, study.seeds.choose.first) < min(ends):
         yield ("study", "seeds"), "S422 the seeds of `judge` and `choose` overlap"
 
@@ -260,8 +235,3 @@ def _check_groups(study: TrustStudy) -> Problems:
         for index, cause in enumerate(kind.named):
             if message := unknown("cause", cause, CAUSES):
                 yield (*field, "named", index), message
-
-
-def _end(study: TrustStudy, use: str) -> int:
-    found = individuals(study.model_copy(update={"use": use}))
-    return max((one.seed for one in found), default=0) + 1

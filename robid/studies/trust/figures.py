@@ -129,7 +129,6 @@ ASKED: Mapping[str, Asked] = {
     "causes.first": Asked(lower=0.8),
     "causes.first_three": Asked(lower=0.9),
 }
-"""What is asked."""
 
 
 @dataclass(frozen=True)
@@ -180,10 +179,8 @@ def set_figures(name: str, rows: Sequence[RobotRow], *, listed: bool) -> dict[st
     found = {"effective.designed": places["designed"].coverage}
     for values, held in (("effective", places["random"]), ("physical", own)):
         found |= {f"{values}.{key}": getattr(held, key) for key in ("coverage_std", "worst", "width_ratio")}
-        found |= {
-            f"{values}.coverage_95": held.coverage,
-            f"{values}.half_width": _middle(held.half_width[held.counted]),
-        }
+        found[f"{values}.coverage_95"] = held.coverage
+        found[f"{values}.half_width"] = _middle(held.half_width[held.counted])
     found |= {
         "trusted": _share([row.grade == _TRUST for row in rows if row.grade is not None and row.random is not None]),
         "trusted_wrong": trusted_wrong(rows),
@@ -192,8 +189,7 @@ def set_figures(name: str, rows: Sequence[RobotRow], *, listed: bool) -> dict[st
         "pairs": float(sum(row.random is not None and row.fresh is not None for row in rows)),
         "springs_counted": float(np.mean([each.counted.mean() for each in fitted])) if fitted else np.nan,
     }
-    ratios = [found["effective.width_ratio"], *([found["physical.width_ratio"]] if listed else [])]
-    found["width_ratio"] = largest(ratios)
+    found["width_ratio"] = largest([found[f"{key}.width_ratio"] for key in ("effective", "physical")[: 1 + listed]])
     return {f"{name}.{key}": value for key, value in found.items()}
 
 
@@ -230,13 +226,9 @@ def spring_rows(rows: Sequence[RobotRow]) -> list[tuple[str, float, float, float
 
 def trusted_wrong(rows: Sequence[RobotRow]) -> float:
     """Share of the fitted robots that are graded trust though a spring is off by more than three half widths."""
-    wrong = []
-    for row in rows:
-        if row.grade is None or row.random is None:
-            continue
-        off = float(worst_half_widths(row.random.physical, row.random.truth[None], row.random.counted[None])[0])
-        wrong.append(row.grade == _TRUST and off > _HALF_WIDTHS)
-    return _share(wrong)
+    graded = [(row.grade, row.random) for row in rows if row.grade is not None and row.random is not None]
+    off = [worst_half_widths(one.physical, one.truth[None], one.counted[None])[0] for _, one in graded]
+    return _share([grade == _TRUST and float(far) > _HALF_WIDTHS for (grade, _), far in zip(graded, off, strict=True)])
 
 
 def cause_figures(kinds: Mapping[str, tuple[tuple[str, ...], Sequence[tuple[str, ...]]]]) -> dict[str, float]:
@@ -257,9 +249,8 @@ def largest(values: Sequence[float]) -> float:
 
 
 def _rows(fits: Sequence[Springs], key: str) -> FloatArray:
-    return np.array([getattr(fit, key) for fit in fits], dtype=float).reshape(
-        len(fits), len(fits[0].names) if fits else 0
-    )
+    rows = np.array([getattr(fit, key) for fit in fits], dtype=float)
+    return rows.reshape(len(fits), len(fits[0].names) if fits else 0)
 
 
 def _joined(parts: Sequence[Intervals]) -> Intervals:

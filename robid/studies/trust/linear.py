@@ -43,7 +43,7 @@ from robid.simulate.options import Imperfections, Truth
 from robid.simulate.truth import TrueRobot
 from robid.studies.experiments import changed_simulation
 from robid.studies.settings.trust import LINEAR, TrustStudy, individuals
-from robid.studies.simulated import solution_or_refusal, with_truth
+from robid.studies.simulated import kept_or_refused, with_truth
 from robid.studies.study import Content, Earlier, Task, study_of
 from robid.studies.trust.responses import RANDOM, machines
 
@@ -104,13 +104,11 @@ def doubted_responses(
         own = off_robot(robot, off.doubts, amounts, shares[place])
         model = build_model(own)
         linear = linearize(model, solve_statics(model, configuration[None]))
-        delay_s = sampling[1] + sum(
-            MICRO * amounts[each.name] for each in off.doubts if each.effect == ValueOff("delay", 0)
-        )
+        late = (amounts[each.name] for each in off.doubts if each.effect == ValueOff("delay", 0))
+        delay_s = sampling[1] + sum(MICRO * amount for amount in late)
+        bristles = _bristles(off.doubts, amounts, own, frequency_hz)
         parameters = nominal_parameters(own, linear, delay_s)
-        exact = _with_bristles(
-            linear, parameters, _bristles(off.doubts, amounts, own, frequency_hz), frequency_hz, sampling[0]
-        )
+        exact = _with_bristles(linear, parameters, bristles, frequency_hz, sampling[0])
         hold = hold_factor(2 * np.pi * frequency_hz, delay_s, sampling[0])
         found.append(_recorded(own, off.doubts, amounts, exact, frequency_hz, hold))
     return np.array(found)
@@ -300,7 +298,7 @@ def fit_linear(one: LinearFit) -> Content:
     exact = doubted_responses(robot, off, one.configurations, frequency_hz, one.sampling)
     frf = noisy_frf(robot, exact, one)
     truth = TrueRobot(robot, Truth(), Imperfections(), one.sampling[1], one.seed, None)
-    content = solution_or_refusal(lambda: fit_elastic(one.nominal, frf, one.options, one.sampling[1]))
+    content = kept_or_refused(lambda: fit_elastic(one.nominal, frf, one.options, one.sampling[1]))
     return with_truth(content, true_values(one.nominal, truth))
 
 
@@ -322,8 +320,7 @@ def noisy_frf(robot: Robot, exact: ComplexArray, one: LinearFit) -> Frf:
     generator = np.random.default_rng([one.seed, _NOISE_DRAWS])
     level = one.relative_noise * np.median(np.abs(exact), axis=(0, 1, 3))
     noise = generator.standard_normal((2, *exact.shape)) / np.sqrt(2)
-    n_conf, n_freq, n_motor, _ = exact.shape
-    names = tuple(joint.name for joint in robot.joints)
+    (n_conf, n_freq, n_motor, _), names = exact.shape, tuple(joint.name for joint in robot.joints)
     return Frf(
         frequency_hz=one.lines / one.period_s,
         lines=one.lines,

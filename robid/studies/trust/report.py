@@ -55,9 +55,8 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
     warnings = () if judged else ("These robots are for choosing: their figures say nothing.",)
     springs = [_spring_section(name, [rows[one.key] for one in _of(study, name)]) for name in study.sets]
     sections = (_set_section(study, summary), *_cause_section(study, summary), *springs)
-    found = concluded(
-        [PartFound(summary, bars(study), sections, warnings)], "intervals hold, and what is wrong is named"
-    )
+    part = PartFound(summary, bars(study), sections, warnings)
+    found = concluded([part], "intervals hold, and what is wrong is named")
     return found if judged else replace(found, verdict=replace(found.verdict, level="warn"))
 
 
@@ -86,12 +85,8 @@ def summarise(study: TrustStudy, rows: Mapping[str, RobotRow], results: Earlier)
     found["width_ratio"] = largest(ratios)
     grades = results[3].by_name
     told = {name: [read_artifact(grades[one.key], TASK) for one in _of(study, name)] for name in study.causes}
-    found |= cause_figures(
-        {
-            name: (study.causes[name].named, [tuple(held.datasets["causes"].values.tolist()) for held in own])
-            for name, own in told.items()
-        }
-    )
+    causes = {name: [tuple(held.datasets["causes"].values.tolist()) for held in own] for name, own in told.items()}
+    found |= cause_figures({name: (study.causes[name].named, own) for name, own in causes.items()})
     for name, done in zip(("place", "fit", "linear_fit", "grade"), results, strict=True):
         spans = [seconds_of(held.provenance) for held in done]
         found[f"cost.{name}_seconds"] = sum(spans) / len(spans) if spans else math.nan

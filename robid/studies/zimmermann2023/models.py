@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.artifacts.artifact import Dataset
 from robid.artifacts.kinds import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
@@ -118,13 +118,17 @@ def model_sets(study: ZimmermannStudy, torque: dict[str, FloatArray], n_conf: in
 
 def model_set(choice: ModelChoice, torque: dict[str, FloatArray], n_conf: int) -> tuple[int, ...]:
     """Returns the configurations of one model, see `model_sets`."""
-    pool = np.arange(n_conf) if choice.configurations is None else np.array(choice.configurations)
+    pool = _pool(choice, n_conf)
     if choice.count is None:
         return tuple(sorted(pool.tolist()))
     if choice.low_torque is not None:
         taken = np.argsort(np.abs(torque[choice.low_torque][pool]), kind="stable")[: choice.count]
         return tuple(sorted(pool[taken].tolist()))
     return tuple(sorted(np.random.default_rng(choice.seed).choice(pool, choice.count, replace=False).tolist()))
+
+
+def _pool(choice: ModelChoice, n_conf: int) -> IntArray:
+    return np.arange(n_conf) if choice.configurations is None else np.array(choice.configurations)
 
 
 def transmission_torque(robot: Robot, joint: str, configurations: FloatArray) -> FloatArray:
@@ -163,9 +167,8 @@ def model_task(
     own, other = (run.loaded.experiment.campaigns[each] for each in (pair.estimation, pair.validation))
     robots = run.loaded.robot.to_robot(own.payload_kg), run.loaded.robot.to_robot(other.payload_kg)
     simulated = simulate_options(own)
-    truth = with_imperfections(
-        true_robot_of(run.loaded.robot, own.payload_kg, simulated.truth), simulated.imperfections
-    )
+    true = true_robot_of(run.loaded.robot, own.payload_kg, simulated.truth)
+    truth = with_imperfections(true, simulated.imperfections)
     settings = model_settings(run.loaded, pair.estimation), model_settings(run.loaded, pair.validation)
     options = options_of(study, study.models[name])
     validation = pair.validation_paths if judged else ()
@@ -206,9 +209,8 @@ def fitted_parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Data
     """Returns what a fit found, beside the truth."""
     parameter, spring = ("parameter",), ("spring",)
     found = solution.estimate
-    springs, middles = (
-        fitted_robot(one.robots[0], each).springs for each in (found, replace(found, value=found.middle))
-    )
+    both = found, replace(found, value=found.middle)
+    springs, middles = (fitted_robot(one.robots[0], each).springs for each in both)
     by_name = {each.name: each for each in one.truth.springs}
     true, cubic = zip(*((by_name[each.name].stiffness, by_name[each.name].cubic) for each in springs), strict=True)
     own, middle = (np.array([each.stiffness for each in some]) for some in (springs, middles))
@@ -232,14 +234,11 @@ def _deviations(one: Fitting, frf: Frf, solution: ElasticSolution) -> dict[str, 
     """Deviations that the total covariance allows at best, and the information of each configuration."""
     robot = fitted_robot(one.robots[0], solution.estimate)
     fixed = [name for name in one.options.fixed if name.endswith((".stiffness", ".viscous", ".motor_inertia"))]
-    nuisance = tuple(kind for kind in one.options.free if kind in ALONG)
-    matrices, names = measured_information(
-        robot, frf, one.delay_s, kinds=("stiffness",), nuisance=nuisance, fixed=fixed
-    )
+    along = tuple(kind for kind in one.options.free if kind in ALONG)
+    matrices, names = measured_information(robot, frf, one.delay_s, kinds=("stiffness",), nuisance=along, fixed=fixed)
+    variance = np.diag(np.linalg.inv(matrices.sum(axis=0)))
     if "cubic" in one.options.free:
         variance = _optimal_variance(one, frf, solution, names)
-    else:
-        variance = np.diag(np.linalg.inv(matrices.sum(axis=0)))
     square = ("configuration", "wanted", "other wanted")
     return {
         "wanted": Dataset(np.array(names), "1", ("wanted",), "Springs whose deviations follow"),
@@ -260,8 +259,7 @@ def _optimal_variance(one: Fitting, frf: Frf, solution: ElasticSolution, names: 
 
 def _judgement(one: Fitting, solution: ElasticSolution) -> dict[str, Dataset]:
     frf = read_responses(one.validation)
-    weights = replace(one.options.weights, kind="user")
-    options = replace(one.options, estimator="llsm", weights=weights)
+    options = replace(one.options, estimator="llsm", weights=replace(one.options.weights, kind="user"))
     fitted = fitted_model(one.robots[1], solution, frf, options, one.delay_s)
     # Weights of the measured response, the same for all models, a motor's own response at 1.
     problem, dropped = make_problem(frf, fitted.problem.model, fitted.problem.parameters, options)
@@ -295,8 +293,7 @@ def further_sets(choice: ModelChoice, n_conf: int) -> tuple[tuple[int, ...], ...
     """Returns as many further sets of configurations as a drawn model's pool has that share none."""
     if choice.count is None or choice.low_torque is not None:
         return ()
-    pool = np.arange(n_conf) if choice.configurations is None else np.array(choice.configurations)
-    left = np.setdiff1d(pool, model_set(choice, {}, n_conf))
+    left = np.setdiff1d(_pool(choice, n_conf), model_set(choice, {}, n_conf))
     left = np.random.default_rng([choice.seed, _FURTHER]).permutation(left)
     count = choice.count
     return tuple(tuple(sorted(left[at : at + count].tolist())) for at in range(0, left.size - count + 1, count))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -13,20 +13,12 @@ from robid.pipeline.graph import Run
 from robid.report.design import design_section
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import Verdict
-from robid.report.section import Beside, Figure, Section, Table
+from robid.report.section import Beside, Figure, Section
 from robid.robot.kinematics import skeleton
 from robid.studies.experiments import paper_figures
 from robid.studies.page import Conclusion, figure, table
 from robid.studies.study import Results
-from robid.studies.zimmermann2023.figures import (
-    MISSED,
-    Found,
-    Rivals,
-    explained_springs,
-    gather,
-    rivals,
-    summarise,
-)
+from robid.studies.zimmermann2023.figures import MISSED, Found, Rivals, explained_springs, gather, rivals, summarise
 from robid.studies.zimmermann2023.models import chosen_designs
 from robid.studies.zimmermann2023.steps import StepResponses
 
@@ -44,9 +36,7 @@ def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
     sections = (
         _data_section(found, paper),
         _model_section(found, summary, paper),
-        _cost_section(found),
-        _response_section(found),
-        _spring_section(found),
+        *(_cost_section(found), _response_section(found), _spring_section(found)),
         *_explanation_sections(found),
         Section("How long must I measure?", f"{found.effort.sentence} {_EFFORT}", (Beside(effort, 2),)),
         *_step_section(found, summary),
@@ -163,26 +153,19 @@ def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[st
     optimal = list(found.models).index(found.study.optimal)
     judged = "Models are judged by their scatter: the truth is known here."
     lead = " ".join((judged, *_contradictions(found, paper), *_too_sure(found, summary)))
+    typical = [(head, partial(share, f"typical_{key}")) for head, key in _TYPICAL.items()]
     tables = (
         table(columns, found.models, caption=caption, strong=optimal),
-        _typical_table(found, share, optimal),
+        table((columns[0], *typical), found.models, caption=_TYPICAL_CAPTION, strong=optimal),
     )
     return Section("Table II: costs and deviations", lead, tables)
 
 
-def _typical_table(found: Found, share: Callable[[str, str], str], optimal: int) -> Table:
-    typical = (
-        ("Model", lambda name: name),
-        ("Effective", partial(share, "typical_effective_std")),
-        ("Deviation", partial(share, "typical_fit_std")),
-        ("Scatter", partial(share, "typical_scatter")),
-        ("Of fits", partial(share, "typical_fit_scatter")),
-    )
-    caption = (
-        "The same by geometric means over the springs: one that no data can tell, such as a gear with a bearing in"
-        " series that the robot file lacks, outweighs all others in a plain mean."
-    )
-    return table(typical, found.models, caption=caption, strong=optimal)
+_TYPICAL = {"Effective": "effective_std", "Deviation": "fit_std", "Scatter": "scatter", "Of fits": "fit_scatter"}
+_TYPICAL_CAPTION = (
+    "The same by geometric means over the springs: one that no data can tell, such as a gear with a bearing in"
+    " series that the robot file lacks, outweighs all others in a plain mean."
+)
 
 
 def _too_sure(found: Found, summary: Mapping[str, float]) -> tuple[str, ...]:
@@ -374,17 +357,12 @@ def deviation_figures(
 def step_response_figures(responses: StepResponses, configuration: int, axis: int, shown: str) -> tuple[Figure, ...]:
     """Shows one step: displacement and torque of the model `shown`, of all the errors of prediction and path."""
     at, stepped = (responses.models.index(shown), configuration, axis), (slice(None), configuration, axis)
-    reached = {
-        "rigid robot": responses.path[configuration, axis],
-        "true robot": responses.tool_true[at],
-        f"predicted by {shown}": responses.tool_model[at],
-    }
-    torques = {"true robot": responses.torque_true[at], f"predicted by {shown}": responses.torque_model[at]}
-    errors, paths = (
-        dict(zip(responses.models, _MM * each[stepped], strict=True))
-        for each in (responses.tool_error_m, responses.path_error_m)
-    )
-    lengths = {name: _MM * np.linalg.norm(values, axis=-1) for name, values in reached.items()}
+    names = "rigid robot", "true robot", f"predicted by {shown}"
+    off = responses.tool_error_m, responses.path_error_m
+    reached = responses.path[configuration, axis], responses.tool_true[at], responses.tool_model[at]
+    lengths = {name: _MM * np.linalg.norm(values, axis=-1) for name, values in zip(names, reached, strict=True)}
+    torques = dict(zip(names[1:], (responses.torque_true[at], responses.torque_model[at]), strict=True))
+    errors, paths = (dict(zip(responses.models, _MM * each[stepped], strict=True)) for each in off)
     return tuple(
         figure(title, ("Time [s]", unit), responses.time_s, series, log_x=False, log_y=False)
         for title, unit, series in (

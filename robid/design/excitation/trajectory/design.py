@@ -125,16 +125,11 @@ def largest_factor(is_allowed: Callable[[float], bool]) -> float:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One optimised trajectory.
+    """One optimised trajectory."""
 
-    Attributes:
-        coefficients (n_shape, n_joint): Coefficients of its shapes, arm side [rad, or m].
-        condition: Condition number of its regressor, each column over its size in random motions.
-    """
-
-    coefficients: FloatArray
+    coefficients: FloatArray  # (n_shape, n_joint) Coefficients of its shapes, arm side [rad, or m]
     value: float
-    condition: float
+    condition: float  # Condition number of its regressor, each column over its size in random motions
 
 
 def _trajectory_plan(

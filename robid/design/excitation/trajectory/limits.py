@@ -14,15 +14,11 @@ from robid.robot.description import Robot
 
 @dataclass(frozen=True)
 class RestingSeries:
-    """All series of zero mean whose value, slope and curvature vanish where the period begins.
+    """All series of zero mean whose value, slope and curvature vanish where the period begins."""
 
-    Attributes:
-        period_s: Length of the period [s].
-        shapes (2 n_harmonic, n_shape): Sine coefficients of the harmonics, then cosine coefficients, of orthonormal
-            shapes that span these series.
-    """
-
-    period_s: float
+    period_s: float  # Length of the period [s]
+    # (2 n_harmonic, n_shape) Sine coefficients of the harmonics, then cosine coefficients, of orthonormal shapes that
+    # span these series
     shapes: FloatArray
 
     @property
@@ -80,21 +76,13 @@ _LEAST_ROOM = 0.01  # Share of a joint's range that a configuration must leave o
 
 @dataclass(frozen=True)
 class Limits:
-    """What a motion may use; the shares of the options are in it.
+    """What a motion may use; the shares of the options are in it."""
 
-    Attributes:
-        below (n_joint,): Way down from every configuration, arm side [rad, or m].
-        above (n_joint,): Way up [rad, or m].
-        speed (n_motor,): Motor speed [rad/s].
-        acceleration (n_joint,): Acceleration on the arm side, infinite where none is set [rad/s^2, or m/s^2].
-        torque (n_motor,): Motor torque [N m].
-    """
-
-    below: FloatArray
-    above: FloatArray
-    speed: FloatArray
-    acceleration: FloatArray
-    torque: FloatArray
+    below: FloatArray  # (n_joint,) Way down from every configuration, arm side [rad, or m]
+    above: FloatArray  # (n_joint,) Way up [rad, or m]
+    speed: FloatArray  # (n_motor,) Motor speed [rad/s]
+    acceleration: FloatArray  # (n_joint,) Acceleration on the arm side, infinite where none is set [rad/s^2, or m/s^2]
+    torque: FloatArray  # (n_motor,) Motor torque [N m]
 
     def used(self, robot: Robot, motion: FloatArray, torque: FloatArray) -> FloatArray:
         """Largest share of each limit (4, n_joint) that a motion uses: position, speed, acceleration, torque.
