@@ -75,6 +75,11 @@ def excitations(campaigns: Iterable[str]) -> tuple[str, ...]:
     return tuple(f"{name}/excitation.h5" for name in campaigns)
 
 
+def fit_outputs(fit: str) -> tuple[str, str]:
+    """Returns where the chain leaves a fit, and its validation."""
+    return f"fits/{fit}/model.h5", f"fits/{fit}/validation.h5"
+
+
 def missing_log(run: Run) -> str:
     """Name of the first log of a run that is not there; empty when all are."""
     sources = (campaign.source for campaign in run.loaded.experiment.campaigns.values())

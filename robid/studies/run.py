@@ -25,14 +25,12 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import plain_settings
 from robid.studies.experiments import Further
 from robid.studies.fleet.logs import LOGS, require_packages
-from robid.studies.fleet.speed import SCHEDULER, SPEED
-from robid.studies.fleet.whole import WHOLE
-from robid.studies.frf import report as frf_report
+from robid.studies.fleet.reprocessed import SCHEDULER, SPEED, WHOLE
 from robid.studies.frf import study as frf
 from robid.studies.janot2009.branch import BRANCH
 from robid.studies.janot2009.haptic import HAPTIC
 from robid.studies.janot2009.recorded import EMPS, KR300, TX40
-from robid.studies.mistakes import cases, responses
+from robid.studies.mistakes import cases
 from robid.studies.mistakes import report as mistakes_report
 from robid.studies.mistakes.wrong_units import needed_by_units, read_individual, unit_tasks
 from robid.studies.oliveira2019.arm import ARM, POSITION_LOOP
@@ -55,7 +53,7 @@ from robid.studies.zimmermann2023 import report as zimmermann_report
 from robid.studies.zimmermann2023 import steps
 
 PROCEDURES: Mapping[str, Procedure] = {
-    "frf": Procedure(frf.needs, (Step("", frf.tasks, frf.estimate_chunk),), frf_report.conclude),
+    "frf": Procedure(frf.needs, (Step("", frf.tasks, frf.estimate_chunk),), frf.conclude),
     "wernholt2008": Procedure(
         wernholt.needs,
         (
@@ -75,15 +73,15 @@ PROCEDURES: Mapping[str, Procedure] = {
         zimmermann_report.conclude,
     ),
     "mistakes": Procedure(
-        responses.needs,
+        cases.needs,
         (
-            Step("responses", responses.response_tasks, responses.measure_all),
+            Step("responses", cases.response_tasks, cases.measure_all),
             Step("models", cases.model_tasks, cases.fit_case),
             Step("cases", cases.case_tasks, cases.judge_case),
             Step("units", unit_tasks, read_individual),
         ),
         mistakes_report.conclude,
-        lambda run: (*responses.further(run), *needed_by_units(run)),
+        lambda run: (*cases.further(run), *needed_by_units(run)),
     ),
     "janot2009": joined((HAPTIC, BRANCH, EMPS, TX40, KR300), "the verdict on least squares is right"),
     "oliveira2019": joined(

@@ -14,12 +14,11 @@ from robid.artifacts.artifact import Artifact
 from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Section
-from robid.studies.mistakes.cases import COVERED, GRADES, HALF_WIDTHS, SPRING_ERROR
-from robid.studies.mistakes.responses import SOUND
+from robid.studies.mistakes.cases import COVERED, GRADES, HALF_WIDTHS, SOUND, SPRING_ERROR
 from robid.studies.mistakes.unit_logs import is_named, said_of
 from robid.studies.mistakes.wrong_units import UnitSubject, unit_subjects
 from robid.studies.page import Asked, Conclusion, PartFound, concluded, table
-from robid.studies.settings.mistakes import MistakesStudy, UnitMistake
+from robid.studies.settings.defects import MistakesStudy, UnitMistake
 from robid.studies.study import Earlier, study_of
 
 ASKED = {

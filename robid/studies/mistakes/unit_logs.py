@@ -21,7 +21,7 @@ from robid.settings.sources import Acquire
 from robid.signals.log_channels import InputChannel, OutputChannel, UnitName
 from robid.signals.log_options import TimeChannel
 from robid.signals.record import Record
-from robid.studies.settings.mistakes import LogSignal, Rough, UnitMistake
+from robid.studies.settings.defects import LogSignal, Rough, UnitMistake
 
 Log: TypeAlias = dict[str, dict[str, FloatArray]]
 """Variables of each experiment, by its name."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ from robid.settings.sources import Acquire
 from robid.settings.yaml import FieldPath
 from robid.simulate.experiment import simulate
 from robid.studies.experiments import Further, Problems, changed_simulation, fit_problem, physics_problems, run_of
-from robid.studies.mistakes.responses import campaigns_of
+from robid.studies.mistakes.cases import campaigns_of
 from robid.studies.mistakes.unit_logs import (
     Log,
     Said,
@@ -43,7 +43,7 @@ from robid.studies.mistakes.unit_logs import (
     stamps,
     write_log,
 )
-from robid.studies.settings.mistakes import MistakesStudy, Rough, UnitMistake, UnitRobot
+from robid.studies.settings.defects import MistakesStudy, Rough, UnitMistake, UnitRobot
 from robid.studies.study import Content, Earlier, Task, study_of
 
 
@@ -160,19 +160,20 @@ def unit_tasks(run: Run, _earlier: Earlier) -> list[Task]:
             "experiment": {key: value for key, value in loaded.plain.items() if key != "execution"},
             "settings": plain_settings(subject.settings),
             "individual": plain_settings(one),
-            "mistakes": {name: _read_with(mistake, one.robot) for name, mistake in mistakes.items()},
+            # What decides how logs are read; not what a mistake is to be called.
+            "mistakes": {
+                name: {
+                    **{key: plain[key] for key in ("scale", "one_joint", "stamps")},
+                    "log": plain["log"].get(one.robot),
+                }
+                for name, plain in plain_settings(mistakes).items()
+            },
             "rough": plain_settings(study.units.rough) if one.rough else None,
             "played": {name: read_header(path, EXCITATION).content_sha256 for name, path in played.items()},
         }
         reading = Reading(one, loaded.path, subject.settings, played, mistakes, study.units.rough)
         found.append(Task(one.key, decides, (reading,)))
     return found
-
-
-def _read_with(mistake: UnitMistake, robot: str) -> dict[str, Any]:
-    """What of a mistake decides how logs are read; not what it is to be called."""
-    plain: dict[str, Any] = plain_settings(mistake)
-    return {**{key: plain[key] for key in ("scale", "one_joint", "stamps")}, "log": plain["log"].get(robot)}
 
 
 def read_individual(reading: Reading) -> Content:
@@ -241,16 +242,19 @@ def _as_read(
     settings, joints = reading.settings, [joint.name for joint in loaded.robot.joints]
     signals = settings.log if mistake is None else mistake.log.get(reading.of.robot, settings.log)
     stretch, campaigns = 1.0, {}
+    factors: FloatArray = np.ones(len(joints))
+    scale = None if mistake is None else read_scale(mistake.scale)
+    if mistake is not None and scale is not None:
+        ratios = np.array([abs(joint.plain_motor.gear_ratio) for joint in loaded.robot.joints])
+        sizes = Sizes(ratios, settings.counts_per_turn / (2 * np.pi), settings.torque_constant_nm_a)
+        factors = sizes.factors(scale)
+        if mistake.one_joint:
+            factors = np.where(np.arange(len(ratios)) == reading.of.joint(len(ratios)), factors, 1.0)
+        if scale.channel == "time" and not mistake.stamps:
+            stretch, scale = float(factors[0]), None
     for name, log in logs.items():
-        written = log
-        if mistake is not None:
-            factors = _factors(reading, loaded, mistake)
-            if read_scale(mistake.scale).channel == "time" and not mistake.stamps:
-                stretch = float(factors[0])
-            else:
-                written = mistaken_log(log, read_scale(mistake.scale), factors)
         path = folder / f"{name}.mat"
-        write_log(path, written)
+        write_log(path, log if scale is None else mistaken_log(log, scale, factors))
         period_s = stretch * require_controller(loaded).sampling_period_s
         stamped = mistake is None or mistake.stamps
         campaign = loaded.experiment.campaigns[name]
@@ -265,34 +269,22 @@ def _as_read(
     return replace(loaded, experiment=experiment)
 
 
-def _factors(reading: Reading, loaded: LoadedExperiment, mistake: UnitMistake) -> FloatArray:
-    """What the channel of each joint is multiplied by (n_joint,)."""
-    ratios = np.array([abs(joint.plain_motor.gear_ratio) for joint in loaded.robot.joints])
-    counts = reading.settings.counts_per_turn / (2 * np.pi)
-    factors = Sizes(ratios, counts, reading.settings.torque_constant_nm_a).factors(read_scale(mistake.scale))
-    if mistake.one_joint:
-        factors = np.where(np.arange(len(ratios)) == reading.of.joint(len(ratios)), factors, 1.0)
-    return factors
-
-
 def reading_campaign(campaign: Campaign, acquire: Acquire, stretch: float) -> Campaign:
     """Returns a campaign that reads logs; with all times that it states stretched, where its clock's unit is wrong."""
     source = Source(acquire=acquire)
+    excitation: Any = campaign.excitation
     if campaign.is_trajectory:
         return Campaign(source=source, realizations=campaign.realizations, payload_kg=campaign.payload_kg)
-    changed = {"source": source, "excitation": _stretched(campaign.excitation, stretch), "outputs": ("motors",)}
-    return campaign.model_copy(update=changed)
-
-
-def _stretched(excitation: Any, stretch: float) -> Any:  # noqa: ANN401
-    """An excitation whose times [s] are longer, and whose frequencies [Hz] are lower, by a factor."""
-    if stretch == 1 or not is_dataclass(excitation) or isinstance(excitation, type):
-        return excitation
-    powers = {"_s": 1, "_hz": -1}
-    changed = {
-        field.name: getattr(excitation, field.name) * stretch**power
-        for field in fields(excitation)
-        for suffix, power in powers.items()
-        if field.name.endswith(suffix) and isinstance(getattr(excitation, field.name), int | float)
-    }
-    return replace(excitation, **changed)
+    if stretch != 1 and excitation is not None:
+        # Times [s] are longer, and frequencies [Hz] are lower, by the factor.
+        stated = {field.name: getattr(excitation, field.name) for field in fields(excitation)}
+        excitation = replace(
+            excitation,
+            **{
+                name: value * stretch**power
+                for name, value in stated.items()
+                for suffix, power in (("_s", 1), ("_hz", -1))
+                if name.endswith(suffix) and isinstance(value, int | float)
+            },
+        )
+    return campaign.model_copy(update={"source": source, "excitation": excitation, "outputs": ("motors",)})

@@ -42,14 +42,14 @@ from robid.signals.record import Record
 from robid.simulate.options import Controller, PoseInterface
 from robid.simulate.pose_response import pose_response
 from robid.simulate.truth import true_robot
-from robid.studies.experiments import Further, paper_figures
+from robid.studies.experiments import Further, fit_outputs, paper_figures
 from robid.studies.oliveira2019.plants import thinned
-from robid.studies.page import Asked, PartFound
+from robid.studies.page import Asked, PartFound, table
 from robid.studies.settings.parts import CartesianCase, LoopCase
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Content, Part, Results, Task, recorded_part
 
-_RESPONSE = "frequency output command"
+_RESPONSE = "as the channels", "frequency output command"
 
 
 @dataclass(frozen=True)
@@ -59,11 +59,9 @@ class Mapped:
     inputs: Annotated[tuple[str, ...], Quantity("1", "command", "Names of the commands")]
     outputs: Annotated[tuple[str, ...], Quantity("1", "output", "Names of the outputs")]
     map: CouplingMap  # The decoupling map
-    response: Annotated[
-        ComplexArray, Quantity("as the channels", _RESPONSE, "The empirical response, from samples to samples")
-    ]
-    linear: Annotated[ComplexArray, Quantity("as the channels", _RESPONSE, "That of the linearised loop")]
-    linear_gain: Annotated[FloatArray, Quantity("1", _RESPONSE, "In resolutions")]
+    response: Annotated[ComplexArray, Quantity(*_RESPONSE, "The empirical response, from samples to samples")]
+    linear: Annotated[ComplexArray, Quantity(*_RESPONSE, "That of the linearised loop")]
+    linear_gain: Annotated[FloatArray, Quantity("1", _RESPONSE[1], "In resolutions")]
 
 
 def _homes_tasks(run: Run, case: CartesianCase, _earlier: Mapping[str, Results]) -> list[Task]:
@@ -78,14 +76,9 @@ def _homes_tasks(run: Run, case: CartesianCase, _earlier: Mapping[str, Results])
         "options": plain_settings(options),
     }
     count = record_from_artifact(read_artifact(path, RECORD)).inputs.shape[0]
-    shared = (
-        true_robot(nominal, simulated.truth),
-        tool_arm(loaded.robot, nominal),
-        require_controller(loaded),
-        require_pose_interface(loaded.robot),
-        simulated.measured_pose,
-        options,
-    )
+    robot, arm = true_robot(nominal, simulated.truth), tool_arm(loaded.robot, nominal)
+    loop = require_controller(loaded), require_pose_interface(loaded.robot), simulated.measured_pose
+    shared = robot, arm, *loop, options
     return [Task(f"home_{at + 1}", {**decides, "home": at}, (path, at, *shared)) for at in range(count)]
 
 
@@ -104,15 +97,8 @@ def map_home(
     etfe, pairs, found = map_record(record, index, options)
     place, inputs = given(record.configurations)[index], pairs.inputs
     linear = pose_response(robot, arm, controller, interface, place, etfe.frequency_hz, inputs, measured)
-    mapped = Mapped(
-        inputs=pairs.inputs,
-        outputs=pairs.outputs,
-        map=found,
-        response=etfe.response,
-        linear=linear,
-        linear_gain=np.abs(linear) * pairs.per_resolution,
-    )
-    return Content(*to_datasets(mapped))
+    gain = np.abs(linear) * pairs.per_resolution
+    return Content(*to_datasets(Mapped(inputs, pairs.outputs, found, etfe.response, linear, gain)))
 
 
 def map_record(record: Record, index: int, options: ExternalOptions) -> tuple[Etfe, Pairs, CouplingMap]:
@@ -137,16 +123,11 @@ _ASKED = {
 _LEAST_NRMSE = 0.97
 
 
-def further_arm(run: Run, case: CartesianCase) -> Further:
-    """Returns what is read of the study's own experiment: the fit with its validation, and the homes' record."""
-    model, validation = (f"fits/{case.fit}/{name}.h5" for name in ("model", "validation"))
-    return ((run, (model, validation, f"{case.homes}/record.h5")),)
-
-
 def _conclude_arm(run: Run, case: CartesianCase, results: Results) -> PartFound:
     paper = paper_figures(run.loaded)
-    solution = solution_from_artifact(read_artifact(run.path(f"fits/{case.fit}/model.h5"), MODEL))
-    validation = validation_from_artifact(read_artifact(run.path(f"fits/{case.fit}/validation.h5"), VALIDATION))
+    model, held = (run.path(output) for output in fit_outputs(case.fit))
+    solution = solution_from_artifact(read_artifact(model, MODEL))
+    validation = validation_from_artifact(read_artifact(held, VALIDATION))
     homes = [from_datasets(Mapped, one) for one in results]
     options = external_fit(run.loaded.experiment, case.fit).options().coupling
     own = {f"arm.{one.output}.nrmse": one.nrmse for one in validation.agreements}
@@ -209,19 +190,22 @@ def resonance(home: Mapped, channel: int) -> tuple[float, float]:
 
 def _channels(solution: ExternalSolution, validation: ExternalValidation, paper: Mapping[str, Any]) -> Section:
     transfers = solution.transfers
-    rows = []
-    for index, one in enumerate(validation.agreements):
-        structure = (transfers.poles[index], transfers.zeros[index], transfers.delay_samples[index])
-        printed = paper["table_4"].get(one.output)
-        beside = MISSING if printed is None else f"{printed['nrmse']:.3f}"
-        rows.append((one.output, *(str(int(count)) for count in structure), beside, f"{one.nrmse:.4f}"))
-    heads = ("Channel", "Poles", "Zeros", "Delay [samples]", "NRMSE, paper", "Ours")
+    printed = {name: f"{one['nrmse']:.3f}" for name, one in paper["table_4"].items()}
+    columns = (
+        ("Channel", lambda pair: pair[1].output),
+        ("Poles", lambda pair: str(int(transfers.poles[pair[0]]))),
+        ("Zeros", lambda pair: str(int(transfers.zeros[pair[0]]))),
+        ("Delay [samples]", lambda pair: str(int(transfers.delay_samples[pair[0]]))),
+        ("NRMSE, paper", lambda pair: printed.get(pair[1].output, MISSING)),
+        ("Ours", lambda pair: f"{pair[1].nrmse:.4f}"),
+    )
     lead = (
         "The KR300 on its rail under a Cartesian position loop, with friction, ripple and encoders: fitted to its own"
         f" slow and fast chirps by the paper's rule, validated on the chirp to 2.08 Hz. {solution.coupling.sentence}"
         " What the robot reports comes from its motors, as the paper's does."
     )
-    return Section("The arm's channels", lead, (Table(heads, tuple(rows), fit="compact"),))
+    shown = table(columns, list(enumerate(validation.agreements)), fit="compact")
+    return Section("The arm's channels", lead, (shown,))
 
 
 def _coupling(homes: Sequence[Mapped], figures: Mapping[str, float], paper: Mapping[str, Any]) -> Section:
@@ -243,18 +227,15 @@ def _coupling(homes: Sequence[Mapped], figures: Mapping[str, float], paper: Mapp
         f" gains above the threshold lie {figures['arm.linear_error_percent']:.2g} % from the linearised ones in the"
         " median. Couplings are normalised by resolutions of 0.01 mm and 0.001 degrees."
     )
-    return Section("What couples", lead, (Table(heads, tuple(rows), prose=True), Beside(_gains(homes), columns=2)))
-
-
-def _gains(homes: Sequence[Mapped]) -> tuple[Figure, ...]:
-    """The strongest coupling of each home, and what the linearised loop says of it."""
-    figures = []
+    # The strongest coupling of each home, and what the linearised loop says of it.
+    drawn = []
     for index, home in enumerate(homes, start=1):
         gain = np.where(np.isfinite(home.map.gain) & ~home.map.own, home.map.gain, 0.0)
         output, command = np.unravel_index(np.argmax(gain.max(axis=0)), gain.shape[1:])
         pair = f"{home.outputs[output]} to {home.inputs[command]}"
-        figures.append(_against_linear(f"Home {index}: {pair}", home, int(output), int(command)))
-    return tuple(figures)
+        drawn.append(_against_linear(f"Home {index}: {pair}", home, int(output), int(command)))
+    shown = Beside(tuple(drawn), columns=2)
+    return Section("What couples", lead, (Table(heads, tuple(rows), prose=True), shown))
 
 
 def _resonances(homes: Sequence[Mapped]) -> Section:
@@ -279,7 +260,11 @@ def _against_linear(title: str, home: Mapped, output: int, command: int) -> Figu
     return Figure(title, "Frequency [Hz]", "Gain, in resolutions", drawn, height=280)
 
 
-ARM = Part("arm", _conclude_arm, _homes_tasks, map_home, further_arm)
+def _further_arm(run: Run, case: CartesianCase) -> Further:
+    return ((run, (*fit_outputs(case.fit), f"{case.homes}/record.h5")),)
+
+
+ARM = Part("arm", _conclude_arm, _homes_tasks, map_home, _further_arm)
 
 
 _PUBLISHED_RAD_S, _NEAR = 126.4, 0.01
@@ -291,7 +276,6 @@ _LOOP_DIGITS = 5
 
 
 def _conclude_loop(_run: Run, _case: LoopCase, _own: Run, models: list[Artifact]) -> PartFound:
-    """Turns the axis' fit into figures and what is asked of them."""
     solution = solution_from_artifact(models[0])
     traces, denominator = solution.traces, solution.transfer(0).denominator
     left = np.linalg.norm(traces.measured - traces.simulated)

@@ -63,7 +63,10 @@ def draw_plant(rng: np.random.Generator) -> Plant:
         poles, zeros = _roots(rng, n_pole), _roots(rng, n_zero)
         mirrored = rng.random() < 0.25
         zeros = np.where(zeros.imag == 0, -zeros, zeros) if mirrored else zeros
-        if _are_apart(np.concatenate([poles, zeros])):
+        roots = np.concatenate([poles, zeros])
+        size, distance = np.abs(roots), np.abs(roots[:, None] - roots)
+        np.fill_diagonal(distance, np.inf)
+        if (distance >= APART * np.maximum(size[:, None], size)).all():
             return Plant(poles, zeros, float(np.exp(rng.uniform(-1, 1))))
 
 
@@ -80,13 +83,6 @@ def _roots(rng: np.random.Generator, count: int) -> ComplexArray:
         else:
             found.append(complex(-size))
     return np.array(found, dtype=complex)
-
-
-def _are_apart(roots: ComplexArray) -> bool:
-    distance = np.abs(roots[:, None] - roots)
-    size = np.maximum(np.abs(roots)[:, None], np.abs(roots))
-    np.fill_diagonal(distance, np.inf)
-    return bool((distance >= APART * size).all())
 
 
 def simulate_plant(plant: Plant, rng: np.random.Generator) -> Shot:

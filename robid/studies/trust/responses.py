@@ -35,7 +35,7 @@ from robid.studies.experiments import (
     excitations,
 )
 from robid.studies.mistakes.cases import GRADING, about_doubts, refused_causes
-from robid.studies.settings.trust import Individual, TrustStudy, individuals, robot_problems
+from robid.studies.settings.defects import Individual, TrustStudy, individuals, trusted_problems
 from robid.studies.simulated import (
     REFUSAL,
     kept_or_refused,
@@ -110,7 +110,7 @@ def machines(run: Run) -> dict[str, Machine]:
 
 
 def _runs(run: Run, study: TrustStudy) -> dict[str, Run]:
-    return both_runs(run, study.light, lambda own: robot_problems(study, "light", own.experiment, own.robot))
+    return both_runs(run, study.light, lambda own: trusted_problems(study, "light", own.experiment, own.robot))
 
 
 _NOISE = (RANDOM, FRESH, DESIGNED)  # each has noise of its own

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
@@ -75,12 +76,8 @@ def freeze_drive(
         raise DataError(message, where="campaign of the travelling slide", remedy="leave `global` out of the study")
     linear = linearize(model, rest, outputs)
     parameters, springs = nominal_parameters(robot, linear, truth.delay_s), tuple(s.name for s in robot.springs)
-    sampled = [
-        discretise(
-            state_space(linear, parameters, index, motors, springs, outputs), sampling_period_s, truth.delay_s
-        )
-        for index in range(_POINTS)
-    ]  # fmt: skip
+    continuous = (state_space(linear, parameters, index, motors, springs, outputs) for index in range(_POINTS))
+    sampled = [discretise(one, sampling_period_s, truth.delay_s) for one in continuous]
     factor = float(recorded_torque_factor(robot, truth.truth)[0])
     return FrozenDrive(
         position=grid,
@@ -103,9 +100,8 @@ def run_drive(drive: FrozenDrive, torque: FloatArray, position: FloatArray) -> F
     below = np.minimum(place.astype(int), _POINTS - 2)
     state = np.zeros(drive.A.shape[-1])
     outputs = np.empty((len(torque), drive.C.shape[1]))
-    for sample, (row, share, pushed) in enumerate(
-        zip(below.tolist(), (place - below).tolist(), torque.tolist(), strict=True)
-    ):
+    along = zip(below.tolist(), (place - below).tolist(), torque.tolist(), strict=True)
+    for sample, (row, share, pushed) in enumerate(along):
         A, B, C = (one[row] + share * (one[row + 1] - one[row]) for one in (drive.A, drive.B, drive.C))
         outputs[sample] = C @ state
         state = A @ state + pushed * B
@@ -294,14 +290,10 @@ def travel_section(travelled: Travelled, figures: Mapping[str, float], paper: Ma
     outputs = travelled.outputs
     rows = []
     for key, (title, printed) in _ROWS.items():
-        if f"global.{key}.{outputs[0]}" not in figures:
-            continue
-        published = dict(zip(outputs, paper.get(printed, ()), strict=False))
-        cells = [title]
-        for name in outputs:
-            cells.append(f"{published[name]:.2f}" if name in published else MISSING)
-            cells.append(significant(figures[f"global.{key}.{name}"], _DIGITS))
-        rows.append(tuple(cells))
+        if f"global.{key}.{outputs[0]}" in figures:
+            published = (f"{value:.2f}" for value in paper.get(printed, ()))
+            ours = (significant(figures[f"global.{key}.{name}"], _DIGITS) for name in outputs)
+            rows.append((title, *chain(*zip(chain(published, repeat(MISSING)), ours, strict=False))))
     heads = [head for name in outputs for head in (f"{name}, paper", "Ours")]
     lead = (
         f"{len(travelled.measured)} periods of a slide that travels while it is excited, compared at the excited lines"
@@ -375,10 +367,8 @@ def travel(solution: LpvSolution, record: Record, truth: TrueRobot) -> Travelled
     chosen, lines = [names.index(name) for name in ports.outputs], record.excited_lines
     torque, motion = record.inputs[0, 0, 0], record.outputs[0, 0, 0]
     position = motion[..., names.index(place)] + record.output_offset[0, names.index(place)]
-    scheduling = position[..., None]
-    fitted, unmoved = (
-        _modelled(solution, record, each) for each in (scheduling, np.full_like(scheduling, position.mean()))
-    )
+    moved, stood = position[..., None], np.full_like(position[..., None], position.mean())
+    fitted, unmoved = (_modelled(solution, record, each) for each in (moved, stood))
     drive = freeze_drive(truth, ports.outputs, position.min(), position.max(), record.sampling_period_s)
     return Travelled(
         frequency_hz=record.frequency_hz,
@@ -441,9 +431,8 @@ def _modelled(solution: LpvSolution, record: Record, scheduling: FloatArray) -> 
     lines, chosen = record.excited_lines, [names.index(name) for name in ports.outputs]
     if not solution.largest_pole < 1:
         return np.full((len(scheduling), len(lines), len(chosen)), np.nan, complex)
-    own = simulated_amplitudes(
-        solution.core_model, solution.core.integrators, record.inputs[0, 0, 0], scheduling, lines
-    )  # fmt: skip
+    core, integrators, inputs = solution.core_model, solution.core.integrators, record.inputs[0, 0, 0]
+    own = simulated_amplitudes(core, integrators, inputs, scheduling, lines)
     units = [record.output_channels[index].unit for index in chosen]
     as_measured = [unit == modelled for unit, modelled in zip(units, ports.output_units, strict=True)]
     return np.asarray(own / np.where(as_measured, 1.0, output_factor(record, lines)[:, chosen]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -20,13 +20,14 @@ from robid.report.numbers import MISSING, percent, significant
 from robid.robot.description import Robot
 from robid.settings.experiment import Campaign
 from robid.simulate.truth import true_robot
-from robid.studies.settings.elastic import EstimatorChoice, WernholtStudy
+from robid.studies.settings.study import EstimatorChoice, WernholtStudy
 from robid.studies.simulated import ratio_interval, simulate_options
 from robid.studies.study import study_of, values_of
 from robid.studies.wernholt2008.study import (
     ALL,
     Individuals,
-    measured,
+    needs,
+    read_frf,
     robot_and_delay,
     score_options,
     sets,
@@ -142,7 +143,7 @@ def gather(run: Run, results: Sequence[Artifact]) -> Found:
     """Puts the tasks' results together and judges every model."""
     study = study_of(run.loaded, WernholtStudy)
     robot, delay = robot_and_delay(run.loaded)
-    frf = measured(run)
+    frf = read_frf(run.path(needs(run.loaded)[0]))
     user, optimal = (set_up(robot, frf, options, delay)[0] for options in score_options(study))
     truth = true_internal(user, robot, run.loaded.experiment.campaigns[study.campaign])
     per_set = -(-study.fit.starts // study.starts_per_task)
@@ -150,10 +151,8 @@ def gather(run: Run, results: Sequence[Artifact]) -> Found:
     parts = [values[at : at + per_set] for at in range(0, len(values), per_set)]
     kinds = sets(study)
     near = [part for index, kind in enumerate(kinds) if not kind.group for part in parts[index]]
-    best = min(float(part["user_cost"].min()) for part in near)
-    best_optimal = min(float(part["optimal_cost"].min()) for part in near)
-    errors = own_resonance_errors(user, truth)
-    judge = Judge(user, errors <= _RESONANCE_LIMIT)
+    best, best_optimal = (min(float(part[key].min()) for part in near) for key in ("user_cost", "optimal_cost"))
+    judge = Judge(user, own_resonance_errors(user, truth) <= _RESONANCE_LIMIT)
     groups: dict[str, dict[str, Models]] = {}
     for index, kind in enumerate(kinds):
         groups.setdefault(kind.group, {})[kind.name] = _models(kind.name, parts[index], (best, best_optimal), judge)
@@ -175,29 +174,25 @@ def gather(run: Run, results: Sequence[Artifact]) -> Found:
 
 def true_internal(problem: Problem, robot: Robot, campaign: Campaign) -> FloatArray:
     """Internal parameters (n_param,) of a simulated campaign's true robot."""
-    values = true_springs(true_robot(robot, simulate_options(campaign).truth))
-    parameters = problem.parameters
+    values, parameters = true_springs(true_robot(robot, simulate_options(campaign).truth)), problem.parameters
     return np.asarray(np.log([values[name] for name in parameters.names] / parameters.nominal_values()))
 
 
-@dataclass
+@dataclass(frozen=True)
 class Judge:
     """Tells whether models meet the measured resonances; those met before are not computed again."""
 
     problem: Problem
     counted: BoolArray
-
-    def __post_init__(self) -> None:
-        """Begins with no model."""
-        self._known: dict[bytes, bool] = {}
+    known: dict[bytes, bool] = field(default_factory=dict)
 
     def meets(self, internal: FloatArray) -> bool:
         """Whether a model has every resonance that counts within the limit."""
         key = np.round(internal / _SAME_MODEL).astype(np.int64).tobytes()
-        if key not in self._known:
+        if key not in self.known:
             errors = own_resonance_errors(self.problem, internal)[self.counted]
-            self._known[key] = bool((errors <= _RESONANCE_LIMIT).all())
-        return self._known[key]
+            self.known[key] = bool((errors <= _RESONANCE_LIMIT).all())
+        return self.known[key]
 
 
 def _models(name: str, parts: Sequence[Mapping[str, Any]], best: tuple[float, float], judge: Judge) -> Models:
@@ -366,8 +361,8 @@ def _shares(text: str, better: tuple[Models | None, ...], worse: tuple[Models | 
 def _kinds(text: str, found: Found, easier: BoolArray, harder: BoolArray) -> Claim:
     if not easier.any() or not harder.any():
         return Claim(text, "not studied", None)
-    error = true_error(found)
-    std, off = ([float(np.median(values[mask])) for mask in (easier, harder)] for values in (found.std, error))
+    both = found.std, true_error(found)
+    std, off = ([float(np.median(values[mask])) for mask in (easier, harder)] for values in both)
     figures = (
         f"predicted deviation {percent(std[0])} and {percent(std[1])},"
         f" true error {percent(off[0])} and {percent(off[1])} (medians)"

@@ -14,7 +14,7 @@ from robid.design.configurations.information import ConfigurationDesign
 from robid.design.configurations.plan import Exchange
 from robid.design.configurations.visits import Visits, make_visits
 from robid.pipeline.graph import Run
-from robid.studies.settings.elastic import ZimmermannStudy
+from robid.studies.settings.study import ZimmermannStudy
 from robid.studies.simulated import Mean, differs, over_springs, scatter, scatter_error, scatters_differ
 from robid.studies.study import Earlier, study_of, values_of
 from robid.studies.zimmermann2023.models import owners_of_sets, pairs
@@ -227,13 +227,6 @@ def _further_sets(run: Run, study: ZimmermannStudy, earlier: Earlier) -> dict[st
     return found
 
 
-def _errors(row: dict[str, Any], key: str) -> FloatArray:
-    """Logarithm of each estimated spring over its true linear stiffness (n_wanted,)."""
-    estimated = {name for name in row["names"].tolist() if name.endswith(".stiffness")}
-    chosen = [f"{spring}.stiffness" in estimated for spring in row["springs"].tolist()]
-    return np.asarray(np.log(row[key] / row["true_stiffness"])[chosen])
-
-
 def _model(name: str, rows: list[dict[str, Any]], further: list[list[dict[str, Any]]]) -> Model:
     wanted = tuple(rows[0]["wanted"].tolist())
     more = further or [[] for _ in rows]
@@ -242,8 +235,14 @@ def _model(name: str, rows: list[dict[str, Any]], further: list[list[dict[str, A
     def every(key: str) -> FloatArray:
         return np.array([row[key] for row in rows])
 
+    def error(row: dict[str, Any], key: str) -> FloatArray:
+        """Logarithm of each estimated spring over its true linear stiffness (n_wanted,)."""
+        estimated = {name for name in row["names"].tolist() if name.endswith(".stiffness")}
+        chosen = [f"{spring}.stiffness" in estimated for spring in row["springs"].tolist()]
+        return np.asarray(np.log(row[key] / row["true_stiffness"])[chosen])
+
     def errors(key: str) -> FloatArray:
-        return np.array([[_errors(each, key) for each in (row, *sets)] for row, sets in zip(rows, more, strict=True)])
+        return np.array([[error(each, key) for each in (row, *sets)] for row, sets in zip(rows, more, strict=True)])
 
     return Model(
         name=name,

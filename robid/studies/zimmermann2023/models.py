@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -35,7 +34,7 @@ from robid.settings.robot_parts import delay_s, plain_settings
 from robid.settings.sources import true_robot_of
 from robid.simulate.truth import with_imperfections
 from robid.studies.experiments import paper_figures
-from robid.studies.settings.elastic import ModelChoice, ZimmermannStudy
+from robid.studies.settings.study import ModelChoice, ZimmermannStudy
 from robid.studies.simulated import measurements, played, read_responses, simulate_options, stated_std, threads_of
 from robid.studies.study import Content, Earlier, Task, study_of
 
@@ -146,18 +145,14 @@ def options_of(study: ZimmermannStudy, choice: ModelChoice) -> ElasticOptions:
 
 def model_tasks(run: Run, earlier: Earlier) -> list[Task]:
     """Returns one task for each individual and model."""
-    study = study_of(run.loaded, ZimmermannStudy)
-    return [
-        model_task(run, study, pair, name, used, f"{name}_{number}")
-        for number, pair in enumerate(pairs(run, earlier), 1)
-        for name, used in model_sets(study, _torques(run, study, pair), len(pair.configurations)).items()
-    ]
-
-
-def _torques(run: Run, study: ZimmermannStudy, pair: Pair) -> dict[str, FloatArray]:
-    robot = run.loaded.robot.to_robot(run.loaded.experiment.campaigns[pair.estimation].payload_kg)
-    asked = {choice.low_torque for choice in study.models.values()} - {None}
-    return {str(name): transmission_torque(robot, str(name), pair.configurations) for name in asked}
+    study, found = study_of(run.loaded, ZimmermannStudy), list[Task]()
+    asked = {choice.low_torque for choice in study.models.values() if choice.low_torque is not None}
+    for number, pair in enumerate(pairs(run, earlier), 1):
+        robot = run.loaded.robot.to_robot(run.loaded.experiment.campaigns[pair.estimation].payload_kg)
+        torques = {name: transmission_torque(robot, name, pair.configurations) for name in asked}
+        sets = model_sets(study, torques, len(pair.configurations))
+        found += [model_task(run, study, pair, name, used, f"{name}_{number}") for name, used in sets.items()]
+    return found
 
 
 def model_task(
@@ -238,23 +233,18 @@ def _deviations(one: Fitting, frf: Frf, solution: ElasticSolution) -> dict[str, 
     matrices, names = measured_information(robot, frf, one.delay_s, kinds=("stiffness",), nuisance=along, fixed=fixed)
     variance = np.diag(np.linalg.inv(matrices.sum(axis=0)))
     if "cubic" in one.options.free:
-        variance = _optimal_variance(one, frf, solution, names)
+        # Where all free parameters are estimated along, weights optimal.
+        weights = replace(one.options.weights, kind="optimal_full")
+        options = replace(one.options, weights=weights, estimator="lls", prior_decades=_NOTHING_KNOWN)
+        fitted = fitted_model(one.robots[0], solution, frf, options, one.delay_s)
+        covariance = sandwich(fitted.problem, fitted.internal)
+        variance = np.diag(covariance)[[fitted.problem.parameters.names.index(name) for name in names]]
     square = ("configuration", "wanted", "other wanted")
     return {
         "wanted": Dataset(np.array(names), "1", ("wanted",), "Springs whose deviations follow"),
         "std": Dataset(np.sqrt(variance), "1", ("wanted",), "Relative deviation, by the total covariance"),
         "information": Dataset(matrices, "1", square, "About the springs' logarithms, nuisances eliminated"),
     }
-
-
-def _optimal_variance(one: Fitting, frf: Frf, solution: ElasticSolution, names: Sequence[str]) -> FloatArray:
-    """Variance of the springs' logarithms where all free parameters are estimated along, weights optimal."""
-    weights = replace(one.options.weights, kind="optimal_full")
-    options = replace(one.options, weights=weights, estimator="lls", prior_decades=_NOTHING_KNOWN)
-    fitted = fitted_model(one.robots[0], solution, frf, options, one.delay_s)
-    covariance = sandwich(fitted.problem, fitted.internal)
-    own = [fitted.problem.parameters.names.index(name) for name in names]
-    return np.diag(covariance)[own]
 
 
 def _judgement(one: Fitting, solution: ElasticSolution) -> dict[str, Dataset]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.design.configurations.information import ConfigurationDesign
 from robid.pipeline.graph import Run
 from robid.report.design import design_section
 from robid.report.numbers import MISSING, percent, significant
@@ -33,14 +34,29 @@ def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
     found, paper = gather(run, results), paper_figures(run.loaded)
     summary, told = summarise(found), found.effort
     effort = deviation_figures(told.experiments, told.average, told.worst)
+    used = {name: one.used for name, one in found.models.items()}
+    columns = (
+        ("Model", lambda name: name),
+        ("Configurations", lambda name: str(len(used[name]))),
+        ("Their numbers", lambda name: ", ".join(str(index + 1) for index in used[name])),
+        ("In the paper", lambda name: paper.get("comment", {}).get(name, "")),
+    )
+    count = found.truth.shape[0]
+    lead = f"Each model is fitted once for each of {count} individuals of the type; figures are medians over them."
+
+    def arms(name: str, design: ConfigurationDesign) -> FloatArray:
+        campaign = run.loaded.experiment.campaigns[run.loaded.experiment.designs[name].campaign]
+        return skeleton(run.loaded.robot.to_robot(campaign.payload_kg), design.configurations)
+
     sections = (
-        _data_section(found, paper),
+        Section("Table I: the data of the models", lead, (table(columns, used, prose=True),)),
         _model_section(found, summary, paper),
         *(_cost_section(found), _response_section(found), _spring_section(found)),
         *_explanation_sections(found),
         Section("How long must I measure?", f"{found.effort.sentence} {_EFFORT}", (Beside(effort, 2),)),
         *_step_section(found, summary),
-        *_design_sections(run),
+        # The designs that the configurations come from: arms in space, weights, information, gap.
+        *(design_section(name, design, arms(name, design)) for name, design in chosen_designs(run).items()),
     )
     text, reached = _verdict(found, summary)
     return Conclusion(Verdict(text, "ok" if reached else "warn"), summary, sections)
@@ -98,19 +114,6 @@ def _deviation(fraction: float | None) -> str:
 
 def _below(value: float, limit: float) -> str:
     return f"asked: at most {limit:g}, {'reached' if value <= limit else 'missed'}"
-
-
-def _data_section(found: Found, paper: Mapping[str, Any]) -> Section:
-    used = {name: one.used for name, one in found.models.items()}
-    columns = (
-        ("Model", lambda name: name),
-        ("Configurations", lambda name: str(len(used[name]))),
-        ("Their numbers", lambda name: ", ".join(str(index + 1) for index in used[name])),
-        ("In the paper", lambda name: paper.get("comment", {}).get(name, "")),
-    )
-    count = found.truth.shape[0]
-    lead = f"Each model is fitted once for each of {count} individuals of the type; figures are medians over them."
-    return Section("Table I: the data of the models", lead, (table(columns, used, prose=True),))
 
 
 def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[str, Any]) -> Section:
@@ -301,16 +304,6 @@ def _spring_section(found: Found) -> Section:
         f" deviations to each side. Along x: {order}."
     )
     return Section("Fig. 5: parameters and deviations", lead, (Beside(tuple(figures), 3),))
-
-
-def _design_sections(run: Run) -> tuple[Section, ...]:
-    """The designs that the configurations come from: arms in space, weights, information, gap."""
-    sections = []
-    for name, design in chosen_designs(run).items():
-        campaign = run.loaded.experiment.campaigns[run.loaded.experiment.designs[name].campaign]
-        robot = run.loaded.robot.to_robot(campaign.payload_kg)
-        sections.append(design_section(name, design, skeleton(robot, design.configurations)))
-    return tuple(sections)
 
 
 def _step_section(found: Found, summary: Mapping[str, float]) -> tuple[Section, ...]:

@@ -30,7 +30,7 @@ from robid.signals.waveforms import PEAK_ACCELERATION, PEAK_SNAP, smooth_step, s
 from robid.simulate.engine import true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.playback import Playback, play, turned_tool, with_tool_point
-from robid.studies.settings.elastic import StepOptions, ZimmermannStudy
+from robid.studies.settings.study import StepOptions, ZimmermannStudy
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Content, Earlier, Task, study_of
 
@@ -188,7 +188,11 @@ def run_steps(bench: StepBench, task: StepTask) -> tuple[FloatArray, FloatArray,
         tools.append([(side.tool - side.tool[0]).swapaxes(0, 1) for side in sides])
         axes = np.arange(len(task.profiles))
         torques.append([side.torque[:, axes, axes].T for side in sides])  # of each simulation's own axis
-    return _paths(bench, task), np.array(tools).swapaxes(0, 1), np.array(torques).swapaxes(0, 1)
+    model = true_model(bench.true, bench.controller, replace(bench.simulation, steps_per_sample=1), sensors=False)
+    rest = solve_statics(model, task.configuration[None])
+    steps = [smooth_step(bench.time_s, one.size_rad, one.speed_rad_s, one.ramp_s)[0] for one in task.profiles]
+    paths = np.array([turned_tool(model, rest, axis, angle) for axis, angle in enumerate(steps)])
+    return paths, np.array(tools).swapaxes(0, 1), np.array(torques).swapaxes(0, 1)
 
 
 def step_control(robot: Robot, bench: StepBench, task: StepTask) -> Playback:
@@ -215,14 +219,6 @@ def step_control(robot: Robot, bench: StepBench, task: StepTask) -> Playback:
         angles.append(found.angle[now])
         torques.append((found.torque + coulomb * np.tanh(rate / smooth))[held])
     return Playback(np.stack(angles, axis=1), np.stack(torques, axis=1))
-
-
-def _paths(bench: StepBench, task: StepTask) -> FloatArray:
-    at_rest = replace(bench.simulation, steps_per_sample=1)
-    model = true_model(bench.true, bench.controller, at_rest, sensors=False)
-    rest = solve_statics(model, task.configuration[None])
-    steps = [smooth_step(bench.time_s, one.size_rad, one.speed_rad_s, one.ramp_s)[0] for one in task.profiles]
-    return np.array([turned_tool(model, rest, axis, angle) for axis, angle in enumerate(steps)])
 
 
 _PATH, _STEPPED = "configuration axis time xyz", "model configuration axis time"

@@ -13,7 +13,7 @@ from robid.robot.model import build_model
 from robid.settings.load import load_robot
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.playback import with_tool_point
-from robid.studies.settings.elastic import StepOptions
+from robid.studies.settings.study import StepOptions
 from robid.studies.zimmermann2023.steps import (
     StepBench,
     StepProfile,
