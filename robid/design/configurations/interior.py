@@ -108,13 +108,8 @@ def descend(
 ) -> tuple[FloatArray, float, int]:
     """Interior-point steps on some candidates: weights (n,) of a small gap, the smoothing reached, number of steps.
 
-    Args:
-        problem: The design.
-        working (n,): The candidates to work on.
-        weights (n,): Their weights at first, sum 1, inside their limits.
-        smoothing: Smoothing of `e` at first.
-        wanted: Relative gap at which to stop.
-        most_steps: Limit on the steps.
+    They begin at weights (n,) of the working candidates (n,), sum 1, inside their limits, and at a smoothing of `e`;
+    they stop at the relative gap that is wanted.
     """
     matrices = problem.candidates.matrices(working)
     flat = matrices.reshape(*matrices.shape[:2], -1)
@@ -147,7 +142,7 @@ def descend(
         lower_step = barrier / weights - lower - lower / weights * direction
         upper_step = barrier / room - upper + upper / room * direction if bounded else upper
         longest = _longest(weights, direction, room if bounded else None)
-        taken = _searched(problem, flat, weights, direction, longest, barrier, force)
+        taken = _searched(problem, flat, (weights, direction, force), (longest, barrier))
         if taken == 0.0:
             break
         # Primal and dual steps each go as far as positivity allows.
@@ -190,15 +185,10 @@ def _longest(values: FloatArray, change: FloatArray, room: FloatArray | None) ->
 
 
 def _searched(
-    problem: RelaxedProblem,
-    flat: FloatArray,
-    weights: FloatArray,
-    direction: FloatArray,
-    longest: float,
-    barrier: float,
-    force: FloatArray,
+    problem: RelaxedProblem, flat: FloatArray, step: tuple[FloatArray, ...], ends: tuple[float, float]
 ) -> float:
     """Step length at which loss and barrier together fall; 0 if there is none."""
+    (weights, direction, force), (longest, barrier) = step, ends
     size = problem.candidates.n_param
 
     def merit(trial: FloatArray) -> float:

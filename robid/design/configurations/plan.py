@@ -137,13 +137,8 @@ def _traces(parts: FloatArray, factors: FloatArray) -> FloatArray:
 def best_exchange(problem: Exchange, weights: FloatArray, restarts: int, seed: int) -> IntArray:
     """Numbers of experiments (n_cand,) of the best of several exchanges.
 
-    They start from the greedy choice, from the largest weights, and from random ones that the weights favour.
-
-    Args:
-        problem: What may be measured.
-        weights (n_cand,): Relaxed weights.
-        restarts: Number of random starts.
-        seed: Their seed.
+    They start from the greedy choice, from the largest relaxed weights (n_cand,), and from so many random ones, by a
+    seed, that the weights favour.
     """
     generator = np.random.default_rng(seed)
     nothing = np.zeros(weights.size, int)
@@ -157,11 +152,9 @@ def best_exchange(problem: Exchange, weights: FloatArray, restarts: int, seed: i
 
 
 def efficient_rounding(weights: FloatArray, experiments: int) -> IntArray:
-    """Rounds weights to numbers (n,) of experiments so that each weight loses the least share of itself.
+    """Rounds weights (n,) to numbers of experiments so that each weight loses the least share of itself.
 
-    Args:
-        weights (n,): Weights; those at 0 get nothing.
-        experiments: Number of experiments, at least one for each positive weight.
+    There is at least one experiment for each positive weight; those at 0 get nothing.
 
     Source:
         Pukelsheim and Rieder (1992), "Efficient rounding of approximate designs".
@@ -259,14 +252,9 @@ class ConfigurationPlan:
         return self.bound(found)
 
     def _relaxed(self, matrices: FloatArray, prior: FloatArray, limit: float) -> Relaxed:
-        return relaxed_design(
-            matrices,
-            criterion=self.options.criterion,
-            gap=self.options.gap,
-            iterations=self.options.iterations,
-            prior=prior / self.budget,
-            limit=limit,
-        )
+        wanted, prior = self.options, prior / self.budget
+        ends = {"gap": wanted.gap, "limit": limit}
+        return relaxed_design(matrices, criterion=wanted.criterion, iterations=wanted.iterations, prior=prior, **ends)
 
 
 def checked_plan(options: DesignOptions, cost: FloatArray) -> tuple[int, float]:
@@ -276,20 +264,17 @@ def checked_plan(options: DesignOptions, cost: FloatArray) -> tuple[int, float]:
         SettingsError: If there are too few candidates, or the budget does not pay the cheapest.
     """
     if options.count > cost.size:
-        raise SettingsError(
-            f"S023 {options.count} configurations cannot be chosen from {cost.size} candidates.",
-            where="design.count",
-            remedy="Lower count, or give the campaign more candidates.",
-        )
+        message = f"S023 {options.count} configurations cannot be chosen from {cost.size} candidates."
+        remedy = "Lower count, or give the campaign more candidates."
+        raise SettingsError(message, where="design.count", remedy=remedy)
     experiments = options.experiments or options.count
     budget = options.budget or experiments * float(cost.mean())
     cheapest = np.sort(cost)[: options.count].sum() if options.experiments is None else experiments * cost.min()
     if cheapest > budget * (1 + 1e-12):
-        raise SettingsError(
-            f"S024 The budget of {budget:g} does not pay {experiments} experiments: the cheapest cost {cheapest:g}.",
-            where="design.budget",
-            remedy="Raise budget, or ask for fewer experiments.",
+        message = (
+            f"S024 The budget of {budget:g} does not pay {experiments} experiments: the cheapest cost {cheapest:g}."
         )
+        raise SettingsError(message, where="design.budget", remedy="Raise budget, or ask for fewer experiments.")
     return experiments, budget
 
 

@@ -28,23 +28,15 @@ class BaseModel:
         """Motor torques (n_conf, n_time, n_motor) of a motion (3, n_time, n_joint) about configurations [N m]."""
         to_motor = self.model.robot.motor_per_arm.T
         way, speed, acceleration = motion
-        found = [
-            self.model.torques(self.values, (row + way) @ to_motor, speed @ to_motor, acceleration @ to_motor)
-            for row in configurations
-        ]
-        return np.array(found)
+        rates = speed @ to_motor, acceleration @ to_motor
+        return np.array([self.model.torques(self.values, (row + way) @ to_motor, *rates) for row in configurations])
 
     def columns(self, configurations: FloatArray, motion: FloatArray) -> FloatArray:
         """Regressor (n_conf, n_time, n_motor, n_base) of such a motion."""
         return self._columns(_about(configurations, motion), motion[1])
 
     def slopes(self, configurations: FloatArray, motion: FloatArray, columns: FloatArray) -> FloatArray:
-        """How the columns change with what each joint does.
-
-        Args:
-            configurations (n_conf, n_joint): Arm-side joint positions [rad, or m].
-            motion (3, n_time, n_joint): Way from these, speed and acceleration on the arm side.
-            columns (n_conf, n_time, n_motor, n_base): What `columns` gives.
+        """How the columns (n_conf, n_time, n_motor, n_base) that `columns` gives change with what each joint does.
 
         Returns:
             Slopes (3, n_joint, n_conf, n_time, n_motor, n_base) by position, speed and acceleration of each joint.
@@ -168,12 +160,9 @@ class TrajectoryProblem:
         return found.reshape(*visited.shape[:2], -1), slopes.reshape(*visited.shape[:2], -1, way.shape[1])
 
     def evaluate(self, point: FloatArray, sharpness: float) -> Evaluation:
-        """Evaluates coefficients over `scale`.
+        """Evaluates coefficients over `scale`, a flat point (n_variable,).
 
-        Args:
-            point (n_variable,): The coefficients, flat.
-            sharpness: Of the smooth maximum over samples, which is above the largest of n values by at most `log(n)`
-                over this.
+        The smooth maximum over samples is above the largest of n values by at most `log(n)` over its sharpness.
         """
         coefficients = point.reshape(self.series.count, -1) * self.scale
         motion = self.waves @ coefficients
