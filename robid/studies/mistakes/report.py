@@ -181,10 +181,7 @@ def _case_sections(rows: Sequence[CaseRow]) -> tuple[Section, ...]:
     sound = _by([row for row in rows if row.name == SOUND], "robot").values()
     mistakes = table((("Mistake", lambda own: own[0].name.replace("_", " ")), *_COLUMNS), made, caption=caption)
     robots = table((("Sound robots", lambda own: own[0].robot), *_COLUMNS), sound)
-    return (
-        Section("Mistakes", "", (mistakes,)),
-        Section("Sound robots", "Nothing is wrong with these.", (robots,)),
-    )
+    return (Section("Mistakes", "", (mistakes,)), Section("Sound robots", "Nothing is wrong with these.", (robots,)))
 
 
 def _counted(texts: Iterable[str]) -> str:

@@ -15,15 +15,7 @@ from robid.report.numbers import MINUS, MISSING, percent, significant
 from robid.report.section import Beside, Curve, Figure, Notes, Row, Section, Table
 from robid.studies.experiments import paper_figures
 from robid.studies.oliveira2019 import judging
-from robid.studies.oliveira2019.bench import (
-    ROTATIONS,
-    Bench,
-    Plant,
-    bench_of,
-    identify,
-    plants_of,
-    plants_tasks,
-)
+from robid.studies.oliveira2019.bench import ROTATIONS, Bench, Plant, bench_of, identify, plants_of, plants_tasks
 from robid.studies.page import Asked, PartFound, curves, table
 from robid.studies.settings.parts import PlantsCase
 from robid.studies.study import Part, Results

@@ -28,12 +28,7 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, plain_settings
 from robid.settings.robot_sections import given
 from robid.simulate.truth import TrueRobot
-from robid.studies.experiments import (
-    Further,
-    both_runs,
-    changed_simulation,
-    excitations,
-)
+from robid.studies.experiments import Further, both_runs, changed_simulation, excitations
 from robid.studies.mistakes.cases import GRADING, about_doubts, refused_causes
 from robid.studies.settings.defects import Individual, TrustStudy, individuals, trusted_problems
 from robid.studies.simulated import (

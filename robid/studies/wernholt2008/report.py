@@ -16,16 +16,7 @@ from robid.studies.experiments import paper_figures
 from robid.studies.page import Conclusion, figure, table
 from robid.studies.settings.study import WernholtStudy
 from robid.studies.study import Earlier, study_of
-from robid.studies.wernholt2008.figures import (
-    COST_LIMIT,
-    NEAR_BEST,
-    Found,
-    Models,
-    claims,
-    gather,
-    spread,
-    summarise,
-)
+from robid.studies.wernholt2008.figures import COST_LIMIT, NEAR_BEST, Found, Models, claims, gather, spread, summarise
 from robid.studies.wernholt2008.study import ALL, Individuals, gather_individuals, robot_and_delay, sizes_of
 
 _PARAMETER_RANGE = (0.01, 100.0)

@@ -53,11 +53,7 @@ class StepProfile:
 
 
 def step_profiles(
-    robot: Robot,
-    controller: Controller,
-    simulation: SimulateOptions,
-    configurations: FloatArray,
-    options: StepOptions,
+    robot: Robot, controller: Controller, simulation: SimulateOptions, configurations: FloatArray, options: StepOptions
 ) -> list[list[StepProfile]]:
     """Finds the fastest step of every axis in every configuration (n_conf, n_joint) [rad] of a robot that must follow.
 
