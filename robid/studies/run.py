@@ -123,13 +123,9 @@ def run_study(
     *,
     force: bool = False,
 ) -> StudyOutcome:
-    """Runs a study: what is done stays, so that a stopped one goes on where it was.
+    """Runs a study: what is done stays, so that a stopped one goes on where it was, unless `force` does it again.
 
-    Args:
-        run: The experiment with the study, and its run folder.
-        progress: Shows how far something is.
-        tell: Is told what became of each node of the chain.
-        force: Whether to do the tasks again that are done.
+    It shows how far something is, and tells what became of each node of the chain.
 
     Raises:
         SettingsError: If the experiment file has no study.
@@ -156,7 +152,6 @@ def run_study(
 
 
 def _concluded(run: Run, study: Procedure, results: Earlier, further: Further, started: str) -> StudyOutcome:
-    """Concludes, and writes page and summary anew where they are not what the results say."""
     conclusion, loaded = study.conclude(run, results), run.loaded
     headers = [[read_header(path, TASK) for path in done.paths] for done in results]
     made = [[header.provenance for header in some] for some in headers]
@@ -215,7 +210,6 @@ def _of_several_commits(made: Iterable[Iterable[Provenance]]) -> tuple[str, ...]
 
 
 def _against_references(loaded: LoadedExperiment, summary: dict[str, float]) -> tuple[Section, ...]:
-    """The table of reference figures, where the study names any."""
     study = loaded.experiment.study
     if not isinstance(study, FrfStudy) or not (known := study.references):
         return ()

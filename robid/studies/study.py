@@ -109,15 +109,10 @@ def run_tasks(
     *,
     force: bool = False,
 ) -> Results:
-    """Does the tasks that are not done yet, and returns the results of all in their order.
+    """Does the tasks that are not done yet, or all by `force`, and returns the results of all in their order.
 
-    Args:
-        folder: Where the results lie, one file each; files of other tasks are removed once all are done.
-        function: Does one task; a function of a module.
-        tasks: The tasks, their names different.
-        parallel_map: Runs them.
-        progress: Is told how far it is.
-        force: Whether to do again what is done.
+    Their names differ, and a function of a module does each. Results lie in the folder, one file each; files of other
+    tasks are removed once all are done.
 
     Raises:
         RobidError: What the first failing task raised; what is finished stays.

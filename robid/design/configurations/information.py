@@ -208,7 +208,6 @@ def _plan(
     experiments: int,
     budget: float,
 ) -> ConfigurationPlan:
-    """The choice to be made, over the scale of the log-parameters."""
     known = known / (scale[:, None] * scale)
     if fitted is None:
         visits = visits.scaled(scale)

@@ -123,7 +123,6 @@ class Exchange:
         return int(indices[np.argmax(values)]), float(values.max())
 
     def _leaves_enough(self, counts: IntArray, index: int) -> bool:
-        """Whether the experiments after this one can be paid, if they are the cheapest ones."""
         left = self.experiments - int(counts.sum()) - 1
         free = self.cost if self.repeats else np.delete(self.cost, np.append(np.flatnonzero(counts), index))
         needed = left * free.min() if self.repeats else np.sort(free)[:left].sum()

@@ -108,7 +108,6 @@ def _start(problem: RelaxedProblem) -> tuple[IntArray, FloatArray, float]:
 
 
 def _spread(problem: RelaxedProblem, weights: FloatArray) -> FloatArray:
-    """Weights that sum to 1, all of them inside their limits."""
     even = 1 / weights.size
     mixed = 0.9 * weights / weights.sum() + 0.1 * even
     if mixed.max() < problem.limit:
@@ -126,7 +125,6 @@ def _part_totals(problem: RelaxedProblem, working: IntArray, weights: FloatArray
 def _enlarged(
     problem: RelaxedProblem, working: IntArray, weights: FloatArray, slopes: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Adds the candidates that promise most, with small weights."""
     outside = slopes.copy()
     outside[working] = -np.inf
     reached = slopes[working] @ weights

@@ -190,7 +190,6 @@ def design_excitation(
 
 
 def _amplitude(options: MultisineOptions, rms: FloatArray, n_lines: int, loop: NominalLoop | None) -> FloatArray:
-    """Amplitude (n_motor, n_lines) of each line."""
     # A sum of n cosines of amplitude a has the RMS a sqrt(n / 2).
     flat = np.repeat(rms[:, None] * np.sqrt(2 / n_lines), n_lines, axis=1)
     if options.amplitude == "flat":
@@ -237,7 +236,6 @@ def _needed(loop: NominalLoop | None) -> NominalLoop:
 
 
 def _rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
-    """The RMS of each motor's signal (n_motor,)."""
     values = np.full(n_motor, rms, float) if np.ndim(rms) == 0 else np.asarray(rms, float)
     problems = [] if len(values) == n_motor else [f"{len(values)} values for {n_motor} motors"]
     low = [(index, value) for index, value in enumerate(values, 1) if value <= 0]

@@ -120,7 +120,6 @@ def _refuse(problems: list[str]) -> None:
 
 
 def _grid(options: ChosenLineOptions) -> IntArray:
-    """Lines of the band that may be excited."""
     lowest = max(int(np.ceil(options.low_hz * options.period_s - 1e-9)), 1)
     highest = int(np.floor(options.high_hz * options.period_s + 1e-9))
     if options.grid == "odd":

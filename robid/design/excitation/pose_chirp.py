@@ -45,7 +45,6 @@ class PoseLimits:
 
 
 def _pose_limits(robot: Robot) -> PoseLimits:
-    """The limits of a robot file."""
     motors = [joint.motor for joint in robot.joints]
     speed, torque = ([getattr(one, key) for one in motors] for key in ("max_speed_rad_s", "max_torque_nm"))
     return PoseLimits(robot.lower, robot.upper, np.array(speed), np.array(torque))

@@ -77,7 +77,6 @@ def _reaches(excitation: Excitation, loop: NominalLoop) -> tuple[FloatArray, Flo
 
 
 def _limits(robot: Robot, options: PerturbationOptions) -> FloatArray:
-    """Limits (3, n_motor) of speed, torque and excursion."""
     speed, torque = ([getattr(one.motor, key) for one in robot.joints] for key in ("max_speed_rad_s", "max_torque_nm"))
     excursion = np.where(robot.prismatic, options.max_excursion_m, np.radians(options.max_excursion_deg))
     return np.array([speed, torque, excursion])

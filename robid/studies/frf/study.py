@@ -153,7 +153,6 @@ def _identified(record: Record, estimators: tuple[Estimator, ...]) -> tuple[Torq
 
 
 def _estimate(record: Record, estimator: Estimator, identified: tuple[TorqueLaw, ...] | str | None) -> _Outcome:
-    """Estimates; a refusal becomes NaN with its reason."""
     laws = identified if estimator.options.compensation in IDENTIFYING else estimator.laws
     if isinstance(laws, str) and estimator.options.compensation == "auto":
         laws = estimator.laws
@@ -184,17 +183,13 @@ class Scatter:
 
 
 def scatter(estimates: ComplexArray, variance: FloatArray, reference: ComplexArray) -> Scatter:
-    """Compares estimates with a reference and their spread with what they report.
+    """Compares estimates with a reference (n_conf, n_freq, n_out, n_in), and their spread with what they report.
 
-    Args:
-        estimates (n_conf, n_estimate, n_freq, n_out, n_in): Independent estimates; NaN where one was refused.
-        variance (n_conf, n_estimate, n_freq, n_out, n_in): Variance that each reports, `E|G_hat - G|^2`.
-        reference (n_conf, n_freq, n_out, n_in): What they should be.
+    Independent estimates, NaN where one was refused, and the variance that each reports, `E|G_hat - G|^2`, are (n_conf,
+    n_estimate, n_freq, n_out, n_in).
     """
-    count = np.isfinite(estimates).sum(axis=1)
-    enough = count > 1
-    mean = _mean(estimates, count)
-    size = np.abs(reference)
+    count, size = np.isfinite(estimates).sum(axis=1), np.abs(reference)
+    enough, mean = count > 1, _mean(estimates, count)
     error = np.sqrt(_mean(np.abs(estimates - reference[:, None]) ** 2, count)) / size
     spread = _mean(np.abs(estimates - mean[:, None]) ** 2, count) * count / np.maximum(count - 1, 1)
     reported = _mean(variance, count)
@@ -207,12 +202,8 @@ def error_ratio(
 ) -> tuple[float, float, float]:
     """Median error of one estimator over another's, with the 95 % interval of a bootstrap over the estimates.
 
-    Args:
-        first (n_conf, n_estimate, n_freq, n_out, n_in): Estimates from the same data as `second`.
-        second (n_conf, n_estimate, n_freq, n_out, n_in): Estimates to compare with.
-        reference (n_conf, n_freq, n_out, n_in): What both should be.
-        draws: Bootstrap draws.
-        seed: Their seed.
+    Estimates (n_conf, n_estimate, n_freq, n_out, n_in) from the same data should be the reference (n_conf, n_freq,
+    n_out, n_in).
 
     Returns:
         Ratio, lower and upper end; NaN where the two share no estimate.
@@ -220,17 +211,14 @@ def error_ratio(
     both = np.isfinite(first).all(axis=(0, 2, 3, 4)) & np.isfinite(second).all(axis=(0, 2, 3, 4))
     if both.sum() < 2:
         return np.nan, np.nan, np.nan
-    size = np.abs(reference[:, None])
-    squares = [
-        np.moveaxis((np.abs(each[:, both] - reference[:, None]) / size) ** 2, 1, 0).reshape(both.sum(), -1)
-        for each in (first, second)
-    ]
+    whole, count = reference[:, None], int(both.sum())
+    off = ((np.abs(each[:, both] - whole) / np.abs(whole)) ** 2 for each in (first, second))
+    squares = [np.moveaxis(each, 1, 0).reshape(count, -1) for each in off]
 
     def ratio(weights: FloatArray) -> float:
         ours, theirs = (np.median(np.sqrt(weights @ square)) for square in squares)
         return float(ours / theirs)
 
-    count = int(both.sum())
     weights = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), draws) / count
     ends = np.quantile([ratio(row) for row in weights], [0.025, 0.975])
     return ratio(np.full(count, 1 / count)), float(ends[0]), float(ends[1])
@@ -286,8 +274,8 @@ def gather(results: Sequence[Artifact]) -> Found:
 def true_response(loaded: LoadedExperiment, found: Found) -> ComplexArray:
     """Returns the response of the true robot's frictionless linearisation (n_conf, n_freq, n_motor, n_motor)."""
     _, campaign, options = campaign_of(loaded)
-    stated = loaded.robot.to_robot(campaign.payload_kg)
-    robot = with_imperfections(true_robot(stated, options.truth), options.imperfections)
+    true = true_robot(loaded.robot.to_robot(campaign.payload_kg), options.truth)
+    robot = with_imperfections(true, options.imperfections)
     model = build_model(robot)
     linear = linearize(model, solve_statics(model, found.configurations))
     parameters = nominal_parameters(robot, linear, delay_s(loaded, campaign))
@@ -333,8 +321,7 @@ def bias_figures(name: str, whole: ComplexArray, estimates: ComplexArray, truth:
     Estimates are those of the groups (n_conf, n_group, n_freq, n_out, n_in), `whole` that of all, NaN where refused.
     """
     bias = np.abs(whole / truth - 1)
-    diagonal = elements(bias, diagonal=True)
-    single = elements(np.abs(estimates / truth[:, None] - 1), diagonal=True)
+    diagonal, single = (elements(each, diagonal=True) for each in (bias, np.abs(estimates / truth[:, None] - 1)))
     figures = {
         "median_diagonal": _quantile(diagonal, 0.5),
         "q90_diagonal": _quantile(diagonal, 0.9),

@@ -143,7 +143,6 @@ def _variation_table(found: Mapping[str, seeded.Judged], case: SeededCase, paper
 
 
 def _limits(found: Mapping[str, seeded.Judged], case: SeededCase) -> tuple[Table, ...]:
-    """Huber's estimates with H towards infinity and towards 0."""
     order = np.argsort(seeded.BENDS)[::-1]
     tables = []
     for filters, cut in zip(seeded.FILTERS, seeded.cuts(case), strict=True):

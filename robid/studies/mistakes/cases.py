@@ -268,7 +268,6 @@ def measure_all(one: Individual) -> Content:
 
 
 def _responses(campaign: Measured, one: Individual) -> dict[str, Content]:
-    """What is kept of every response in all configurations, or of why there is none."""
     parts: dict[str, list[Frf]] = {key: [] for key in one.read}
     refusals: dict[str, str] = {}
     for index, configuration in enumerate(campaign.configurations):

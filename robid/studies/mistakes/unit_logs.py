@@ -183,7 +183,6 @@ def _rough_spring(spring: _Part, rough: Rough, factors: Factors) -> _Part:
 
 
 def _scaled(section: _Part, factors: Mapping[str, float]) -> _Part:
-    """The section with these of its values, where it states them, times factors."""
     stated = {key: getattr(section, key) for key in factors}
     return section.model_copy(update={key: value * factors[key] for key, value in stated.items() if value is not None})
 

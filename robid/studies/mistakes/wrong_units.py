@@ -105,7 +105,6 @@ def needed_by_units(run: Run) -> Further:
 
 
 def _problems(study: MistakesStudy, name: str, settings: UnitRobot, loaded: LoadedExperiment) -> Problems:
-    """Yields what a robot's experiment lacks."""
     place: FieldPath = ("study", "units", "robots", name)
     problem = fit_problem(loaded.experiment, settings.fit)
     if problem:
@@ -200,7 +199,6 @@ def read_individual(reading: Reading) -> Content:
 
 
 def _logs(reading: Reading, loaded: LoadedExperiment) -> Iterator[tuple[str, Log]]:
-    """The logs of both campaigns of an individual, in SI units, by the campaign's name."""
     seed, physics = reading.of.seed, reading.of.physics(reading.settings)
     joints = [joint.name for joint in loaded.robot.joints]
     for number, (name, owner) in enumerate(campaigns_of(loaded, reading.settings.fit).items()):
@@ -215,7 +213,6 @@ def _logs(reading: Reading, loaded: LoadedExperiment) -> Iterator[tuple[str, Log
 
 
 def _chain(reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, Log], mistake: UnitMistake | None) -> Said:
-    """What the chain says of logs that are read with a mistake, or with none."""
     fit = reading.settings.fit
     with tempfile.TemporaryDirectory() as folder:
         read = _as_read(reading, loaded, logs, mistake, Path(folder))
@@ -238,7 +235,6 @@ def _chain(reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, Log], 
 def _as_read(
     reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, Log], mistake: UnitMistake | None, folder: Path
 ) -> LoadedExperiment:
-    """The experiment that reads the logs, which are written with what is wrong in them."""
     settings, joints = reading.settings, [joint.name for joint in loaded.robot.joints]
     signals = settings.log if mistake is None else mistake.log.get(reading.of.robot, settings.log)
     stretch, campaigns = 1.0, {}

@@ -297,7 +297,6 @@ def _roots(solution: ExternalSolution) -> tuple[RootValue, ...]:
 
 
 def _quality(plant: Plant, fitted: Fitted, shot: Shot, n_parameter: int) -> Quality:
-    """Table 2's measures on the chirp left out, the final prediction error in the paper's units."""
     simulated = predict(fitted.model, shot, [0], [0])
     left = (shot.outputs - simulated) / PRINTED[plant.unit]
     whole = shot.outputs - shot.outputs.mean(axis=0)

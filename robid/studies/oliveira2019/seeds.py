@@ -191,7 +191,6 @@ def cover(channel: BenchChannel, start: TransferMatrix, seeds: range) -> Content
 
 
 def _shares(channel: BenchChannel, measuring: Measuring, fitted: Fitted) -> tuple[float, float, float, float]:
-    """Shares of true outputs, magnitudes and phases within their bounds, and the largest error of a magnitude."""
     simulated, std = answer_of(fitted, lambda model: model.simulate(measuring.commands[-1][:, None])[:, 0])
     held = _inside(simulated - measuring.answers[-1], std)
     low, high = channel.case.band_hz

@@ -149,7 +149,6 @@ _FIELD: FieldPath = ("study", "global")
 
 
 def _check_travel(experiment: Experiment, case: TravelCase, robot: RobotFile | None) -> Problems:
-    """Yields what is wrong with the campaigns of a travelling slide and with its scheduling parameter."""
     problems = {key: campaign_problem(experiment, getattr(case, key)) for key in ("campaign", "fixed")}
     yield from (((*_FIELD, key), problem) for key, problem in problems.items() if problem)
     if robot is not None and len(robot.joints) != 1:

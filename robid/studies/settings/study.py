@@ -210,7 +210,6 @@ def check_wernholt2008(study: WernholtStudy, experiment: Experiment, _robot: Rob
 
 
 def _one_configuration(study: WernholtStudy, names: tuple[str, ...]) -> list[tuple[int, str]]:
-    """Estimators that use one configuration alone."""
     return [
         (index, f"`{name}` does not use all configurations")
         for index, name in enumerate(names)

@@ -87,15 +87,9 @@ def doubted_responses(
 ) -> ComplexArray:
     """Computes the exact responses of a robot that is off, as they are recorded; bristles are those of all places.
 
-    Args:
-        robot: The robot, its springs and dampers the true ones.
-        off: How far it is off.
-        configurations (n_conf, n_joint): Its places [rad, or m].
-        frequency_hz (n_freq,): Frequencies [Hz].
-        sampling: Period for which torques are held, and delay to the applied torque [s].
-
-    Returns:
-        Responses (n_conf, n_freq, n_motor, n_motor) from recorded torques to motor accelerations.
+    Springs and dampers are the true ones. Responses (n_conf, n_freq, n_motor, n_motor) are from recorded torques to
+    motor accelerations, in places (n_conf, n_joint) [rad, or m] at frequencies (n_freq,) [Hz]; the sampling is the
+    period for which torques are held, and the delay to the applied torque [s].
     """
     shares = load_shares(robot, configurations)
     found = []
@@ -110,7 +104,7 @@ def doubted_responses(
         parameters = nominal_parameters(own, linear, delay_s)
         exact = _with_bristles(linear, parameters, bristles, frequency_hz, sampling[0])
         hold = hold_factor(2 * np.pi * frequency_hz, delay_s, sampling[0])
-        found.append(_recorded(own, off.doubts, amounts, exact, frequency_hz, hold))
+        found.append(_recorded(own, off, amounts, exact, frequency_hz, hold))
     return np.array(found)
 
 
@@ -132,16 +126,16 @@ def _with_bristles(
     parameters: ElasticParameters,
     bristles: ComplexArray,
     frequency_hz: FloatArray,
-    sampling_period_s: float,
+    period_s: float,
 ) -> ComplexArray:
     """Response (n_freq, n_motor, n_motor), springs at each frequency as its bristles make them."""
     if not bristles.any():
-        return np.asarray(response(linear, parameters, frequency_hz, sampling_period_s).sampled[0])
+        return np.asarray(response(linear, parameters, frequency_hz, period_s).sampled[0])
     found = []
     for line, added in zip(frequency_hz, parameters.stiffness * bristles, strict=True):
         damping = parameters.damping + added.imag / (2 * np.pi * line)
         own = replace(parameters, stiffness=parameters.stiffness + added.real, damping=damping)
-        found.append(response(linear, own, np.array([line]), sampling_period_s).sampled[0, 0])
+        found.append(response(linear, own, np.array([line]), period_s).sampled[0, 0])
     return np.array(found)
 
 
@@ -204,7 +198,7 @@ def load_shares(robot: Robot, configurations: FloatArray) -> FloatArray:
 
 def _recorded(
     robot: Robot,
-    doubts: Sequence[Nuisance],
+    off: Doubted,
     amounts: Mapping[str, float],
     exact: ComplexArray,
     frequency_hz: FloatArray,
@@ -212,9 +206,8 @@ def _recorded(
 ) -> ComplexArray:
     """What motors' friction, which waits for no hold (n_freq,), and torque constants make of a response."""
     square = (2 * np.pi * frequency_hz) ** 2
-    feedback = np.zeros(exact.shape, complex)
-    constant = np.ones(exact.shape[2])
-    for doubt in doubts:
+    feedback, constant = np.zeros(exact.shape, complex), np.ones(exact.shape[2])
+    for doubt in off.doubts:
         direction, share = doubt.effect, amounts[doubt.name] / _PERCENT
         if isinstance(direction, MotorFriction):
             size = share * robot.joints[direction.joint].motor.inertia_kgm2 * _TURN_10_HZ**2
@@ -271,15 +264,9 @@ def linear_tasks(run: Run, _earlier: Earlier) -> list[Task]:
             options=options,
         )
         decides = {
-            "drawn": fit.drawn,
-            "seed": one.seed,
-            "truth": plain_settings(truth.truth),
-            "configurations": fit.configurations.tolist(),
-            "lines": fit.lines.tolist(),
-            "period_s": fit.period_s,
-            "sampling": list(fit.sampling),
-            "noise": fit.relative_noise,
-            "options": plain_settings(options),
+            **{"drawn": fit.drawn, "seed": one.seed, "truth": plain_settings(truth.truth)},
+            **{"configurations": fit.configurations.tolist(), "lines": fit.lines.tolist(), "period_s": fit.period_s},
+            **{"sampling": list(fit.sampling), "noise": fit.relative_noise, "options": plain_settings(options)},
             "settings": model_settings(loaded, places.owner),
             **robot_settings(loaded, "friction", "controller"),
         }

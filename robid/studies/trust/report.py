@@ -396,7 +396,6 @@ def _robot_rows(robots: Sequence[Individual], results: Earlier) -> Iterator[tupl
 
 
 def _springs(path: Path | None) -> Springs | None:
-    """Springs of a fit; None where it was refused, or there is none."""
     held = None if path is None else read_artifact(path, TASK)
     if held is None or REFUSAL in held.attributes:
         return None

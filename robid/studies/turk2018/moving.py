@@ -55,14 +55,10 @@ class FrozenDrive:
 def freeze_drive(
     truth: TrueRobot, outputs: tuple[str, ...], lower: float, upper: float, sampling_period_s: float
 ) -> FrozenDrive:
-    """Linearises a simulated drive of one joint at positions all over a range.
+    """Linearises a simulated drive of one joint at positions all over a range [rad, or m].
 
-    Args:
-        truth: The robot that was simulated; of its friction only the viscous part counts.
-        outputs: Names of the outputs, as of `robid.robot.linearize.linearize`.
-        lower: Lower end of the range [rad, or m].
-        upper: Upper end.
-        sampling_period_s: Period of the held torque and of the outputs.
+    Of its friction only the viscous part counts. Outputs are named as in `robid.robot.linearize.linearize`; the period
+    is that of the held torque and of these.
 
     Raises:
         DataError: If the drive has several joints, or rests under load: what it rests at would move with it.
@@ -112,13 +108,8 @@ def drive_amplitudes(drive: FrozenDrive, torque: FloatArray, position: FloatArra
     """Runs a drive along measured torques and positions.
 
     What drives it off, as friction that is none of it, is differenced away: two differences of the outputs are
-    stationary, and are undone at the lines.
-
-    Args:
-        drive: The drive.
-        torque (n_period, n_sample): Recorded torque of successive periods of the steady state [N m].
-        position (n_period, n_sample): Where it is [rad, or m].
-        lines (n_freq,): DFT lines of one period, above zero.
+    stationary, and are undone at the DFT lines (n_freq,) of one period, above zero. Recorded torques [N m] and
+    positions [rad, or m] are those of successive periods of the steady state (n_period, n_sample).
 
     Returns:
         Amplitudes of the outputs (n_period, n_freq, n_out), DFT sums over the number of samples.
@@ -187,15 +178,10 @@ def simulated_amplitudes(
 ) -> ComplexArray:
     """Runs a model along measured inputs and scheduling parameters.
 
-    Its transient passes in `LEAD` periods before the others, the same as the first of them. Integrators, behind
-    which any offset of the inputs drifts away, are put back at the lines.
-
-    Args:
-        model: A stable model without its integrators.
-        integrators: How often each output integrates.
-        inputs (n_period, n_sample, n_in): Successive periods of the steady state.
-        scheduling (n_period, n_sample, n_scheduling): Scheduling parameters of the same samples.
-        lines (n_freq,): DFT lines of one period, above zero.
+    Its transient passes in `LEAD` periods before the others, the same as the first of them. Integrators, so many of
+    each output, behind which any offset of the inputs drifts away, are none of the stable model; they are put back at
+    the DFT lines (n_freq,) of one period, above zero. Inputs (n_period, n_sample, n_in) and scheduling parameters
+    (n_period, n_sample, n_scheduling) are those of successive periods of the steady state.
 
     Returns:
         Amplitudes of the outputs, as of `measured_amplitudes` (n_period, n_freq, n_out).
@@ -426,7 +412,6 @@ def total_over_noise(frf: Frf, outputs: tuple[str, ...], periods: int) -> FloatA
 
 
 def _modelled(solution: LpvSolution, record: Record, scheduling: FloatArray) -> ComplexArray:
-    """What a model makes of a record's inputs, as amplitudes of what was measured."""
     names, ports = record.output_names, solution.ports
     lines, chosen = record.excited_lines, [names.index(name) for name in ports.outputs]
     if not solution.largest_pole < 1:

@@ -132,7 +132,6 @@ def _element(solution: LpvSolution, output: int, port: int) -> str:
 
 
 def _units(solution: LpvSolution) -> list[str]:
-    """Unit of every output over the first input's."""
     ports = solution.ports
     return [pretty_unit(f"{unit}/({ports.input_units[0]})") for unit in ports.output_units]
 
@@ -197,7 +196,6 @@ def block_section(solution: LpvSolution, paper: Mapping[str, Any]) -> Section:
 
 
 def _differences(solution: LpvSolution, paper: Mapping[str, Any]) -> str:
-    """Says why the numbers need not be alike."""
     ports, core = solution.ports, solution.core
     behind = sum(core.integrators)
     units = " and ".join(pretty_unit(unit) for unit in dict.fromkeys(ports.output_units))

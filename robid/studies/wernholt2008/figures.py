@@ -371,7 +371,6 @@ def _kinds(text: str, found: Found, easier: BoolArray, harder: BoolArray) -> Cla
 
 
 def _smaller(claim: Claim, individuals: Individuals, better: Models, worse: Models | None) -> Claim:
-    """The same by the size of the errors over the individuals, with how much the two estimators err alike."""
     if worse is None:
         return claim
     names = better.name, worse.name
@@ -385,7 +384,6 @@ def _smaller(claim: Claim, individuals: Individuals, better: Models, worse: Mode
 def _easier(
     claim: Claim, individuals: Individuals, name: str, found: Found, kinds: tuple[BoolArray, BoolArray]
 ) -> Claim:
-    """The same by the size of the errors of each kind's springs."""
     if not all(kind.any() for kind in kinds):
         return claim
     every = np.array(found.problem.parameters.names)

@@ -43,13 +43,10 @@ class EffortCurves:
 def effort_curves(
     design: ConfigurationDesign, guess: FloatArray, names: tuple[str, ...], per_visit: int
 ) -> EffortCurves:
-    """Predicts deviations over the number of experiments.
+    """Predicts deviations over the number of experiments, of which each visit has some.
 
-    Args:
-        design: The design with its candidates' information per visit.
-        guess (n_guess, n_param, n_param): Information of the configurations that an engineer chose, per visit.
-        names: Names of the guess' parameters; what the design allows them to differ by holds here too.
-        per_visit: Experiments of a visit.
+    The configurations that an engineer chose have information (n_guess, n_param, n_param) per visit about named
+    parameters; what the design allows them to differ by holds here too.
     """
     generator, candidates = np.random.default_rng(_SEED), design.visits
     between = dict(zip(design.parameter_names, candidates.between.tolist(), strict=True))
@@ -215,7 +212,6 @@ def gather(run: Run, earlier: Earlier) -> Found:
 
 
 def _further_sets(run: Run, study: ZimmermannStudy, earlier: Earlier) -> dict[str, list[list[dict[str, Any]]]]:
-    """Results of each further set of drawn models, by model and individual."""
     results = iter(earlier[3])
     found: dict[str, list[list[dict[str, Any]]]] = {}
     for pair in pairs(run, earlier):
@@ -283,7 +279,6 @@ def summarise(found: Found) -> dict[str, float]:
 
 
 def _model_figures(one: Model) -> dict[str, float]:
-    """Medians over the individuals with the ends of their range, and the scatter where there are several."""
     summary: dict[str, float] = {}
     for key, values in (
         ("average_std", one.std.mean(axis=1)),

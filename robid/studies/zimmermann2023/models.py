@@ -226,7 +226,6 @@ def fitted_parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Data
 
 
 def _deviations(one: Fitting, frf: Frf, solution: ElasticSolution) -> dict[str, Dataset]:
-    """Deviations that the total covariance allows at best, and the information of each configuration."""
     robot = fitted_robot(one.robots[0], solution.estimate)
     fixed = [name for name in one.options.fixed if name.endswith((".stiffness", ".viscous", ".motor_inertia"))]
     along = tuple(kind for kind in one.options.free if kind in ALONG)

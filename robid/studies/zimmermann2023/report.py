@@ -63,7 +63,6 @@ def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
 
 
 def _verdict(found: Found, summary: Mapping[str, float]) -> tuple[str, bool]:
-    """What was found in a few sentences, and whether all that is asked of it is reached."""
     study, optimal = found.study, found.study.optimal
     held, typical = rivals(found, "average"), rivals(found, "typical")
     keys = {"deviation": ("average deviation", "average_fit_std"), "scatter": ("scatter about the truth", "scatter")}
@@ -86,7 +85,6 @@ def _verdict(found: Found, summary: Mapping[str, float]) -> tuple[str, bool]:
 
 
 def _standing(optimal: str, what: str, figures: Mapping[str, float], held: Rivals) -> str:
-    """Says whether the optimal model has the lowest figure of those with as few configurations."""
     own = figures[optimal]
     below = [f"{name} ({_deviation(figures[name])})" for name in held.tied if figures[name] < own]
     above = [name for name in held.tied if not figures[name] < own]
@@ -102,7 +100,6 @@ def _standing(optimal: str, what: str, figures: Mapping[str, float], held: Rival
 
 
 def _otherwise(typical: Rivals) -> str:
-    """Names the models that are lower by the other mean."""
     lower = ", ".join(typical.lower)
     return f"; by geometric means over the springs, surely below it: {lower}" if lower else ""
 
@@ -172,7 +169,6 @@ _TYPICAL_CAPTION = (
 
 
 def _too_sure(found: Found, summary: Mapping[str, float]) -> tuple[str, ...]:
-    """Says which models scatter much further than they state."""
     pairs = {name: (summary.get(f"{name}.scatter", 0.0), summary[f"{name}.average_fit_std"]) for name in found.models}
     return tuple(
         f"{name} states too little: it scatters by {_deviation(scattered)}, {significant(scattered / stated, 2)} times"
@@ -222,7 +218,6 @@ def _their_std(paper: Mapping[str, Any], name: str) -> str:
 
 
 def _explanation_sections(found: Found) -> tuple[Section, ...]:
-    """Springs of the linear models against the slopes that the nonlinear model has where they were measured."""
     explained = explained_springs(found)
     if not explained:
         return ()
@@ -252,7 +247,6 @@ _MAGNITUDE = ("Frequency [Hz]", "Magnitude [rad/(s² N m)]")
 
 
 def _cost_section(found: Found) -> Section:
-    """Fig. 3: sorted costs of every model, averaged over the individuals."""
     names, reference = list(found.models), found.study.reference
     figures = []
     for part in (names[:_MOST], names[_MOST:]):
@@ -291,7 +285,6 @@ def _response_section(found: Found) -> Section:
 
 
 def _spring_section(found: Found) -> Section:
-    """Fig. 5: springs over the truth, with two predicted deviations, of the first individual."""
     figures = []
     for name, one in found.models.items():
         places = [found.springs.index(wanted.rpartition(".")[0]) for wanted in one.wanted]
@@ -307,7 +300,6 @@ def _spring_section(found: Found) -> Section:
 
 
 def _step_section(found: Found, summary: Mapping[str, float]) -> tuple[Section, ...]:
-    """Fig. 6: tool displacement after a step of the first axis, and errors of all models."""
     if not found.steps:
         return ()
     steps, shown = found.steps[0], found.study.optimal

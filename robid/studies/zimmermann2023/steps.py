@@ -283,15 +283,9 @@ def step_responses(
     its flexible joints: gravity, inertia, viscous and, where the simulated robot has it, Coulomb friction. The true
     robot and the model itself then run under this feed-forward and the same feedback.
 
-    Args:
-        true: The true robot, without the imperfections.
-        models: The identified robots by name; springs, dampers and friction are their own.
-        controller: The robot's controller.
-        simulation: Imperfections of the true robot, steps per sample and seed of the noise.
-        configurations (n_conf, n_joint): Arm-side angles that the encoders show at rest [rad].
-        options: The steps.
-        tool_m (3,): Tool point in the last joint's frame; the payload's centre of mass by default [m].
-        parallel_map: Ordered map that runs the configurations.
+    The true robot is given without the imperfections of its simulation. Encoders show arm-side configurations (n_conf,
+    n_joint) at rest [rad]; the tool point (3,) in the last joint's frame is the payload's centre of mass by default
+    [m]. An ordered map runs the configurations.
 
     Raises:
         SettingsError: If a step outlasts the time that is compared, or a motor cannot hold the robot at rest.
