@@ -192,10 +192,6 @@ def study_of(loaded: LoadedExperiment, kind: type[_Kind]) -> _Kind:
     return study
 
 
-def _nothing(*_arguments: object) -> Content:
-    raise NotImplementedError
-
-
 @dataclass(frozen=True)
 class Part:
     """A part of a study of several, left out where the file says nothing of it."""
@@ -205,7 +201,7 @@ class Part:
     conclude: Callable[[Run, Any, Results], PartFound | None]
     # Its tasks, by its case and the results of the parts before it, by their name
     tasks: Callable[[Run, Any, Mapping[str, Results]], list[Task]] = lambda _run, _case, _earlier: []
-    function: Function = _nothing  # Does one of them
+    function: Function = lambda *_arguments: Content({})  # Does one of them
     # Other experiments that it reads, each with outputs of its chain
     further: Callable[[Run, Any], Further] = lambda _run, _case: ()
     # Field of the study's section that is its case; one of its own name when None, all of it when empty

@@ -35,6 +35,7 @@ from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.simulate.options import SimulateOptions
 from robid.simulate.truth import true_robot, with_imperfections
+from robid.studies.experiments import excitations
 from robid.studies.page import Conclusion, figure, table
 from robid.studies.settings.study import FrfStudy, choices
 from robid.studies.simulated import Estimator, make_estimator, played, simulate_options, simulation_settings, threads_of
@@ -71,7 +72,7 @@ def campaign_of(loaded: LoadedExperiment) -> tuple[FrfStudy, Campaign, SimulateO
 
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
     """Returns the outputs of the chain that the tasks read."""
-    return (f"{campaign_of(loaded)[0].campaign}/excitation.h5",)
+    return excitations((campaign_of(loaded)[0].campaign,))
 
 
 def tasks(run: Run, _earlier: Earlier) -> list[Task]:

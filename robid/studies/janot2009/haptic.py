@@ -67,7 +67,13 @@ def _conclude_haptic(run: Run, case: SeededCase, results: Results) -> PartFound:
     for filters, judged in found.items():
         figures |= {f"haptic.{filters}.e.{name}": value for name, value in variations(judged, _HUBER).items()}
         figures[f"haptic.{filters}.huber_iterations"] = float(judged.iterations[_HUBER])
-    return PartFound(figures, _ASKED, (_tables(found, case, paper), _figures(found, case), _seeds(found, case)))
+    lead = (
+        "Verdicts, and what the paper does not have: instrumental variables, whose instrument is the device simulated"
+        " without noise, on the badly filtered data."
+    )
+    parts = (*seeded.verdict_parts(found, case), seeded.error_table(found["bad"], case.bad_cut_hz))
+    seeds = Section(f"Haptic device over {case.seeds} seeds", lead, parts)
+    return PartFound(figures, _ASKED, (_tables(found, case, paper), _figures(found, case), seeds))
 
 
 _ASKED = {
@@ -175,15 +181,6 @@ def _figures(found: Mapping[str, seeded.Judged], case: SeededCase) -> Section:
     )
     shown = Beside((spread, weights, other, course), columns=2)
     return Section("Haptic device: Figs 2 to 5", lead, (shown,))
-
-
-def _seeds(found: Mapping[str, seeded.Judged], case: SeededCase) -> Section:
-    lead = (
-        "Verdicts, and what the paper does not have: instrumental variables, whose instrument is the device simulated"
-        " without noise, on the badly filtered data."
-    )
-    parts = (*seeded.verdict_parts(found, case), seeded.error_table(found["bad"], case.bad_cut_hz))
-    return Section(f"Haptic device over {case.seeds} seeds", lead, parts)
 
 
 GRAVITY = 9.81

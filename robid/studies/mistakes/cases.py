@@ -259,28 +259,24 @@ def measure_all(one: Individual) -> Content:
     datasets: dict[str, Dataset] = {}
     attributes: dict[str, Attribute] = {}
     for campaign in one.campaigns:
-        for key, held in _responses(campaign, one).items():
+        parts: dict[str, list[Frf]] = {key: [] for key in one.read}
+        refused: dict[str, Content] = {}
+        for index, configuration in enumerate(campaign.configurations):
+            record = simulate(campaign.experiment, configuration, index, one.threads)
+            for key, mistake in one.read.items():
+                changed = mistaken_record(record, mistake, campaign.configurations, index, campaign.name)
+                try:
+                    parts[key].append(campaign.estimators[key].estimate(changed))
+                except DataError as error:
+                    refused.setdefault(key, Content({}, {REFUSAL: str(error)}))
+        names = [str(index + 1) for index in range(len(campaign.configurations))]
+        for key, found in parts.items():
+            held = refused.get(key) or response_content(join(found, names))
             datasets |= {f"{key}/{campaign.name}/{name}": values for name, values in held.datasets.items()}
             attributes |= {f"{key}/{campaign.name}/{name}": value for name, value in held.attributes.items()}
     first = one.campaigns[0]
     truth = true_values(first.nominal, simulated_truth(first.experiment, first.delay_s))
     return with_truth(Content(datasets, attributes), truth)
-
-
-def _responses(campaign: Measured, one: Individual) -> dict[str, Content]:
-    parts: dict[str, list[Frf]] = {key: [] for key in one.read}
-    refusals: dict[str, str] = {}
-    for index, configuration in enumerate(campaign.configurations):
-        record = simulate(campaign.experiment, configuration, index, one.threads)
-        for key, mistake in one.read.items():
-            changed = mistaken_record(record, mistake, campaign.configurations, index, campaign.name)
-            try:
-                parts[key].append(campaign.estimators[key].estimate(changed))
-            except DataError as error:
-                refusals.setdefault(key, str(error))
-    refused = {key: Content({}, {REFUSAL: text}) for key, text in refusals.items()}
-    names = [str(index + 1) for index in range(len(campaign.configurations))]
-    return {key: refused.get(key) or response_content(join(found, names)) for key, found in parts.items()}
 
 
 GRADING = 4

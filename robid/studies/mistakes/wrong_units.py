@@ -29,7 +29,15 @@ from robid.settings.robot_parts import plain_settings, require_controller
 from robid.settings.sources import Acquire
 from robid.settings.yaml import FieldPath
 from robid.simulate.experiment import simulate
-from robid.studies.experiments import Further, Problems, changed_simulation, fit_problem, physics_problems, run_of
+from robid.studies.experiments import (
+    Further,
+    Problems,
+    changed_simulation,
+    excitations,
+    fit_problem,
+    physics_problems,
+    run_of,
+)
 from robid.studies.mistakes.cases import campaigns_of
 from robid.studies.mistakes.unit_logs import (
     Log,
@@ -98,10 +106,7 @@ def unit_subjects(run: Run) -> dict[str, UnitSubject]:
 
 def needed_by_units(run: Run) -> Further:
     """Returns the experiments of the robots, with the outputs of their chains that the tasks read."""
-    return tuple(
-        (one.run, tuple(f"{owner}/excitation.h5" for owner in one.campaigns.values()))
-        for one in unit_subjects(run).values()
-    )
+    return tuple((one.run, excitations(one.campaigns.values())) for one in unit_subjects(run).values())
 
 
 def _problems(study: MistakesStudy, name: str, settings: UnitRobot, loaded: LoadedExperiment) -> Problems:

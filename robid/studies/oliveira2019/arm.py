@@ -141,7 +141,16 @@ def _conclude_arm(run: Run, case: CartesianCase, results: Results) -> PartFound:
         for index, home in enumerate(homes, start=1)
         for section in coupling_section(home.map, ports, options)
     )
-    sections = (_channels(solution, validation, paper), _coupling(homes, figures, paper), _resonances(homes), *maps)
+    channel = resonant_channel(homes)
+    name = homes[0].outputs[channel]
+    lead = (
+        f"Channel {name} resonates, at another frequency in each home; the paper's robot shows a notch around 6 Hz in"
+        " its channel X that changes with the home position."
+    )
+    titles = (f"Home {index}: channel {name}" for index in range(1, len(homes) + 1))
+    shown = (_against_linear(title, home, channel, channel) for title, home in zip(titles, homes, strict=True))
+    moves = Section("A resonance that moves", lead, (Beside(tuple(shown), columns=2),))
+    sections = (_channels(solution, validation, paper), _coupling(homes, figures, paper), moves, *maps)
     return PartFound(figures, asked, sections)
 
 
@@ -157,8 +166,7 @@ def home_figures(homes: Sequence[Mapped], threshold: float) -> dict[str, float]:
         right.append((np.isfinite(home.map.crossing_hz) == (largest > threshold))[clear])
         matter = known & (home.linear_gain > threshold)
         errors.append(np.abs(home.map.gain[matter] / home.linear_gain[matter] - 1))
-        channel = resonant_channel(homes)
-        found, linear = resonance(home, channel)
+        found, linear = resonance(home, resonant_channel(homes))
         figures |= {
             f"arm.home_{index}.decoupled_hz": home.map.overall_hz,
             f"arm.home_{index}.coupled_pairs": float(np.isfinite(home.map.crossing_hz)[apart].sum()),
@@ -236,20 +244,6 @@ def _coupling(homes: Sequence[Mapped], figures: Mapping[str, float], paper: Mapp
         drawn.append(_against_linear(f"Home {index}: {pair}", home, int(output), int(command)))
     shown = Beside(tuple(drawn), columns=2)
     return Section("What couples", lead, (Table(heads, tuple(rows), prose=True), shown))
-
-
-def _resonances(homes: Sequence[Mapped]) -> Section:
-    channel = resonant_channel(homes)
-    name = homes[0].outputs[channel]
-    figures = tuple(
-        _against_linear(f"Home {index}: channel {name}", home, channel, channel)
-        for index, home in enumerate(homes, start=1)
-    )
-    lead = (
-        f"Channel {name} resonates, at another frequency in each home; the paper's robot shows a notch around 6 Hz in"
-        " its channel X that changes with the home position."
-    )
-    return Section("A resonance that moves", lead, (Beside(figures, columns=2),))
 
 
 def _against_linear(title: str, home: Mapped, output: int, command: int) -> Figure:

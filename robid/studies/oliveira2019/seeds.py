@@ -225,10 +225,6 @@ def _conclude_coverage(run: Run, case: PlantsCase, results: Results) -> PartFoun
         figures[f"{name}.{COVERAGE}"] = float(one["output"].mean())
         figures[f"{name}.{COVERAGE}_magnitude"] = float(one["magnitude"].mean())
         figures[f"{name}.median_band_error_percent"] = 100 * float(np.median(one["error"]))
-    return PartFound(figures, {COVERAGE: _ASKED}, (_section(found, figures),))
-
-
-def _section(found: Mapping[str, Mapping[str, FloatArray]], figures: Mapping[str, float]) -> Section:
     shares = {"Outputs": "output", "Magnitudes": "magnitude", "Phases": "phase"}
     off = {"Largest error of a magnitude, median [%]": np.median, "worst [%]": np.max}
     columns = (
@@ -242,7 +238,8 @@ def _section(found: Mapping[str, Mapping[str, FloatArray]], figures: Mapping[str
         " the chirp that validates, sample by sample; magnitudes and phases those of the responses inside the band."
         " Bounds know nothing of poles that the chosen structure leaves out."
     )
-    return Section("Do bounds cover?", lead, (table(columns, found, fit="compact"),))
+    section = Section("Do bounds cover?", lead, (table(columns, found, fit="compact"),))
+    return PartFound(figures, {COVERAGE: _ASKED}, (section,))
 
 
 COVERAGE_PART = Part("coverage", _conclude_coverage, coverage_tasks, cover, field="plants")

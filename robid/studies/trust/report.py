@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -306,7 +305,19 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
         ("Right", lambda name: ", ".join(study.causes[name].named)),
         ("Named first", lambda name: percent(summary.get(f"causes.{name}.first"))),
     )
-    sections = [_set_section(study, summary)]
+    caption = (
+        "Springs that the data were to determine, decided before the fit. Effective: held against the same fit in fresh"
+        " places, within the root of both half widths squared. Width ratio: median half width over the 95 % quantile of"
+        " the absolute error, median over the springs."
+    )
+
+    def column(key: str, title: str) -> tuple[str, Callable[[str], str]]:
+        write: Callable[[float | None], str] = significant if key.endswith("ratio") else percent
+        return title, lambda name: write(summary.get(f"{name}.{key}"))
+
+    columns = [("Set", lambda name: name), *(column(*each) for each in _TITLES.items())]
+    columns.append(("Robots", lambda name: f"{summary[f'{name}.robots']:.0f}"))
+    sections = [Section("Sets of robots", "", (table(columns, study.sets, caption=caption),))]
     sections += [Section("Causes", "", (table(causes, study.causes),))] if study.causes else []
     for name in study.sets:
         cells = table(_OF_SPRINGS, spring_rows([rows[one.key] for one in _of(study, name)]))
@@ -400,20 +411,3 @@ def _springs(path: Path | None) -> Springs | None:
     if held is None or REFUSAL in held.attributes:
         return None
     return springs_of(kept_solution(held), kept_truth(held))
-
-
-def _set_section(study: TrustStudy, summary: Mapping[str, float]) -> Section:
-    caption = (
-        "Springs that the data were to determine, decided before the fit. Effective: held against the same fit in fresh"
-        " places, within the root of both half widths squared. Width ratio: median half width over the 95 % quantile of"
-        " the absolute error, median over the springs."
-    )
-
-    def write(key: str, name: str) -> str:
-        value = summary.get(f"{name}.{key}")
-        return significant(value) if key.endswith("ratio") else percent(value)
-
-    columns: list[tuple[str, Callable[[str], str]]] = [("Set", lambda name: name)]
-    columns += [(title, partial(write, key)) for key, title in _TITLES.items()]
-    columns += [("Robots", lambda name: f"{summary[f'{name}.robots']:.0f}")]
-    return Section("Sets of robots", "", (table(columns, study.sets, caption=caption),))

@@ -33,7 +33,7 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, plain_settings
 from robid.settings.sources import true_robot_of
 from robid.simulate.truth import with_imperfections
-from robid.studies.experiments import paper_figures
+from robid.studies.experiments import excitations, paper_figures
 from robid.studies.settings.study import ModelChoice, ZimmermannStudy
 from robid.studies.simulated import measurements, played, read_responses, simulate_options, stated_std, threads_of
 from robid.studies.study import Content, Earlier, Task, study_of
@@ -54,7 +54,7 @@ def campaigns(study: ZimmermannStudy) -> tuple[str, ...]:
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
     """Returns the outputs of the chain that the tasks read, once the paper's figures can be read."""
     paper_figures(loaded)
-    return tuple(f"{name}/excitation.h5" for name in campaigns(study_of(loaded, ZimmermannStudy)))
+    return excitations(campaigns(study_of(loaded, ZimmermannStudy)))
 
 
 @dataclass(frozen=True)

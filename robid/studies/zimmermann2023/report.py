@@ -44,6 +44,13 @@ def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
     count = found.truth.shape[0]
     lead = f"Each model is fitted once for each of {count} individuals of the type; figures are medians over them."
 
+    # Fig. 3: sorted costs of every model, averaged over the individuals.
+    names, costs = list(found.models), list[Figure]()
+    for part in (part for part in (names[:_MOST], names[_MOST:]) if part):
+        shown = part if found.study.reference in part else [found.study.reference, *part]
+        series = {name: np.sort(found.models[name].cost, axis=1).mean(axis=0) for name in shown}
+        costs.append(figure("", ("Configuration, by its cost", "Cost"), None, series, log_x=False))
+
     def arms(name: str, design: ConfigurationDesign) -> FloatArray:
         campaign = run.loaded.experiment.campaigns[run.loaded.experiment.designs[name].campaign]
         return skeleton(run.loaded.robot.to_robot(campaign.payload_kg), design.configurations)
@@ -51,7 +58,8 @@ def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
     sections = (
         Section("Table I: the data of the models", lead, (table(columns, used, prose=True),)),
         _model_section(found, summary, paper),
-        *(_cost_section(found), _response_section(found), _spring_section(found)),
+        Section("Fig. 3: costs of the validation", _OF_COSTS, (Beside(tuple(costs), 2),)),
+        *(_response_section(found), _spring_section(found)),
         *_explanation_sections(found),
         Section("How long must I measure?", f"{found.effort.sentence} {_EFFORT}", (Beside(effort, 2),)),
         *_step_section(found, summary),
@@ -241,21 +249,10 @@ _EFFORT = (
     "Optimal: as many visits as tell most. Guess: its configurations in turn, by their own measurements. Random:"
     " candidates, median of 200 draws, and the worst tenth of them."
 )
+_OF_COSTS = "Costs in all configurations, each model's sorted; means over the individuals."
 _MOST = 7
 _MM = 1e3
 _MAGNITUDE = ("Frequency [Hz]", "Magnitude [rad/(s² N m)]")
-
-
-def _cost_section(found: Found) -> Section:
-    names, reference = list(found.models), found.study.reference
-    figures = []
-    for part in (names[:_MOST], names[_MOST:]):
-        shown = part if reference in part else [reference, *part]
-        costs = {name: np.sort(found.models[name].cost, axis=1).mean(axis=0) for name in shown}
-        if part:
-            figures.append(figure("", ("Configuration, by its cost", "Cost"), None, costs, log_x=False))
-    lead = "Costs in all configurations, each model's sorted; means over the individuals."
-    return Section("Fig. 3: costs of the validation", lead, (Beside(tuple(figures), 2),))
 
 
 def _response_section(found: Found) -> Section:
