@@ -31,8 +31,7 @@ def entry(description: str, *default: Any, **more: Any) -> Any:  # noqa: ANN401
     return Field(*default, description=description, **more)
 
 
-Problems: TypeAlias = Iterator[tuple[FieldPath, str]]
-"""Fields of a file, each with what is wrong with it."""
+Problems: TypeAlias = Iterator[tuple[FieldPath, str]]  # Fields of a file, each with what is wrong with it
 
 Further: TypeAlias = tuple[tuple[Run, tuple[str, ...]], ...]
 """Runs of other experiments, each with outputs of its chain."""

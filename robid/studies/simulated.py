@@ -37,8 +37,7 @@ from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.studies.study import Content, Task
 
-REFUSAL = "refusal"
-"""Attribute that says why a configuration has no response, or a robot no fit."""
+REFUSAL = "refusal"  # Attribute that says why a configuration has no response, or a robot no fit
 
 
 @dataclass(frozen=True)

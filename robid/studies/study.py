@@ -20,8 +20,7 @@ from robid.studies.experiments import Further, missing_log, paper_figures, run_o
 from robid.studies.page import Conclusion, PartFound, concluded
 from robid.versions import package_versions
 
-TASKS = "tasks"
-"""Folder of the tasks in the run folder."""
+TASKS = "tasks"  # Folder of the tasks in the run folder
 
 
 @dataclass(frozen=True)
@@ -154,8 +153,7 @@ def _do(work: _Work) -> None:
     write_artifact(work.path, Artifact(TASK, found.datasets, found.attributes, provenance), alone=False)
 
 
-Earlier: TypeAlias = "tuple[Results, ...]"
-"""Results of the steps before."""
+Earlier: TypeAlias = "tuple[Results, ...]"  # Results of the steps before
 
 _Kind = TypeVar("_Kind")
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray
+from robid.arrays import BoolArray
 from robid.artifacts.artifact import Dataset, canonical_hash
 from robid.artifacts.atomic import FOLDER_LOCK, locked, read_json, write_json
 from robid.backends.map import Map, make_map
@@ -135,16 +135,6 @@ def said(fault: Fault) -> str:
     }[fault.kind]
 
 
-def memory_section(memory: FloatArray, settled: int) -> tuple[Section, ...]:
-    """How the memory of the worker (n_done,) [MiB] grew from so many rows on; nothing where it was not watched."""
-    if len(memory) <= settled:
-        return ()
-    axes = "Row", "Resident memory [MiB]"
-    shown = figure("Memory after each row", axes, None, {"worker": memory}, log_x=False, log_y=False)
-    lead = f"Of the one worker process that reprocessed the fleet; growth is counted from the {settled}th row on."
-    return (Section("Memory", lead, (shown,)),)
-
-
 WHOLE_NAME, FOLDER = "whole", "reprocessed"
 _FOUND, _ACCUSED = 28 / 30, 4 / 970
 _GROWTH = Asked(upper=1.1)
@@ -238,8 +228,13 @@ def _conclude_whole(run: Run, _study: FleetStudy, results: Results) -> PartFound
             f"Memory was watched over {len(memory)} of {len(robots)} rows, those since the study last went on;"
             f" without {FOLDER}/ and tasks/{WHOLE_NAME}/ in the run folder it watches all."
         )
-    sections = (faults_section(robots, values, figures), *memory_section(memory, _SETTLED))
-    return PartFound(figures, asked, sections, tuple(warnings))
+    sections = [faults_section(robots, values, figures)]
+    if len(memory) > _SETTLED:
+        axes = "Row", "Resident memory [MiB]"
+        shown = figure("Memory after each row", axes, None, {"worker": memory}, log_x=False, log_y=False)
+        lead = f"Of the one worker process that reprocessed the fleet; growth is counted from the {_SETTLED}th row on."
+        sections.append(Section("Memory", lead, (shown,)))
+    return PartFound(figures, asked, tuple(sections), tuple(warnings))
 
 
 WHOLE = Part(WHOLE_NAME, _conclude_whole, _whole_tasks, reprocess_whole, field="")

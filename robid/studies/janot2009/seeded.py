@@ -33,8 +33,7 @@ from robid.studies.page import Asked
 from robid.studies.settings.parts import SeededCase
 from robid.studies.study import Content, Task, in_chunks
 
-FILTERS = ("good", "bad")
-"""Filters that suit, and filters that do not."""
+FILTERS = ("good", "bad")  # Filters that suit, and filters that do not
 BENDS = (HuberOptions.bend, 0.2, 0.01, 1e3)
 """Bends `H` that are shown: the usual one, the paper's 0.2, towards 0 and towards infinity."""
 TESTS = ("Huber", "instruments", "normality", "whiteness")
@@ -63,8 +62,7 @@ class Judged:
     time_s: Annotated[FloatArray, Quantity("s", "row", "Time of the first seed's rows")]
     residual: Annotated[FloatArray, Quantity("N m", "row joint", "Of least squares, NaN where unused", compact=True)]
     weight: Annotated[FloatArray, Quantity("1", "row joint", "Huber's at the usual bend", compact=True)]
-    sentence: str
-    """The verdict on it."""
+    sentence: str  # The verdict on it
 
 
 def chunk_tasks(case: SeededCase, name: str, decides: dict[str, Any], *given: object) -> list[Task]:

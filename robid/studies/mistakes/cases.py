@@ -60,8 +60,7 @@ from robid.studies.simulated import (
 )
 from robid.studies.study import Content, Earlier, Task, study_of
 
-SOUND = "sound"
-"""Name of a robot with which nothing is wrong."""
+SOUND = "sound"  # Name of a robot with which nothing is wrong
 
 
 @dataclass(frozen=True)
@@ -279,11 +278,9 @@ def measure_all(one: Individual) -> Content:
     return with_truth(Content(datasets, attributes), truth)
 
 
-GRADING = 4
-"""Raised when the rules of the grade change, so that the cases are graded anew."""
+GRADING = 4  # Raised when the rules of the grade change, so that the cases are graded anew
 
-GRADES = ("do not use", "predicts", "trust")
-"""Grades in words, by their value."""
+GRADES = ("do not use", "predicts", "trust")  # Grades in words, by their value
 
 COVERED = 0.9
 HALF_WIDTHS = 3.0

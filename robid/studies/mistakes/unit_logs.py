@@ -23,14 +23,12 @@ from robid.signals.log_options import TimeChannel
 from robid.signals.record import Record
 from robid.studies.settings.defects import LogSignal, Rough, UnitMistake
 
-Log: TypeAlias = dict[str, dict[str, FloatArray]]
-"""Variables of each experiment, by its name."""
+Log: TypeAlias = dict[str, dict[str, FloatArray]]  # Variables of each experiment, by its name
 
 _SIGNALS = {"torque": "torque", "motor_angle": "angle", "arm_angle": "arm", "speed": "speed"}
 """Variables of a log by the channels that scales name; behind each stands the number of its joint."""
 
-_SPEED_BAND = 0.25
-"""Share of the sampling rate up to which a drive's speed follows its encoder's."""
+_SPEED_BAND = 0.25  # Share of the sampling rate up to which a drive's speed follows its encoder's
 
 
 @dataclass(frozen=True)
@@ -187,8 +185,7 @@ def _scaled(section: _Part, factors: Mapping[str, float]) -> _Part:
     return section.model_copy(update={key: value * factors[key] for key, value in stated.items() if value is not None})
 
 
-UNITS = "units"
-"""The cause that must be blamed."""
+UNITS = "units"  # The cause that must be blamed
 
 
 @dataclass(frozen=True)

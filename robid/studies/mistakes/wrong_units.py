@@ -126,8 +126,7 @@ def _problems(study: MistakesStudy, name: str, settings: UnitRobot, loaded: Load
         yield from (((*place, "variants", index, *field), message) for field, message in found)
 
 
-ROUGH = "rough"
-"""Name of the case in which nothing is wrong but the robot file."""
+ROUGH = "rough"  # Name of the case in which nothing is wrong but the robot file
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from robid.models.external.files import solution_from_artifact, validation_from_
 from robid.models.external.fit.checks import blocks_of
 from robid.models.external.fit.coupling import CouplingMap, Pairs, map_coupling
 from robid.models.external.fit.data import commands_of, shots_of
-from robid.models.external.fit.etfe import Etfe, estimate_etfe
+from robid.models.external.fit.etfe import estimate_etfe
 from robid.models.external.fit.fitting import own_pairs, ports_of
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.solution import ExternalSolution, Ports
@@ -38,7 +38,6 @@ from robid.settings.robot_parts import (
     tool_arm,
 )
 from robid.settings.robot_sections import given
-from robid.signals.record import Record
 from robid.simulate.options import Controller, PoseInterface
 from robid.simulate.pose_response import pose_response
 from robid.simulate.truth import true_robot
@@ -94,15 +93,6 @@ def map_home(
 ) -> Content:
     """Maps one home of the record at `path`, and holds the map beside the linearised loop."""
     record = record_from_artifact(read_artifact(path, RECORD))
-    etfe, pairs, found = map_record(record, index, options)
-    place, inputs = given(record.configurations)[index], pairs.inputs
-    linear = pose_response(robot, arm, controller, interface, place, etfe.frequency_hz, inputs, measured)
-    gain = np.abs(linear) * pairs.per_resolution
-    return Content(*to_datasets(Mapped(inputs, pairs.outputs, found, etfe.response, linear, gain)))
-
-
-def map_record(record: Record, index: int, options: ExternalOptions) -> tuple[Etfe, Pairs, CouplingMap]:
-    """Maps one configuration of a record of pose commands."""
     told, places = commands_of(record, options), shots_of(record, options, "homes")
     names = list(dict.fromkeys(shot.place for shot in places))
     shots = [shot for shot in places if shot.place == names[index]]
@@ -110,11 +100,14 @@ def map_record(record: Record, index: int, options: ExternalOptions) -> tuple[Et
     own = own_pairs(blocks_of(told.channels, record.output_channels, options), ports)
     etfe = estimate_etfe(shots, ports.floor, options.confidence)
     pairs = Pairs(ports.inputs, ports.outputs, ports.input_resolution, ports.output_resolution, own)
-    return etfe, pairs, map_coupling(shots, ports.floor, etfe, pairs, options.coupling)
+    found = map_coupling(shots, ports.floor, etfe, pairs, options.coupling)
+    place, inputs = given(record.configurations)[index], pairs.inputs
+    linear = pose_response(robot, arm, controller, interface, place, etfe.frequency_hz, inputs, measured)
+    gain = np.abs(linear) * pairs.per_resolution
+    return Content(*to_datasets(Mapped(inputs, pairs.outputs, found, etfe.response, linear, gain)))
 
 
-_CLEAR = 1.5
-"""How far from the threshold the linearised loop leaves no doubt whether a pair is coupled."""
+_CLEAR = 1.5  # How far from the threshold the linearised loop leaves no doubt whether a pair is coupled
 _ASKED = {
     "arm.coupling_agreement": Asked(lower=0.95),
     "arm.linear_error_percent": Asked(upper=5.0),

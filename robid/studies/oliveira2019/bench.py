@@ -33,8 +33,7 @@ from robid.studies.study import Content, Results, Task
 
 _MILLIMETRE, _DEGREE = 1e-3, float(np.pi / 180)
 ROTATIONS = ("A", "B", "C")
-PRINTED = {"m": _MILLIMETRE, "rad": _DEGREE}
-"""Units that the paper prints, millimetres and degrees, in SI units."""
+PRINTED = {"m": _MILLIMETRE, "rad": _DEGREE}  # Units that the paper prints, millimetres and degrees, in SI units
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,7 @@ from robid.studies.page import Asked, PartFound, curves, table
 from robid.studies.settings.parts import PlantsCase
 from robid.studies.study import Part, Results
 
-Channels: TypeAlias = Sequence[tuple[Plant, judging.Identified]]
-"""Each true channel with what was identified of it."""
+Channels: TypeAlias = Sequence[tuple[Plant, judging.Identified]]  # Each true channel with what was identified of it
 
 _ASKED = {
     "max_band_error_percent": Asked(upper=1.0),

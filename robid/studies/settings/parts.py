@@ -250,8 +250,7 @@ class JanotStudy(Section):
     paper: str | None = entry("File with the paper's figures, relative to this one.", None, min_length=1)
 
 
-HAPTIC_PERIOD_S = 240e-6
-"""Sampling period of the haptic device [s]."""
+HAPTIC_PERIOD_S = 240e-6  # Sampling period of the haptic device [s]
 
 _FEWEST_ROWS = 100
 

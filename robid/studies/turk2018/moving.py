@@ -32,7 +32,7 @@ from robid.robot.response import nominal_parameters
 from robid.robot.statespace import discretise, state_space
 from robid.signals.record import Record
 from robid.simulate.truth import TrueRobot, recorded_torque_factor, with_imperfections
-from robid.studies.experiments import Further, paper_figures
+from robid.studies.experiments import Further, fit_outputs, paper_figures
 from robid.studies.page import Asked, PartFound, figure
 from robid.studies.settings.parts import TravelCase, position_output
 from robid.studies.study import Part, Results
@@ -121,8 +121,7 @@ def drive_amplitudes(drive: FrozenDrive, torque: FloatArray, position: FloatArra
     return np.asarray(line_amplitudes(twice, lines) / back[:, None] ** 2)
 
 
-LEAD = 2
-"""Periods in which transients pass before the first one that counts."""
+LEAD = 2  # Periods in which transients pass before the first one that counts
 
 
 @dataclass(frozen=True)
@@ -153,11 +152,6 @@ def split_errors(error: ComplexArray) -> ErrorParts:
     """
     mean = error.mean(axis=0)
     return ErrorParts(_over_periods(error), np.abs(mean), _over_periods(error - mean))
-
-
-def error_excess(parts: ErrorParts, reference: ErrorParts) -> FloatArray:
-    """Returns by how much errors exceed those of a reference model (n_out,), as a share of these."""
-    return np.asarray(deviation(parts.total) / deviation(reference.total) - 1)
 
 
 def measured_amplitudes(samples: FloatArray, lines: IntArray) -> ComplexArray:
@@ -240,12 +234,6 @@ _NOTES = (
 )
 
 
-def further_travel(run: Run, case: TravelCase) -> Further:
-    """Returns what is read of the study's own experiment: the fit, the travel, and the responses at one position."""
-    models = tuple(f"fits/{name}/model.h5" for name in dict.fromkeys((case.fit, case.uncompensated)) if name)
-    return ((run, (*models, f"{case.campaign}/record.h5", f"{case.fixed}/frf.h5")),)
-
-
 def _conclude_travel(run: Run, case: TravelCase, _results: Results) -> PartFound:
     path = run.path(f"{case.campaign}/record.h5")
     record = record_from_artifact(read_artifact(path, RECORD))
@@ -321,19 +309,16 @@ class Travelled:
     unmoved: ComplexArray  # (n_period, n_freq, n_out) the same, told that the slide stands where it is on average
     true: ComplexArray  # (n_period, n_freq, n_out) of the true drive, linearised wherever it is
 
-    @property
-    def omega_squared(self) -> FloatArray:
-        """What turns amplitudes into those of accelerations, but for the sign (n_freq, 1)."""
-        return np.asarray((2 * np.pi * self.frequency_hz[:, None]) ** 2)
-
     def error(self, modelled: ComplexArray, *, accelerations: bool = False) -> ErrorParts:
         """Returns the error of a model's amplitudes (n_period, n_freq, n_out)."""
-        return split_errors((self.measured - modelled) * (self.omega_squared if accelerations else 1.0))
+        # Amplitudes become those of accelerations, but for the sign.
+        squared = (2 * np.pi * self.frequency_hz[:, None]) ** 2
+        return split_errors((self.measured - modelled) * (squared if accelerations else 1.0))
 
     def excess(self, modelled: ComplexArray, *, accelerations: bool = False) -> FloatArray:
         """Returns by how much a model's error exceeds the true drive's (n_out,), as a share of that."""
         own, true = (self.error(each, accelerations=accelerations) for each in (modelled, self.true))
-        return error_excess(own, true)
+        return np.asarray(deviation(own.total) / deviation(true.total) - 1)
 
 
 def travel(solution: LpvSolution, record: Record, truth: TrueRobot) -> Travelled:
@@ -423,4 +408,9 @@ def _modelled(solution: LpvSolution, record: Record, scheduling: FloatArray) -> 
     return np.asarray(own / np.where(as_measured, 1.0, output_factor(record, lines)[:, chosen]))
 
 
-TRAVEL = Part("global", _conclude_travel, further=further_travel, field="travel")
+def _further_travel(run: Run, case: TravelCase) -> Further:
+    models = tuple(fit_outputs(name)[0] for name in dict.fromkeys((case.fit, case.uncompensated)) if name)
+    return ((run, (*models, f"{case.campaign}/record.h5", f"{case.fixed}/frf.h5")),)
+
+
+TRAVEL = Part("global", _conclude_travel, further=_further_travel, field="travel")

@@ -27,8 +27,7 @@ from robid.studies.settings.parts import RestCase
 from robid.studies.study import Part, Results
 
 _FREQUENCY = "Frequency [Hz]"
-_SHOWN = 120
-"""Measured lines of one curve in space: all of them would hide the models."""
+_SHOWN = 120  # Measured lines of one curve in space: all of them would hide the models
 _Drawn: TypeAlias = Literal["points", "line", "dashed"]
 _LAYERS: Mapping[str, _Drawn] = {"measured": "points", "sparse": "line", "SMILE": "dashed"}
 _MEASURED, _SPARSE, _SMILE, _DEVIATION, _NOISE, _ERROR = range(6)
@@ -77,7 +76,9 @@ def _waterfall(title: str, y_title: str, solution: LpvSolution, heights: list[Fl
 
 def left_out_section(solution: LpvSolution, held: Held, measured: Frf) -> Section:
     """Returns every element at the positions left out: response, deviations, model and error."""
-    noise = noise_deviation(solution, measured)
+    outputs = [measured.output_names.index(name) for name in solution.ports.outputs]
+    inputs = [measured.input_names.index(name) for name in solution.ports.inputs]
+    noise = np.sqrt(measured.element_variance(noise_only=True))[:, :, outputs][..., inputs]
     figures = []
     for position, output, port in np.ndindex((len(held.points), *held.response.shape[2:])):
         at = (position, slice(None), output, port)
@@ -98,13 +99,6 @@ def left_out_section(solution: LpvSolution, held: Held, measured: Frf) -> Sectio
         " A model is as good as these data can tell where its error is at the level of the deviation."
     )
     return Section("The position left out: Figs 7 and 8", lead, (Beside(tuple(figures), 2),))
-
-
-def noise_deviation(solution: LpvSolution, measured: Frf) -> FloatArray:
-    """Returns the deviation (n_pos, n_freq, n_out, n_in) of a response's mean by noise alone, of a fit's channels."""
-    outputs = [measured.output_names.index(name) for name in solution.ports.outputs]
-    inputs = [measured.input_names.index(name) for name in solution.ports.inputs]
-    return np.sqrt(measured.element_variance(noise_only=True))[:, :, outputs][..., inputs]
 
 
 def _curve(
@@ -214,8 +208,7 @@ _ASKED = {
     "left_out.excess_percent": Asked(upper=5.0),
     "blocks_dropped": Asked(lower=7),
 }
-_DEVIATION_DB = Asked(20.0, 35.0)
-"""What the data have to be like, by the paper's Figs 7 and 8."""
+_DEVIATION_DB = Asked(20.0, 35.0)  # What the data have to be like, by the paper's Figs 7 and 8
 
 
 def _conclude_local(run: Run, case: RestCase, _results: Results) -> PartFound:

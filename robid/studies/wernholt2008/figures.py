@@ -17,8 +17,6 @@ from robid.models.elastic.fit.uncertainty import sandwich
 from robid.models.elastic.judge.extrema import own_resonance_errors
 from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, significant
-from robid.robot.description import Robot
-from robid.settings.experiment import Campaign
 from robid.simulate.truth import true_robot
 from robid.studies.settings.study import EstimatorChoice, WernholtStudy
 from robid.studies.simulated import ratio_interval, simulate_options
@@ -145,7 +143,9 @@ def gather(run: Run, results: Sequence[Artifact]) -> Found:
     robot, delay = robot_and_delay(run.loaded)
     frf = read_frf(run.path(needs(run.loaded)[0]))
     user, optimal = (set_up(robot, frf, options, delay)[0] for options in score_options(study))
-    truth = true_internal(user, robot, run.loaded.experiment.campaigns[study.campaign])
+    true = true_robot(robot, simulate_options(run.loaded.experiment.campaigns[study.campaign]).truth)
+    springs, parameters = true_springs(true), user.parameters
+    truth = np.log([springs[name] for name in parameters.names] / parameters.nominal_values())
     per_set = -(-study.fit.starts // study.starts_per_task)
     values = [values_of(result) for result in results]
     parts = [values[at : at + per_set] for at in range(0, len(values), per_set)]
@@ -170,12 +170,6 @@ def gather(run: Run, results: Sequence[Artifact]) -> Found:
         resonances=int(judge.counted.sum()),
         uncounted=int((~judge.counted).sum()),
     )
-
-
-def true_internal(problem: Problem, robot: Robot, campaign: Campaign) -> FloatArray:
-    """Internal parameters (n_param,) of a simulated campaign's true robot."""
-    values, parameters = true_springs(true_robot(robot, simulate_options(campaign).truth)), problem.parameters
-    return np.asarray(np.log([values[name] for name in parameters.names] / parameters.nominal_values()))
 
 
 @dataclass(frozen=True)
@@ -274,8 +268,7 @@ def summarise(found: Found) -> dict[str, float]:
 _HONEST_FACTOR = 3.0
 _LEAST_CORRELATION = 0.5
 _ALIKE = 0.8
-_WORTH_HAVING = 0.9
-"""Ratio of errors above which one is no gain over the other."""
+_WORTH_HAVING = 0.9  # Ratio of errors above which one is no gain over the other
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,7 @@ from robid.studies.simulated import simulate_options, stated_std
 from robid.studies.study import Content, Earlier, Task, in_chunks, study_of, values_of
 
 _NOTHING_KNOWN = 1e9
-ALL = -1
-"""Stands for all configurations where one is named by its index."""
+ALL = -1  # Stands for all configurations where one is named by its index
 
 
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
@@ -161,8 +160,7 @@ def true_springs(robot: Robot) -> dict[str, float]:
     return {f"{spring.name}.{key}": float(getattr(spring, key)) for key in keys for spring in robot.springs}
 
 
-_RESULT = 3
-"""Version of what a result holds."""
+_RESULT = 3  # Version of what a result holds
 
 
 @dataclass(frozen=True)

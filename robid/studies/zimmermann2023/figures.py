@@ -122,10 +122,8 @@ def _told(candidates: Visits, counts: IntArray) -> FloatArray:
     return np.asarray(candidates.total(counts)[0, 0])
 
 
-MISSED = 0.03
-"""Relative error from which a first resonance counts as missed."""
-_BENT = 0.01
-"""Spread of a spring's slope over the configurations from which gravity counts as bending it."""
+MISSED = 0.03  # Relative error from which a first resonance counts as missed
+_BENT = 0.01  # Spread of a spring's slope over the configurations from which gravity counts as bending it
 
 
 @dataclass(frozen=True)

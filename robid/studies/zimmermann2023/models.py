@@ -91,8 +91,7 @@ def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
 
 
 _NOTHING_KNOWN = 1e9
-_RESULT = 5
-"""Version of what a result holds."""
+_RESULT = 5  # Version of what a result holds
 
 
 @dataclass(frozen=True)

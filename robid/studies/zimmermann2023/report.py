@@ -25,8 +25,7 @@ from robid.studies.zimmermann2023.steps import StepResponses
 
 _ENOUGH_COST = 1.06
 _ENOUGH_EXCESS = 0.5
-_FURTHER = 2.0
-"""Scatter over the stated deviation above which intervals do not hold what they should."""
+_FURTHER = 2.0  # Scatter over the stated deviation above which intervals do not hold what they should
 
 
 def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
