@@ -32,17 +32,7 @@ from robid.fleet.run import Batch, Options, run_fleet
 from robid.pipeline.graph import Run
 from robid.report.numbers import significant
 from robid.report.section import Cell, Section, Table
-from robid.studies.fleet.logs import NAME as LOGS_NAME
-from robid.studies.fleet.logs import (
-    Fault,
-    FleetRobot,
-    fleet_robots,
-    hashes_of,
-    manifest_path,
-    stated_payload,
-    template_path,
-    write_manifest,
-)
+from robid.studies.fleet import logs
 from robid.studies.page import Asked, PartFound, figure, table
 from robid.studies.settings.study import KINDS, FleetSpeed, FleetStudy
 from robid.studies.study import Content, Part, Results, Task, values_of
@@ -93,7 +83,9 @@ _TITLES = {
 }
 
 
-def faults_section(robots: Sequence[FleetRobot], values: Mapping[str, Any], figures: Mapping[str, float]) -> Section:
+def faults_section(
+    robots: Sequence[logs.FleetRobot], values: Mapping[str, Any], figures: Mapping[str, float]
+) -> Section:
     """What became of each fault, and which sound robots are accused; `values` (n_row,) are those of the task."""
     counts = (
         ("Fault", lambda kind: _TITLES[kind]),
@@ -121,7 +113,7 @@ def faults_section(robots: Sequence[FleetRobot], values: Mapping[str, Any], figu
     return Section("Faults", lead, (table(counts, planted, title="By kind", fit="compact"), each))
 
 
-def said(fault: Fault) -> str:
+def said(fault: logs.Fault) -> str:
     """Says what is wrong with a robot or its log."""
     joint = f"joint {fault.joint + 1}"
     channel = f"{fault.channel} of {joint}"
@@ -143,12 +135,12 @@ _SETTLED = 10
 
 def _whole_tasks(run: Run, _study: FleetStudy, earlier: Mapping[str, Results]) -> list[Task]:
     # One task: all rows, of which a stopped study keeps what is done.
-    path, template = manifest_path(run), template_path(run)
-    write_manifest(path, fleet_robots(run), stated_payload(run))
+    path, template = logs.manifest_path(run), logs.template_path(run)
+    logs.write_manifest(path, logs.fleet_robots(run), logs.stated_payload(run))
     fleet = load_fleet(path, template)
     decides = {
         "rows": [[planned.row.id, planned.settings_hash] for planned in fleet.rows],
-        "logs": hashes_of(earlier[LOGS_NAME]),
+        "logs": logs.hashes_of(earlier[logs.NAME]),
         "formats": FORMATS,
     }
     return [Task(WHOLE_NAME, decides, (path, template, run.path(FOLDER)))]
@@ -209,7 +201,7 @@ def count_found(kinds: Sequence[str], failed: BoolArray, off: BoolArray) -> dict
 
 
 def _conclude_whole(run: Run, _study: FleetStudy, results: Results) -> PartFound:
-    [found], robots = results, fleet_robots(run)
+    [found], robots = results, logs.fleet_robots(run)
     values = values_of(found)
     figures = count_found([robot.kind for robot in robots], values["failed"], values["off"])
     figures["fleet.row_seconds"] = float(np.median(values["seconds"]))
@@ -270,12 +262,12 @@ def ways(cores: int) -> tuple[tuple[str, int], ...]:
 
 
 def _speed_tasks(run: Run, speed: FleetSpeed, earlier: Mapping[str, Results]) -> list[Task]:
-    sound = [robot for robot in fleet_robots(run) if robot.fault is None][: speed.rows]
-    path, template = run.path("manifest_of_speed.csv"), template_path(run)
-    write_manifest(path, sound, stated_payload(run))
+    sound = [robot for robot in logs.fleet_robots(run) if robot.fault is None][: speed.rows]
+    path, template = run.path("manifest_of_speed.csv"), logs.template_path(run)
+    logs.write_manifest(path, sound, logs.stated_payload(run))
     decides = {
         "rows": [[planned.row.id, planned.settings_hash] for planned in load_fleet(path, template).rows],
-        "logs": canonical_hash(hashes_of(earlier[LOGS_NAME])),
+        "logs": canonical_hash(logs.hashes_of(earlier[logs.NAME])),
         "ways": [list(way) for way in ways(core_count())],
         "repeats": speed.repeats,
         "formats": FORMATS,
@@ -401,9 +393,9 @@ class Fed:
 
 
 def _scheduler_tasks(run: Run, count: int, earlier: Mapping[str, Results]) -> list[Task]:
-    fleet = load_fleet(manifest_path(run), template_path(run))
+    fleet = load_fleet(logs.manifest_path(run), logs.template_path(run))
     rows = run.path(FOLDER) / "rows"
-    sound = next(index for index, robot in enumerate(fleet_robots(run)) if robot.fault is None)
+    sound = next(index for index, robot in enumerate(logs.fleet_robots(run)) if robot.fault is None)
     row = fleet.rows[sound].row
     first = Fed(RowTask(row, fleet.template.path, fleet.text, rows, keep=False), rows / row.id)
     workers = core_count()

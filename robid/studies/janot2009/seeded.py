@@ -11,17 +11,9 @@ import numpy as np
 from robid.arrays import FloatArray, IntArray, Quantity
 from robid.artifacts.artifact import Artifact, Attribute, Dataset
 from robid.artifacts.kinds import from_datasets, to_datasets
+from robid.models.rigid.fit import regression
 from robid.models.rigid.fit.conclusion import Conclusion, conclude, solve_instruments
 from robid.models.rigid.fit.options import ConclusionOptions, HuberOptions, PreprocessingOptions
-from robid.models.rigid.fit.regression import (
-    Regression,
-    huber_weights,
-    ordinary_least_squares,
-    reduce_rows,
-    residuals,
-    sweep_bend,
-    weighted_least_squares,
-)
 from robid.models.rigid.fit.residuals import Influence
 from robid.models.rigid.fit.rows import Reading, Regressor, Remembered, prepare
 from robid.models.rigid.fit.solution import RowResiduals
@@ -104,10 +96,12 @@ def _judged(machine: Machine, recording: Recording, options: PreprocessingOption
     instrumental = [one.instruments.parameters for one in found.conclusions if one.instruments is not None]
     # The paper's tables of the first seed: rows chosen by the measured speed, equal weights.
     rows = read(machine, recording, 0, options)
-    reduction = reduce_rows(rows)
-    plain = ordinary_least_squares(reduction)
-    swept = sweep_bend(rows, reduction, BENDS, HuberOptions(covariance="weighted", iteration_limit=_ITERATIONS))
-    residual, estimates = residuals(rows, plain.parameters), (plain, *swept)
+    reduction = regression.reduce_rows(rows)
+    plain = regression.ordinary_least_squares(reduction)
+    swept = regression.sweep_bend(
+        rows, reduction, BENDS, HuberOptions(covariance="weighted", iteration_limit=_ITERATIONS)
+    )
+    residual, estimates = regression.residuals(rows, plain.parameters), (plain, *swept)
     period = recording.sampling_period_s * options.decimator(recording.sampling_period_s).factor
     kept = {"value": "parameters", "std": "standard_deviation", "sigma": "deviation", "iterations": "iterations"}
     alarms = [
@@ -127,7 +121,7 @@ def _judged(machine: Machine, recording: Recording, options: PreprocessingOption
         **{key: np.array([getattr(one, name) for one in estimates]) for key, name in kept.items()},
         time_s=np.arange(len(residual)) * period,
         residual=residual,
-        weight=huber_weights(residuals(rows, swept[0].parameters) / swept[0].scale, BENDS[0]),
+        weight=regression.huber_weights(regression.residuals(rows, swept[0].parameters) / swept[0].scale, BENDS[0]),
         sentence=verdicts[0].sentence,
     )
 
@@ -166,7 +160,7 @@ class Recording:
 class Identified:
     """What the seeds of a recording gave."""
 
-    plain: list[Regression]  # Least squares as the paper has it, without instruments, of each seed
+    plain: list[regression.Regression]  # Least squares as the paper has it, without instruments, of each seed
     conclusions: list[Conclusion]  # What the rows that are chosen by the instrument say, of each seed
 
 
@@ -185,8 +179,8 @@ def read(
 
 def identify(machine: Machine, recording: Recording, options: PreprocessingOptions) -> Identified:
     """Identifies every seed of a recording."""
-    fit = weighted_least_squares if machine.weighted else ordinary_least_squares
-    plain = [fit(reduce_rows(read(machine, recording, seed, options))) for seed in range(len(recording))]
+    fit = regression.weighted_least_squares if machine.weighted else regression.ordinary_least_squares
+    plain = [fit(regression.reduce_rows(read(machine, recording, seed, options))) for seed in range(len(recording))]
     rows, found = _instruments(machine, recording, options, plain)
     decimator = options.decimator(recording.sampling_period_s)
     chosen = replace(ConclusionOptions(), weighted=machine.weighted)
@@ -198,8 +192,8 @@ def identify(machine: Machine, recording: Recording, options: PreprocessingOptio
 
 
 def _instruments(
-    machine: Machine, recording: Recording, options: PreprocessingOptions, start: list[Regression]
-) -> tuple[list[Remembered], list[tuple[Regression, Influence]]]:
+    machine: Machine, recording: Recording, options: PreprocessingOptions, start: list[regression.Regression]
+) -> tuple[list[Remembered], list[tuple[regression.Regression, Influence]]]:
     """Simulates all seeds at once, again and again, as `instrumental_variables` does for one."""
     guess = machine.guess
     parameters = np.array([estimate.parameters if guess is None else guess for estimate in start])

@@ -38,19 +38,8 @@ from robid.studies.experiments import (
     physics_problems,
     run_of,
 )
+from robid.studies.mistakes import unit_logs
 from robid.studies.mistakes.cases import campaigns_of
-from robid.studies.mistakes.unit_logs import (
-    Log,
-    Said,
-    Sizes,
-    log_of,
-    mapping_of,
-    mistaken_log,
-    rough_robot,
-    rough_torque_constants,
-    stamps,
-    write_log,
-)
 from robid.studies.settings.defects import MistakesStudy, Rough, UnitMistake, UnitRobot
 from robid.studies.study import Content, Earlier, Task, study_of
 
@@ -190,10 +179,10 @@ def read_individual(reading: Reading) -> Content:
     )
     loaded = replace(loaded, robot=loaded.robot.model_copy(update={"joints": joints}))
     if reading.of.rough:
-        factors = rough_torque_constants(len(loaded.robot.joints), reading.rough, reading.of.seed)
+        factors = unit_logs.rough_torque_constants(len(loaded.robot.joints), reading.rough, reading.of.seed)
         torque = read_scale("torque x 1000")
-        logs = {name: mistaken_log(log, torque, factors) for name, log in logs.items()}
-        rough = replace(loaded, robot=rough_robot(loaded.robot, reading.rough, reading.of.seed))
+        logs = {name: unit_logs.mistaken_log(log, torque, factors) for name, log in logs.items()}
+        rough = replace(loaded, robot=unit_logs.rough_robot(loaded.robot, reading.rough, reading.of.seed))
         said = {ROUGH: _chain(reading, rough, logs, None)}
     else:
         said = {name: _chain(reading, loaded, logs, mistake) for name, mistake in reading.mistakes.items()}
@@ -202,7 +191,7 @@ def read_individual(reading: Reading) -> Content:
     return Content(datasets, {"robot": reading.of.robot, "seed": reading.of.seed, "rough": reading.of.rough})
 
 
-def _logs(reading: Reading, loaded: LoadedExperiment) -> Iterator[tuple[str, Log]]:
+def _logs(reading: Reading, loaded: LoadedExperiment) -> Iterator[tuple[str, unit_logs.Log]]:
     seed, physics = reading.of.seed, reading.of.physics(reading.settings)
     joints = [joint.name for joint in loaded.robot.joints]
     for number, (name, owner) in enumerate(campaigns_of(loaded, reading.settings.fit).items()):
@@ -210,13 +199,15 @@ def _logs(reading: Reading, loaded: LoadedExperiment) -> Iterator[tuple[str, Log
         content = excitation_from_artifact(read_artifact(reading.played[name], EXCITATION))
         options = changed_simulation(campaign, physics, seed, 2 * seed + number)
         experiment = simulated_experiment(loaded, campaign, options, content)
-        log: Log = {}
+        log: unit_logs.Log = {}
         for index, configuration in enumerate(content.configurations):
-            log |= log_of(simulate(experiment, configuration, index, 1), joints, index)
+            log |= unit_logs.log_of(simulate(experiment, configuration, index, 1), joints, index)
         yield owner, log
 
 
-def _chain(reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, Log], mistake: UnitMistake | None) -> Said:
+def _chain(
+    reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, unit_logs.Log], mistake: UnitMistake | None
+) -> unit_logs.Said:
     fit = reading.settings.fit
     with tempfile.TemporaryDirectory() as folder:
         read = _as_read(reading, loaded, logs, mistake, Path(folder))
@@ -224,7 +215,7 @@ def _chain(reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, Log], 
         try:
             run_all(Run(read, Path(folder), "serial", 1), told.of, lambda _: None, [f"fits/{fit}/validation.h5"])
         except (DataError, SettingsError) as error:
-            return Said((), (), str(error).replace(f"{folder}/", ""))
+            return unit_logs.Said((), (), str(error).replace(f"{folder}/", ""))
         made = Path(folder) / "fits" / fit
         # A fit that has not converged is validated nowhere: its own grade is all that is said.
         held = next(
@@ -233,11 +224,15 @@ def _chain(reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, Log], 
             if (made / name).exists()
         )
     doubts = grade_from_artifact(held).findings
-    return Said(tuple(doubt.cause for doubt in doubts), doubts[0].scales if doubts else (), "")
+    return unit_logs.Said(tuple(doubt.cause for doubt in doubts), doubts[0].scales if doubts else (), "")
 
 
 def _as_read(
-    reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, Log], mistake: UnitMistake | None, folder: Path
+    reading: Reading,
+    loaded: LoadedExperiment,
+    logs: Mapping[str, unit_logs.Log],
+    mistake: UnitMistake | None,
+    folder: Path,
 ) -> LoadedExperiment:
     settings, joints = reading.settings, [joint.name for joint in loaded.robot.joints]
     signals = settings.log if mistake is None else mistake.log.get(reading.of.robot, settings.log)
@@ -246,7 +241,7 @@ def _as_read(
     scale = None if mistake is None else read_scale(mistake.scale)
     if mistake is not None and scale is not None:
         ratios = np.array([abs(joint.plain_motor.gear_ratio) for joint in loaded.robot.joints])
-        sizes = Sizes(ratios, settings.counts_per_turn / (2 * np.pi), settings.torque_constant_nm_a)
+        sizes = unit_logs.Sizes(ratios, settings.counts_per_turn / (2 * np.pi), settings.torque_constant_nm_a)
         factors = sizes.factors(scale)
         if mistake.one_joint:
             factors = np.where(np.arange(len(ratios)) == reading.of.joint(len(ratios)), factors, 1.0)
@@ -254,12 +249,12 @@ def _as_read(
             stretch, scale = float(factors[0]), None
     for name, log in logs.items():
         path = folder / f"{name}.mat"
-        write_log(path, log if scale is None else mistaken_log(log, scale, factors))
+        unit_logs.write_log(path, log if scale is None else unit_logs.mistaken_log(log, scale, factors))
         period_s = stretch * require_controller(loaded).sampling_period_s
         stamped = mistake is None or mistake.stamps
         campaign = loaded.experiment.campaigns[name]
-        options = {"time": stamps() if stamped else None, "one_shot": campaign.is_trajectory}
-        acquire = mapping_of(path, joints, signals, period_s, options)
+        options = {"time": unit_logs.stamps() if stamped else None, "one_shot": campaign.is_trajectory}
+        acquire = unit_logs.mapping_of(path, joints, signals, period_s, options)
         read = reading_campaign(campaign, acquire, stretch)
         if "angle" not in signals:
             # Friction follows the motors' angles: without these it cannot be subtracted.

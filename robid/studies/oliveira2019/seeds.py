@@ -22,16 +22,7 @@ from robid.pipeline.graph import Run
 from robid.report.numbers import percent, significant
 from robid.report.section import Section, Table
 from robid.signals.waveforms import chirp
-from robid.studies.oliveira2019.bench import (
-    BenchChannel,
-    Measuring,
-    answer_of,
-    channels_of,
-    decides_of,
-    frequencies,
-    quantile,
-    response_of,
-)
+from robid.studies.oliveira2019 import bench
 from robid.studies.oliveira2019.judging import CONFIDENCE, Identified
 from robid.studies.page import Asked, PartFound, table
 from robid.studies.settings.parts import PlantsCase, SyntheticCase
@@ -164,7 +155,7 @@ _KEPT = {
 def coverage_tasks(run: Run, case: PlantsCase, earlier: Mapping[str, Results]) -> list[Task]:
     """Returns the tasks: some seeds of one channel each, at the structure that its own task chose."""
     tasks = []
-    for index, channel in enumerate(channels_of(run, case)):
+    for index, channel in enumerate(bench.channels_of(run, case)):
         known, ports = from_datasets(Identified, earlier["plants"][index]), (channel.plant.name,)
         start = TransferMatrix(
             *(ports, ports, known.numerator[None, None], known.denominator, known.delay_samples),
@@ -174,14 +165,14 @@ def coverage_tasks(run: Run, case: PlantsCase, earlier: Mapping[str, Results]) -
         )
         chosen = [start.numerator.ravel().tolist(), start.denominator.tolist(), start.delay_samples]
         for seeds in in_chunks(case.first_seed, case.seeds, case.seeds_per_task):
-            decides = {**decides_of(channel), "start": chosen, "seeds": [seeds.start, seeds.stop]}
+            decides = {**bench.decides_of(channel), "start": chosen, "seeds": [seeds.start, seeds.stop]}
             tasks.append(Task(f"{channel.plant.name}_{seeds.start}", decides, (channel, start, seeds)))
     return tasks
 
 
-def cover(channel: BenchChannel, start: TransferMatrix, seeds: range) -> Content:
+def cover(channel: bench.BenchChannel, start: TransferMatrix, seeds: range) -> Content:
     """Refits some seeds of a channel from the model of the first, and tells the share of bounds that hold the truth."""
-    measuring, orders = Measuring(channel), (len(start.denominator) - 1, start.numerator.shape[-1] - 1)
+    measuring, orders = bench.Measuring(channel), (len(start.denominator) - 1, start.numerator.shape[-1] - 1)
     structure = Structure(*orders, start.delay_samples, moving_average=start.moving_average, hold="zoh")
     fits = (fit_block(measuring.measure(seed)[:-1], [0], [0], structure, start) for seed in seeds)
     rows = [_shares(channel, measuring, Fitted(fit.model, fit.covariance_root)) for fit in fits]
@@ -190,13 +181,15 @@ def cover(channel: BenchChannel, start: TransferMatrix, seeds: range) -> Content
     return Content(datasets, {"channel": channel.plant.name})
 
 
-def _shares(channel: BenchChannel, measuring: Measuring, fitted: Fitted) -> tuple[float, float, float, float]:
-    simulated, std = answer_of(fitted, lambda model: model.simulate(measuring.commands[-1][:, None])[:, 0])
+def _shares(
+    channel: bench.BenchChannel, measuring: bench.Measuring, fitted: Fitted
+) -> tuple[float, float, float, float]:
+    simulated, std = bench.answer_of(fitted, lambda model: model.simulate(measuring.commands[-1][:, None])[:, 0])
     held = _inside(simulated - measuring.answers[-1], std)
     low, high = channel.case.band_hz
-    frequency_hz = frequencies(channel.case)
+    frequency_hz = bench.frequencies(channel.case)
     frequency_hz = frequency_hz[(frequency_hz >= low) & (frequency_hz <= high)]
-    response, relative, phase = response_of(fitted, frequency_hz)
+    response, relative, phase = bench.response_of(fitted, frequency_hz)
     ratio = response / channel.bench.response(channel.plant, frequency_hz)
     size = np.abs(ratio) - 1
     return held, _inside(size, relative), _inside(np.angle(ratio), phase), float(np.max(np.abs(size)))
@@ -204,7 +197,7 @@ def _shares(channel: BenchChannel, measuring: Measuring, fitted: Fitted) -> tupl
 
 def _inside(error: FloatArray, std: FloatArray) -> float:
     moving = std > 0  # before a command comes through nothing is uncertain
-    return float(np.mean(np.abs(error[moving]) <= quantile() * std[moving]))
+    return float(np.mean(np.abs(error[moving]) <= bench.quantile() * std[moving]))
 
 
 def _conclude_coverage(run: Run, case: PlantsCase, results: Results) -> PartFound | None:
@@ -213,7 +206,7 @@ def _conclude_coverage(run: Run, case: PlantsCase, results: Results) -> PartFoun
     held = [(one.attributes["channel"], values_of(one)) for one in results]
     found = {
         name: {key: np.concatenate([values[key] for owner, values in held if owner == name]) for key in _KEPT}
-        for name in (channel.plant.name for channel in channels_of(run, case))
+        for name in (channel.plant.name for channel in bench.channels_of(run, case))
     }
     every = {key: np.concatenate([one[key] for one in found.values()]) for key in _KEPT}
     figures = {

@@ -24,15 +24,8 @@ from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import given
 from robid.settings.yaml import FieldPath
 from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, entry, name_problems, unknown
+from robid.studies.settings import parts
 from robid.studies.settings.defects import MistakesStudy, TrustStudy, check_mistakes, check_trust
-from robid.studies.settings.parts import (
-    JanotStudy,
-    OliveiraStudy,
-    TurkStudy,
-    check_janot2009,
-    check_oliveira2019,
-    check_turk2018,
-)
 
 
 @dataclass(frozen=True)
@@ -329,9 +322,9 @@ Study: TypeAlias = Annotated[
     | WernholtStudy
     | ZimmermannStudy
     | MistakesStudy
-    | JanotStudy
-    | OliveiraStudy
-    | TurkStudy
+    | parts.JanotStudy
+    | parts.OliveiraStudy
+    | parts.TurkStudy
     | TrustStudy
     | FleetStudy,
     Field(discriminator="kind"),
@@ -343,9 +336,9 @@ _CHECKS: Mapping[str, Callable[[Any, Experiment, RobotFile | None], Problems]] =
     "wernholt2008": check_wernholt2008,
     "zimmermann2023": check_zimmermann2023,
     "mistakes": check_mistakes,
-    "janot2009": check_janot2009,
-    "oliveira2019": check_oliveira2019,
-    "turk2018": check_turk2018,
+    "janot2009": parts.check_janot2009,
+    "oliveira2019": parts.check_oliveira2019,
+    "turk2018": parts.check_turk2018,
     "trust": check_trust,
     "fleet": check_fleet,
 }

@@ -14,18 +14,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance.kinds import (
-    MICRO,
-    Compliance,
-    Hysteresis,
-    LoadStiffness,
-    MotorFriction,
-    Nuisance,
-    RobotMove,
-    TorqueScale,
-    ValueOff,
-    list_nuisances,
-)
+from robid.models.elastic.fit.nuisance import kinds
 from robid.models.elastic.fit.nuisance.response import NO_LOAD_RAD, bristle_share
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fitting import true_values
@@ -57,7 +46,7 @@ _DRAWS = 3  # keeps these draws apart from those of springs, masses and defects
 class Doubted:
     """What a robot file is doubted for, and how far one robot is off."""
 
-    doubts: tuple[Nuisance, ...]
+    doubts: tuple[kinds.Nuisance, ...]
     amounts: FloatArray  # (n_doubt, n_conf) how far the robot is off in each place
 
 
@@ -67,7 +56,7 @@ def draw_doubted(robot: Robot, options: ElasticOptions, n_place: int, seed: int)
     Amounts that have a sign keep it.
     """
     generator = np.random.default_rng([seed, _DRAWS])
-    doubts = list_nuisances(robot, options)
+    doubts = kinds.list_nuisances(robot, options)
     amounts = np.empty((len(doubts), n_place))
     for row, doubt in zip(amounts, doubts, strict=True):
         common, each = generator.standard_normal(), generator.standard_normal(n_place)
@@ -78,7 +67,7 @@ def draw_doubted(robot: Robot, options: ElasticOptions, n_place: int, seed: int)
 
 def as_file(robot: Robot, options: ElasticOptions, n_place: int) -> Doubted:
     """Returns what a robot is doubted for that is right in everything."""
-    doubts = list_nuisances(robot, options)
+    doubts = kinds.list_nuisances(robot, options)
     return Doubted(doubts, np.zeros((len(doubts), n_place)))
 
 
@@ -98,8 +87,8 @@ def doubted_responses(
         own = off_robot(robot, off.doubts, amounts, shares[place])
         model = build_model(own)
         linear = linearize(model, solve_statics(model, configuration[None]))
-        late = (amounts[each.name] for each in off.doubts if each.effect == ValueOff("delay", 0))
-        delay_s = sampling[1] + sum(MICRO * amount for amount in late)
+        late = (amounts[each.name] for each in off.doubts if each.effect == kinds.ValueOff("delay", 0))
+        delay_s = sampling[1] + sum(kinds.MICRO * amount for amount in late)
         bristles = _bristles(off.doubts, amounts, own, frequency_hz)
         parameters = nominal_parameters(own, linear, delay_s)
         exact = _with_bristles(linear, parameters, bristles, frequency_hz, sampling[0])
@@ -109,13 +98,13 @@ def doubted_responses(
 
 
 def _bristles(
-    doubts: Sequence[Nuisance], amounts: Mapping[str, float], robot: Robot, frequency_hz: FloatArray
+    doubts: Sequence[kinds.Nuisance], amounts: Mapping[str, float], robot: Robot, frequency_hz: FloatArray
 ) -> ComplexArray:
     """What bristles add to each spring (n_freq, n_spring), over its stiffness."""
     omega = 2 * np.pi * frequency_hz
     found = np.zeros((omega.size, len(robot.springs)), complex)
     for doubt in doubts:
-        if isinstance(doubt.effect, Hysteresis):
+        if isinstance(doubt.effect, kinds.Hysteresis):
             share = bristle_share(omega, np.zeros((1, omega.size)), doubt.effect.slip)[0]
             found[:, doubt.effect.spring] += 2 * amounts[doubt.name] / _PERCENT * share
     return found
@@ -139,7 +128,9 @@ def _with_bristles(
     return np.array(found)
 
 
-def off_robot(robot: Robot, doubts: Sequence[Nuisance], amounts: Mapping[str, float], shares: FloatArray) -> Robot:
+def off_robot(
+    robot: Robot, doubts: Sequence[kinds.Nuisance], amounts: Mapping[str, float], shares: FloatArray
+) -> Robot:
     """Returns the robot with everything that is off, by its name, and belongs to its mechanics.
 
     The load of each gear here (n_spring,) is from -1 to 1 over the places.
@@ -150,28 +141,28 @@ def off_robot(robot: Robot, doubts: Sequence[Nuisance], amounts: Mapping[str, fl
         share, direction = amounts[doubt.name] / _PERCENT, doubt.effect
         if share == 0:
             continue
-        if isinstance(direction, RobotMove):
+        if isinstance(direction, kinds.RobotMove):
             robot = direction.moved(robot, amounts[doubt.name])
-        elif isinstance(direction, LoadStiffness):
+        elif isinstance(direction, kinds.LoadStiffness):
             spring = robot.springs[direction.spring]
             softer = replace(spring, stiffness=spring.stiffness * (1 + share * float(shares[direction.spring])))
             robot = replace(robot, springs=_with(robot.springs, direction.spring, softer))
-        elif isinstance(direction, Compliance):
+        elif isinstance(direction, kinds.Compliance):
             spring = direction.spring
             further.append(replace(spring, stiffness=spring.stiffness / share, damping=spring.damping / share))
-        elif isinstance(direction, ValueOff) and direction.kind in ("stiffness", "damping"):
+        elif isinstance(direction, kinds.ValueOff) and direction.kind in ("stiffness", "damping"):
             spring = robot.springs[direction.element]
             size = (1 + share) * float(getattr(spring, direction.kind))
             held = replace(spring, stiffness=size) if direction.kind == "stiffness" else replace(spring, damping=size)
             robot = replace(robot, springs=_with(robot.springs, direction.element, held))
-        elif isinstance(direction, ValueOff) and direction.kind != "delay":
+        elif isinstance(direction, kinds.ValueOff) and direction.kind != "delay":
             joint = robot.joints[direction.element]
             off = _with_off_drive(joint, direction, share, float(inertia[direction.element]))
             robot = replace(robot, joints=_with(robot.joints, direction.element, off))
     return replace(robot, springs=(*robot.springs, *further))
 
 
-def _with_off_drive(joint: Joint, direction: ValueOff, share: float, inertia: float) -> Joint:
+def _with_off_drive(joint: Joint, direction: kinds.ValueOff, share: float, inertia: float) -> Joint:
     if direction.kind == "arm_viscous":
         return replace(joint, arm_viscous=joint.arm_viscous + share * _TURN_10_HZ * inertia)
     motor = joint.motor
@@ -209,10 +200,10 @@ def _recorded(
     feedback, constant = np.zeros(exact.shape, complex), np.ones(exact.shape[2])
     for doubt in off.doubts:
         direction, share = doubt.effect, amounts[doubt.name] / _PERCENT
-        if isinstance(direction, MotorFriction):
+        if isinstance(direction, kinds.MotorFriction):
             size = share * robot.joints[direction.joint].motor.inertia_kgm2 * _TURN_10_HZ**2
             feedback[:, direction.joint, direction.joint] += direction.phase * size / square
-        elif isinstance(direction, TorqueScale):
+        elif isinstance(direction, kinds.TorqueScale):
             constant[direction.joint] = 1 + share
     rubbing = np.linalg.solve(np.eye(exact.shape[1]) - exact @ feedback / hold[:, None, None], exact)
     return np.asarray(rubbing / constant)

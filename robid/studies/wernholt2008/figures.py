@@ -21,17 +21,7 @@ from robid.simulate.truth import true_robot
 from robid.studies.settings.study import EstimatorChoice, WernholtStudy
 from robid.studies.simulated import ratio_interval, simulate_options
 from robid.studies.study import study_of, values_of
-from robid.studies.wernholt2008.study import (
-    ALL,
-    Individuals,
-    needs,
-    read_frf,
-    robot_and_delay,
-    score_options,
-    sets,
-    sizes_of,
-    true_springs,
-)
+from robid.studies.wernholt2008 import study as fits
 
 
 def spread(values: FloatArray, best: FloatArray) -> dict[str, FloatArray]:
@@ -140,16 +130,16 @@ class Found:
 def gather(run: Run, results: Sequence[Artifact]) -> Found:
     """Puts the tasks' results together and judges every model."""
     study = study_of(run.loaded, WernholtStudy)
-    robot, delay = robot_and_delay(run.loaded)
-    frf = read_frf(run.path(needs(run.loaded)[0]))
-    user, optimal = (set_up(robot, frf, options, delay)[0] for options in score_options(study))
+    robot, delay = fits.robot_and_delay(run.loaded)
+    frf = fits.read_frf(run.path(fits.needs(run.loaded)[0]))
+    user, optimal = (set_up(robot, frf, options, delay)[0] for options in fits.score_options(study))
     true = true_robot(robot, simulate_options(run.loaded.experiment.campaigns[study.campaign]).truth)
-    springs, parameters = true_springs(true), user.parameters
+    springs, parameters = fits.true_springs(true), user.parameters
     truth = np.log([springs[name] for name in parameters.names] / parameters.nominal_values())
     per_set = -(-study.fit.starts // study.starts_per_task)
     values = [values_of(result) for result in results]
     parts = [values[at : at + per_set] for at in range(0, len(values), per_set)]
-    kinds = sets(study)
+    kinds = fits.sets(study)
     near = [part for index, kind in enumerate(kinds) if not kind.group for part in parts[index]]
     best, best_optimal = (min(float(part[key].min()) for part in near) for key in ("user_cost", "optimal_cost"))
     judge = Judge(user, own_resonance_errors(user, truth) <= _RESONANCE_LIMIT)
@@ -261,7 +251,7 @@ def summarise(found: Found) -> dict[str, float]:
         "resonances_uncounted": found.uncounted,
         "std_least_determined": float(found.std[found.least_determined]),
     }
-    alone = [one.configuration for one in near if one.configuration != ALL]
+    alone = [one.configuration for one in near if one.configuration != fits.ALL]
     return summary | {"best_configuration": float(alone[0] + 1)} if alone else summary
 
 
@@ -295,7 +285,7 @@ def claims(
     found: Found,
     choices: Mapping[str, EstimatorChoice],
     transmission: BoolArray,
-    individuals: Individuals | None = None,
+    individuals: fits.Individuals | None = None,
 ) -> tuple[Claim, ...]:
     """Returns the seven conclusions; `transmission` (n_param,) tells which parameters are those of gearboxes.
 
@@ -363,7 +353,7 @@ def _kinds(text: str, found: Found, easier: BoolArray, harder: BoolArray) -> Cla
     return Claim(text, figures, std[0] < std[1] and off[0] < off[1])
 
 
-def _smaller(claim: Claim, individuals: Individuals, better: Models, worse: Models | None) -> Claim:
+def _smaller(claim: Claim, individuals: fits.Individuals, better: Models, worse: Models | None) -> Claim:
     if worse is None:
         return claim
     names = better.name, worse.name
@@ -375,7 +365,7 @@ def _smaller(claim: Claim, individuals: Individuals, better: Models, worse: Mode
 
 
 def _easier(
-    claim: Claim, individuals: Individuals, name: str, found: Found, kinds: tuple[BoolArray, BoolArray]
+    claim: Claim, individuals: fits.Individuals, name: str, found: Found, kinds: tuple[BoolArray, BoolArray]
 ) -> Claim:
     if not all(kind.any() for kind in kinds):
         return claim
@@ -396,7 +386,7 @@ def _by_errors(
     what would be worth having; neither when it holds both. Estimates count, as in the paper; those of the springs
     themselves, with what the robot file may have wrong, stand beside.
     """
-    low, high = ratio_interval(*map(sizes_of, errors))
+    low, high = ratio_interval(*map(fits.sizes_of, errors))
     figures = (
         f"{claim.figures}; over {len(errors[0])} individuals an error of {_compared(errors, names)}; {beside};"
         f" with what the robot file may have wrong estimated along {_compared(physical, names)}"
@@ -405,7 +395,7 @@ def _by_errors(
 
 
 def _compared(errors: list[FloatArray], names: tuple[str, str]) -> str:
-    sizes = [sizes_of(each) for each in errors]
+    sizes = [fits.sizes_of(each) for each in errors]
     low, high = (significant(end, 2) for end in ratio_interval(*sizes))
     return f"{_percents(sizes[0])} ({names[0]}) and {_percents(sizes[1])} ({names[1]}), {low} to {high} times as large"
 
