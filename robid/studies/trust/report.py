@@ -7,7 +7,7 @@ Arrays are (n_robot, n_spring); NaN is a spring that is not counted for a robot.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -21,7 +21,7 @@ from robid.models.elastic.fit.solution import ElasticSolution
 from robid.pipeline.graph import Run
 from robid.report.numbers import percent, significant
 from robid.report.section import Section
-from robid.studies.page import Asked, Conclusion, PartFound, concluded, table
+from robid.studies.page import Asked, Conclusion, PartFound, by_name, concluded, table
 from robid.studies.settings.defects import FILE, LINEAR, Individual, TrustStudy, individuals
 from robid.studies.simulated import REFUSAL, kept_solution, kept_truth
 from robid.studies.study import Earlier, seconds_of, study_of
@@ -311,11 +311,9 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
         " the absolute error, median over the springs."
     )
 
-    def column(key: str, title: str) -> tuple[str, Callable[[str], str]]:
-        write: Callable[[float | None], str] = significant if key.endswith("ratio") else percent
-        return title, lambda name: write(summary.get(f"{name}.{key}"))
-
-    columns = [("Set", lambda name: name), *(column(*each) for each in _TITLES.items())]
+    columns = [("Set", lambda name: name)]
+    for key, title in _TITLES.items():
+        columns.append(by_name(summary, title, key, significant if key.endswith("ratio") else percent))
     columns.append(("Robots", lambda name: f"{summary[f'{name}.robots']:.0f}"))
     sections = [Section("Sets of robots", "", (table(columns, study.sets, caption=caption),))]
     sections += [Section("Causes", "", (table(causes, study.causes),))] if study.causes else []

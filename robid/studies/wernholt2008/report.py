@@ -13,7 +13,7 @@ from robid.report.numbers import duration, percent, significant
 from robid.report.page import Verdict
 from robid.report.section import Beside, Figure, Section, Table
 from robid.studies.experiments import paper_figures
-from robid.studies.page import Conclusion, figure, table
+from robid.studies.page import Conclusion, by_name, figure, table
 from robid.studies.settings.study import WernholtStudy
 from robid.studies.study import Earlier, study_of
 from robid.studies.wernholt2008.figures import COST_LIMIT, NEAR_BEST, Found, Models, claims, gather, spread, summarise
@@ -186,26 +186,23 @@ def _success_section(found: Found, summary: Mapping[str, float], paper: Mapping[
 def _success_table(found: Found, summary: Mapping[str, float], paper: Mapping[str, Any], group: str) -> Table:
     suffix, printed = group and f"_{group}", paper if group in _GROUP_TITLES else {}
 
-    def ours(head: str, key: str, write: Callable[[float], str] = percent) -> tuple[str, Callable[[str], str]]:
-        return head, lambda name: write(summary[f"{name}.{key}{suffix}"])
-
     def theirs(key: str) -> tuple[str, Callable[[str], str]]:
         return "Paper", lambda name: percent(printed.get(key, {}).get(name))
 
     columns = (
         ("Estimator", lambda name: name),
-        ours("Reasonable", "reasonable"),
+        by_name(summary, "Reasonable", f"reasonable{suffix}", percent),
         theirs("reasonable"),
-        ours("Springs but one", "springs_within_2"),
+        by_name(summary, "Springs but one", f"springs_within_2{suffix}", percent),
         theirs("springs_within_2"),
-        ours("All springs", "springs_within_2_all"),
+        by_name(summary, "All springs", f"springs_within_2_all{suffix}", percent),
         theirs("springs_within_2_all"),
-        ours("At its own best", "own_best"),
-        ours("Best cost", "best_cost", significant),
-        ours("Median cost", "median_cost", significant),
-        ours("Evaluations", "evaluations.median", "{:.0f}".format),
-        ours("Most", "evaluations.max", "{:.0f}".format),
-        ours("Time per fit", "seconds", duration),
+        by_name(summary, "At its own best", f"own_best{suffix}", percent),
+        by_name(summary, "Best cost", f"best_cost{suffix}"),
+        by_name(summary, "Median cost", f"median_cost{suffix}"),
+        by_name(summary, "Evaluations", f"evaluations.median{suffix}", "{:.0f}".format),
+        by_name(summary, "Most", f"evaluations.max{suffix}", "{:.0f}".format),
+        by_name(summary, "Time per fit", f"seconds{suffix}", duration),
     )
     excluded = found.problem.parameters.names[found.least_determined]
     caption = (
@@ -238,17 +235,13 @@ def _individual_sections(individuals: Individuals | None) -> tuple[Section, ...]
     if individuals is None:
         return ()
     figures = individual_figures(individuals)
-
-    def column(head: str, key: str, write: Callable[[float], str] = percent) -> tuple[str, Callable[[str], str]]:
-        return head, lambda name: write(figures[f"{name}.individual_{key}"])
-
     columns = (
         ("Estimator", lambda name: name),
-        column("Error", "error"),
-        column("With nuisance parameters", "physical_error"),
-        column("Stated deviation", "std"),
-        column("Held", "covered"),
-        column("Cost", "misfit", significant),
+        by_name(figures, "Error", "individual_error", percent),
+        by_name(figures, "With nuisance parameters", "individual_physical_error", percent),
+        by_name(figures, "Stated deviation", "individual_std", percent),
+        by_name(figures, "Held", "individual_covered", percent),
+        by_name(figures, "Cost", "individual_misfit"),
     )
     lead = (
         "Springs and dampers of several individuals, fitted from all configurations, against their true values: size of"

@@ -17,7 +17,7 @@ from robid.report.page import Verdict
 from robid.report.section import Beside, Figure, Section
 from robid.robot.kinematics import skeleton
 from robid.studies.experiments import paper_figures
-from robid.studies.page import Conclusion, figure, table
+from robid.studies.page import Conclusion, by_name, figure, table
 from robid.studies.study import Results
 from robid.studies.zimmermann2023.figures import MISSED, Found, Rivals, explained_springs, gather, rivals, summarise
 from robid.studies.zimmermann2023.models import chosen_designs
@@ -121,26 +121,22 @@ def _below(value: float, limit: float) -> str:
 
 
 def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[str, Any]) -> Section:
-    def ours(key: str, name: str) -> str:
-        return significant(summary[f"{name}.{key}"])
-
     def theirs(key: str, name: str) -> str:
         return significant(paper.get(key, {}).get(name))
 
-    share = partial(_share, summary)
     columns = (
         ("Model", lambda name: name),
-        ("Worst cost", partial(ours, "worst_cost")),
+        by_name(summary, "Worst cost", "worst_cost"),
         ("Paper", partial(theirs, "worst_cost")),
-        ("Average", partial(ours, "average_cost")),
+        by_name(summary, "Average", "average_cost"),
         ("Paper", partial(theirs, "average_cost")),
-        ("Excess", partial(ours, "average_excess")),
-        ("Noise floor", partial(share, "average_std")),
-        ("Effective", partial(share, "average_effective_std")),
-        ("Deviation", partial(share, "average_fit_std")),
+        by_name(summary, "Excess", "average_excess"),
+        by_name(summary, "Noise floor", "average_std", _deviation),
+        by_name(summary, "Effective", "average_effective_std", _deviation),
+        by_name(summary, "Deviation", "average_fit_std", _deviation),
         ("Scatter", partial(_scatter, summary)),
-        ("Offset", partial(share, "offset")),
-        ("Of fits", partial(share, "fit_scatter")),
+        by_name(summary, "Offset", "offset", _deviation),
+        by_name(summary, "Of fits", "fit_scatter", _deviation),
         ("Paper", partial(_their_std, paper)),
         ("Missed", lambda name: f"{summary[f'{name}.missed']:.0f} of {summary['resonances']:.0f}"),
     )
@@ -160,7 +156,7 @@ def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[st
     optimal = list(found.models).index(found.study.optimal)
     judged = "Models are judged by their scatter: the truth is known here."
     lead = " ".join((judged, *_contradictions(found, paper), *_too_sure(found, summary)))
-    typical = [(head, partial(share, f"typical_{key}")) for head, key in _TYPICAL.items()]
+    typical = [by_name(summary, head, f"typical_{key}", _deviation) for head, key in _TYPICAL.items()]
     tables = (
         table(columns, found.models, caption=caption, strong=optimal),
         table((columns[0], *typical), found.models, caption=_TYPICAL_CAPTION, strong=optimal),
@@ -183,10 +179,6 @@ def _too_sure(found: Found, summary: Mapping[str, float]) -> tuple[str, ...]:
         for name, (scattered, stated) in pairs.items()
         if scattered > _FURTHER * stated
     )
-
-
-def _share(summary: Mapping[str, float], key: str, name: str) -> str:
-    return _deviation(summary.get(f"{name}.{key}"))
 
 
 def _scatter(summary: Mapping[str, float], name: str) -> str:
