@@ -98,27 +98,18 @@ class FurtherOutputs:
 
 @dataclass(frozen=True)
 class SimulatedExperiment:
-    """What all configurations of a simulated campaign share.
+    """What all configurations of a simulated campaign share."""
 
-    Attributes:
-        robot: The true robot.
-        reference (n_real, n_exp, n_sample, n_motor): One period of the excitation [unit of its kind].
-        excited_lines (n_freq,): Excited lines.
-        detection_lines (n_detection,): Lines left out on purpose.
-        outputs: What is recorded after the motors: `<joint>.arm` and sensors.
-        travel (n_sample, n_motor): Position reference beneath the excitation, from the configuration; None without
-            one [rad].
-    """
-
-    robot: Robot
+    robot: Robot  # The true robot
     controller: Controller
     options: SimulateOptions
-    reference: FloatArray
+    reference: FloatArray  # (n_real, n_exp, n_sample, n_motor) One period of the excitation [unit of its kind]
     inject: str
-    excited_lines: IntArray
-    detection_lines: IntArray
+    excited_lines: IntArray  # (n_freq,) Excited lines
+    detection_lines: IntArray  # (n_detection,) Lines left out on purpose
     periods: int
-    outputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()  # What is recorded after the motors: `<joint>.arm` and sensors
+    # (n_sample, n_motor) Position reference beneath the excitation, from the configuration; None without one [rad]
     travel: FloatArray | None = None
 
 

@@ -25,28 +25,18 @@ _BAND_LINES = 40
 
 @dataclass(frozen=True)
 class Playback:
-    """What the controller is told to do.
+    """What the controller is told to do."""
 
-    Attributes:
-        angle (n_time, n_sim, n_motor): Motor angles, the first at rest [rad].
-        torque (n_time, n_sim, n_motor): Feed-forward torques of the commands of each sample [N m].
-    """
-
-    angle: FloatArray
-    torque: FloatArray
+    angle: FloatArray  # (n_time, n_sim, n_motor) Motor angles, the first at rest [rad]
+    torque: FloatArray  # (n_time, n_sim, n_motor) Feed-forward torques of the commands of each sample [N m]
 
 
 @dataclass(frozen=True)
 class Played:
-    """What the robot did.
+    """What the robot did."""
 
-    Attributes:
-        tool (n_time, n_sim, 3): Position of the tool point in the world [m].
-        torque (n_time, n_sim, n_motor): Torque commands within the limits [N m].
-    """
-
-    tool: FloatArray
-    torque: FloatArray
+    tool: FloatArray  # (n_time, n_sim, 3) Position of the tool point in the world [m]
+    torque: FloatArray  # (n_time, n_sim, n_motor) Torque commands within the limits [N m]
 
 
 def with_tool_point(robot: Robot, point_m: FloatArray) -> Robot:

@@ -29,24 +29,16 @@ _SEEN = 8
 
 @dataclass(frozen=True)
 class PoseExperiment:
-    """What all configurations of a simulated campaign of pose commands share.
+    """What all configurations of a simulated campaign of pose commands share."""
 
-    Attributes:
-        robot: The true robot.
-        arm: The rigid arm as the controller knows it.
-        channels: Names of the commanded channels, which are those measured.
-        reference (n_real, n_exp, n_sample, n_channel): One period of the commands [m, rad].
-        excited_lines (n_freq,): Excited lines.
-    """
-
-    robot: Robot
-    arm: ToolArm
+    robot: Robot  # The true robot
+    arm: ToolArm  # The rigid arm as the controller knows it
     controller: Controller
     interface: PoseInterface
     options: SimulateOptions
-    channels: tuple[str, ...]
-    reference: FloatArray
-    excited_lines: IntArray
+    channels: tuple[str, ...]  # Names of the commanded channels, which are those measured
+    reference: FloatArray  # (n_real, n_exp, n_sample, n_channel) One period of the commands [m, rad]
+    excited_lines: IntArray  # (n_freq,) Excited lines
     periods: int
 
     @property

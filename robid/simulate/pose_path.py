@@ -14,17 +14,11 @@ from robid.simulate.options import PoseInterface
 
 @dataclass(frozen=True)
 class PosePath:
-    """Joint motion that commands ask for.
+    """Joint motion that commands ask for."""
 
-    Attributes:
-        positions (..., n_sample, n_joint): Arm-side joint positions [rad, or m].
-        share (..., n_sample): Share of the way from home to each pose that was found; 1 where it is reached.
-        loose (n_joint,): Joints that move the tool against each other without effect where the way ends.
-    """
-
-    positions: FloatArray
-    share: FloatArray
-    loose: BoolArray
+    positions: FloatArray  # (..., n_sample, n_joint) Arm-side joint positions [rad, or m]
+    share: FloatArray  # (..., n_sample) Share of the way from home to each pose that was found; 1 where it is reached
+    loose: BoolArray  # (n_joint,) Joints that move the tool against each other without effect where the way ends
 
 
 def followed(commands: FloatArray, interface: PoseInterface) -> FloatArray:

@@ -17,16 +17,12 @@ _MASS_DRAWS = 1  # keeps the draws of masses apart from those of springs
 
 @dataclass(frozen=True)
 class TrueRobot:
-    """The robot that was simulated, and what of its simulation a fit may estimate.
-
-    Attributes:
-        delay_s: Delay from recorded to applied torque, or of pose commands, hold excluded [s].
-    """
+    """The robot that was simulated, and what of its simulation a fit may estimate."""
 
     robot: Robot
     truth: Truth
     imperfections: Imperfections
-    delay_s: float
+    delay_s: float  # Delay from recorded to applied torque, or of pose commands, hold excluded [s]
     seed: int
     steps_per_sample: int | None
 

@@ -25,8 +25,13 @@ Count = Annotated[int, Field(ge=1)]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
-Problems: TypeAlias = Iterator[tuple[FieldPath, str]]
-"""Fields of a file, each with what is wrong with it."""
+
+def entry(description: str, *default: Any, **more: Any) -> Any:  # noqa: ANN401
+    """Declares a field of a section: what it says, its default where it has one, and what `Field` takes besides."""
+    return Field(*default, description=description, **more)
+
+
+Problems: TypeAlias = Iterator[tuple[FieldPath, str]]  # Fields of a file, each with what is wrong with it
 
 Further: TypeAlias = tuple[tuple[Run, tuple[str, ...]], ...]
 """Runs of other experiments, each with outputs of its chain."""
@@ -54,8 +59,7 @@ def run_of(
         SettingsError: If there is such a thing.
     """
     loaded = load_experiment(run.loaded.path.parent / experiment)
-    told = [f"S341 {format_field(field)}: {what}" for field, what in problems(loaded)]
-    if told:
+    if told := [f"S341 {format_field(field)}: {what}" for field, what in problems(loaded)]:
         raise SettingsError("; ".join(told), where=str(loaded.path), remedy="correct the file, or the study")
     return replace(run, loaded=loaded, folder=run.folder / folder)
 
@@ -70,15 +74,16 @@ def excitations(campaigns: Iterable[str]) -> tuple[str, ...]:
     return tuple(f"{name}/excitation.h5" for name in campaigns)
 
 
+def fit_outputs(fit: str) -> tuple[str, str]:
+    """Returns where the chain leaves a fit, and its validation."""
+    return f"fits/{fit}/model.h5", f"fits/{fit}/validation.h5"
+
+
 def missing_log(run: Run) -> str:
     """Name of the first log of a run that is not there; empty when all are."""
-    folder = run.loaded.path.parent
-    for campaign in run.loaded.experiment.campaigns.values():
-        if campaign.source is not None and campaign.source.acquire is not None:
-            path = campaign.source.acquire.log_path(folder)
-            if not path.exists():
-                return path.name
-    return ""
+    sources = (campaign.source for campaign in run.loaded.experiment.campaigns.values())
+    logs = (one.acquire.log_path(run.loaded.path.parent) for one in sources if one is not None and one.acquire)
+    return next((path.name for path in logs if not path.exists()), "")
 
 
 def unknown(what: str, name: str, known: Iterable[str]) -> str:
@@ -119,13 +124,9 @@ def family_problem(experiment: Experiment, name: str, family: str, *, validated:
 
 def name_problems(names: Sequence[str], known: Sequence[str], what: str = "") -> list[tuple[int, str]]:
     """Returns what is wrong with a list of names, each with its index: unknown ones, and those that are there twice."""
-    found = []
-    for index, name in enumerate(names):
-        if message := unknown(what, name, known):
-            found.append((index, message))
-        elif name in names[:index]:
-            found.append((index, f"`{name}` is there twice"))
-    return found
+    twice = (f"`{name}` is there twice" if name in names[:index] else "" for index, name in enumerate(names))
+    said = (unknown(what, name, known) or again for name, again in zip(names, twice, strict=True))
+    return [(index, message) for index, message in enumerate(said) if message]
 
 
 def changed_simulation(

@@ -94,6 +94,13 @@ def table(
     return Table(heads, tuple(tuple(write(row) for write in cells) for row in rows), **options)
 
 
+def by_name(
+    figures: Mapping[str, float], head: str, key: str, write: Callable[[Any], str] = significant
+) -> tuple[str, Callable[[str], str]]:
+    """Returns a column of a table of names: its head, and how it writes the figure `<name>.<key>`."""
+    return head, lambda name: write(figures.get(f"{name}.{key}"))
+
+
 def curves(x: FloatArray | None, series: Mapping[str, Any], **options: Any) -> tuple[Curve, ...]:  # noqa: ANN401
     """Returns curves by name over one axis (n_point,), or over 1, 2, ...; `options` are those of `Curve`."""
     found = []

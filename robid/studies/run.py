@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from robid.artifacts.artifact import Provenance, canonical_hash, git_commit, utc_now
+from robid.artifacts.artifact import Provenance, utc_now
 from robid.artifacts.atomic import write_json
 from robid.artifacts.kinds import TASK
-from robid.artifacts.store import Header, read_header
+from robid.artifacts.store import read_header
 from robid.backends.map import Progress
 from robid.errors import ArtifactError, SettingsError
 from robid.pipeline.freshness import check_replaceable, read_stamp, settings_files
@@ -20,28 +20,26 @@ from robid.pipeline.stage import counted
 from robid.report.experiment import StageRow, run_section
 from robid.report.numbers import duration, significant
 from robid.report.page import ReportContent
-from robid.report.section import Section, Table
+from robid.report.section import Section
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import plain_settings
 from robid.studies.experiments import Further
 from robid.studies.fleet.logs import LOGS, require_packages
-from robid.studies.fleet.speed import SCHEDULER, SPEED
-from robid.studies.fleet.whole import WHOLE
-from robid.studies.frf import report as frf_report
+from robid.studies.fleet.reprocessed import SCHEDULER, SPEED, WHOLE
 from robid.studies.frf import study as frf
 from robid.studies.janot2009.branch import BRANCH
 from robid.studies.janot2009.haptic import HAPTIC
 from robid.studies.janot2009.recorded import EMPS, KR300, TX40
-from robid.studies.mistakes import cases, responses
+from robid.studies.mistakes import cases
 from robid.studies.mistakes import report as mistakes_report
 from robid.studies.mistakes.wrong_units import needed_by_units, read_individual, unit_tasks
 from robid.studies.oliveira2019.arm import ARM, POSITION_LOOP
 from robid.studies.oliveira2019.plants import PLANTS
 from robid.studies.oliveira2019.seeds import COVERAGE_PART, RANDOM_PLANTS
-from robid.studies.page import Conclusion
+from robid.studies.page import Conclusion, table
 from robid.studies.settings.study import FrfStudy
 from robid.studies.simulated import measure, measure_or_refuse
-from robid.studies.study import Earlier, Procedure, Step, joined, run_tasks, seconds_of
+from robid.studies.study import Earlier, Procedure, Step, joined, made_provenance, run_tasks, seconds_of
 from robid.studies.trust import linear
 from robid.studies.trust import report as trust_report
 from robid.studies.trust import responses as trust
@@ -53,10 +51,9 @@ from robid.studies.wernholt2008 import study as wernholt
 from robid.studies.zimmermann2023 import models as zimmermann_models
 from robid.studies.zimmermann2023 import report as zimmermann_report
 from robid.studies.zimmermann2023 import steps
-from robid.versions import package_versions
 
 PROCEDURES: Mapping[str, Procedure] = {
-    "frf": Procedure(frf.needs, (Step("", frf.tasks, frf.estimate_chunk),), frf_report.conclude),
+    "frf": Procedure(frf.needs, (Step("", frf.tasks, frf.estimate_chunk),), frf.conclude),
     "wernholt2008": Procedure(
         wernholt.needs,
         (
@@ -76,15 +73,15 @@ PROCEDURES: Mapping[str, Procedure] = {
         zimmermann_report.conclude,
     ),
     "mistakes": Procedure(
-        responses.needs,
+        cases.needs,
         (
-            Step("responses", responses.response_tasks, responses.measure_all),
+            Step("responses", cases.response_tasks, cases.measure_all),
             Step("models", cases.model_tasks, cases.fit_case),
             Step("cases", cases.case_tasks, cases.judge_case),
             Step("units", unit_tasks, read_individual),
         ),
         mistakes_report.conclude,
-        lambda run: (*responses.further(run), *needed_by_units(run)),
+        lambda run: (*cases.further(run), *needed_by_units(run)),
     ),
     "janot2009": joined((HAPTIC, BRANCH, EMPS, TX40, KR300), "the verdict on least squares is right"),
     "oliveira2019": joined(
@@ -126,13 +123,9 @@ def run_study(
     *,
     force: bool = False,
 ) -> StudyOutcome:
-    """Runs a study: what is done stays, so that a stopped one goes on where it was.
+    """Runs a study: what is done stays, so that a stopped one goes on where it was, unless `force` does it again.
 
-    Args:
-        run: The experiment with the study, and its run folder.
-        progress: Shows how far something is.
-        tell: Is told what became of each node of the chain.
-        force: Whether to do the tasks again that are done.
+    It shows how far something is, and tells what became of each node of the chain.
 
     Raises:
         SettingsError: If the experiment file has no study.
@@ -140,9 +133,8 @@ def run_study(
     """
     settings = run.loaded.experiment.study
     if settings is None:
-        raise SettingsError(
-            "S343 the file has no `study`", where=str(run.loaded.path), remedy="`robid run` runs what it has"
-        )
+        where, remedy = str(run.loaded.path), "`robid run` runs what it has"
+        raise SettingsError("S343 the file has no `study`", where=where, remedy=remedy)
     study, started = PROCEDURES[settings.kind], utc_now()
     for name, kind in ((REPORT, "report"), (SUMMARY, "summary")):
         check_replaceable(run.path(name), kind, settings_files(run.loaded))
@@ -160,14 +152,15 @@ def run_study(
 
 
 def _concluded(run: Run, study: Procedure, results: Earlier, further: Further, started: str) -> StudyOutcome:
-    """Concludes, and writes page and summary anew where they are not what the results say."""
-    conclusion = study.conclude(run, results)
+    conclusion, loaded = study.conclude(run, results), run.loaded
     headers = [[read_header(path, TASK) for path in done.paths] for done in results]
-    conclusion = replace(conclusion, warnings=(*conclusion.warnings, *_of_several_commits(headers)))
+    made = [[header.provenance for header in some] for some in headers]
+    conclusion = replace(conclusion, warnings=(*conclusion.warnings, *_of_several_commits(made)))
+    # Content hashes are by the name of the task's file, which tells the settings that it was made with.
     hashes = {
         f"{step.name}/{path.stem}".lstrip("/"): header.content_sha256
-        for step, done, made in zip(study.steps, results, headers, strict=True)
-        for path, header in zip(done.paths, made, strict=True)
+        for step, done, some in zip(study.steps, results, headers, strict=True)
+        for path, header in zip(done.paths, some, strict=True)
     }
     # A page may show outputs of other experiments without a task.
     elsewhere = {
@@ -175,83 +168,56 @@ def _concluded(run: Run, study: Procedure, results: Earlier, further: Further, s
         for other, outputs in further
         for output in outputs
     }
-    provenance = _provenance(run, {**hashes, **elsewhere}, started)
-    if _is_fresh(run, provenance):
+    inputs = {**hashes, **elsewhere}
+    settings: dict[str, Any] = {
+        **{"name": loaded.experiment.name, "robot.name": loaded.robot.name},
+        **{"study": plain_settings(loaded.experiment.study), "tasks": sorted(inputs)},
+    }
+    provenance = made_provenance(settings, started, inputs)
+    if _made_before(run) == (provenance.stage, provenance.settings_hash, inputs):
         return StudyOutcome("fresh", conclusion)
-    rows = tuple(_row(step, [one.provenance for one in made]) for step, made in zip(study.steps, headers, strict=True))
-    seconds = sum(seconds_of(one.provenance) for made in headers for one in made)
-    write_json(run.path(SUMMARY), {**conclusion.summary, "tasks.count": len(hashes), "tasks.seconds": seconds})
-    content = ReportContent(
-        title=run.loaded.experiment.name,
-        verdict=conclusion.verdict,
-        robot=run.loaded.robot.name,
-        sections=conclusion.sections + _against_references(run.loaded, conclusion.summary) + run_section(rows),
-        warnings=conclusion.warnings,
-    )
-    write_page(run.path(REPORT), content, provenance)
+    rows = tuple(_row(step, some) for step, some in zip(study.steps, made, strict=True))
+    totals = {"tasks.count": len(hashes), "tasks.seconds": sum(row.seconds or 0.0 for row in rows)}
+    write_json(run.path(SUMMARY), {**conclusion.summary, **totals})
+    sections = conclusion.sections + _against_references(loaded, conclusion.summary) + run_section(rows)
+    names, warnings = (loaded.experiment.name, conclusion.verdict, loaded.robot.name), conclusion.warnings
+    write_page(run.path(REPORT), ReportContent(*names, warnings=warnings, sections=sections), provenance)
     return StudyOutcome("made", conclusion)
 
 
-def _of_several_commits(headers: Iterable[Iterable[Header]]) -> tuple[str, ...]:
+def _row(step: Step, made: Sequence[Provenance]) -> StageRow:
+    seconds, settings = sum(map(seconds_of, made)), made[0].settings_hash[:8] if made else ""
+    phrase = f"{counted(len(made), 'task')}, {duration(seconds / max(len(made), 1))} each"
+    return StageRow("study", f"{step.folder}/", settings, "", seconds, phrase)
+
+
+def _made_before(run: Run) -> tuple[str, str, dict[str, str]] | None:
+    """What the page that is there was made of; None where there is no sound one, or no summary."""
+    try:
+        made = read_stamp(run.path(REPORT)) if run.path(REPORT).exists() and run.path(SUMMARY).exists() else None
+    except ArtifactError:
+        return None
+    return None if made is None else (made.stage, made.settings_hash, made.inputs)
+
+
+def _of_several_commits(made: Iterable[Iterable[Provenance]]) -> tuple[str, ...]:
     """What to know of a study that went on after robid itself had changed: only settings decide what is done again."""
-    commits = sorted({header.provenance.git_commit for made in headers for header in made})
+    commits = sorted({one.git_commit for some in made for one in some})
     if len(commits) < 2:
         return ()
     listed = ", ".join(f"{commit[:8]}{commit[40:]}" or "none" for commit in commits)
     return (f"Results come from several commits of robid: {listed}. Where methods differ, `--force` makes all anew.",)
 
 
-def _provenance(run: Run, hashes: dict[str, str], started: str) -> Provenance:
-    """Content hashes are by the name of the task's file, which tells the settings that it was made with."""
-    settings: dict[str, Any] = {
-        "name": run.loaded.experiment.name,
-        "robot.name": run.loaded.robot.name,
-        "study": plain_settings(run.loaded.experiment.study),
-        "tasks": sorted(hashes),
-    }
-    return Provenance(
-        stage="study",
-        settings=settings,
-        settings_hash=canonical_hash(settings),
-        inputs=hashes,
-        versions=package_versions(),
-        git_commit=git_commit(),
-        started_utc=started,
-        finished_utc=utc_now(),
-    )
-
-
-def _is_fresh(run: Run, now: Provenance) -> bool:
-    if not (run.path(REPORT).exists() and run.path(SUMMARY).exists()):
-        return False
-    try:
-        made = read_stamp(run.path(REPORT))
-    except ArtifactError:
-        return False
-    return (made.stage, made.settings_hash, made.inputs) == (now.stage, now.settings_hash, now.inputs)
-
-
-def _row(step: Step, made: list[Provenance]) -> StageRow:
-    seconds = sum(seconds_of(one) for one in made)
-    return StageRow(
-        stage="study",
-        artifact=f"{step.folder}/",
-        settings_hash=made[0].settings_hash[:8] if made else "",
-        content_hash="",
-        seconds=seconds,
-        phrase=f"{counted(len(made), 'task')}, {duration(seconds / max(len(made), 1))} each",
-    )
-
-
 def _against_references(loaded: LoadedExperiment, summary: dict[str, float]) -> tuple[Section, ...]:
-    """The table of reference figures, where the study names any."""
     study = loaded.experiment.study
-    if not isinstance(study, FrfStudy) or not study.references:
+    if not isinstance(study, FrfStudy) or not (known := study.references):
         return ()
-    rows = []
-    for name, reference in study.references.items():
-        ours = summary.get(name)
-        ratio = None if ours is None or reference == 0 else ours / reference
-        rows.append((name, significant(reference), significant(ours), significant(ratio)))
-    table = Table(("Figure", "Reference", "Ours", "Ours over reference"), tuple(rows))
-    return (Section("Against reference figures", "By their name in summary.json.", (table,)),)
+    ratios = {name: summary[name] / known[name] for name in known if name in summary and known[name] != 0}
+    columns = (
+        ("Figure", lambda name: name),
+        ("Reference", lambda name: significant(known[name])),
+        ("Ours", lambda name: significant(summary.get(name))),
+        ("Ours over reference", lambda name: significant(ratios.get(name))),
+    )
+    return (Section("Against reference figures", "By their name in summary.json.", (table(columns, known),)),)

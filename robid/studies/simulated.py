@@ -37,8 +37,7 @@ from robid.signals.record import Record
 from robid.simulate.experiment import SimulatedExperiment, simulate
 from robid.studies.study import Content, Task
 
-REFUSAL = "refusal"
-"""Attribute that says why a configuration has no response, or a robot no fit."""
+REFUSAL = "refusal"  # Attribute that says why a configuration has no response, or a robot no fit
 
 
 @dataclass(frozen=True)
@@ -56,8 +55,7 @@ class Estimator:
 
 def make_estimator(loaded: LoadedExperiment, campaign: Campaign, options: EstimateOptions) -> Estimator:
     """Returns an estimator with what these options read from the robot file."""
-    laws, delay = stated_laws(loaded, campaign, options)
-    return Estimator(options, laws, delay)
+    return Estimator(options, *stated_laws(loaded, campaign, options))
 
 
 def simulate_options(campaign: Campaign) -> SimulateSettings:
@@ -89,15 +87,10 @@ def response_settings(
     loaded: LoadedExperiment, campaign: Campaign, options: SimulateSettings, experiment: SimulatedExperiment
 ) -> dict[str, Any]:
     """Returns what decides the responses of a campaign that is simulated with these options, but for the places."""
-    reference = np.ascontiguousarray(experiment.reference)
-    return {
-        **simulation_settings(loaded, campaign),
-        "source": plain_settings(options),
-        "reference": hashlib.sha256(reference.tobytes()).hexdigest(),
-        "excited_lines": experiment.excited_lines.tolist(),
-        "detection_lines": experiment.detection_lines.tolist(),
-        "estimate": plain_settings(campaign.estimate),
-    }
+    reference = hashlib.sha256(np.ascontiguousarray(experiment.reference).tobytes()).hexdigest()
+    lines = {key: getattr(experiment, key).tolist() for key in ("excited_lines", "detection_lines")}
+    own = {"source": plain_settings(options), "reference": reference, "estimate": plain_settings(campaign.estimate)}
+    return {**simulation_settings(loaded, campaign), **own, **lines}
 
 
 def measurements(
@@ -127,10 +120,7 @@ def measure(
 
 def measure_or_refuse(*arguments: Any) -> Content:  # noqa: ANN401
     """Measures a configuration, or says why it has no response."""
-    try:
-        return measure(*arguments)
-    except DataError as error:
-        return Content({}, {REFUSAL: str(error)})
+    return kept_or_refused(lambda: measure(*arguments))
 
 
 def response_content(frf: Frf) -> Content:
@@ -166,12 +156,13 @@ def read_responses(paths: Sequence[Path]) -> Frf:
     return join(parts, [str(number) for number, _ in enumerate(parts, 1)]) if parts else response_from(held[0])
 
 
-def solution_or_refusal(fit: Callable[[], ElasticSolution]) -> Content:
-    """Fits, or says why that was refused."""
+def kept_or_refused(make: Callable[[], Content | ElasticSolution]) -> Content:
+    """Returns what a task keeps of a measurement or a fit, or of why that was refused."""
     try:
-        return Content(*solution_content(fit()))
+        made = make()
     except DataError as error:
         return Content({}, {REFUSAL: str(error)})
+    return made if isinstance(made, Content) else Content(*solution_content(made))
 
 
 def kept_solution(held: Artifact) -> ElasticSolution:
@@ -194,8 +185,7 @@ def with_truth(content: Content, truth: dict[str, float]) -> Content:
 
 def kept_truth(held: Artifact) -> dict[str, float]:
     """Returns the true values that a task kept, by name."""
-    names, values = (held.datasets[key].values.tolist() for key in ("truth_names", "truth"))
-    return dict(zip(names, values, strict=True))
+    return dict(zip(*(held.datasets[key].values.tolist() for key in ("truth_names", "truth")), strict=True))
 
 
 def ratio_interval(one: FloatArray, other: FloatArray) -> tuple[float, float]:
@@ -251,7 +241,16 @@ def scatter_error(error: FloatArray, mean: Mean) -> float:
 
     Errors (n_seed, n_set, n_param) are as for `scatter`; NaN of fewer than three individuals.
     """
-    return _jackknife(np.array([np.log(scatter(np.delete(error, out, axis=0), mean)) for out in _seeds(error)]))
+    return _jackknife(lambda part: np.log(scatter(part[0], mean)), error)
+
+
+def _jackknife(figure: Callable[[list[FloatArray]], float], *errors: FloatArray) -> float:
+    """Standard error of a figure of errors (n_seed, ...), by leaving out one individual after the other."""
+    count = len(errors[0])
+    if count < 3:
+        return float("nan")
+    left = np.array([figure([np.delete(error, out, axis=0) for error in errors]) for out in range(count)])
+    return float(np.sqrt((count - 1) * left.var()))
 
 
 def scatters_differ(one: FloatArray, other: FloatArray, mean: Mean) -> bool:
@@ -261,20 +260,10 @@ def scatters_differ(one: FloatArray, other: FloatArray, mean: Mean) -> bool:
     share; never of fewer than three.
     """
 
-    def log_ratio(one: FloatArray, other: FloatArray) -> float:
-        return float(np.log(scatter(one, mean) / scatter(other, mean)))
+    def log_ratio(pair: Sequence[FloatArray]) -> float:
+        return float(np.log(scatter(pair[0], mean) / scatter(pair[1], mean)))
 
-    ratio = [log_ratio(np.delete(one, out, axis=0), np.delete(other, out, axis=0)) for out in _seeds(one)]
-    if len(ratio) == 0:
+    if len(one) < 3:
         return False
-    reach = student.ppf(0.5 + 0.5 * _LEVEL, len(one) - 1) * _jackknife(np.array(ratio))
-    return bool(abs(log_ratio(one, other)) > reach)
-
-
-def _seeds(error: FloatArray) -> range:
-    return range(len(error) if len(error) > 2 else 0)
-
-
-def _jackknife(values: FloatArray) -> float:
-    count = values.size
-    return float(np.sqrt((count - 1) * values.var())) if count else float("nan")
+    reach = student.ppf(0.5 + 0.5 * _LEVEL, len(one) - 1) * _jackknife(log_ratio, one, other)
+    return bool(abs(log_ratio((one, other))) > reach)

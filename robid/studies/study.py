@@ -20,8 +20,7 @@ from robid.studies.experiments import Further, missing_log, paper_figures, run_o
 from robid.studies.page import Conclusion, PartFound, concluded
 from robid.versions import package_versions
 
-TASKS = "tasks"
-"""Folder of the tasks in the run folder."""
+TASKS = "tasks"  # Folder of the tasks in the run folder
 
 
 @dataclass(frozen=True)
@@ -109,15 +108,10 @@ def run_tasks(
     *,
     force: bool = False,
 ) -> Results:
-    """Does the tasks that are not done yet, and returns the results of all in their order.
+    """Does the tasks that are not done yet, or all by `force`, and returns the results of all in their order.
 
-    Args:
-        folder: Where the results lie, one file each; files of other tasks are removed once all are done.
-        function: Does one task; a function of a module.
-        tasks: The tasks, their names different.
-        parallel_map: Runs them.
-        progress: Is told how far it is.
-        force: Whether to do again what is done.
+    Their names differ, and a function of a module does each. Results lie in the folder, one file each; files of other
+    tasks are removed once all are done.
 
     Raises:
         RobidError: What the first failing task raised; what is finished stays.
@@ -138,34 +132,28 @@ def run_tasks(
 
 def is_done(folder: Path, task: Task) -> bool:
     """Tells whether a task's result is there and sound; a damaged one is removed."""
-    path = task.path(folder)
-    if not path.exists():
-        return False
     try:
-        read_artifact(path, TASK)
+        read_artifact(task.path(folder), TASK)
     except ArtifactError:
-        path.unlink()
+        task.path(folder).unlink(missing_ok=True)
         return False
     return True
+
+
+def made_provenance(settings: dict[str, Any], started: str, inputs: dict[str, str] | None = None) -> Provenance:
+    """Returns how a result of a study comes about that is finished now."""
+    decided = settings, canonical_hash(settings), inputs or {}
+    return Provenance("study", *decided, None, package_versions(), git_commit(), started, utc_now())
 
 
 def _do(work: _Work) -> None:
     started = utc_now()
     found = work.function(*work.task.arguments)
-    provenance = Provenance(
-        stage="study",
-        settings=work.task.decides,
-        settings_hash=canonical_hash(work.task.decides),
-        versions=package_versions(),
-        git_commit=git_commit(),
-        started_utc=started,
-        finished_utc=utc_now(),
-    )
+    provenance = made_provenance(work.task.decides, started)
     write_artifact(work.path, Artifact(TASK, found.datasets, found.attributes, provenance), alone=False)
 
 
-Earlier: TypeAlias = "tuple[Results, ...]"
-"""Results of the steps before."""
+Earlier: TypeAlias = "tuple[Results, ...]"  # Results of the steps before
 
 _Kind = TypeVar("_Kind")
 
@@ -197,35 +185,24 @@ class Procedure:
 
 def study_of(loaded: LoadedExperiment, kind: type[_Kind]) -> _Kind:
     """Returns the study of an experiment that has one of this kind."""
-    study = loaded.experiment.study
-    if not isinstance(study, kind):
-        message = "the study is of another kind"
-        raise TypeError(message)
+    if not isinstance(study := loaded.experiment.study, kind):
+        raise TypeError("the study is of another kind")
     return study
-
-
-def _nothing(*_arguments: object) -> Content:
-    raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a study of several, left out where the file says nothing of it.
+    """A part of a study of several, left out where the file says nothing of it."""
 
-    Attributes:
-        name: Its name, and that of the folder of its tasks.
-        conclude: Turns its case and the results of its tasks into what it found; None where there is nothing to say.
-        tasks: Its tasks, by its case and the results of the parts before it, by their name.
-        function: Does one of them.
-        further: Other experiments that it reads, each with outputs of its chain.
-        field: Field of the study's section that is its case; one of its own name when None, all of it when empty.
-    """
-
-    name: str
+    name: str  # Its name, and that of the folder of its tasks
+    # Turns its case and the results of its tasks into what it found; None where there is nothing to say
     conclude: Callable[[Run, Any, Results], PartFound | None]
+    # Its tasks, by its case and the results of the parts before it, by their name
     tasks: Callable[[Run, Any, Mapping[str, Results]], list[Task]] = lambda _run, _case, _earlier: []
-    function: Function = _nothing
+    function: Function = lambda *_arguments: Content({})  # Does one of them
+    # Other experiments that it reads, each with outputs of its chain
     further: Callable[[Run, Any], Further] = lambda _run, _case: ()
+    # Field of the study's section that is its case; one of its own name when None, all of it when empty
     field: str | None = None
 
     def case_of(self, run: Run) -> Any:  # noqa: ANN401

@@ -11,8 +11,7 @@ from scipy.io import loadmat
 from robid.backends.map import make_map
 from robid.pipeline.graph import Run
 from robid.robot.description import Robot
-from robid.studies.fleet import logs, speed
-from robid.studies.fleet import speed as scheduler
+from robid.studies.fleet import logs, reprocessed
 from robid.studies.fleet.logs import fleet_robots
 from robid.studies.settings.study import KINDS, load_with_study
 
@@ -25,15 +24,15 @@ def study(shop, monkeypatch):
     for name in ("many.yaml", "many_logs.yaml"):
         shutil.copy(_HERE / name, shop.folder)
     object.__setattr__(shop, "runs", shop.folder / "runs" / "many")
-    monkeypatch.setattr(speed, "core_count", lambda: 2)
+    monkeypatch.setattr(reprocessed, "core_count", lambda: 2)
 
     def finish_times(_, way):
         rate = RATES.get(way, 1.9)
         # The first rows of two workers are there at once.
         return [row / rate for row in range(11)] if way[1] == 1 else [0, *(row / rate for row in range(10))]
 
-    monkeypatch.setattr(speed, "finish_times", finish_times)
-    monkeypatch.setattr(scheduler, "make_map", lambda *_, **__: make_map("serial", 1))
+    monkeypatch.setattr(reprocessed, "finish_times", finish_times)
+    monkeypatch.setattr(reprocessed, "make_map", lambda kind, *_, **__: make_map(kind.replace("dask", "serial"), 1))
     return shop
 
 

@@ -20,19 +20,12 @@ from robid.robot.response import ElasticParameters, nominal_parameters, response
 
 @dataclass(frozen=True)
 class ParametersOfInterest:
-    """Parameters of a design.
+    """Parameters of a design."""
 
-    Attributes:
-        kinds: All kinds, those that are estimated along last.
-        columns (n_all,): Which elements of these kinds are estimated.
-        names: Names of the parameters that the design is about; they come first among those estimated.
-        precision (n_estimated,): What is known of each beforehand, over its variance; of those that the design is
-            about, nothing.
-    """
-
-    kinds: tuple[str, ...]
-    columns: BoolArray
-    names: tuple[str, ...]
+    kinds: tuple[str, ...]  # All kinds, those that are estimated along last
+    columns: BoolArray  # (n_all,) Which elements of these kinds are estimated
+    names: tuple[str, ...]  # Names of the parameters that the design is about; they come first among those estimated
+    # (n_estimated,) What is known of each beforehand, over its variance; of those that the design is about, nothing
     precision: FloatArray
 
     def scales(self, nominal: ElasticParameters, period_s: float) -> FloatArray:
@@ -63,7 +56,14 @@ def choose_parameters(
     Raises:
         SettingsError: If a kind cannot be designed for, or a fixed name is unknown.
     """
-    _check_kinds(kinds, nuisance)
+    known_kinds = (*LOGARITHMIC, *RESPONSE_NUISANCE)
+    wrong = [kind for kind in kinds if kind not in LOGARITHMIC] + [kind for kind in nuisance if kind not in known_kinds]
+    if wrong:
+        message, remedy = f"S020 configurations cannot be designed for {', '.join(wrong)}", ", ".join(known_kinds)
+        raise SettingsError(message, where="design", remedy=f"choose among {remedy}")
+    if twice := set(kinds) & set(nuisance):
+        message = f"S021 {', '.join(sorted(twice))} cannot be both wanted and a nuisance"
+        raise SettingsError(message, where="design", remedy="name each kind once")
     every = (*dict.fromkeys(kinds), *dict.fromkeys(nuisance))
     pairs = [(kind, name) for kind in every for name in element_names(robot, kind) if name is not None]
     unknown = [name for name in fixed if name not in {known for _, known in pairs}]
@@ -79,26 +79,11 @@ def choose_parameters(
     return ParametersOfInterest(every, columns, names, 1 / np.array(deviation)[columns] ** 2)
 
 
-def _check_kinds(kinds: Sequence[str], nuisance: Sequence[str]) -> None:
-    wrong = [kind for kind in kinds if kind not in LOGARITHMIC]
-    wrong += [kind for kind in nuisance if kind not in (*LOGARITHMIC, *RESPONSE_NUISANCE)]
-    if wrong:
-        message = f"S020 configurations cannot be designed for {', '.join(wrong)}"
-        raise SettingsError(
-            message, where="design", remedy=f"choose among {', '.join((*LOGARITHMIC, *RESPONSE_NUISANCE))}"
-        )
-    if twice := set(kinds) & set(nuisance):
-        message = f"S021 {', '.join(sorted(twice))} cannot be both wanted and a nuisance"
-        raise SettingsError(message, where="design", remedy="name each kind once")
-
-
 def eliminated(matrices: Sequence[FloatArray], precision: FloatArray, count: int) -> list[FloatArray]:
-    """Takes out what is estimated along: matrices (count, count), prior precision included.
+    """Takes out what is estimated along: matrices (count, count) of the first parameters, prior precision included.
 
-    Args:
-        matrices (n_all, n_all): Information, and further matrices that follow the same elimination.
-        precision (n_all,): What is known beforehand.
-        count: Number of parameters that stay.
+    Matrices (n_all, n_all) are the information, and further ones that follow its elimination; the precision (n_all,) is
+    what is known beforehand.
     """
     whole = [matrix + np.diag(precision) for matrix in matrices]
     nuisance, mixed = whole[0][count:, count:], whole[0][count:, :count]
@@ -170,13 +155,8 @@ def visit_cost_s(robot: Robot, configurations: FloatArray, measuring_s: float, s
     """Time (n_conf,) that a visit takes: the experiments there and the way from the first configuration [s].
 
     All joints travel together; the one that needs longest at its share of the motor's largest speed decides. The first
-    configuration stands for wherever the robot comes from: the order of the visits is not known yet.
-
-    Args:
-        robot: The robot.
-        configurations (n_conf, n_joint): Arm-side angles, the first one where the robot is at home [rad].
-        measuring_s: Time of the experiments of one visit [s].
-        speed_share: Share of the largest speed at which the robot travels.
+    configuration (n_conf, n_joint) [rad] stands for wherever the robot comes from: the order of the visits is not known
+    yet. The experiments of one visit take `measuring_s` [s].
     """
     check_shape("configurations", configurations, "n_conf n_joint", n_joint=len(robot.joints))
     speed = np.array([joint.motor.max_speed_rad_s / abs(joint.motor.gear_ratio) for joint in robot.joints])

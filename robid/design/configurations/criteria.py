@@ -16,11 +16,7 @@ Criterion = Literal["d", "a", "e"]
 
 
 def worth(criterion: Criterion, totals: FloatArray) -> FloatArray:
-    """What total informations are worth, homogeneous of degree one.
-
-    Args:
-        criterion: `d`, `a` or `e`.
-        totals (n_draw, ..., n_param, n_param): Total information under each draw of the parameters.
+    """What total informations (n_draw, ..., n_param, n_param) under draws are worth by `d`, `a` or `e`.
 
     Returns:
         (...): `det^(1/n)`, its geometric mean over the draws; `1 / tr M^-1`, by the mean of the traces; the smallest
@@ -48,17 +44,11 @@ def _inverse_trace(totals: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Bound:
-    """A tangent of a criterion.
+    """A tangent of a criterion."""
 
-    Attributes:
-        factors (n_draw, n_param, n_param): `G` of the slopes `tr(G H_i)`.
-        scale: What a difference of slopes is relative to.
-        excess: What the slopes times the weights, and the prior's own, exceed `scale` by; 0 but for `e` smoothed.
-    """
-
-    factors: FloatArray
-    scale: float
-    excess: float
+    factors: FloatArray  # (n_draw, n_param, n_param) `G` of the slopes `tr(G H_i)`
+    scale: float  # What a difference of slopes is relative to
+    excess: float  # What the slopes times the weights, and the prior's own, exceed `scale` by; 0 but for `e` smoothed
 
 
 def tangent(criterion: Criterion, totals: FloatArray, smoothing: float) -> Bound:
@@ -163,12 +153,9 @@ def check_finite(matrices: FloatArray) -> None:
     """
     wrong = np.flatnonzero(~np.isfinite(matrices).all(axis=(0, 2, 3)))
     if wrong.size:
-        raise DataError(
-            f"D003 The information of {wrong.size} of {matrices.shape[1]} candidates is not finite, first that of"
-            f" candidate {wrong[0]}.",
-            where="design",
-            remedy="Check the campaign's responses and their covariance, or leave these candidates out.",
-        )
+        which = f"{wrong.size} of {matrices.shape[1]} candidates is not finite, first that of candidate {wrong[0]}."
+        remedy = "Check the campaign's responses and their covariance, or leave these candidates out."
+        raise DataError(f"D003 The information of {which}", where="design", remedy=remedy)
 
 
 def check_different(matrices: FloatArray) -> None:
@@ -186,32 +173,29 @@ def check_different(matrices: FloatArray) -> None:
         # A single parameter leaves the factor to choose by.
         factor = np.ones_like(factor)
     if np.abs(matrices - factor[:, None, None] * first).max() <= _ALIKE * np.abs(matrices).max():
-        raise DataError(
-            "D004 The candidates are all alike: each tells the same about the parameters, so there is nothing to "
-            "choose.",
-            where="design",
-            remedy="Offer configurations that differ in more than the first axis, or leave the design out.",
-        )
+        what = "each tells the same about the parameters, so there is nothing to choose."
+        remedy = "Offer configurations that differ in more than the first axis, or leave the design out."
+        raise DataError(f"D004 The candidates are all alike: {what}", where="design", remedy=remedy)
 
 
 def checked_scale(total: FloatArray, names: tuple[str, ...], by: str, remedy: str) -> FloatArray:
-    """Returns the root of the diagonal of a total information, or names the combinations it does not see.
+    """Returns the root of the diagonal of a total information (n_param, n_param) about log-parameters.
 
-    Args:
-        total (n_param, n_param): Total information about the log-parameters.
-        names: Names of the parameters.
-        by: Whose information it is, for the message.
-        remedy: What to do.
+    Messages say `by` whom it is, and the remedy.
 
     Raises:
-        DataError: If the total is singular.
+        DataError: If the total is singular, with the combinations that it does not see.
     """
     diagonal = np.diag(total)
     unseen = [name for name, value in zip(names, diagonal, strict=True) if not value > 0]
     if not unseen:
         scale = np.sqrt(diagonal)
         values, vectors = np.linalg.eigh(total / (scale[:, None] * scale))
-        unseen = [_combination(vector / scale, names) for vector in vectors.T[values <= _UNSEEN * values[-1]]]
+        for vector in vectors.T[values <= _UNSEEN * values[-1]] / scale:
+            # Normed to the largest term; smaller ones than 5 % are left out.
+            scaled = vector / vector[np.argmax(np.abs(vector))]
+            order = [index for index in np.argsort(-np.abs(scaled), kind="stable") if abs(scaled[index]) > 0.05]
+            unseen.append(" ".join(f"{scaled[index]:+.2g} log({names[index]})" for index in order))
         if not unseen:
             return np.asarray(scale)
     raise DataError(f"D005 The responses of {by} do not depend on: {'; '.join(unseen)}.", where="design", remedy=remedy)
@@ -224,11 +208,3 @@ def is_regular(total: FloatArray) -> bool:
         return False
     values = np.linalg.eigvalsh(total / (scale[:, None] * scale))
     return bool(values[0] > _UNSEEN * values[-1])
-
-
-def _combination(vector: FloatArray, names: tuple[str, ...]) -> str:
-    """Writes a direction in log-parameters with its larger terms."""
-    # Normed to the largest term; smaller ones than 5 % are left out.
-    scaled = vector / vector[np.argmax(np.abs(vector))]
-    order = [index for index in np.argsort(-np.abs(scaled), kind="stable") if abs(scaled[index]) > 0.05]
-    return " ".join(f"{scaled[index]:+.2g} log({names[index]})" for index in order)

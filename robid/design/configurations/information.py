@@ -20,60 +20,49 @@ from robid.signals.quantities import joint_unit
 _FIX = "Fix or tie one of the named parameters in each combination, or offer configurations that excite it."
 _TIGHTENED = 4  # How often the bound on a fit with its own weights is made tight at the weights found so far
 
+_WEIGHTS = "Optimal weights: shares of the experiments, or of the cost"
+_SLOPES = "What more weight brings; 1 for candidates that have weight"
+_GAIN = "What one experiment more adds to log det of the information"
+_MATRICES = "candidate parameter parameter"
+_PROMISED = "Relative standard deviation that the choice promises"
+_BETWEEN = "Deviation between configurations that was allowed for"
+
 
 @dataclass(frozen=True)
 class ConfigurationDesign:
-    """The chosen configurations with what they promise.
+    """The chosen configurations with what they promise."""
 
-    Attributes:
-        weights: Optimal weights of the candidates, sum 1: shares of the experiments, or of the cost. Where parameters
-            differ between configurations and none is repeated, no share is larger than that of one visit.
-        gap: Certificate of the weights: no others are worth more than `1 + gap` times as much; for `d` without prior
-            `(max tr(M^-1 H_i) - n) / n`.
-        efficiency: Worth of the chosen numbers over the certified bound on any weights, 0 to 1; what is missing is
-            also the price of few configurations and whole numbers.
-        choice_efficiency: The same over the certified bound on choices of as many different candidates, with equal
-            effort, or with repeats or costs with all the effort in each; `efficiency` where that is tighter.
-        rounding_loss: Share of the worth that whole numbers cost, against optimal weights of the chosen ones.
-        gain: What one experiment more of each candidate adds to `log det` of the information known beforehand; where
-            that alone does not determine all parameters, of it and the chosen ones together.
-        information: Information of each candidate about the log-parameters as they are there, mean over the draws.
-        predicted_relative_std: Relative standard deviations that what is known beforehand and the chosen numbers
-            promise together.
-        cost_s: Cost of one experiment in each candidate; None where they cost the same.
-        stability: Whether the choice would come out the same; None without other information to choose by.
-    """
-
-    weights: Annotated[
-        FloatArray, Quantity("1", "candidate", "Optimal weights: shares of the experiments, or of the cost")
-    ]
+    # Optimal weights of the candidates, sum 1: shares of the experiments, or of the cost. Where parameters differ
+    # between configurations and none is repeated, no share is larger than that of one visit
+    weights: Annotated[FloatArray, Quantity("1", "candidate", _WEIGHTS)]
+    # Certificate of the weights: no others are worth more than `1 + gap` times as much; for `d` without prior
+    # `(max tr(M^-1 H_i) - n) / n`
     gap: float
     criterion: str
-    slopes: Annotated[
-        FloatArray, Quantity("1", "candidate", "What more weight brings; 1 for candidates that have weight")
-    ]
+    slopes: Annotated[FloatArray, Quantity("1", "candidate", _SLOPES)]
     chosen: Annotated[IntArray, Quantity("1", "configuration", "Indices of the chosen candidates")]
     counts: Annotated[IntArray, Quantity("1", "candidate", "Experiments in each candidate")]
+    # Worth of the chosen numbers over the certified bound on any weights, 0 to 1; what is missing is also the price of
+    # few configurations and whole numbers
     efficiency: float
+    # The same over the certified bound on choices of as many different candidates, with equal effort, or with repeats
+    # or costs with all the effort in each; `efficiency` where that is tighter
     choice_efficiency: float
-    rounding_loss: float
-    gain: Annotated[
-        FloatArray, Quantity("1", "candidate", "What one experiment more adds to log det of the information")
-    ]
-    information: Annotated[
-        FloatArray, Quantity("1", "candidate parameter parameter", "Information about the log-parameters")
-    ]
-    predicted_relative_std: Annotated[
-        FloatArray, Quantity("1", "parameter", "Relative standard deviation that the choice promises")
-    ]
+    rounding_loss: float  # Share of the worth that whole numbers cost, against optimal weights of the chosen ones
+    # What one experiment more of each candidate adds to `log det` of the information known beforehand; where that alone
+    # does not determine all parameters, of it and the chosen ones together
+    gain: Annotated[FloatArray, Quantity("1", "candidate", _GAIN)]
+    # As they are there, mean over the draws
+    information: Annotated[FloatArray, Quantity("1", _MATRICES, "Information about the log-parameters")]
+    predicted_relative_std: Annotated[FloatArray, Quantity("1", "parameter", _PROMISED)]
     parameter_names: Annotated[tuple[str, ...], Quantity("1", "parameter")]
     configurations: Annotated[FloatArray, Quantity("{joint}", "candidate joint", "The candidates' arm-side joints")]
+    # None where they cost the same
     cost_s: Annotated[FloatArray | None, Quantity("s", "candidate", "Time of one visit: experiments and way")] = None
+    # Whether the choice would come out the same; None without other information to choose by
     stability: Stability | None = None
     joint_units: Annotated[tuple[str, ...] | None, Quantity("1", "joint", "Units of the joints' positions")] = None
-    between_relative_std: Annotated[
-        FloatArray | None, Quantity("1", "parameter", "Deviation between configurations that was allowed for")
-    ] = None
+    between_relative_std: Annotated[FloatArray | None, Quantity("1", "parameter", _BETWEEN)] = None
 
     @property
     def own_units(self) -> dict[str, str]:
@@ -94,15 +83,9 @@ class ConfigurationDesign:
 
 @dataclass(frozen=True)
 class Stability:
-    """Choices by other information than the one that was used, see `robid.design.configurations.information`.
+    """Choices by other information than the one that was used, see `robid.design.configurations.information`."""
 
-    Attributes:
-        source: Where that comes from: `realizations` (each half of them) or `draws` (each one alone).
-        efficiency: Efficiency of each trial's choice by information that it did not use: the other half, or the mean
-            over all draws.
-    """
-
-    source: str
+    source: str  # Where that comes from: `realizations` (each half of them) or `draws` (each one alone)
     kept: Annotated[FloatArray, Quantity("1", "trial", "Share of the choice that other data or parameters choose too")]
     efficiency: Annotated[FloatArray, Quantity("1", "trial", "Efficiency of that choice by what it did not use")]
     chosen_often: Annotated[FloatArray, Quantity("1", "candidate", "Share of the trials that choose each candidate")]
@@ -111,9 +94,8 @@ class Stability:
 def information(jacobian: FloatArray | ComplexArray, variance: FloatArray) -> FloatArray:
     """Information (n_conf, n_param, n_param) of residuals: `J' V^-1 J`, of complex ones `2 Re(J^H V^-1 J)`.
 
-    Args:
-        jacobian (n_conf, ..., n_param): Derivative of each residual with respect to the log-parameters.
-        variance: Variance of each residual, `E|r|^2` for circular complex ones; broadcast to (n_conf, ...).
+    The derivatives by the log-parameters are (n_conf, ..., n_param); the variances, `E|r|^2` of circular complex
+    residuals, broadcast to (n_conf, ...).
 
     Source:
         Zimmermann et al. (2023), eq. 4.
@@ -226,7 +208,6 @@ def _plan(
     experiments: int,
     budget: float,
 ) -> ConfigurationPlan:
-    """The choice to be made, over the scale of the log-parameters."""
     known = known / (scale[:, None] * scale)
     if fitted is None:
         visits = visits.scaled(scale)
@@ -300,11 +281,7 @@ class Trial:
 
 
 def halves(n_real: int) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
-    """Ways to divide realizations into two halves of at least two each; none with fewer than four.
-
-    Args:
-        n_real: Number of realizations.
-    """
+    """Ways to divide realizations into two halves of at least two each; none with fewer than four."""
     if n_real < 4:
         return []
     size, found = n_real // 2, []
@@ -324,16 +301,7 @@ def stability(
     cost: FloatArray | None = None,
     between: FloatArray | None = None,
 ) -> Stability:
-    """Chooses again by each trial's information.
-
-    Args:
-        source: Where the trials come from.
-        trials: The trials.
-        design: The choice in question.
-        options: Its options.
-        prior (n_param, n_param): Information known beforehand.
-        cost (n_conf,): Cost of one experiment in each candidate.
-        between (n_param,): Deviation of each log-parameter between configurations; none when not given.
+    """Chooses again by the information of each trial, which come from a source; the rest as for the design in question.
 
     Raises:
         DataError: If a trial's information leaves a combination of parameters unseen.

@@ -16,13 +16,10 @@ _CHUNK = 4096
 
 @dataclass(frozen=True)
 class Packed:
-    """Information matrices of all candidates, half the memory of the full ones.
+    """Information matrices of all candidates, half the memory of the full ones."""
 
-    Attributes:
-        rows (n_draw, n_cand, n_param (n_param + 1) / 2): Upper triangles, off-diagonals times sqrt(2): the product of
-            two rows is the trace of the product of their matrices.
-    """
-
+    # (n_draw, n_cand, n_param (n_param + 1) / 2) upper triangles, off-diagonals times sqrt(2): the product of two rows
+    # is the trace of the product of their matrices
     rows: FloatArray
     n_param: int
 
@@ -78,15 +75,11 @@ _RIDGE = 1e-14  # Added to the Newton matrix of unit diagonal against rounding
 
 @dataclass(frozen=True)
 class RelaxedProblem:
-    """A relaxed design.
-
-    Attributes:
-        prior (n_param, n_param): What is added to it.
-    """
+    """A relaxed design."""
 
     criterion: Criterion
     candidates: Packed
-    prior: FloatArray
+    prior: FloatArray  # (n_param, n_param) What is added to it
     limit: float
 
     def totals(self, weights: FloatArray) -> FloatArray:
@@ -115,13 +108,8 @@ def descend(
 ) -> tuple[FloatArray, float, int]:
     """Interior-point steps on some candidates: weights (n,) of a small gap, the smoothing reached, number of steps.
 
-    Args:
-        problem: The design.
-        working (n,): The candidates to work on.
-        weights (n,): Their weights at first, sum 1, inside their limits.
-        smoothing: Smoothing of `e` at first.
-        wanted: Relative gap at which to stop.
-        most_steps: Limit on the steps.
+    They begin at weights (n,) of the working candidates (n,), sum 1, inside their limits, and at a smoothing of `e`;
+    they stop at the relative gap that is wanted.
     """
     matrices = problem.candidates.matrices(working)
     flat = matrices.reshape(*matrices.shape[:2], -1)
@@ -154,7 +142,7 @@ def descend(
         lower_step = barrier / weights - lower - lower / weights * direction
         upper_step = barrier / room - upper + upper / room * direction if bounded else upper
         longest = _longest(weights, direction, room if bounded else None)
-        taken = _searched(problem, flat, weights, direction, longest, barrier, force)
+        taken = _searched(problem, flat, (weights, direction, force), (longest, barrier))
         if taken == 0.0:
             break
         # Primal and dual steps each go as far as positivity allows.
@@ -197,15 +185,10 @@ def _longest(values: FloatArray, change: FloatArray, room: FloatArray | None) ->
 
 
 def _searched(
-    problem: RelaxedProblem,
-    flat: FloatArray,
-    weights: FloatArray,
-    direction: FloatArray,
-    longest: float,
-    barrier: float,
-    force: FloatArray,
+    problem: RelaxedProblem, flat: FloatArray, step: tuple[FloatArray, ...], ends: tuple[float, float]
 ) -> float:
     """Step length at which loss and barrier together fall; 0 if there is none."""
+    (weights, direction, force), (longest, barrier) = step, ends
     size = problem.candidates.n_param
 
     def merit(trial: FloatArray) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -31,32 +32,20 @@ _ALIKE = 1 - 1e-12
 
 @dataclass(frozen=True)
 class _Errors:
-    """Errors of a response in one configuration, its elements the rows one after the other.
+    """Errors of a response in one configuration, its elements the rows one after the other."""
 
-    Attributes:
-        noise (n_freq, n_element, n_element): Covariance of the measured response, relative to `size`.
-        assumed (n_freq, n_element): Standard deviation of the assumed model error, relative to `size`.
-        alike (n_element, n_element): Correlation of the assumed model error.
-        size (n_freq, n_element): What both are relative to.
-        correlation (n_freq, n_next): Of each line's noise with the next lines', or None.
-    """
-
-    noise: ComplexArray
-    assumed: ComplexArray
-    alike: FloatArray
-    size: ComplexArray
-    correlation: FloatArray | None
+    noise: ComplexArray  # (n_freq, n_element, n_element) Covariance of the measured response, relative to `size`
+    assumed: ComplexArray  # (n_freq, n_element) Standard deviation of the assumed model error, relative to `size`
+    alike: FloatArray  # (n_element, n_element) Correlation of the assumed model error
+    size: ComplexArray  # (n_freq, n_element) What both are relative to
+    correlation: FloatArray | None  # (n_freq, n_next) Of each line's noise with the next lines', or None
 
     def covariance(self) -> ComplexArray:
         """Covariance (n_freq, n_element, n_element) of each line, the assumed model error included."""
         return self.noise + self.assumed[:, :, None] * self.assumed[:, None, :].conj() * self.alike
 
     def between(self, pull: ComplexArray) -> FloatArray:
-        """What lines that share noise add to the covariance (n_all, n_all) of what errors pull.
-
-        Args:
-            pull (n_freq, n_element, n_all): What each error pulls.
-        """
+        """What lines that share noise add (n_all, n_all) to the covariance of pulls (n_freq, n_element, n_all)."""
         n_all = pull.shape[-1]
         total = np.zeros((n_all, n_all))
         # Noise is relative to `size`: it is brought back on one side and taken off on the other.
@@ -74,19 +63,14 @@ class _Errors:
 class _Derivatives:
     """Derivatives of the residual by log-parameters and nuisances, and its covariance, one configuration each."""
 
-    def __init__(
-        self,
-        robot: Robot,
-        frf: Frf,
-        delay_s: float,
-        kinds: Sequence[str],
-        nuisance: Sequence[str],
-        fixed: Sequence[str],
-        model_error: float,
-        prior_decades: float,
-    ) -> None:
-        _check_inputs(robot, frf)
-        self.wanted = choose_parameters(robot, kinds, nuisance, fixed, prior_decades)
+    def __init__(self, robot: Robot, frf: Frf, delay_s: float, model_error: float, *wanted: Any) -> None:  # noqa: ANN401
+        require(frf, MOTOR_TORQUE, ACCELERATION, "The elastic model's information")
+        motors = tuple(joint.name for joint in robot.joints)
+        if frf.input_names != motors:
+            own = f"the response's inputs are {', '.join(frf.input_names)}, the robot's motors {', '.join(motors)}"
+            remedy = "name the inputs after the robot's joints, in order"
+            raise DataError(f"D001 {own}", where=robot.name, remedy=remedy)
+        self.wanted = choose_parameters(robot, *wanted)
         self.names = self.wanted.names
         self.model: ElasticModel = build_model(robot)
         self.frf, self.delay_s, self.model_error = frf, delay_s, model_error
@@ -173,7 +157,7 @@ def measured_information(
     Source:
         Zimmermann et al. (2023), eq. 4; docs/methods, sec. 4 and 6.
     """
-    derivatives = _Derivatives(robot, frf, delay_s, kinds, nuisance, fixed, model_error, prior_decades)
+    derivatives = _Derivatives(robot, frf, delay_s, model_error, kinds, nuisance, fixed, prior_decades)
     freedom, n_out = frf.degrees_of_freedom, frf.response.shape[2]
     _check_freedom(frf)
     importance = _importance(frf, weights)
@@ -233,7 +217,7 @@ def fitted_information(
     Source:
         Wernholt and Moberg (2008), eq. 5, and its logarithmic forms.
     """
-    derivatives = _Derivatives(robot, frf, delay_s, kinds, nuisance, fixed, model_error, prior_decades)
+    derivatives = _Derivatives(robot, frf, delay_s, model_error, kinds, nuisance, fixed, prior_decades)
     _check_freedom(frf)
     found = []
     for index, weight in enumerate(_importance(frf, weights)):
@@ -289,18 +273,9 @@ def _importance(frf: Frf, weights: FloatArray | None) -> FloatArray:
     return np.asarray((weights * told).reshape(n_conf, n_freq, -1))
 
 
-def _check_inputs(robot: Robot, frf: Frf) -> None:
-    require(frf, MOTOR_TORQUE, ACCELERATION, "The elastic model's information")
-    motors = tuple(joint.name for joint in robot.joints)
-    if frf.input_names != motors:
-        message = f"D001 the response's inputs are {', '.join(frf.input_names)}, the robot's motors {', '.join(motors)}"
-        raise DataError(message, where=robot.name, remedy="name the inputs after the robot's joints, in order")
-
-
 def _check_freedom(frf: Frf) -> None:
     freedom, n_out = frf.degrees_of_freedom, frf.response.shape[2]
     if freedom <= n_out:
-        message = (
-            f"D002 the design needs more than {n_out} degrees of freedom of the response's covariance, not {freedom:g}"
-        )
-        raise DataError(message, where="design", remedy="simulate more realizations or periods, or assume noise")
+        needed = f"more than {n_out} degrees of freedom of the response's covariance, not {freedom:g}"
+        remedy = "simulate more realizations or periods, or assume noise"
+        raise DataError(f"D002 the design needs {needed}", where="design", remedy=remedy)

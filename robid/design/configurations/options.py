@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 
-from robid.arrays import FloatArray, option
+from robid.arrays import FloatArray, group, option
 from robid.robot.parameters import FREE, OF_SPRINGS, LogarithmicKind, ResponseNuisance
 
 ALONG = tuple(kind for kind in FREE if kind not in OF_SPRINGS)
@@ -80,12 +80,10 @@ class InformationOptions:
     )
     assumed_relative_error: float = option(0.03, "Assumed relative standard deviation of each response element.", gt=0)
     model_error: float = option(0.0, "Relative model error that measured information allows for, besides.", ge=0)
-    between_relative_std: BetweenRelativeStd = field(
-        default_factory=BetweenRelativeStd,
-        metadata={
-            "description": "How far parameters differ from one configuration to another: no number of visits to one of"
-            " them tells more than this allows. 0 for not at all."
-        },
+    between_relative_std: BetweenRelativeStd = group(
+        BetweenRelativeStd,
+        "How far parameters differ from one configuration to another: no number of visits to one of them tells more"
+        " than this allows. 0 for not at all.",
     )
     free: tuple[LogarithmicKind, ...] = option(("stiffness", "damping"), "Kinds of parameters that are wanted.")
     nuisance: tuple[NuisanceKind, ...] | None = option(
@@ -94,9 +92,7 @@ class InformationOptions:
         " the fit under `fit` estimates beside `free`; without one, `viscous`, `motor_inertia` and `delay`.",
     )
     fixed: tuple[str, ...] = option((), "Names of single parameters that are known, as in a fit.")
-    weights: DesignWeights = field(
-        default_factory=DesignWeights, metadata={"description": "Weights of the response's elements."}
-    )
+    weights: DesignWeights = group(DesignWeights, "Weights of the response's elements.")
     draws: int = option(
         1,
         "Draws of the unknown springs and dampers that the criterion is averaged over; 1 takes the robot file's"
@@ -107,11 +103,7 @@ class InformationOptions:
     draw_seed: int = option(1, "Seed of the draws.", ge=0)
 
     def along(self, estimated: Sequence[str] | None = None) -> tuple[NuisanceKind, ...]:
-        """Returns the kinds that are estimated along.
-
-        Args:
-            estimated: Kinds that the fit frees which the choice is for; None without one.
-        """
+        """Returns the kinds that are estimated along, by those that the fit frees which the choice is for, if any."""
         if self.nuisance is not None:
             return self.nuisance
         every = ALONG if estimated is None else estimated

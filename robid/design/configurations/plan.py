@@ -19,25 +19,17 @@ _SMOOTHING = 1e-6  # Smoothing of `e` over the smallest eigenvalue, where slopes
 
 @dataclass(frozen=True)
 class Exchange:
-    """What may be measured, and what it is worth.
-
-    Attributes:
-        visits: What experiments of each candidate add, see `merged`.
-        base (n_draw, n_part, n_all, n_all): What is there without any.
-        distinct: Number of different candidates at most.
-        cost (n_cand,): Cost of one experiment.
-        wanted: Number of parameters that the choice is about, the first ones; all when not given.
-    """
+    """What may be measured, and what it is worth."""
 
     criterion: Criterion
-    visits: Visits
-    base: FloatArray
+    visits: Visits  # What experiments of each candidate add, see `merged`
+    base: FloatArray  # (n_draw, n_part, n_all, n_all) What is there without any
     experiments: int
-    distinct: int
+    distinct: int  # Number of different candidates at most
     repeats: bool
-    cost: FloatArray
+    cost: FloatArray  # (n_cand,) Cost of one experiment
     budget: float
-    wanted: int | None = None
+    wanted: int | None = None  # Number of parameters that the choice is about, the first ones; all when not given
 
     def total(self, counts: IntArray) -> FloatArray:
         """Total (n_draw, n_part, n_all, n_all) of some numbers of experiments (n_cand,)."""
@@ -131,7 +123,6 @@ class Exchange:
         return int(indices[np.argmax(values)]), float(values.max())
 
     def _leaves_enough(self, counts: IntArray, index: int) -> bool:
-        """Whether the experiments after this one can be paid, if they are the cheapest ones."""
         left = self.experiments - int(counts.sum()) - 1
         free = self.cost if self.repeats else np.delete(self.cost, np.append(np.flatnonzero(counts), index))
         needed = left * free.min() if self.repeats else np.sort(free)[:left].sum()
@@ -145,13 +136,8 @@ def _traces(parts: FloatArray, factors: FloatArray) -> FloatArray:
 def best_exchange(problem: Exchange, weights: FloatArray, restarts: int, seed: int) -> IntArray:
     """Numbers of experiments (n_cand,) of the best of several exchanges.
 
-    They start from the greedy choice, from the largest weights, and from random ones that the weights favour.
-
-    Args:
-        problem: What may be measured.
-        weights (n_cand,): Relaxed weights.
-        restarts: Number of random starts.
-        seed: Their seed.
+    They start from the greedy choice, from the largest relaxed weights (n_cand,), and from so many random ones, by a
+    seed, that the weights favour.
     """
     generator = np.random.default_rng(seed)
     nothing = np.zeros(weights.size, int)
@@ -165,11 +151,9 @@ def best_exchange(problem: Exchange, weights: FloatArray, restarts: int, seed: i
 
 
 def efficient_rounding(weights: FloatArray, experiments: int) -> IntArray:
-    """Rounds weights to numbers (n,) of experiments so that each weight loses the least share of itself.
+    """Rounds weights (n,) to numbers of experiments so that each weight loses the least share of itself.
 
-    Args:
-        weights (n,): Weights; those at 0 get nothing.
-        experiments: Number of experiments, at least one for each positive weight.
+    There is at least one experiment for each positive weight; those at 0 get nothing.
 
     Source:
         Pukelsheim and Rieder (1992), "Efficient rounding of approximate designs".
@@ -196,24 +180,18 @@ _FLOOR = 1e-9
 
 @dataclass(frozen=True)
 class ConfigurationPlan:
-    """A choice to be made.
-
-    Attributes:
-        matrices (n_draw, n_cand, n_param, n_param): Information of one experiment in each candidate, or for a fit
-            with its own weights what its sums never exceed. So many times it, no number of experiments tells more.
-        visits: What adds up over experiments: the information alone, or bread and meat of a fit with its own weights,
-            nuisances last.
-        prior (n_param, n_param): What is known beforehand, beside `matrices`; may be one for each draw.
-        base (n_part, n_all, n_all): The same beside `visits`.
-        cost (n_cand,): Cost of one experiment.
-    """
+    """A choice to be made."""
 
     options: DesignOptions
+    # (n_draw, n_cand, n_param, n_param) Information of one experiment in each candidate, or for a fit with its own
+    # weights what its sums never exceed. So many times it, no number of experiments tells more
     matrices: FloatArray
+    # What adds up over experiments: the information alone, or bread and meat of a fit with its own weights, nuisances
+    # last
     visits: Visits
-    prior: FloatArray
-    base: FloatArray
-    cost: FloatArray
+    prior: FloatArray  # (n_param, n_param) What is known beforehand, beside `matrices`; may be one for each draw
+    base: FloatArray  # (n_part, n_all, n_all) The same beside `visits`
+    cost: FloatArray  # (n_cand,) Cost of one experiment
     experiments: int
     budget: float
 
@@ -273,14 +251,9 @@ class ConfigurationPlan:
         return self.bound(found)
 
     def _relaxed(self, matrices: FloatArray, prior: FloatArray, limit: float) -> Relaxed:
-        return relaxed_design(
-            matrices,
-            criterion=self.options.criterion,
-            gap=self.options.gap,
-            iterations=self.options.iterations,
-            prior=prior / self.budget,
-            limit=limit,
-        )
+        wanted, prior = self.options, prior / self.budget
+        ends = {"gap": wanted.gap, "limit": limit}
+        return relaxed_design(matrices, criterion=wanted.criterion, iterations=wanted.iterations, prior=prior, **ends)
 
 
 def checked_plan(options: DesignOptions, cost: FloatArray) -> tuple[int, float]:
@@ -290,20 +263,17 @@ def checked_plan(options: DesignOptions, cost: FloatArray) -> tuple[int, float]:
         SettingsError: If there are too few candidates, or the budget does not pay the cheapest.
     """
     if options.count > cost.size:
-        raise SettingsError(
-            f"S023 {options.count} configurations cannot be chosen from {cost.size} candidates.",
-            where="design.count",
-            remedy="Lower count, or give the campaign more candidates.",
-        )
+        message = f"S023 {options.count} configurations cannot be chosen from {cost.size} candidates."
+        remedy = "Lower count, or give the campaign more candidates."
+        raise SettingsError(message, where="design.count", remedy=remedy)
     experiments = options.experiments or options.count
     budget = options.budget or experiments * float(cost.mean())
     cheapest = np.sort(cost)[: options.count].sum() if options.experiments is None else experiments * cost.min()
     if cheapest > budget * (1 + 1e-12):
-        raise SettingsError(
-            f"S024 The budget of {budget:g} does not pay {experiments} experiments: the cheapest cost {cheapest:g}.",
-            where="design.budget",
-            remedy="Raise budget, or ask for fewer experiments.",
+        message = (
+            f"S024 The budget of {budget:g} does not pay {experiments} experiments: the cheapest cost {cheapest:g}."
         )
+        raise SettingsError(message, where="design.budget", remedy="Raise budget, or ask for fewer experiments.")
     return experiments, budget
 
 

@@ -17,21 +17,16 @@ _PATIENCE = 4  # Looks at all candidates without progress after which to stop
 
 @dataclass(frozen=True)
 class Relaxed:
-    """Optimal weights.
+    """Optimal weights."""
 
-    Attributes:
-        weights (n_cand,): Weights, sum 1; 0 for what is not needed.
-        gap: Certified relative gap: every other weighting is worth at most `1 + gap` times as much. For `d` without
-            prior it is `(max tr(M^-1 H_i) - n) / n`.
-        slopes (n_cand,): Slope of the criterion by each weight, relative to what the optimum's support has: a
-            candidate at 1 is as good as the chosen ones, one at 0 is useless.
-        worth: What the weighted information is worth, see `robid.design.configurations.criteria.worth`.
-    """
-
-    weights: FloatArray
+    weights: FloatArray  # (n_cand,) Weights, sum 1; 0 for what is not needed
+    # Certified relative gap: every other weighting is worth at most `1 + gap` times as much. For `d` without prior it
+    # is `(max tr(M^-1 H_i) - n) / n`
     gap: float
+    # (n_cand,) Slope of the criterion by each weight, relative to what the optimum's support has: a candidate at 1 is
+    # as good as the chosen ones, one at 0 is useless
     slopes: FloatArray
-    worth: float
+    worth: float  # What the weighted information is worth, see `robid.design.configurations.criteria.worth`
     steps: int
 
 
@@ -113,7 +108,6 @@ def _start(problem: RelaxedProblem) -> tuple[IntArray, FloatArray, float]:
 
 
 def _spread(problem: RelaxedProblem, weights: FloatArray) -> FloatArray:
-    """Weights that sum to 1, all of them inside their limits."""
     even = 1 / weights.size
     mixed = 0.9 * weights / weights.sum() + 0.1 * even
     if mixed.max() < problem.limit:
@@ -131,7 +125,6 @@ def _part_totals(problem: RelaxedProblem, working: IntArray, weights: FloatArray
 def _enlarged(
     problem: RelaxedProblem, working: IntArray, weights: FloatArray, slopes: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Adds the candidates that promise most, with small weights."""
     outside = slopes.copy()
     outside[working] = -np.inf
     reached = slopes[working] @ weights

@@ -14,17 +14,13 @@ _CHUNK = 256
 
 @dataclass(frozen=True)
 class Visits:
-    """What visits to each candidate add.
+    """What visits to each candidate add."""
 
-    Attributes:
-        alone (n_draw, n_cand, n_part, n_all, n_all): One visit, were all configurations alike: the information, or
-            bread and meat of a fit with weights of its own. Of n visits it is n times as much.
-        between (n_all,): Variance of each parameter between configurations; 0 for what all of them share.
-        once (n_draw, n_cand, n_part, n_all, n_all): One visit, what differs between configurations allowed for.
-    """
-
+    # (n_draw, n_cand, n_part, n_all, n_all) One visit, were all configurations alike: the information, or bread and
+    # meat of a fit with weights of its own. Of n visits it is n times as much
     alone: FloatArray
-    between: FloatArray
+    between: FloatArray  # (n_all,) Variance of each parameter between configurations; 0 for what all of them share
+    # (n_draw, n_cand, n_part, n_all, n_all) One visit, what differs between configurations allowed for
     once: FloatArray
 
     def take(self, candidates: IntArray) -> Visits:
@@ -63,11 +59,7 @@ class Visits:
 
 
 def make_visits(alone: FloatArray, between: FloatArray) -> Visits:
-    """Allows for what differs between configurations.
-
-    Args:
-        alone (n_draw, n_cand, n_part, n_all, n_all): One visit, were all configurations alike.
-        between (n_all,): Variance of each parameter between configurations.
+    """Allows for what differs between configurations, by the arguments of `Visits`.
 
     Source:
         docs/methods, sec. 11: `(I^-1 + T)^-1` in place of the information; the scores of a fit with weights of its own
@@ -83,12 +75,9 @@ def make_visits(alone: FloatArray, between: FloatArray) -> Visits:
 
 
 def slopes(alone: FloatArray, counts: IntArray, between: FloatArray) -> FloatArray:
-    """Derivative of the information of numbers of visits (n_cand,) by these numbers.
+    """Derivative of the information of numbers of visits (n_cand,), at least one each, by these numbers.
 
-    Args:
-        alone (n_draw, n_cand, n_all, n_all): Information of one visit, were all configurations alike.
-        counts (n_cand,): Numbers of visits, at least one each.
-        between (n_all,): Variance of each parameter between configurations.
+    The information of one visit alone is (n_draw, n_cand, n_all, n_all), the variance between configurations (n_all,).
     """
     times = counts[:, None, None]
     return np.asarray(saturation_slope(alone * times, between) / times)
@@ -112,20 +101,16 @@ class FittedInformation:
 
     The parameters are the wanted ones and then those that are estimated along. These are the same in all
     configurations, so they go out of the sums, not of the single candidates, and what is known of them counts once.
-
-    Attributes:
-        bread (n_draw, n_conf, n_all, n_all): `2 Re J^H W J`.
-        meat (n_draw, n_conf, n_all, n_all): `2 Re J^H W Lambda W J`; the covariance of the fit is `B^-1 S B^-1` of
-            the sums, what is known beforehand added to both.
-        best (n_draw, n_conf, n_all, n_all): Information by optimal weights, `2 Re J^H Lambda^-1 J`, `Lambda` taken
-            for granted as in the meat.
-        precision (n_all,): What is known of each parameter beforehand, over its variance.
     """
 
-    bread: FloatArray
+    bread: FloatArray  # (n_draw, n_conf, n_all, n_all) `2 Re J^H W J`
+    # (n_draw, n_conf, n_all, n_all) `2 Re J^H W Lambda W J`; the covariance of the fit is `B^-1 S B^-1` of the sums,
+    # what is known beforehand added to both
     meat: FloatArray
+    # (n_draw, n_conf, n_all, n_all) Information by optimal weights, `2 Re J^H Lambda^-1 J`, `Lambda` taken for granted
+    # as in the meat
     best: FloatArray
-    precision: FloatArray
+    precision: FloatArray  # (n_all,) What is known of each parameter beforehand, over its variance
 
     def scaled(self, wanted: FloatArray) -> FittedInformation:
         """The same over scales: (n_wanted,) of the first parameters, and what is natural to the others."""
@@ -140,13 +125,8 @@ class FittedInformation:
         return np.stack([self.bread, self.meat], axis=2)
 
     def base(self, known: FloatArray) -> FloatArray:
-        """Bread and meat (2, n_all, n_all) of what is known beforehand.
-
-        Args:
-            known (n_wanted, n_wanted): The same of the wanted parameters, from elsewhere.
-        """
-        count = len(known)
-        whole = np.diag(self.precision)
+        """Bread and meat (2, n_all, n_all) of what is known beforehand, with (n_wanted, n_wanted) from elsewhere."""
+        count, whole = len(known), np.diag(self.precision)
         whole[:count, :count] += known
         seen = whole + np.diag(np.where(np.arange(len(whole)) < count, 0.0, _LEAST))
         return np.stack([seen, whole])
@@ -155,11 +135,8 @@ class FittedInformation:
         """Information that adds over candidates and never falls short of what a fit makes of their sum.
 
         For every `K`, `[I; -K]' M [I; -K]` is at least what is left of `M` once nuisances are taken out, and equal
-        for the best `K`, which is found for some numbers of visits here and holds as a bound for all others.
-
-        Args:
-            known (n_wanted, n_wanted): What is known of the wanted parameters.
-            visits (n_conf,): The numbers of visits where the bound is tight.
+        for the best `K`, which is found here for some numbers of visits (n_conf,), where the bound is tight, and holds
+        as a bound for all others. What is known of the wanted parameters is (n_wanted, n_wanted).
 
         Returns:
             Matrices (n_draw, n_conf, n_wanted, n_wanted), and what is known beforehand (n_draw, n_wanted, n_wanted).
@@ -178,13 +155,10 @@ class FittedInformation:
 
 
 def merged(parts: FloatArray, count: int | None = None) -> FloatArray:
-    """Information (..., n_wanted, n_wanted) of parts (..., n_part, n_all, n_all), nuisances taken out.
+    """Information (..., n_wanted, n_wanted) of total parts (..., n_part, n_all, n_all), nuisances taken out.
 
-    One part is the information itself; two are bread and meat of a fit with its own weights, `B S^-1 B`.
-
-    Args:
-        parts: Total of one or two parts.
-        count: Number of parameters that are wanted; they come first. All when not given.
+    One part is the information itself; two are bread and meat of a fit with its own weights, `B S^-1 B`. Wanted
+    parameters come first; they are all where they are not counted.
     """
     own = reduced(parts, parts.shape[-1] if count is None else count)
     bread = own[..., 0, :, :]

@@ -26,49 +26,41 @@ from robid.signals.waveforms import crest_factor, multisine, orthogonal_matrix, 
 
 _PLAYED_SHARE = 1e-6  # Size of a line, relative to the largest, below which it holds only rounding
 _PLANNED = ("speed", "torque", "excursion")
+_PLACES = "configuration motor"
+_SNR = "configuration frequency output input", "Predicted signal-to-noise ratio of the response"
+_CONDITION = "realization", "Condition number of a trajectory's regressor"
+_INJECTED = "realization experiment sample motor", "Injected signal, one period"
+_SPECTRUM = "realization experiment frequency motor", "Complex amplitudes of the excited lines"
+_TRAVEL = "sample motor", "Position reference of the motors beneath the excitation, from the configuration"
 UNITS = {"speed_reference": "rad/s", "position_reference": "rad", "torque": "N m", "pose_reference": "m, or rad"}
 
 
 @dataclass(frozen=True)
 class ExcitationPlan:
-    """What the excitation will do to the nominal robot, over all realizations and experiments.
-
-    Attributes:
-        torque_rms: Motor torque with its static part.
-        torque_peak: Largest absolute motor torque with its static part.
-        excursion_rms: Arm excursion, motor angle over gear ratio.
-        admissible_scale: Factor on all motors' RMS at which this motor meets its first limit; 0 where the static torque
-            alone does.
-        snr_db: Power of each element of the response over the variance that the assumed noise will give its estimate;
-            None with fewer experiments than motors and in older files.
-        duration_s: Time that the whole campaign takes, transients included; None in older files [s].
-        condition: Of a trajectory, condition number of the regressor of its base parameters, each column over its size
-            in random motions; None for other signals and in older files.
-    """
+    """What the excitation will do to the nominal robot, over all realizations and experiments."""
 
     speed_rms: Annotated[FloatArray, Quantity("rad/s", "configuration motor", "Predicted RMS of the speed")]
     speed_peak: Annotated[FloatArray, Quantity("rad/s", "configuration motor", "Predicted peak of the speed")]
+    # Motor torque with its static part
     torque_rms: Annotated[FloatArray, Quantity("N m", "configuration motor", "Predicted RMS of the torque")]
+    # Largest absolute motor torque with its static part
     torque_peak: Annotated[FloatArray, Quantity("N m", "configuration motor", "Predicted peak of the torque")]
+    # Arm excursion, motor angle over gear ratio
     excursion_rms: Annotated[FloatArray, Quantity("rad", "configuration motor", "Predicted RMS of the excursion")]
     excursion_peak: Annotated[FloatArray, Quantity("rad", "configuration motor", "Predicted peak of the excursion")]
     speed_limit: Annotated[FloatArray, Quantity("rad/s", "motor", "Limit of the speed")]
     torque_limit: Annotated[FloatArray, Quantity("N m", "motor", "Limit of the torque")]
     excursion_limit: Annotated[FloatArray, Quantity("rad", "motor", "Limit of the excursion")]
-    admissible_scale: Annotated[
-        FloatArray, Quantity("1", "configuration motor", "Factor on all RMS at which the first limit is met")
-    ]
-    speed_crest: Annotated[
-        FloatArray | None, Quantity("1", "configuration motor", "Largest crest factor of the motor speed")
-    ] = None
-    snr_db: Annotated[
-        FloatArray | None,
-        Quantity("dB", "configuration frequency output input", "Predicted signal-to-noise ratio of the response"),
-    ] = None
-    duration_s: float | None = None
-    condition: Annotated[
-        FloatArray | None, Quantity("1", "realization", "Condition number of a trajectory's regressor")
-    ] = None
+    # Factor on all motors' RMS at which this motor meets its first limit; 0 where the static torque alone does
+    admissible_scale: Annotated[FloatArray, Quantity("1", _PLACES, "Factor on all RMS at which the first limit is met")]
+    speed_crest: Annotated[FloatArray | None, Quantity("1", _PLACES, "Largest crest factor of the motor speed")] = None
+    # Power of each element of the response over the variance that the assumed noise will give its estimate; None with
+    # fewer experiments than motors and in older files
+    snr_db: Annotated[FloatArray | None, Quantity("dB", *_SNR)] = None
+    duration_s: float | None = None  # Time that the whole campaign takes, transients included; None in older files [s]
+    # Of a trajectory, condition number of the regressor of its base parameters, each column over its size in random
+    # motions; None for other signals and in older files
+    condition: Annotated[FloatArray | None, Quantity("1", *_CONDITION)] = None
 
     @property
     def speed_margin(self) -> FloatArray:
@@ -89,11 +81,7 @@ class ExcitationPlan:
 def make_plan(rms: FloatArray, peak: FloatArray, limits: FloatArray, admissible_scale: FloatArray) -> ExcitationPlan:
     """Makes a plan of speeds, torques and excursions.
 
-    Args:
-        rms (3, n_conf, n_motor): Predicted RMS of each.
-        peak (3, n_conf, n_motor): Predicted peak of each.
-        limits (3, n_motor): Limit of each.
-        admissible_scale (n_conf, n_motor): See `ExcitationPlan`.
+    Predicted RMS and peak of each are (3, n_conf, n_motor), limits (3, n_motor), the scale (n_conf, n_motor).
     """
     kinds = (("rms", rms), ("peak", peak), ("limit", limits))
     found = {f"{what}_{kind}": each[row] for kind, each in kinds for row, what in enumerate(_PLANNED)}
@@ -102,43 +90,23 @@ def make_plan(rms: FloatArray, peak: FloatArray, limits: FloatArray, admissible_
 
 @dataclass(frozen=True)
 class Excitation:
-    """What each motor is told to do, one period per realization and experiment.
+    """What each motor is told to do, one period per realization and experiment."""
 
-    Attributes:
-        reference: Injected signal; of a pose chirp the commands, a channel of the pose in place of each motor.
-        kind: `speed_reference`, `position_reference`, `torque` or `pose_reference`.
-        sampling_period_s: Sampling period of the controller [s].
-        rms: RMS of each motor's signal, a slow motion left out.
-        crest_factor: Peak over RMS, a slow motion left out.
-        plan: Predicted motion against the limits, or None before `predict`.
-        travel: Position reference of a large motion beneath it, from the configuration; None without one.
-    """
-
-    reference: Annotated[
-        FloatArray,
-        Quantity("{signal}", "realization experiment sample motor", "Injected signal, one period", compact=True),
-    ]
-    kind: str
+    # Injected signal; of a pose chirp the commands, a channel of the pose in place of each motor
+    reference: Annotated[FloatArray, Quantity("{signal}", *_INJECTED, compact=True)]
+    kind: str  # `speed_reference`, `position_reference`, `torque` or `pose_reference`
     excited_lines: Annotated[IntArray, Quantity("1", "frequency", "Excited DFT lines")]
     detection_lines: Annotated[IntArray, Quantity("1", "detection", "DFT lines left out to detect distortion")]
-    sampling_period_s: float
-    spectrum: Annotated[
-        ComplexArray,
-        Quantity("{signal}", "realization experiment frequency motor", "Complex amplitudes of the excited lines"),
-    ]
+    sampling_period_s: float  # Sampling period of the controller [s]
+    spectrum: Annotated[ComplexArray, Quantity("{signal}", *_SPECTRUM)]
+    # RMS of each motor's signal, a slow motion left out
     rms: Annotated[FloatArray, Quantity("{signal}", "motor", "RMS of each motor's signal")]
+    # Peak over RMS, a slow motion left out
     crest_factor: Annotated[FloatArray, Quantity("1", "realization experiment motor", "Peak over RMS")]
-    plan: ExcitationPlan | None = None
+    plan: ExcitationPlan | None = None  # Predicted motion against the limits, or None before `predict`
     channels: Annotated[tuple[Channel, ...], Quantity("1", "motor", "What each column is where it is no motor")] = ()
-    travel: Annotated[
-        FloatArray | None,
-        Quantity(
-            "rad",
-            "sample motor",
-            "Position reference of the motors beneath the excitation, from the configuration",
-            compact=True,
-        ),
-    ] = None
+    # Of a large motion; None without one
+    travel: Annotated[FloatArray | None, Quantity("rad", *_TRAVEL, compact=True)] = None
 
     @property
     def own_units(self) -> dict[str, str]:
@@ -175,14 +143,10 @@ class Excitation:
 
 @dataclass(frozen=True)
 class CampaignExcitation:
-    """The excitation of one campaign.
-
-    Attributes:
-        excitation: The excitation; without realizations where a log was played by others.
-    """
+    """The excitation of one campaign."""
 
     configurations: Annotated[FloatArray, Quantity("rad", "configuration joint", "Arm-side joint angles")]
-    excitation: Excitation
+    excitation: Excitation  # The excitation; without realizations where a log was played by others
 
 
 def design_excitation(
@@ -214,7 +178,10 @@ def design_excitation(
     # The vectors are short: on a busy machine BLAS threads would only wait for each other.
     with threadpool_limits(1, user_api="blas"):
         amplitude = _amplitude(options, rms, len(excited), loop)
-        turn = _turns(options, n_motor, len(excited), realizations)
+        turn = None
+        if options.random_block_phases:
+            generator = np.random.default_rng([options.seed, 4])
+            turn = generator.uniform(0, 2 * np.pi, (realizations, n_motor, len(excited)))
         phase = np.array([_phases(options, amplitude, excited, index, turn, loop) for index in range(realizations)])
     spectrum = multisine(amplitude, phase, turn)
     reference = time_signal(spectrum, excited, samples_per_period(options.period_s, sampling_period_s))
@@ -223,20 +190,12 @@ def design_excitation(
 
 
 def _amplitude(options: MultisineOptions, rms: FloatArray, n_lines: int, loop: NominalLoop | None) -> FloatArray:
-    """Amplitude (n_motor, n_lines) of each line."""
     # A sum of n cosines of amplitude a has the RMS a sqrt(n / 2).
     flat = np.repeat(rms[:, None] * np.sqrt(2 / n_lines), n_lines, axis=1)
     if options.amplitude == "flat":
         return flat
     noise = options.assumed_angle_noise_rad, options.assumed_torque_noise_nm
     return sensitivity_amplitude(flat, _needed(loop), options.inject, *noise)
-
-
-def _turns(options: MultisineOptions, n_motor: int, n_lines: int, realizations: int) -> FloatArray | None:
-    """Random phases (n_real, n_exp, n_lines) of each experiment and line, or None."""
-    if not options.random_block_phases:
-        return None
-    return np.random.default_rng([options.seed, 4]).uniform(0, 2 * np.pi, (realizations, n_motor, n_lines))
 
 
 def _phases(
@@ -277,18 +236,13 @@ def _needed(loop: NominalLoop | None) -> NominalLoop:
 
 
 def _rms_per_motor(rms: float | tuple[float, ...], n_motor: int) -> FloatArray:
-    """The RMS of each motor's signal (n_motor,)."""
     values = np.full(n_motor, rms, float) if np.ndim(rms) == 0 else np.asarray(rms, float)
     problems = [] if len(values) == n_motor else [f"{len(values)} values for {n_motor} motors"]
-    problems += [
-        f"value {value:g} of motor {index + 1} is not positive" for index, value in enumerate(values) if value <= 0
-    ]
+    low = [(index, value) for index, value in enumerate(values, 1) if value <= 0]
+    problems += [f"value {value:g} of motor {index} is not positive" for index, value in low]
     if problems:
-        raise SettingsError(
-            f"S025 The RMS does not fit: {'; '.join(problems)}.",
-            where="excitation.rms",
-            remedy=f"Give one positive number, or a list of {n_motor}.",
-        )
+        message, remedy = f"S025 The RMS does not fit: {'; '.join(problems)}.", "Give one positive number, or a list of"
+        raise SettingsError(message, where="excitation.rms", remedy=f"{remedy} {n_motor}.")
     return values
 
 

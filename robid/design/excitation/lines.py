@@ -26,6 +26,7 @@ from robid.signals.waveforms import chirp, stepped_sine
 _WHOLE = 1e-6  # Relative distance from a whole number of samples that is passed over
 _SLIP = 0.01  # Relative error of a sampling period that is taken to be a slip
 _DIGITS = 3
+_REMEDY = "Change the fields named in parentheses."
 _COUNTABLE = 100_000  # Lines up to which a period that holds them is counted out
 
 
@@ -38,11 +39,9 @@ def samples_per_period(period_s: float, sampling_period_s: float) -> int:
     ratio = period_s / sampling_period_s
     count = round(ratio)
     if count < 1 or abs(ratio - count) > _WHOLE * ratio:
-        raise SettingsError(
-            f"S026 A period of {period_s:g} s is {ratio:.6g} samples of {sampling_period_s:g} s, not a whole number.",
-            where="excitation.period_s",
-            remedy=f"{_rounder(period_s, sampling_period_s)} a period of {max(count, 1) * sampling_period_s:.9g} s.",
-        )
+        samples = f"{ratio:.6g} samples of {sampling_period_s:g} s, not a whole number."
+        remedy = f"{_rounder(period_s, sampling_period_s)} a period of {max(count, 1) * sampling_period_s:.9g} s."
+        raise SettingsError(f"S026 A period of {period_s:g} s is {samples}", where="excitation.period_s", remedy=remedy)
     return count
 
 
@@ -75,10 +74,6 @@ def choose_lines(options: ChosenLineOptions, sampling_period_s: float) -> tuple[
     numbers of lines come out exactly. One detection line is drawn in each of equal runs of the chosen lines; the
     lowest and the highest chosen line stay excited.
 
-    Args:
-        options: Period, band, count, spacing, grid, detection share and seed.
-        sampling_period_s: Sampling period of the controller or of the log [s].
-
     Raises:
         SettingsError: If the period is no whole number of samples, the band is empty or reaches the Nyquist
             frequency, or has fewer lines than are asked for.
@@ -86,9 +81,10 @@ def choose_lines(options: ChosenLineOptions, sampling_period_s: float) -> tuple[
     n_sample = samples_per_period(options.period_s, sampling_period_s)
     if options.lines is not None:
         return _stated_lines(options, n_sample), np.zeros(0, int)
-    n_detection = _detection_count(options)
-    total = options.count + n_detection
-    grid = _grid(options)
+    # Their share of all chosen lines, at least one unless the share is zero.
+    share = options.detection_share
+    n_detection = 0 if share == 0 else max(1, round(options.count * share / (1 - share)))
+    total, grid = options.count + n_detection, _grid(options)
     available = len(grid)
     problems = _band_problems(options, grid, n_sample)
     if options.low_hz < options.high_hz and available < total:
@@ -99,13 +95,11 @@ def choose_lines(options: ChosenLineOptions, sampling_period_s: float) -> tuple[
             f" period (lower count, or lengthen the period to {_long_enough(options, n_sample, total):.9g} s)"
         )
     _refuse(problems)
-    chosen = _spread(grid, total, options.spacing)
-    generator = np.random.default_rng([options.seed, 1])
+    chosen, generator = _spread(grid, total, options.spacing), np.random.default_rng([options.seed, 1])
     # Detection lines are drawn from equal runs, ends apart, so that they cover the band.
     inner = np.arange(1, total - 1) if total >= n_detection + 2 else np.arange(total)
     drawn = [int(generator.choice(run)) for run in np.array_split(inner, n_detection)] if n_detection else []
-    excited = np.delete(chosen, drawn)
-    return excited, chosen[drawn]
+    return np.delete(chosen, drawn), chosen[drawn]
 
 
 def _long_enough(options: ChosenLineOptions, n_sample: int, total: int) -> float:
@@ -121,15 +115,11 @@ def _long_enough(options: ChosenLineOptions, n_sample: int, total: int) -> float
 
 def _refuse(problems: list[str]) -> None:
     if problems:
-        raise SettingsError(
-            "S027 The lines cannot be chosen: " + "; ".join(problems) + ".",
-            where="excitation",
-            remedy="Change the fields named in parentheses.",
-        )
+        message = f"S027 The lines cannot be chosen: {'; '.join(problems)}."
+        raise SettingsError(message, where="excitation", remedy=_REMEDY)
 
 
 def _grid(options: ChosenLineOptions) -> IntArray:
-    """Lines of the band that may be excited."""
     lowest = max(int(np.ceil(options.low_hz * options.period_s - 1e-9)), 1)
     highest = int(np.floor(options.high_hz * options.period_s + 1e-9))
     if options.grid == "odd":
@@ -141,13 +131,14 @@ def _grid(options: ChosenLineOptions) -> IntArray:
 def _band_problems(options: ChosenLineOptions, grid: IntArray, n_sample: int) -> list[str]:
     problems = []
     if 2 * grid.max(initial=0) >= n_sample:
-        nyquist_hz = n_sample / (2 * options.period_s)
-        problems.append(
-            f"high_hz {options.high_hz:g} is not below the Nyquist frequency {nyquist_hz:g} Hz (lower high_hz)"
-        )
+        problems.append(_beyond(options.high_hz, n_sample / (2 * options.period_s)))
     if options.low_hz >= options.high_hz:
         problems.append(f"low_hz {options.low_hz:g} is not below high_hz {options.high_hz:g} (swap them)")
     return problems
+
+
+def _beyond(high_hz: float, nyquist_hz: float) -> str:
+    return f"high_hz {high_hz:g} is not below the Nyquist frequency {nyquist_hz:g} Hz (lower high_hz)"
 
 
 def _stated_lines(options: ChosenLineOptions, n_sample: int) -> IntArray:
@@ -167,12 +158,6 @@ def _stated_lines(options: ChosenLineOptions, n_sample: int) -> IntArray:
         problems.append("they must rise (lines)")
     _refuse(problems)
     return stated
-
-
-def _detection_count(options: ChosenLineOptions) -> int:
-    """Number of detection lines: their share of all chosen lines, at least one unless the share is zero."""
-    share = options.detection_share
-    return 0 if share == 0 else max(1, round(options.count * share / (1 - share)))
 
 
 def _spread(grid: IntArray, count: int, spacing: str) -> IntArray:
@@ -213,7 +198,9 @@ def signal_lines(options: ExcitationOptions, sampling_period_s: float) -> tuple[
     if isinstance(options, PoseChirpOptions):
         everywhere = np.ones(n_sample // 2 + 1, bool)
         return np.flatnonzero(_carrying(options, pose_chirp(options, sampling_period_s), everywhere)), np.zeros(0, int)
-    carrying = _carrying(options, sweep(options, sampling_period_s), _not_slow(options, n_sample))
+    # Free of the slow motion and its multiples.
+    free = (options.slow_motion_rad_s == 0) | (np.arange(n_sample // 2 + 1) % options.slow_motion_line != 0)
+    carrying = _carrying(options, sweep(options, sampling_period_s), np.asarray(free))
     if options.grid == "odd":
         carrying[::2] = False
     return np.flatnonzero(carrying), np.zeros(0, int)
@@ -237,27 +224,17 @@ def check_signal(options: ExcitationOptions, sampling_period_s: float) -> None:
     if isinstance(options, ArbitraryOptions):
         problems = options.problems(sampling_period_s)
     elif isinstance(options, TrajectoryOptions):
-        problems = _trajectory_problems(options, n_sample)
+        short = _SAMPLES_PER_WAVE * options.harmonics > n_sample
+        few = f"{options.harmonics} harmonics leave fewer than {_SAMPLES_PER_WAVE} of {n_sample} samples to the fastest"
+        problems = [f"{few} (lower harmonics or lengthen period_s)"] if short else []
     elif isinstance(options, PoseChirpOptions):
         problems = _sweep_band_problems(options, sampling_period_s)
     else:
         problems = _perturbation_problems(options, n_sample, sampling_period_s)
     if problems:
-        raise SettingsError(
-            f"S031 The {options.signal} cannot be made: {'; '.join(problems)}.",
-            where="excitation",
-            remedy="Change the fields named in parentheses.",
-        )
+        message = f"S031 The {options.signal} cannot be made: {'; '.join(problems)}."
+        raise SettingsError(message, where="excitation", remedy=_REMEDY)
     signal_lines(options, sampling_period_s)
-
-
-def _trajectory_problems(options: TrajectoryOptions, n_sample: int) -> list[str]:
-    if _SAMPLES_PER_WAVE * options.harmonics <= n_sample:
-        return []
-    return [
-        f"{options.harmonics} harmonics leave fewer than {_SAMPLES_PER_WAVE} of {n_sample} samples to the fastest"
-        " (lower harmonics or lengthen period_s)"
-    ]
 
 
 def _perturbation_problems(options: PerturbationOptions, n_sample: int, sampling_period_s: float) -> list[str]:
@@ -281,10 +258,7 @@ def _sweep_band_problems(options: SweepOptions | PoseChirpOptions, sampling_peri
     if options.low_hz >= options.high_hz:
         problems.append(f"low_hz {options.low_hz:g} is not below high_hz {options.high_hz:g} (swap them)")
     if 2 * options.high_hz * sampling_period_s >= 1:
-        nyquist = 0.5 / sampling_period_s
-        problems.append(
-            f"high_hz {options.high_hz:g} is not below the Nyquist frequency {nyquist:g} Hz (lower high_hz)"
-        )
+        problems.append(_beyond(options.high_hz, 0.5 / sampling_period_s))
     return problems
 
 
@@ -295,10 +269,8 @@ def _sweep_problems(options: SweepOptions, n_sample: int, sampling_period_s: flo
     if isinstance(options, SteppedSineOptions) and not problems:
         seconds = float(np.sum(1 / _steps_hz(options))) * (2 if options.grid == "odd" else 1)
         if seconds > options.period_s:
-            problems.append(
-                f"one cycle of each of {options.count} frequencies takes {seconds:.3g} s"
-                f" (lengthen period_s to more, lower count, or raise low_hz)"
-            )
+            remedy = "(lengthen period_s to more, lower count, or raise low_hz)"
+            problems.append(f"one cycle of each of {options.count} frequencies takes {seconds:.3g} s {remedy}")
     return problems
 
 
@@ -325,12 +297,6 @@ def _travel_problems(travel: Travel, options: PerturbationOptions, n_sample: int
     if options.limit_share is not None:
         problems.append("the share of a limit that a travel leaves is not known (state rms instead of limit_share)")
     return problems
-
-
-def _not_slow(options: PerturbationOptions, n_sample: int) -> BoolArray:
-    """Whether each line (n_lines,) is free of the slow motion and its multiples."""
-    lines = np.arange(n_sample // 2 + 1)
-    return np.asarray((options.slow_motion_rad_s == 0) | (lines % options.slow_motion_line != 0))
 
 
 def _steps_hz(options: SteppedSineOptions) -> FloatArray:

@@ -71,27 +71,18 @@ def predicted_snr_db(
 
 @dataclass(frozen=True)
 class NominalLoop:
-    """The nominal robot under its controller, at the excited lines.
+    """The nominal robot under its controller, at the excited lines."""
 
-    Attributes:
-        robot: Names, limits, gear ratios and rotor inertias.
-        configurations (n_conf, n_joint): Arm-side joint angles [rad].
-        frequency_hz (n_freq,): Excited frequencies [Hz].
-        response (n_conf, n_freq, n_motor, n_motor): Sampled response from motor torque to motor acceleration, hold
-            and computation delay inside [rad/(s^2 N m)].
-        static_torque (n_conf, n_motor): Motor torque that holds the arm [N m].
-        delay_s: Delay from recorded to applied torque, hold excluded [s].
-        linear: The linearised robot, for derivatives of the response.
-    """
-
-    robot: Robot
+    robot: Robot  # Names, limits, gear ratios and rotor inertias
     controller: Controller
-    configurations: FloatArray
-    frequency_hz: FloatArray
+    configurations: FloatArray  # (n_conf, n_joint) Arm-side joint angles [rad]
+    frequency_hz: FloatArray  # (n_freq,) Excited frequencies [Hz]
+    # (n_conf, n_freq, n_motor, n_motor) Sampled response from motor torque to motor acceleration, hold and computation
+    # delay inside [rad/(s^2 N m)]
     response: ComplexArray
-    static_torque: FloatArray
-    delay_s: float = 0.0
-    linear: LinearModel | None = None
+    static_torque: FloatArray  # (n_conf, n_motor) Motor torque that holds the arm [N m]
+    delay_s: float = 0.0  # Delay from recorded to applied torque, hold excluded [s]
+    linear: LinearModel | None = None  # The linearised robot, for derivatives of the response
 
     @property
     def omega(self) -> FloatArray:
@@ -99,11 +90,7 @@ class NominalLoop:
         return np.asarray(2 * np.pi * self.frequency_hz)
 
     def gains(self, index: int, inject: str) -> tuple[ComplexArray, ComplexArray]:
-        """From references to motor torque and to motor angle in one configuration.
-
-        Args:
-            index: The configuration.
-            inject: Where the excitation enters.
+        """From references, injected somewhere, to motor torque and to motor angle in one configuration.
 
         Returns:
             Two arrays (n_freq, n_motor, n_motor) [N m and rad per unit of the reference].
@@ -137,23 +124,13 @@ class NominalLoop:
 def nominal_loop(
     robot: Robot, controller: Controller, configurations: FloatArray, frequency_hz: FloatArray
 ) -> NominalLoop:
-    """Linearises the nominal robot in each configuration and closes the loop.
-
-    Args:
-        robot: The nominal robot.
-        controller: Its controller.
-        configurations (n_conf, n_joint): Arm-side joint angles [rad].
-        frequency_hz (n_freq,): Excited frequencies [Hz].
-    """
-    period_s = controller.sampling_period_s
-    delay_s = controller.delay_samples * period_s
-    model = build_model(robot)
-    rest = solve_statics(model, configurations)
+    """Linearises the nominal robot in each configuration (n_conf, n_joint) [rad] and closes the loop (n_freq,) [Hz]."""
+    period_s, model = controller.sampling_period_s, build_model(robot)
+    delay_s, rest = controller.delay_samples * period_s, solve_statics(model, configurations)
     linear = linearize(model, rest)
     sampled = response(linear, nominal_parameters(robot, linear, delay_s), frequency_hz, period_s).sampled
-    return NominalLoop(
-        robot, controller, configurations, frequency_hz, sampled, rest.motor_torque, delay_s=delay_s, linear=linear
-    )
+    torque = rest.motor_torque
+    return NominalLoop(robot, controller, configurations, frequency_hz, sampled, torque, delay_s, linear)
 
 
 FLOOR = 0.3  # Smallest amplitude of a line, relative to the flat spectrum of the same RMS
@@ -193,11 +170,7 @@ def sensitivity_amplitude(
 def line_information(loop: NominalLoop, inject: str, angle_noise_rad: float, torque_noise_nm: float) -> FloatArray:
     """Information of each motor's lines about the log-parameters, up to a common factor.
 
-    Args:
-        loop: The nominal loop with its linearised robot.
-        inject: Where the excitation enters.
-        angle_noise_rad: Assumed noise of the motor angle per sample [rad].
-        torque_noise_nm: Assumed torque disturbance per sample [N m].
+    The arguments are those of `sensitivity_amplitude`.
 
     Returns:
         Matrices (n_freq, n_motor, n_param, n_param) per squared amplitude, summed over configurations; springs and
@@ -220,14 +193,8 @@ def line_information(loop: NominalLoop, inject: str, angle_noise_rad: float, tor
 
 def _log_jacobian(loop: NominalLoop, linear: LinearModel, index: int) -> ComplexArray:
     """Derivative (n_freq, n_out, n_in, n_param) in one configuration."""
-    part = replace(
-        linear,
-        mass=linear.mass[[index]],
-        gravity_stiffness=linear.gravity_stiffness[[index]],
-        link_inertia=linear.link_inertia[[index]],
-        output=linear.output[[index]],
-        tilt=linear.tilt[[index]],
-    )
+    by_place = ("mass", "gravity_stiffness", "link_inertia", "output", "tilt")
+    part = replace(linear, **{name: getattr(linear, name)[[index]] for name in by_place})
     period_s = loop.controller.sampling_period_s
     nominal = nominal_parameters(loop.robot, part, loop.delay_s)
     result = response(part, nominal, loop.frequency_hz, period_s)

@@ -12,6 +12,7 @@ from robid.arrays import IntArray, option
 from robid.signals.pose import ANGLES
 
 FEWEST_LINES = 4  # Frequencies of a band below which there is no response to speak of
+_RESOLUTION = "Distance of the response's frequencies, and width of the band around each that is averaged [Hz]."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,13 +22,7 @@ class ArbitraryOptions:
     signal: Literal["arbitrary"] = option("arbitrary", "A signal that need not repeat, in logs only.")
     low_hz: float = field(metadata={"description": "Lowest frequency of the response [Hz].", "gt": 0})
     high_hz: float = field(metadata={"description": "Highest frequency of the response [Hz].", "gt": 0})
-    resolution_hz: float = field(
-        metadata={
-            "description": "Distance of the response's frequencies, and width of the band around each that is averaged"
-            " [Hz].",
-            "gt": 0,
-        }
-    )
+    resolution_hz: float = field(metadata={"description": _RESOLUTION, "gt": 0})
 
     decides_lines: ClassVar[tuple[str, ...]] = ("signal", "low_hz", "high_hz", "resolution_hz")
     inject: ClassVar[Literal["speed_reference"]] = "speed_reference"
@@ -50,8 +45,7 @@ class ArbitraryOptions:
 
     def problems(self, sampling_period_s: float) -> list[str]:
         """Finds what keeps a log of this sampling period [s] from having such a response."""
-        problems = []
-        nyquist_hz = 0.5 / sampling_period_s
+        problems, nyquist_hz = [], 0.5 / sampling_period_s
         if self.low_hz >= self.high_hz:
             problems.append(f"S136 low_hz {self.low_hz:g} is not below high_hz {self.high_hz:g} (swap them)")
         elif len(self.lines(sampling_period_s)) < FEWEST_LINES:
@@ -140,8 +134,7 @@ class SignalOptions:
     )
 
     decides_lines: ClassVar[tuple[str, ...]] = (
-        *("signal", "period_s", "low_hz", "high_hz", "grid"),
-        *("slow_motion_rad_s", "slow_motion_line"),
+        *("signal", "period_s", "low_hz", "high_hz", "grid", "slow_motion_rad_s", "slow_motion_line"),
     )
 
 

@@ -26,19 +26,12 @@ _STILL = 1e-9  # Share of a limit below which a motion is none
 
 @dataclass(frozen=True)
 class PoseLimits:
-    """What a motion may use.
+    """What a motion may use."""
 
-    Attributes:
-        lower (n_joint,): Least joint positions [rad, or m].
-        upper (n_joint,): Greatest joint positions [rad, or m].
-        speed (n_joint,): Motor speeds [rad/s].
-        torque (n_joint,): Motor torques [N m].
-    """
-
-    lower: FloatArray
-    upper: FloatArray
-    speed: FloatArray
-    torque: FloatArray
+    lower: FloatArray  # (n_joint,) Least joint positions [rad, or m]
+    upper: FloatArray  # (n_joint,) Greatest joint positions [rad, or m]
+    speed: FloatArray  # (n_joint,) Motor speeds [rad/s]
+    torque: FloatArray  # (n_joint,) Motor torques [N m]
 
     @property
     def middle(self) -> FloatArray:
@@ -52,13 +45,9 @@ class PoseLimits:
 
 
 def _pose_limits(robot: Robot) -> PoseLimits:
-    """The limits of a robot file."""
-    return PoseLimits(
-        lower=robot.lower,
-        upper=robot.upper,
-        speed=np.array([joint.motor.max_speed_rad_s for joint in robot.joints]),
-        torque=np.array([joint.motor.max_torque_nm for joint in robot.joints]),
-    )
+    motors = [joint.motor for joint in robot.joints]
+    speed, torque = ([getattr(one, key) for one in motors] for key in ("max_speed_rad_s", "max_torque_nm"))
+    return PoseLimits(robot.lower, robot.upper, np.array(speed), np.array(torque))
 
 
 def _used(motion: PoseMotion, limits: PoseLimits) -> tuple[FloatArray, FloatArray]:
@@ -88,17 +77,17 @@ def _check_poses(
             share, index, text = min(told)
             homes = {home for _, home, _ in told}
             others = f" and {len(homes) - 1} more" if len(homes) > 1 else ""
-            admissible = _floor(share) * float(np.abs(own).max()) * _factor(channel)
+            factor, unit = (180 / np.pi, "deg") if channel in ANGLES else (1e3, "mm")
+            # The share rounded down to two digits.
+            admissible = float(np.floor(share * 100) / 100) * float(np.abs(own).max()) * factor
             found.append(
                 f"channel {channel}, configuration {index + 1} ({robot.shown(configurations[index])}){others}: {text};"
-                f" about {admissible:.3g} {_unit(channel)} would do"
+                f" about {admissible:.3g} {unit} would do"
             )
     if found:
-        raise SettingsError(
-            "S028 The robot cannot follow the commanded poses:\n  " + "\n  ".join(found),
-            where="excitation",
-            remedy="lower `amplitude_mm` and `amplitude_deg` of these channels or `high_hz`, or begin from other homes",
-        )
+        message = "S028 The robot cannot follow the commanded poses:\n  " + "\n  ".join(found)
+        remedy = "lower `amplitude_mm` and `amplitude_deg` of these channels or `high_hz`, or begin from other homes"
+        raise SettingsError(message, where="excitation", remedy=remedy)
 
 
 def _problems(
@@ -118,10 +107,11 @@ def _problems(
         joint = int(np.argmin(room[index]))
         if room[index, joint] < 1:
             yield float(room[index, joint]), _exceeded(robot, limits, quantity, joint, least[index], most[index])
-    order = np.argsort(own)
-    looked = motion.path.positions[experiment, order[np.linspace(0, len(order) - 1, _LOOKED_AT).astype(int)]]
-    hits = reach.problems(np.clip(looked, limits.lower, limits.upper)) if _looks(reach) else []
-    amounts = np.abs(np.sort(own)[np.linspace(0, len(order) - 1, _LOOKED_AT).astype(int)])
+    if reach.floor_m is None and reach.shapes is None:
+        return
+    order = np.argsort(own)[np.linspace(0, len(own) - 1, _LOOKED_AT).astype(int)]
+    hits = reach.problems(np.clip(motion.path.positions[experiment, order], limits.lower, limits.upper))
+    amounts = np.abs(own[order])
     for hit, amount in zip(hits, amounts.tolist(), strict=False):
         if hit:
             yield max(amount / float(np.abs(own).max()) - 2 / _LOOKED_AT, 0.0), hit
@@ -132,9 +122,8 @@ def _admissible(least: FloatArray, most: FloatArray, offset: FloatArray, limits:
     limits = np.broadcast_to(limits, least.shape)
     # Room over way on either side of what does not scale.
     sides = ((limits - offset, most - offset), (limits + offset, offset - least))
-    factors = [
-        np.divide(room, way, out=np.full(least.shape, np.inf), where=way > _STILL * limits) for room, way in sides
-    ]
+    still = np.full(least.shape, np.inf)
+    factors = [np.divide(room, way, out=still.copy(), where=way > _STILL * limits) for room, way in sides]
     return np.asarray(np.maximum(np.minimum(*factors), 0))
 
 
@@ -158,23 +147,6 @@ def _exceeded(robot: Robot, limits: PoseLimits, quantity: str, joint: int, least
     return f"joint `{name}` would go to {at:.4g} {unit}, but moves from {ends}"
 
 
-def _looks(reach: Reach) -> bool:
-    return reach.floor_m is not None or reach.shapes is not None
-
-
-def _unit(channel: str) -> str:
-    return "deg" if channel in ANGLES else "mm"
-
-
-def _factor(channel: str) -> float:
-    return 180 / np.pi if channel in ANGLES else 1e3
-
-
-def _floor(share: float) -> float:
-    """Rounds a share down to two digits."""
-    return float(np.floor(share * 100) / 100)
-
-
 def design_pose_chirp(
     options: PoseChirpOptions,
     channels: tuple[str, ...],
@@ -186,17 +158,10 @@ def design_pose_chirp(
     periods: int = 1,
     transient_periods: int = 0,
 ) -> Excitation:
-    """Designs a chirp of each channel, in place of motor references, and holds it against the robot's limits.
+    """Designs a chirp of each channel, in place of motor references, and holds it against the nominal robot's limits.
 
-    Args:
-        options: Band, amplitudes and period.
-        channels: Names of the channels, one experiment each.
-        robot: The nominal robot.
-        configurations (n_conf, n_joint): Homes, arm side [rad, or m].
-        realizations: How often all of it is played.
-        reach: Floor and shapes.
-        periods: Recorded periods of each experiment.
-        transient_periods: Periods before those.
+    Each channel is an experiment from each home (n_conf, n_joint) [rad, or m], with periods that are recorded and
+    periods before those; all of it is played in each realization.
 
     Raises:
         SettingsError: If the chirp cannot be made, or with everything that keeps the robot from following it.
@@ -240,15 +205,11 @@ def _plan(
     offset = np.zeros_like(least)
     offset[1] = [motion.static for motion in motions]
     offset[2] = configurations - limits.middle
-    rms = np.stack([_rms(motion, limits.middle) for motion in motions], axis=1)
+    every = (np.stack([one.speed, one.torque, one.path.positions - limits.middle]) for one in motions)
+    rms = np.stack([np.sqrt(np.mean(each**2, axis=(1, 2))) for each in every], axis=1)
     scale = _admissible(least, most, offset, limits.whole[:, None]).min(axis=0)
     peak = np.maximum(np.abs(most), np.abs(least))
     return replace(make_plan(rms, peak, limits.whole, scale), duration_s=duration_s)
-
-
-def _rms(motion: PoseMotion, middle: FloatArray) -> FloatArray:
-    every = np.stack([motion.speed, motion.torque, motion.path.positions - middle])
-    return np.asarray(np.sqrt(np.mean(every**2, axis=(1, 2))))
 
 
 @dataclass(frozen=True)
@@ -262,19 +223,12 @@ class PoseRobot:
 
 @dataclass(frozen=True)
 class PoseMotion:
-    """Motion from one home.
+    """Motion from one home."""
 
-    Attributes:
-        path: Joint positions (n_exp, n_sample, n_joint), and how far they lead.
-        speed (n_exp, n_sample, n_joint): Motor speeds [rad/s].
-        torque (n_exp, n_sample, n_joint): Motor torques [N m].
-        static (n_joint,): Motor torques that hold the robot at home [N m].
-    """
-
-    path: PosePath
-    speed: FloatArray
-    torque: FloatArray
-    static: FloatArray
+    path: PosePath  # Joint positions (n_exp, n_sample, n_joint), and how far they lead
+    speed: FloatArray  # (n_exp, n_sample, n_joint) Motor speeds [rad/s]
+    torque: FloatArray  # (n_exp, n_sample, n_joint) Motor torques [N m]
+    static: FloatArray  # (n_joint,) Motor torques that hold the robot at home [N m]
 
 
 def _pose_motion(

@@ -77,15 +77,9 @@ def _reaches(excitation: Excitation, loop: NominalLoop) -> tuple[FloatArray, Flo
 
 
 def _limits(robot: Robot, options: PerturbationOptions) -> FloatArray:
-    """Limits (3, n_motor) of speed, torque and excursion."""
-    motors = [joint.motor for joint in robot.joints]
-    return np.array(
-        [
-            [motor.max_speed_rad_s for motor in motors],
-            [motor.max_torque_nm for motor in motors],
-            np.where(robot.prismatic, options.max_excursion_m, np.radians(options.max_excursion_deg)),
-        ]
-    )
+    speed, torque = ([getattr(one.motor, key) for one in robot.joints] for key in ("max_speed_rad_s", "max_torque_nm"))
+    excursion = np.where(robot.prismatic, options.max_excursion_m, np.radians(options.max_excursion_deg))
+    return np.array([speed, torque, excursion])
 
 
 def _reach(excitation: Excitation, loop: NominalLoop, index: int) -> tuple[FloatArray, FloatArray]:
@@ -123,13 +117,10 @@ def _common_factor(share: FloatArray, robot: Robot, limit_share: float) -> float
     if factor > 0:
         return factor
     _, configuration, motor = np.unravel_index(int(np.argmin(share)), share.shape)
-    raise SettingsError(
-        f"S029 Motor {robot.joints[motor].name} needs more than {100 * limit_share:.3g} % of its torque limit to "
-        "hold the"
-        f" arm in configuration {configuration + 1}.",
-        where="excitation.limit_share",
-        remedy="Raise `limit_share`, or leave out the configurations that the motors hardly hold.",
-    )
+    needed = f"more than {100 * limit_share:.3g} % of its torque limit to hold the arm"
+    message = f"S029 Motor {robot.joints[motor].name} needs {needed} in configuration {configuration + 1}."
+    remedy = "Raise `limit_share`, or leave out the configurations that the motors hardly hold."
+    raise SettingsError(message, where="excitation.limit_share", remedy=remedy)
 
 
 def _scaled(excitation: Excitation, factor: float) -> Excitation:
@@ -152,11 +143,8 @@ def admissible_scale(
 ) -> FloatArray:
     """Factor (3, n_conf, n_motor) at which each quantity meets its limit; static torque does not scale.
 
-    Args:
-        minimum (3, n_conf, n_motor): Least speed, torque and excursion [rad/s, N m, rad or m].
-        maximum (3, n_conf, n_motor): The greatest of each.
-        limits (3, n_motor): Their limits.
-        static_torque (n_conf, n_motor): Motor torque that holds the arm [N m].
+    Least and greatest speed, torque and excursion are (3, n_conf, n_motor) [rad/s, N m, rad or m], their limits
+    (3, n_motor), the motor torque that holds the arm (n_conf, n_motor) [N m].
     """
     offset = np.zeros_like(minimum)
     offset[1] = static_torque
@@ -182,26 +170,20 @@ def _check_limits(
                 continue
             worst = over[np.argmin(scale[index, over, motor])]
             others = f" and {len(over) - 1} more" if len(over) > 1 else ""
-            admissible = (
-                f"admissible rms {_floor(scale[index, worst, motor] * excitation.rms[motor]):.3g}"
-                f" {UNITS[excitation.kind]}"
-                if scale[index, worst, motor] > 0
-                else "its static torque alone leaves no room"
-            )
+            admissible = "its static torque alone leaves no room"
+            if (room := scale[index, worst, motor]) > 0:
+                admissible = f"admissible rms {_floor(room * excitation.rms[motor]):.3g} {UNITS[excitation.kind]}"
             problems.append(
                 f"motor {joint.name}, configuration {worst + 1}{others}: {quantity} peak"
                 f" {peak[index, worst, motor] * factor:.4g} {unit} exceeds {limits[index, motor] * factor:.4g} {unit}"
                 f" ({admissible})"
             )
     if problems:
-        factor = _floor(float(scale.min()))
-        raise SettingsError(
-            "S030 The excitation would exceed limits:\n  " + "\n  ".join(problems),
-            where="excitation.rms",
-            remedy=f"Multiply the {every} by at most {factor:.3g} (the motors are coupled)."
-            if factor > 0
-            else "Leave out the configurations that the motors cannot hold.",
-        )
+        remedy = "Leave out the configurations that the motors cannot hold."
+        if (factor := _floor(float(scale.min()))) > 0:
+            remedy = f"Multiply the {every} by at most {factor:.3g} (the motors are coupled)."
+        message = "S030 The excitation would exceed limits:\n  " + "\n  ".join(problems)
+        raise SettingsError(message, where="excitation.rms", remedy=remedy)
 
 
 def _floor(value: float) -> float:
@@ -218,11 +200,7 @@ _END_ROUNDING = 1e-9
 def with_travel(excitation: Excitation, travel: Travel | None, robot: Robot, configurations: FloatArray) -> Excitation:
     """Adds the travel that the options ask for, which begins in the middle: `amplitude sin(2 pi line t / period)`.
 
-    Args:
-        excitation: The perturbation.
-        travel: The travel, or none.
-        robot: The robot.
-        configurations (n_conf, n_joint): Middles of the travel, arm side [rad, or m].
+    Its middles are the configurations (n_conf, n_joint) [rad, or m].
 
     Raises:
         SettingsError: If it leads beyond a joint's limits.
@@ -231,29 +209,25 @@ def with_travel(excitation: Excitation, travel: Travel | None, robot: Robot, con
         return excitation
     names = [joint.name for joint in robot.joints]
     index = names.index(travel.joint)
-    amplitude = _amplitude(travel)
+    degrees = travel.amplitude_deg or 0.0
+    amplitude = float(np.deg2rad(degrees)) if travel.amplitude_m is None else travel.amplitude_m
     lowest, highest = configurations[:, index].min() - amplitude, configurations[:, index].max() + amplitude
     if lowest < robot.lower[index] - _END_ROUNDING or highest > robot.upper[index] + _END_ROUNDING:
         unit, factor = ("m", 1.0) if robot.prismatic[index] else ("deg", 180 / np.pi)
-        raise SettingsError(
-            f"S034 Joint {travel.joint} would travel from {factor * lowest:.4g} to {factor * highest:.4g} {unit}, "
-            "beyond its"
-            f" limits of {factor * robot.lower[index]:.4g} and {factor * robot.upper[index]:.4g} {unit}.",
-            where="excitation.travel",
-            remedy="Lower the amplitude, or move the configuration to the middle.",
-        )
+        way = f"{factor * lowest:.4g} to {factor * highest:.4g} {unit}"
+        limits = f"{factor * robot.lower[index]:.4g} and {factor * robot.upper[index]:.4g} {unit}"
+        message = f"S034 Joint {travel.joint} would travel from {way}, beyond its limits of {limits}."
+        remedy = "Lower the amplitude, or move the configuration to the middle."
+        raise SettingsError(message, where="excitation.travel", remedy=remedy)
     n_sample = excitation.reference.shape[2]
-    way = amplitude * np.sin(2 * np.pi * travel.line * np.arange(n_sample) / n_sample)
-    return replace(excitation, travel=np.asarray(way[:, None] * robot.motor_per_arm[:, index]))
+    sine = amplitude * np.sin(2 * np.pi * travel.line * np.arange(n_sample) / n_sample)
+    return replace(excitation, travel=np.asarray(sine[:, None] * robot.motor_per_arm[:, index]))
 
 
 def travel_demand(travel: FloatArray, loop: NominalLoop, index: int) -> FloatArray:
-    """Speed and torque (2, n_sample, n_motor) on a travel, by the robot in its middle [rad/s, N m].
+    """Speed and torque (2, n_sample, n_motor) on a travel (n_sample, n_motor) [rad], by the robot in its middle.
 
-    Args:
-        travel (n_sample, n_motor): Position reference of the motors [rad].
-        loop: The nominal loop with its linearised robot.
-        index: The configuration.
+    It is a position reference of the motors [rad] that makes speeds [rad/s] and torques [N m] in one configuration.
     """
     spectrum = np.fft.rfft(travel, axis=0)
     # A travel is one line: amplitude and phase at it say all.
@@ -262,7 +236,3 @@ def travel_demand(travel: FloatArray, loop: NominalLoop, index: int) -> FloatArr
     to_torque, to_angle = (gain[0] @ spectrum[line] for gain in slow.gains(index, "position_reference"))
     turn = np.exp(2j * np.pi * line * np.arange(len(travel)) / len(travel))[:, None] * 2 / len(travel)
     return np.stack([np.real(turn * 1j * slow.omega[0] * to_angle), np.real(turn * to_torque)])
-
-
-def _amplitude(travel: Travel) -> float:
-    return float(np.deg2rad(travel.amplitude_deg or 0.0)) if travel.amplitude_m is None else travel.amplitude_m

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -76,20 +76,16 @@ class FleetRobot:
 
 def fleet_robots(run: Run) -> tuple[FleetRobot, ...]:
     """Returns the robots, in the order of the manifest."""
-    study, n_joint = study_of(run.loaded, FleetStudy), len(run.loaded.robot.joints)
-    return plan_robots(study, n_joint)
+    return plan_robots(study_of(run.loaded, FleetStudy), len(run.loaded.robot.joints))
 
 
 def plan_robots(study: FleetStudy, n_joint: int) -> tuple[FleetRobot, ...]:
     """Draws which robots have a fault, and what."""
-    generator = np.random.default_rng(study.faults.seed)
+    generator, width = np.random.default_rng(study.faults.seed), max(len(str(study.robots)), 4)
     chosen = generator.permutation(study.robots)[: len(KINDS) * study.faults.each]
     faults = {int(index): _fault(study, n_joint, number, generator) for number, index in enumerate(chosen)}
-    width = max(len(str(study.robots)), 4)
-    return tuple(
-        FleetRobot(f"r{index + 1:0{width}d}", study.first_seed + index, faults.get(index))
-        for index in range(study.robots)
-    )
+    named = ((f"r{index + 1:0{width}d}", study.first_seed + index, index) for index in range(study.robots))
+    return tuple(FleetRobot(name, seed, faults.get(index)) for name, seed, index in named)
 
 
 def _fault(study: FleetStudy, n_joint: int, number: int, generator: np.random.Generator) -> Fault:
@@ -121,9 +117,19 @@ def faulty_log(log: Log, fault: Fault, joints: Sequence[str]) -> Log:
     if fault.kind == "sign":
         return {name: {**one, channel: -one[channel]} for name, one in log.items()}
     if fault.kind == "dead":
-        return _dead(log, fault, channel)
+        # The channel stays at its first number, or shows a few counts of noise around it.
+        generator, spread = np.random.default_rng(fault.seed), _NOISE if fault.variant == "noise" else 0.0
+        first, dead = next(iter(log.values()))[channel][0], dict[str, NDArray[np.int32]]()
+        for name, one in log.items():
+            noise = spread * generator.normal(size=one[channel].shape)
+            dead[name] = np.asarray(first + np.rint(noise), dtype=np.int32)
+        return {name: {**one, channel: dead[name]} for name, one in log.items()}
     if fault.kind == "gap":
-        return _with_gap(log, fault)
+        # All channels of one experiment lack the same samples.
+        name = list(log)[fault.seed % len(log)]
+        at = int(fault.at * (len(next(iter(log[name].values()))) - fault.samples))
+        lost = slice(at, at + fault.samples)
+        return {**log, name: {each: np.delete(values, lost) for each, values in log[name].items()}}
     return log
 
 
@@ -136,28 +142,6 @@ def faulty_bytes(content: bytes, fault: Fault) -> bytes:
         return content[:at]
     part = content[at : at + _OVERWRITTEN]
     return content[:at] + bytes(255 - byte for byte in part) + content[at + len(part) :]
-
-
-def _dead(log: Log, fault: Fault, channel: str) -> Log:
-    """A channel stays at its first number, or shows a few counts of noise around it."""
-    generator = np.random.default_rng(fault.seed)
-    first = next(iter(log.values()))[channel][0]
-    spread = _NOISE if fault.variant == "noise" else 0.0
-
-    def dead(one: Mapping[str, NDArray[np.int32]]) -> NDArray[np.int32]:
-        noise = spread * generator.normal(size=one[channel].shape)
-        return np.asarray(first + np.rint(noise), dtype=np.int32)
-
-    return {name: {**one, channel: dead(one)} for name, one in log.items()}
-
-
-def _with_gap(log: Log, fault: Fault) -> Log:
-    """All channels of one experiment lack the same samples."""
-    name = list(log)[fault.seed % len(log)]
-    length = len(next(iter(log[name].values())))
-    at = int(fault.at * (length - fault.samples))
-    lost = slice(at, at + fault.samples)
-    return {**log, name: {channel: np.delete(values, lost) for channel, values in log[name].items()}}
 
 
 def require_packages(loaded: LoadedExperiment) -> None:
@@ -241,13 +225,11 @@ def _logged(run: Run, campaign: Campaign, experiment: SimulatedExperiment, of: F
 
 def softened(robot: Robot, joint: int, factor: float) -> Robot:
     """Returns a robot whose transmission of a joint is softer by a factor."""
-    springs = tuple(
-        replace(spring, stiffness=factor * spring.stiffness)
-        if spring.joint == joint and spring.place == "transmission"
-        else spring
-        for spring in robot.springs
-    )
-    return replace(robot, springs=springs)
+    springs = list(robot.springs)
+    for at, spring in enumerate(springs):
+        if spring.joint == joint and spring.place == "transmission":
+            springs[at] = replace(spring, stiffness=factor * spring.stiffness)
+    return replace(robot, springs=tuple(springs))
 
 
 def stated_payload(run: Run) -> float:
@@ -281,9 +263,8 @@ def log_of(record: Record, configuration: int) -> Log:
     inputs, outputs = 1000 * record.inputs[0], counts * (record.outputs[0] + record.output_offset[0])
     found: Log = {}
     for real, exp in np.ndindex(inputs.shape[:2]):
-        torque, angle = (
-            np.rint(all_[real, exp].reshape(-1, all_.shape[-1])).astype(np.int32) for all_ in (inputs, outputs)
-        )
+        each = (one[real, exp].reshape(-1, one.shape[-1]) for one in (inputs, outputs))
+        torque, angle = (np.rint(values).astype(np.int32) for values in each)
         columns = {f"torque_{name}": torque[:, at] for at, name in enumerate(record.input_names)}
         columns |= {f"angle_{name}": angle[:, at] for at, name in enumerate(record.output_names)}
         found[f"c{configuration + 1}_r{real + 1}_e{exp + 1}"] = columns
@@ -292,10 +273,9 @@ def log_of(record: Record, configuration: int) -> Log:
 
 def log_bytes(log: Log) -> bytes:
     """Returns the MAT file of a log, a structure for each experiment; without the time that it was written at."""
-    stream = io.BytesIO()
-    structures: dict[str, Any] = {
-        name: {channel: values[:, None] for channel, values in one.items()} for name, one in log.items()
-    }
+    stream, structures = io.BytesIO(), dict[str, Any]()
+    for name, one in log.items():
+        structures[name] = {channel: values[:, None] for channel, values in one.items()}
     savemat(stream, structures, do_compression=True)
     return _HEADER + stream.getvalue()[len(_HEADER) :]
 
@@ -310,10 +290,9 @@ def write_manifest(path: Path, robots: Sequence[FleetRobot], payload_kg: float) 
         partial.write_text(text.getvalue(), encoding="utf-8")
 
 
-def hashes_of(results: Iterable[Artifact]) -> Iterator[str]:
-    """Yields the hash of each robot's log."""
-    for one in results:
-        yield from one.datasets["sha256"].values.tolist()
+def hashes_of(results: Iterable[Artifact]) -> list[str]:
+    """Returns the hash of each robot's log."""
+    return [name for one in results for name in one.datasets["sha256"].values.tolist()]
 
 
 def _conclude(run: Run, _study: FleetStudy, _results: Results) -> PartFound:

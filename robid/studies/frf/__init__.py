@@ -1,1 +1,1 @@
-"""The study of estimators of responses. Read `study`, `report`."""
+"""The study of estimators of responses."""

@@ -12,7 +12,7 @@ from robid.errors import DataError
 from robid.models.rigid.fit.result import first_moments
 from robid.pipeline.configurations import configurations_of
 from robid.pipeline.graph import Run
-from robid.report.section import Section
+from robid.report.section import Beside, Section
 from robid.robot.description import Robot
 from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.drives import RigidOptions
@@ -48,9 +48,8 @@ class Rig:
             command = np.broadcast_to(self.command, (len(parameters), *self.command.shape))
             return simulate_rigid_loop(self.model, parameters, self.branch.robot, self.branch.controller, command)[0]
 
-        return seeded.Machine(
-            self.model, self.truth, first_moments(self.model.names), simulate, weighted=True, guess=_GUESS * self.truth
-        )
+        vectors = first_moments(self.model.names)
+        return seeded.Machine(self.model, self.truth, vectors, simulate, weighted=True, guess=_GUESS * self.truth)
 
 
 def make_rig(branch: Branch) -> Rig:
@@ -73,9 +72,8 @@ def record_branch(rig: Rig, seeds: range) -> seeded.Recording:
         return np.asarray(quantum * np.round((angle - zero) / quantum) + zero) if quantum else angle
 
     controller = rig.branch.controller
-    angle, torque = simulate_rigid_loop(
-        rig.model, rig.truth, rig.branch.robot, controller, command, measure=measure, substeps=_SUBSTEPS
-    )
+    loop = rig.model, rig.truth, rig.branch.robot, controller
+    angle, torque = simulate_rigid_loop(*loop, command, measure=measure, substeps=_SUBSTEPS)
     noise = np.array([generator.standard_normal((n_sample, n_joint)) for generator in generators])
     seen = measure(angle.swapaxes(0, 1)).swapaxes(0, 1)
     return seeded.Recording(controller.sampling_period_s, seen, torque + case.torque_noise_nm * noise)
@@ -108,7 +106,12 @@ def _conclude_branch(run: Run, case: BranchCase, results: Results) -> PartFound:
         " and Huber's estimator share what bias there is, so that their difference alone need not show it: the"
         " instruments and the residuals' correlation do."
     )
-    histograms, estimates = seeded.joint_figures(found, case, joints), seeded.estimate_tables(found, case)
+    shown = [
+        seeded.residual_figures(found[filters], index, (f"{joint}, {cut:g} Hz", "", ""))[0]
+        for filters, cut in zip(seeded.FILTERS, seeded.cuts(case), strict=True)
+        for index, joint in enumerate(joints)
+    ]
+    histograms, estimates = Beside(tuple(shown), columns=len(joints)), seeded.estimate_tables(found, case)
     title, parts = f"Branch of a haptic interface over {case.seeds} seeds", seeded.verdict_parts(found, case)
     section = Section(title, lead, (*parts, histograms, *estimates))
     asked = {f"branch.{filters}.verdict_share": each for filters, each in seeded.VERDICTS.items()}
@@ -163,9 +166,8 @@ def exciting_motion(branch: Branch, model: RigidModel, truth: FloatArray) -> Flo
     best = int(np.argmin(condition))
     if not np.isfinite(condition[best]):
         message = "D220 every series that was drawn needs more torque than the motors have"
-        raise DataError(
-            message, where="study.branch", remedy="lower `range_share` or `harmonics`, or raise `duration_s`"
-        )
+        remedy = "lower `range_share` or `harmonics`, or raise `duration_s`"
+        raise DataError(message, where="study.branch", remedy=remedy)
     time_s = np.arange(round(case.duration_s / period)) * period
     return np.asarray(drawn[best].at(time_s)[0] @ branch.robot.motor_per_arm.T)
 

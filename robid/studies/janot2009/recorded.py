@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -34,7 +34,7 @@ from robid.studies.experiments import Further, run_of
 from robid.studies.page import Asked, PartFound, table
 from robid.studies.settings.parts import CoverageCase, RealCase, RecordedCase
 from robid.studies.simulated import simulate_options
-from robid.studies.study import Content, Part, Results, Task, in_chunks, recorded_part
+from robid.studies.study import Content, Part, Results, Task, in_chunks, recorded_part, values_of
 
 PUBLISHED: Mapping[str, float] = {
     **{"Ia3": 0.0988, "Ia4": 0.0313, "Ia5": 0.0468, "Ia6": 0.0105, "Iam6": 0.00964, "fvm6": 0.616},
@@ -98,7 +98,7 @@ _ASKED = {"tx40.max_inertia_error_percent": Asked(upper=15.0), "tx40.max_viscous
 
 
 def _conclude_tx40(_run: Run, _case: RecordedCase, own: Run, models: list[Artifact]) -> PartFound:
-    """Turns the arm's fit into figures and what is asked of them."""
+
     solution = solution_from_artifact(models[0])
     robot = own.loaded.robot.to_robot()
     rows = tuple(
@@ -118,29 +118,33 @@ _NEAR, _NEAR_OFFSET, _NEAR_ERROR = 0.01, 0.02, 0.1
 
 
 def _conclude_emps(run: Run, case: RealCase, _own: Run, models: list[Artifact]) -> PartFound:
-    """Turns the axis' fits into figures and what is asked of them."""
     published = load_yaml(run.loaded.path.parent / case.published).data
     plain, asymmetric = map(solution_from_artifact, models)
-    figures = _emps_figures(plain, asymmetric)
-    return PartFound(figures, asked_of(published), (_emps_section(figures, published, plain),))
-
-
-EMPS = recorded_part("emps", "The EMPS axis", lambda _case: _FITS, _conclude_emps)
-
-
-def _emps_figures(plain: RigidSolution, asymmetric: RigidSolution) -> dict[str, float]:
     estimate = plain.estimate
-    named = {
-        _KINDS[kind]: value
-        for kind, value in zip(estimate.kinds, estimate.value.tolist(), strict=True)
-        if kind in _KINDS
-    }
-    return {
-        **{f"emps.{name}": value for name, value in named.items()},
+    named = zip(estimate.kinds, estimate.value.tolist(), strict=True)
+    figures = {
+        **{f"emps.{_KINDS[kind]}": value for kind, value in named if kind in _KINDS},
         "emps.condition": plain.base.unscaled_condition,
         "emps.relative_error_percent": 100 * plain.residuals.total_error,
         "emps.asymmetric_relative_error_percent": 100 * asymmetric.residuals.total_error,
     }
+    theirs = {name: value for name, value in _published(published).items() if f"emps.{name}" in figures}
+    columns = (
+        ("Figure", lambda name: name),
+        ("Published", lambda name: significant(theirs[name], _DIGITS)),
+        ("Ours", lambda name: significant(figures[f"emps.{name}"], _DIGITS)),
+    )
+    caption = (
+        "M [kg], Fv [N s/m], Fc and offset [N]; condition number of the unscaled decimated rows; norm of the residual"
+        " over that of the force. Nothing is dropped near zero speed."
+    )
+    lead = f"A carriage on a ball screw, measured: ordinary least squares. {plain.checks.sentence}"
+    shown = table(columns, theirs, caption=caption, fit="compact")
+    section = Section("Real data: the EMPS axis", lead, (shown,))
+    return PartFound(figures, asked_of(published), (section,))
+
+
+EMPS = recorded_part("emps", "The EMPS axis", lambda _case: _FITS, _conclude_emps)
 
 
 def _published(values: Mapping[str, Any]) -> dict[str, float]:
@@ -157,21 +161,6 @@ def asked_of(values: Mapping[str, Any]) -> dict[str, Asked]:
     return asked
 
 
-def _emps_section(figures: Mapping[str, float], values: Mapping[str, Any], plain: RigidSolution) -> Section:
-    rows = tuple(
-        (name, significant(value, _DIGITS), significant(figures[f"emps.{name}"], _DIGITS))
-        for name, value in _published(values).items()
-        if f"emps.{name}" in figures
-    )
-    caption = (
-        "M [kg], Fv [N s/m], Fc and offset [N]; condition number of the unscaled decimated rows; norm of the residual"
-        " over that of the force. Nothing is dropped near zero speed."
-    )
-    table = Table(("Figure", "Published", "Ours"), rows, caption=caption, fit="compact")
-    lead = f"A carriage on a ball screw, measured: ordinary least squares. {plain.checks.sentence}"
-    return Section("Real data: the EMPS axis", lead, (table,))
-
-
 TX40 = recorded_part("tx40", "The TX40", lambda case: (case.fit,), _conclude_tx40)
 
 
@@ -179,9 +168,23 @@ _FRICTION = (".viscous", ".coulomb")
 
 
 def _conclude_kr300(_run: Run, _case: CoverageCase, results: Results) -> PartFound:
-    """Counts how often intervals held the truth, and how far friction and the rest were off."""
-    own = {name: [each for each in results if each.attributes["joints"] == name] for name in JOINTS}
-    found = {name: _held_figures(rows) for name, rows in own.items() if rows}
+    own = {name: [values_of(each) for each in results if each.attributes["joints"] == name] for name in JOINTS}
+    found: dict[str, dict[str, float]] = {}
+    for joints, rows in own.items():
+        if not rows:
+            continue
+        value, truth, std, inside = (
+            np.concatenate([row[key] for row in rows]) for key in ("value", "truth", "std", "inside")
+        )
+        friction = [at for at, name in enumerate(rows[0]["names"].tolist()) if name.endswith(_FRICTION)]
+        error = np.abs(value[:, friction] / truth[:, friction] - 1)
+        found[joints] = {
+            "robots": float(len(value)),
+            "coverage_95": float(inside.mean()),
+            "rms_deviations": float(np.sqrt(np.mean(((value - truth) / std) ** 2))),
+            "median_friction_error": float(np.median(error)),
+            "worst_friction_error": float(error.mean(axis=0).max()),
+        }
     prefixes = {"rigid": "kr300.", "elastic": "kr300.elastic."}
     figures = {f"{prefixes[name]}{key}": value for name, one in found.items() for key, value in one.items()}
     columns = (
@@ -198,22 +201,6 @@ def _conclude_kr300(_run: Run, _case: CoverageCase, results: Results) -> PartFou
     )
     section = Section("Six axes: intervals against the truth", "", (table(columns, found, caption=caption),))
     return PartFound(figures, {"kr300.coverage_95": Asked(0.92, 0.98)}, (section,))
-
-
-def _held_figures(results: Sequence[Artifact]) -> dict[str, float]:
-    names = results[0].datasets["names"].values.tolist()
-    value, truth, std, inside = (
-        np.concatenate([each.datasets[key].values for each in results]) for key in ("value", "truth", "std", "inside")
-    )
-    friction = [index for index, name in enumerate(names) if name.endswith(_FRICTION)]
-    error = np.abs(value[:, friction] / truth[:, friction] - 1)
-    return {
-        "robots": float(len(value)),
-        "coverage_95": float(inside.mean()),
-        "rms_deviations": float(np.sqrt(np.mean(((value - truth) / std) ** 2))),
-        "median_friction_error": float(np.median(error)),
-        "worst_friction_error": float(error.mean(axis=0).max()),
-    }
 
 
 JOINTS = ("rigid", "elastic")
@@ -272,19 +259,17 @@ def kr300_tasks(run: Run, case: CoverageCase, _earlier: Mapping[str, Results]) -
 
 def _identify_robots(one: Robots) -> Content:
     rows = [_identify(one, seed) for seed in one.seeds]
-    axes = ("seed", "parameter")
-    names = np.array(rows[0][0])
-    value, truth, std, inside = (np.array([row[index] for row in rows]) for index in range(1, 5))
-    return Content(
-        {
-            "names": Dataset(names, "1", ("parameter",)),
-            "value": Dataset(value, "SI", axes, "Estimates"),
-            "truth": Dataset(truth, "SI", axes, "True values"),
-            "std": Dataset(std, "SI", axes, "Deviations that the fit states"),
-            "inside": Dataset(inside, "1", axes, "Whether the interval holds the truth"),
-        },
-        {"joints": "rigid" if not one.robot.springs else "elastic"},
+    names, *values = (np.array([row[index] for row in rows]) for index in range(5))
+    kept = (
+        ("value", "SI", "Estimates"),
+        ("truth", "SI", "True values"),
+        ("std", "SI", "Deviations that the fit states"),
+        ("inside", "1", "Whether the interval holds the truth"),
     )
+    axes, shown = ("seed", "parameter"), zip(kept, values, strict=True)
+    datasets = {key: Dataset(each, unit, axes, what) for (key, unit, what), each in shown}
+    datasets["names"] = Dataset(names[0], "1", ("parameter",))
+    return Content(datasets, {"joints": "rigid" if not one.robot.springs else "elastic"})
 
 
 def _identify(one: Robots, seed: int) -> tuple[tuple[str, ...], list[float], list[float], list[float], list[bool]]:

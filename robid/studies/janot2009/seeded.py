@@ -11,34 +11,27 @@ import numpy as np
 from robid.arrays import FloatArray, IntArray, Quantity
 from robid.artifacts.artifact import Artifact, Attribute, Dataset
 from robid.artifacts.kinds import from_datasets, to_datasets
-from robid.models.rigid.fit.conclusion import Conclusion, Verdict, conclude, solve_instruments
+from robid.models.rigid.fit import regression
+from robid.models.rigid.fit.conclusion import Conclusion, conclude, solve_instruments
 from robid.models.rigid.fit.options import ConclusionOptions, HuberOptions, PreprocessingOptions
-from robid.models.rigid.fit.regression import (
-    Regression,
-    huber_weights,
-    ordinary_least_squares,
-    reduce_rows,
-    residuals,
-    sweep_bend,
-    weighted_least_squares,
-)
 from robid.models.rigid.fit.residuals import Influence
 from robid.models.rigid.fit.rows import Reading, Regressor, Remembered, prepare
 from robid.models.rigid.fit.solution import RowResiduals
 from robid.models.rigid.page import course, histogram, weights
 from robid.report.numbers import percent, significant
-from robid.report.section import Beside, Figure, Notes, Part, Table
+from robid.report.section import Figure, Notes, Table
 from robid.settings.robot_parts import plain_settings
 from robid.studies.page import Asked
 from robid.studies.settings.parts import SeededCase
 from robid.studies.study import Content, Task, in_chunks
 
-FILTERS = ("good", "bad")
-"""Filters that suit, and filters that do not."""
+FILTERS = ("good", "bad")  # Filters that suit, and filters that do not
 BENDS = (HuberOptions.bend, 0.2, 0.01, 1e3)
 """Bends `H` that are shown: the usual one, the paper's 0.2, towards 0 and towards infinity."""
 TESTS = ("Huber", "instruments", "normality", "whiteness")
 _ITERATIONS = 1000  # towards H = 0 the weights settle slowly
+_SIZE = "What errors are relative to: the truth, of a vector its norm"
+_VALUE = "First seed: least squares, then Huber at `BENDS`"
 
 
 @dataclass(frozen=True)
@@ -48,25 +41,20 @@ class Judged:
     names: Annotated[tuple[str, ...], Quantity("1", "parameter", "Names of the parameters")]
     units: Annotated[tuple[str, ...], Quantity("1", "parameter", "Their units")]
     truth: Annotated[FloatArray, Quantity("as in units", "parameter", "Their true values")]
-    size: Annotated[
-        FloatArray, Quantity("as in units", "parameter", "What errors are relative to: the truth, of a vector its norm")
-    ]
+    size: Annotated[FloatArray, Quantity("as in units", "parameter", _SIZE)]
     trust: Annotated[IntArray, Quantity("1", "seed", "1 where least squares was trusted")]
     alarms: Annotated[IntArray, Quantity("1", "seed test", "Which of `TESTS` spoke against it")]
     plain: Annotated[FloatArray, Quantity("as in units", "seed parameter", "Least squares as the paper has it")]
     instrumental: Annotated[FloatArray, Quantity("as in units", "seed parameter", "Instrumental variables")]
     deviation: Annotated[FloatArray, Quantity("N m", "seed joint", "Deviations of the residuals of `plain`")]
-    value: Annotated[
-        FloatArray, Quantity("as in units", "estimate parameter", "First seed: least squares, then Huber at `BENDS`")
-    ]
+    value: Annotated[FloatArray, Quantity("as in units", "estimate parameter", _VALUE)]
     std: Annotated[FloatArray, Quantity("as in units", "estimate parameter", "Their deviations by eq. 8 and 19")]
     sigma: Annotated[FloatArray, Quantity("N m", "estimate joint", "Deviations of residuals, weighted by eq. 19")]
     iterations: Annotated[IntArray, Quantity("1", "estimate", "Passes that they took")]
     time_s: Annotated[FloatArray, Quantity("s", "row", "Time of the first seed's rows")]
     residual: Annotated[FloatArray, Quantity("N m", "row joint", "Of least squares, NaN where unused", compact=True)]
     weight: Annotated[FloatArray, Quantity("1", "row joint", "Huber's at the usual bend", compact=True)]
-    sentence: str
-    """The verdict on it."""
+    sentence: str  # The verdict on it
 
 
 def chunk_tasks(case: SeededCase, name: str, decides: dict[str, Any], *given: object) -> list[Task]:
@@ -82,8 +70,7 @@ def chunk_tasks(case: SeededCase, name: str, decides: dict[str, Any], *given: ob
 
 def judge_chunk(machine: Machine, recording: Recording, case: SeededCase) -> Content:
     """Identifies every seed of a recording with either of the filters, the first seed in detail."""
-    datasets: dict[str, Dataset] = {}
-    attributes: dict[str, Attribute] = {}
+    datasets, attributes = dict[str, Dataset](), dict[str, Attribute]()
     for name, cut in zip(FILTERS, cuts(case), strict=True):
         judged = _judged(machine, recording, PreprocessingOptions(cut, drop_deviations=case.drop_deviations))
         arrays, scalars = to_datasets(judged, f"{name}/")
@@ -109,35 +96,34 @@ def _judged(machine: Machine, recording: Recording, options: PreprocessingOption
     instrumental = [one.instruments.parameters for one in found.conclusions if one.instruments is not None]
     # The paper's tables of the first seed: rows chosen by the measured speed, equal weights.
     rows = read(machine, recording, 0, options)
-    reduction = reduce_rows(rows)
-    plain = ordinary_least_squares(reduction)
-    swept = sweep_bend(rows, reduction, BENDS, HuberOptions(covariance="weighted", iteration_limit=_ITERATIONS))
-    residual, estimates = residuals(rows, plain.parameters), (plain, *swept)
+    reduction = regression.reduce_rows(rows)
+    plain = regression.ordinary_least_squares(reduction)
+    swept = regression.sweep_bend(
+        rows, reduction, BENDS, HuberOptions(covariance="weighted", iteration_limit=_ITERATIONS)
+    )
+    residual, estimates = regression.residuals(rows, plain.parameters), (plain, *swept)
     period = recording.sampling_period_s * options.decimator(recording.sampling_period_s).factor
+    kept = {"value": "parameters", "std": "standard_deviation", "sigma": "deviation", "iterations": "iterations"}
+    alarms = [
+        (one.huber.alarm, bool(one.instruments and one.instruments.alarm), one.normality_alarm, one.whiteness_alarm)
+        for one in verdicts
+    ]
     return Judged(
         names=tuple(machine.regressor.names),
         units=tuple(machine.regressor.units),
         truth=machine.truth,
         size=size,
         trust=np.array([verdict.trust for verdict in verdicts], int),
-        alarms=np.array([_alarms(verdict) for verdict in verdicts], int),
+        alarms=np.array(alarms, int),
         plain=np.array([one.parameters for one in found.plain]),
         instrumental=np.array(instrumental),
         deviation=np.array([one.deviation for one in found.plain]),
-        value=np.array([one.parameters for one in estimates]),
-        std=np.array([one.standard_deviation for one in estimates]),
-        sigma=np.array([one.deviation for one in estimates]),
-        iterations=np.array([one.iterations for one in estimates]),
+        **{key: np.array([getattr(one, name) for one in estimates]) for key, name in kept.items()},
         time_s=np.arange(len(residual)) * period,
         residual=residual,
-        weight=huber_weights(residuals(rows, swept[0].parameters) / swept[0].scale, BENDS[0]),
+        weight=regression.huber_weights(regression.residuals(rows, swept[0].parameters) / swept[0].scale, BENDS[0]),
         sentence=verdicts[0].sentence,
     )
-
-
-def _alarms(verdict: Verdict) -> tuple[bool, ...]:
-    against = verdict.instruments is not None and verdict.instruments.alarm
-    return verdict.huber.alarm, against, verdict.normality_alarm, verdict.whiteness_alarm
 
 
 _SIMULATIONS = 5
@@ -174,7 +160,7 @@ class Recording:
 class Identified:
     """What the seeds of a recording gave."""
 
-    plain: list[Regression]  # Least squares as the paper has it, without instruments, of each seed
+    plain: list[regression.Regression]  # Least squares as the paper has it, without instruments, of each seed
     conclusions: list[Conclusion]  # What the rows that are chosen by the instrument say, of each seed
 
 
@@ -186,17 +172,15 @@ def read(
     instrument: FloatArray | None = None,
 ) -> Remembered:
     """Returns the rows of one seed, chosen by the instrument's speed (n_sample, n_joint) where there is one."""
-    period = recording.sampling_period_s
-    motion = prepare(
-        recording.position[seed], recording.torque[seed], period, options, instrument=instrument, held=True
-    )
+    period, signals = recording.sampling_period_s, (recording.position[seed], recording.torque[seed])
+    motion = prepare(*signals, period, options, instrument=instrument, held=True)
     return Remembered(Reading([motion], machine.regressor, options.decimator(period)))
 
 
 def identify(machine: Machine, recording: Recording, options: PreprocessingOptions) -> Identified:
     """Identifies every seed of a recording."""
-    fit = weighted_least_squares if machine.weighted else ordinary_least_squares
-    plain = [fit(reduce_rows(read(machine, recording, seed, options))) for seed in range(len(recording))]
+    fit = regression.weighted_least_squares if machine.weighted else regression.ordinary_least_squares
+    plain = [fit(regression.reduce_rows(read(machine, recording, seed, options))) for seed in range(len(recording))]
     rows, found = _instruments(machine, recording, options, plain)
     decimator = options.decimator(recording.sampling_period_s)
     chosen = replace(ConclusionOptions(), weighted=machine.weighted)
@@ -208,21 +192,17 @@ def identify(machine: Machine, recording: Recording, options: PreprocessingOptio
 
 
 def _instruments(
-    machine: Machine, recording: Recording, options: PreprocessingOptions, start: list[Regression]
-) -> tuple[list[Remembered], list[tuple[Regression, Influence]]]:
+    machine: Machine, recording: Recording, options: PreprocessingOptions, start: list[regression.Regression]
+) -> tuple[list[Remembered], list[tuple[regression.Regression, Influence]]]:
     """Simulates all seeds at once, again and again, as `instrumental_variables` does for one."""
-    known = None if machine.guess is None else np.tile(machine.guess, (len(start), 1))
-    parameters = np.array([estimate.parameters for estimate in start]) if known is None else known
+    guess = machine.guess
+    parameters = np.array([estimate.parameters if guess is None else guess for estimate in start])
     for _ in range(_SIMULATIONS):
         instrument = machine.simulate(parameters)
         rows = [read(machine, recording, seed, options, own) for seed, own in enumerate(instrument)]
         found = [solve_instruments(own, estimate.weights) for own, estimate in zip(rows, start, strict=True)]
-        step = [
-            np.abs(one.parameters - before) / one.standard_deviation
-            for (one, _), before in zip(found, parameters, strict=True)
-        ]
-        parameters = np.array([one.parameters for one, _ in found])
-        if np.max(step) <= _SETTLED:
+        before, parameters = parameters, np.array([one.parameters for one, _ in found])
+        if np.max(np.abs(parameters - before) / [one.standard_deviation for one, _ in found]) <= _SETTLED:
             break
     return rows, found
 
@@ -249,13 +229,10 @@ class Errors:
 
 def errors_of(judged: Judged) -> Errors:
     """Compares the means over the seeds with the truth."""
-    relative = 100 / judged.size
+    relative, means = 100 / judged.size, (each.mean(axis=0) for each in (judged.plain, judged.instrumental))
     scatter = judged.instrumental.std(axis=0, ddof=1) / np.sqrt(len(judged.instrumental))
-    return Errors(
-        np.abs(judged.plain.mean(axis=0) - judged.truth) * relative,
-        np.abs(judged.instrumental.mean(axis=0) - judged.truth) * relative,
-        scatter * relative,
-    )
+    plain, instruments = (np.abs(mean - judged.truth) * relative for mean in means)
+    return Errors(plain, instruments, scatter * relative)
 
 
 def verdict_figures(name: str, found: Mapping[str, Judged]) -> dict[str, float]:
@@ -290,12 +267,8 @@ def error_table(judged: Judged, cut_hz: float) -> Table:
     """Errors of the means over the seeds."""
     errors = errors_of(judged)
     values = np.stack([errors.least_squares, errors.instruments, errors.standard], axis=1) / 100
-    rows = tuple(
-        (name, unit, significant(truth), *map(percent, row))
-        for name, unit, truth, row in zip(
-            judged.names, judged.units, judged.truth.tolist(), values.tolist(), strict=True
-        )
-    )
+    own = zip(judged.names, judged.units, judged.truth.tolist(), values.tolist(), strict=True)
+    rows = tuple((name, unit, significant(truth), *map(percent, row)) for name, unit, truth, row in own)
     heads = ("Parameter", "Unit", "Truth", "Least squares", "Instruments", "Standard error")
     caption = (
         "Distance of the mean over the seeds from the truth, of first moments over their norm; the standard error is"
@@ -310,10 +283,8 @@ def estimate_tables(found: Mapping[str, Judged], case: SeededCase) -> tuple[Tabl
     for filters, cut in zip(FILTERS, cuts(case), strict=True):
         judged = found[filters]
         values = np.stack([judged.truth, judged.plain[0], judged.value[1], judged.instrumental[0]], axis=1)
-        rows = tuple(
-            (f"{name} [{unit}]", *(significant(each) for each in row))
-            for name, unit, row in zip(judged.names, judged.units, values.tolist(), strict=True)
-        )
+        own = zip(judged.names, judged.units, values.tolist(), strict=True)
+        rows = tuple((f"{name} [{unit}]", *map(significant, row)) for name, unit, row in own)
         heads = ("Base parameter", "Truth", "Least squares", "Huber", "Instruments")
         tables.append(Table(heads, rows, title=f"Estimates of seed {case.first_seed} at {cut:g} Hz", fit="compact"))
     return tuple(tables)
@@ -324,16 +295,6 @@ def residual_figures(judged: Judged, joint: int, names: tuple[str, str, str]) ->
     rows = RowResiduals(judged.time_s, judged.residual, judged.residual, judged.weight)
     shown = zip((histogram, weights, course), names, strict=True)
     return tuple(draw(rows, joint, name, "N m") for draw, name in shown)
-
-
-def joint_figures(found: Mapping[str, Judged], case: SeededCase, joints: tuple[str, ...]) -> Part:
-    """Histograms of all joints' residuals with either filter, good ones first."""
-    shown = [
-        residual_figures(found[filters], index, (f"{joint}, {cut:g} Hz", "", ""))[0]
-        for filters, cut in zip(FILTERS, cuts(case), strict=True)
-        for index, joint in enumerate(joints)
-    ]
-    return Beside(tuple(shown), columns=len(joints))
 
 
 def outlier_share(judged: Judged) -> float:

@@ -14,12 +14,11 @@ from robid.artifacts.artifact import Artifact
 from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Section
-from robid.studies.mistakes.cases import COVERED, GRADES, HALF_WIDTHS, SPRING_ERROR
-from robid.studies.mistakes.responses import SOUND
+from robid.studies.mistakes.cases import COVERED, GRADES, HALF_WIDTHS, SOUND, SPRING_ERROR
 from robid.studies.mistakes.unit_logs import is_named, said_of
 from robid.studies.mistakes.wrong_units import UnitSubject, unit_subjects
 from robid.studies.page import Asked, Conclusion, PartFound, concluded, table
-from robid.studies.settings.mistakes import MistakesStudy, UnitMistake
+from robid.studies.settings.defects import MistakesStudy, UnitMistake
 from robid.studies.study import Earlier, study_of
 
 ASKED = {
@@ -32,6 +31,7 @@ ASKED = {
 _EACH = 0.85  # at least, of wrong units on each robot
 
 _TRUST = 2
+
 _Row = TypeVar("_Row")
 
 
@@ -76,27 +76,21 @@ def read_row(held: Artifact) -> CaseRow:
         value = told.get(key, math.nan)
         return float(value) if isinstance(value, int | float) else math.nan
 
-    return CaseRow(
-        name=str(told["case"]),
-        robot=str(told["robot"]),
-        cause=str(told["cause"]),
-        causes=tuple(held.datasets["causes"].values.tolist()),
-        right=int(number("right")),
-        given=int(number("given")),
-        spring_error=number("worst_spring_error"),
-        half_widths=number("worst_half_widths"),
-        misfit=number("misfit"),
-        coverage=number("coverage"),
-        refusal=str(told.get("refusal", "")),
-    )
+    name, robot, cause, refusal = (str(told.get(key, "")) for key in ("case", "robot", "cause", "refusal"))
+    causes, right, given = tuple(held.datasets["causes"].values.tolist()), int(number("right")), int(number("given"))
+    sizes = number("worst_spring_error"), number("worst_half_widths"), number("misfit"), number("coverage")
+    return CaseRow(name, robot, cause, causes, right, given, *sizes, refusal)
 
 
 def conclude(run: Run, results: Earlier) -> Conclusion:
     """Turns the cases into figures, the table of mistakes and the verdict."""
-    rows, units = [read_row(held) for held in results[2]], unit_rows(run, results[3])
+    study, subjects = study_of(run.loaded, MistakesStudy), unit_subjects(run)
+    wrong = {} if study.units is None else study.units.mistakes
+    rows = [read_row(held) for held in results[2]]
+    units = [row for held in results[3] for row in _unit_rows(held, subjects, wrong)]
     summary = {**summarise(rows), **summarise_units(units)}
-    sections = (*((_mistake_section(rows), _sound_section(rows)) if rows else ()), *unit_sections(units))
-    judged = study_of(run.loaded, MistakesStudy).use == "judge"
+    sections = (*(_case_sections(rows) if rows else ()), *unit_sections(units))
+    judged = study.use == "judge"
     warnings = () if judged else ("These seeds are for choosing thresholds: their shares flatter.",)
     asked = {name: limits for name, limits in ASKED.items() if name in summary} | unit_bars(units)
     found = concluded([PartFound(summary, asked, sections, warnings)], "mistakes are graded and named")
@@ -164,22 +158,18 @@ _COLUMNS: tuple[tuple[str, Callable[[list[CaseRow]], str]], ...] = (
     ("Misfit", lambda rows: significant(_median(row.misfit for row in rows))),
     ("Covered", lambda rows: percent(_mean(row.coverage for row in rows))),
     ("Right grade", lambda rows: _counted(GRADES[row.right] for row in rows)),
-    ("Given grade", lambda rows: _given(rows)),
+    ("Given grade", lambda rows: _counted(GRADES[row.given] for row in rows) + _refused(rows)),
     ("To blame", lambda rows: rows[0].cause or MISSING),
     ("First named", lambda rows: _counted((*row.causes, MISSING)[0] for row in rows)),
 )
 
 
-def _given(rows: Sequence[CaseRow]) -> str:
+def _refused(rows: Sequence[CaseRow]) -> str:
     refused = sum(bool(row.refusal) for row in rows)
-    return _counted(GRADES[row.given] for row in rows) + (f" ({refused} refused)" if refused else "")
+    return f" ({refused} refused)" if refused else ""
 
 
-def _counted(texts: Iterable[str]) -> str:
-    return ", ".join(f"{count} {text}" for text, count in Counter(texts).most_common())
-
-
-def _mistake_section(rows: Sequence[CaseRow]) -> Section:
+def _case_sections(rows: Sequence[CaseRow]) -> tuple[Section, ...]:
     caption = (
         "Medians over the seeds; grades and causes with the number of seeds. Worst spring: largest error of an"
         " identified spring, relative and over half its interval. Right grade: trust where at least"
@@ -188,14 +178,14 @@ def _mistake_section(rows: Sequence[CaseRow]) -> Section:
         " validation fails, else predicts."
     )
     made = _by([row for row in rows if row.name != SOUND], "name").values()
-    columns = (("Mistake", lambda own: own[0].name.replace("_", " ")), *_COLUMNS)
-    return Section("Mistakes", "", (table(columns, made, caption=caption),))
-
-
-def _sound_section(rows: Sequence[CaseRow]) -> Section:
     sound = _by([row for row in rows if row.name == SOUND], "robot").values()
-    columns = (("Sound robots", lambda own: own[0].robot), *_COLUMNS)
-    return Section("Sound robots", "Nothing is wrong with these.", (table(columns, sound),))
+    mistakes = table((("Mistake", lambda own: own[0].name.replace("_", " ")), *_COLUMNS), made, caption=caption)
+    robots = table((("Sound robots", lambda own: own[0].robot), *_COLUMNS), sound)
+    return (Section("Mistakes", "", (mistakes,)), Section("Sound robots", "Nothing is wrong with these.", (robots,)))
+
+
+def _counted(texts: Iterable[str]) -> str:
+    return ", ".join(f"{count} {text}" for text, count in Counter(texts).most_common())
 
 
 @dataclass(frozen=True)
@@ -211,18 +201,11 @@ class UnitRow:
     first: str  # What is named first, in words
 
 
-def unit_rows(run: Run, results: Iterable[Artifact]) -> list[UnitRow]:
-    """Reads the cases."""
-    study, subjects = study_of(run.loaded, MistakesStudy), unit_subjects(run)
-    mistakes = {} if study.units is None else study.units.mistakes
-    return [row for held in results for row in _unit_rows(held, subjects, mistakes)]
-
-
 def _unit_rows(
     held: Artifact, subjects: Mapping[str, UnitSubject], mistakes: Mapping[str, UnitMistake]
 ) -> Iterator[UnitRow]:
-    robot, rough = str(held.attributes["robot"]), bool(held.attributes["rough"])
-    seed = int(str(held.attributes["seed"]))
+    about = held.attributes
+    robot, rough, seed = str(about["robot"]), bool(about["rough"]), int(str(about["seed"]))
     joints = [joint.name for joint in subjects[robot].run.loaded.robot.joints]
     columns = (held.datasets[key].values.tolist() for key in ("case", "causes", "scales", "refusal"))
     for name, *texts in zip(*columns, strict=True):

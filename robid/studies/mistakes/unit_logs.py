@@ -21,16 +21,14 @@ from robid.settings.sources import Acquire
 from robid.signals.log_channels import InputChannel, OutputChannel, UnitName
 from robid.signals.log_options import TimeChannel
 from robid.signals.record import Record
-from robid.studies.settings.mistakes import LogSignal, Rough, UnitMistake
+from robid.studies.settings.defects import LogSignal, Rough, UnitMistake
 
-Log: TypeAlias = dict[str, dict[str, FloatArray]]
-"""Variables of each experiment, by its name."""
+Log: TypeAlias = dict[str, dict[str, FloatArray]]  # Variables of each experiment, by its name
 
 _SIGNALS = {"torque": "torque", "motor_angle": "angle", "arm_angle": "arm", "speed": "speed"}
 """Variables of a log by the channels that scales name; behind each stands the number of its joint."""
 
-_SPEED_BAND = 0.25
-"""Share of the sampling rate up to which a drive's speed follows its encoder's."""
+_SPEED_BAND = 0.25  # Share of the sampling rate up to which a drive's speed follows its encoder's
 
 
 @dataclass(frozen=True)
@@ -90,8 +88,7 @@ def mistaken_log(log: Log, scale: Scale, factors: FloatArray) -> Log:
 
 def write_log(path: Path, log: Log) -> None:
     """Writes a log as a MAT file, a structure for each experiment."""
-    columns: dict[str, Any] = {name: {key: values[:, None] for key, values in one.items()} for name, one in log.items()}
-    savemat(path, columns)
+    savemat(path, {name: {key: values[:, None] for key, values in one.items()} for name, one in log.items()})
 
 
 def mapping_of(
@@ -102,26 +99,17 @@ def mapping_of(
     Where it holds no angles beside the torques, speeds take their place.
     """
     place = "c{configuration}_r{realization}_e{experiment}"
-
-    def outputs(signal: LogSignal) -> list[OutputChannel]:
-        suffix = {"angle": "", "arm": ".arm", "speed": ".speed" if "angle" in signals else ""}[signal]
-        unit: UnitName = "rad/s" if signal == "speed" else "rad"
-        return [
-            OutputChannel(name=f"{joint}{suffix}", variable=f"{place}.{signal}_{number}", unit=unit)
-            for number, joint in enumerate(joints, start=1)
-        ]
-
-    return Acquire(
-        file=str(path),
-        format="mat",
-        sampling_period_s=period_s,
-        inputs=tuple(
-            InputChannel(name=joint, variable=f"{place}.torque_{number}", unit="N m")
-            for number, joint in enumerate(joints, start=1)
-        ),
-        outputs=tuple(channel for signal in signals for channel in outputs(signal)),
-        **options,
+    suffix = {"angle": "", "arm": ".arm", "speed": ".speed" if "angle" in signals else ""}
+    units: dict[str, UnitName] = {"speed": "rad/s"}
+    numbered = list(enumerate(joints, start=1))
+    inputs = (InputChannel(name=joint, variable=f"{place}.torque_{at}", unit="N m") for at, joint in numbered)
+    outputs = (
+        OutputChannel(name=joint + suffix[signal], variable=f"{place}.{signal}_{at}", unit=units.get(signal, "rad"))
+        for signal in signals
+        for at, joint in numbered
     )
+    read = {"inputs": tuple(inputs), "outputs": tuple(outputs), **options}
+    return Acquire(file=str(path), format="mat", sampling_period_s=period_s, **read)
 
 
 def stamps(place: str = "c{configuration}_r{realization}_e{experiment}") -> TimeChannel:
@@ -193,13 +181,11 @@ def _rough_spring(spring: _Part, rough: Rough, factors: Factors) -> _Part:
 
 
 def _scaled(section: _Part, factors: Mapping[str, float]) -> _Part:
-    """The section with these of its values, where it states them, times factors."""
     stated = {key: getattr(section, key) for key in factors}
     return section.model_copy(update={key: value * factors[key] for key, value in stated.items() if value is not None})
 
 
-UNITS = "units"
-"""The cause that must be blamed."""
+UNITS = "units"  # The cause that must be blamed
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,26 +25,22 @@ from robid.pipeline.simulate_or_acquire import simulated_experiment
 from robid.results.scale import read_scale
 from robid.settings.experiment import Campaign, Source
 from robid.settings.load import LoadedExperiment
-from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import plain_settings, require_controller
 from robid.settings.sources import Acquire
 from robid.settings.yaml import FieldPath
 from robid.simulate.experiment import simulate
-from robid.studies.experiments import Further, Problems, changed_simulation, fit_problem, physics_problems, run_of
-from robid.studies.mistakes.responses import campaigns_of
-from robid.studies.mistakes.unit_logs import (
-    Log,
-    Said,
-    Sizes,
-    log_of,
-    mapping_of,
-    mistaken_log,
-    rough_robot,
-    rough_torque_constants,
-    stamps,
-    write_log,
+from robid.studies.experiments import (
+    Further,
+    Problems,
+    changed_simulation,
+    excitations,
+    fit_problem,
+    physics_problems,
+    run_of,
 )
-from robid.studies.settings.mistakes import MistakesStudy, Rough, UnitMistake, UnitRobot
+from robid.studies.mistakes import unit_logs
+from robid.studies.mistakes.cases import campaigns_of
+from robid.studies.settings.defects import MistakesStudy, Rough, UnitMistake, UnitRobot
 from robid.studies.study import Content, Earlier, Task, study_of
 
 
@@ -96,30 +93,12 @@ def unit_subjects(run: Run) -> dict[str, UnitSubject]:
     return found
 
 
-def individuals(study: MistakesStudy) -> list[Individual]:
-    """Returns all individuals: for each robot those whose logs are read in wrong units, then those of rough files."""
-    if study.units is None or not study.reads_units:
-        return []
-    seeds = study.chosen
-    counts = {False: seeds.units, True: seeds.rough}
-    return [
-        Individual(robot, seeds.first + number, number, rough)
-        for robot in study.units.chosen
-        for rough, count in counts.items()
-        for number in range(count)
-    ]
-
-
 def needed_by_units(run: Run) -> Further:
     """Returns the experiments of the robots, with the outputs of their chains that the tasks read."""
-    return tuple(
-        (one.run, tuple(f"{owner}/excitation.h5" for owner in one.campaigns.values()))
-        for one in unit_subjects(run).values()
-    )
+    return tuple((one.run, excitations(one.campaigns.values())) for one in unit_subjects(run).values())
 
 
 def _problems(study: MistakesStudy, name: str, settings: UnitRobot, loaded: LoadedExperiment) -> Problems:
-    """Yields what a robot's experiment lacks."""
     place: FieldPath = ("study", "units", "robots", name)
     problem = fit_problem(loaded.experiment, settings.fit)
     if problem:
@@ -136,8 +115,7 @@ def _problems(study: MistakesStudy, name: str, settings: UnitRobot, loaded: Load
         yield from (((*place, "variants", index, *field), message) for field, message in found)
 
 
-ROUGH = "rough"
-"""Name of the case in which nothing is wrong but the robot file."""
+ROUGH = "rough"  # Name of the case in which nothing is wrong but the robot file
 
 
 @dataclass(frozen=True)
@@ -154,11 +132,18 @@ class Reading:
 
 def unit_tasks(run: Run, _earlier: Earlier) -> list[Task]:
     """Returns one task for each individual."""
-    study, subjects = study_of(run.loaded, MistakesStudy), unit_subjects(run)
+    study, subjects, found = study_of(run.loaded, MistakesStudy), unit_subjects(run), list[Task]()
     if study.units is None:
-        return []
-    found = []
-    for one in individuals(study):
+        return found
+    seeds = study.chosen
+    counts = itertools.product(subjects, ((False, seeds.units), (True, seeds.rough)))
+    # For each robot those whose logs are read in wrong units, then those of rough files.
+    individuals = (
+        Individual(robot, seeds.first + number, number, rough)
+        for robot, (rough, count) in counts
+        for number in range(count)
+    )
+    for one in individuals:
         subject = subjects[one.robot]
         played = {name: subject.run.path(f"{owner}/excitation.h5") for name, owner in subject.campaigns.items()}
         mistakes = {} if one.rough else study.units.mistakes
@@ -167,7 +152,14 @@ def unit_tasks(run: Run, _earlier: Earlier) -> list[Task]:
             "experiment": {key: value for key, value in loaded.plain.items() if key != "execution"},
             "settings": plain_settings(subject.settings),
             "individual": plain_settings(one),
-            "mistakes": {name: _read_with(mistake, one.robot) for name, mistake in mistakes.items()},
+            # What decides how logs are read; not what a mistake is to be called.
+            "mistakes": {
+                name: {
+                    **{key: plain[key] for key in ("scale", "one_joint", "stamps")},
+                    "log": plain["log"].get(one.robot),
+                }
+                for name, plain in plain_settings(mistakes).items()
+            },
             "rough": plain_settings(study.units.rough) if one.rough else None,
             "played": {name: read_header(path, EXCITATION).content_sha256 for name, path in played.items()},
         }
@@ -176,43 +168,30 @@ def unit_tasks(run: Run, _earlier: Earlier) -> list[Task]:
     return found
 
 
-def _read_with(mistake: UnitMistake, robot: str) -> dict[str, Any]:
-    """What of a mistake decides how logs are read; not what it is to be called."""
-    plain: dict[str, Any] = plain_settings(mistake)
-    return {**{key: plain[key] for key in ("scale", "one_joint", "stamps")}, "log": plain["log"].get(robot)}
-
-
 def read_individual(reading: Reading) -> Content:
     """Simulates an individual and reads its logs with each mistake, or soundly with a rough robot file."""
     loaded = load_experiment(reading.experiment)
     logs = dict(_logs(reading, loaded))
-    loaded = replace(loaded, robot=_with_torque_constant(loaded.robot, reading.settings.torque_constant_nm_a))
+    stated = {"torque_constant_nm_a": reading.settings.torque_constant_nm_a}
+    joints = tuple(
+        joint.model_copy(update={"motor": joint.motor and joint.motor.model_copy(update=stated)})
+        for joint in loaded.robot.joints
+    )
+    loaded = replace(loaded, robot=loaded.robot.model_copy(update={"joints": joints}))
     if reading.of.rough:
-        factors = rough_torque_constants(len(loaded.robot.joints), reading.rough, reading.of.seed)
+        factors = unit_logs.rough_torque_constants(len(loaded.robot.joints), reading.rough, reading.of.seed)
         torque = read_scale("torque x 1000")
-        logs = {name: mistaken_log(log, torque, factors) for name, log in logs.items()}
-        rough = replace(loaded, robot=rough_robot(loaded.robot, reading.rough, reading.of.seed))
+        logs = {name: unit_logs.mistaken_log(log, torque, factors) for name, log in logs.items()}
+        rough = replace(loaded, robot=unit_logs.rough_robot(loaded.robot, reading.rough, reading.of.seed))
         said = {ROUGH: _chain(reading, rough, logs, None)}
     else:
         said = {name: _chain(reading, loaded, logs, mistake) for name, mistake in reading.mistakes.items()}
     rows = [{"case": name, **one.texts()} for name, one in said.items()]
-    columns = {key: np.array([row[key] for row in rows], dtype=str) for key in rows[0]}
-    datasets = {key: Dataset(values, "1", ("case",)) for key, values in columns.items()}
+    datasets = {key: Dataset(np.array([row[key] for row in rows], dtype=str), "1", ("case",)) for key in rows[0]}
     return Content(datasets, {"robot": reading.of.robot, "seed": reading.of.seed, "rough": reading.of.rough})
 
 
-def _with_torque_constant(robot: RobotFile, constant_nm_a: float) -> RobotFile:
-    """The robot file that states it of all motors."""
-    stated = {"torque_constant_nm_a": constant_nm_a}
-    joints = tuple(
-        joint if joint.motor is None else joint.model_copy(update={"motor": joint.motor.model_copy(update=stated)})
-        for joint in robot.joints
-    )
-    return robot.model_copy(update={"joints": joints})
-
-
-def _logs(reading: Reading, loaded: LoadedExperiment) -> Iterator[tuple[str, Log]]:
-    """The logs of both campaigns of an individual, in SI units, by the campaign's name."""
+def _logs(reading: Reading, loaded: LoadedExperiment) -> Iterator[tuple[str, unit_logs.Log]]:
     seed, physics = reading.of.seed, reading.of.physics(reading.settings)
     joints = [joint.name for joint in loaded.robot.joints]
     for number, (name, owner) in enumerate(campaigns_of(loaded, reading.settings.fit).items()):
@@ -220,14 +199,15 @@ def _logs(reading: Reading, loaded: LoadedExperiment) -> Iterator[tuple[str, Log
         content = excitation_from_artifact(read_artifact(reading.played[name], EXCITATION))
         options = changed_simulation(campaign, physics, seed, 2 * seed + number)
         experiment = simulated_experiment(loaded, campaign, options, content)
-        log: Log = {}
+        log: unit_logs.Log = {}
         for index, configuration in enumerate(content.configurations):
-            log |= log_of(simulate(experiment, configuration, index, 1), joints, index)
+            log |= unit_logs.log_of(simulate(experiment, configuration, index, 1), joints, index)
         yield owner, log
 
 
-def _chain(reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, Log], mistake: UnitMistake | None) -> Said:
-    """What the chain says of logs that are read with a mistake, or with none."""
+def _chain(
+    reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, unit_logs.Log], mistake: UnitMistake | None
+) -> unit_logs.Said:
     fit = reading.settings.fit
     with tempfile.TemporaryDirectory() as folder:
         read = _as_read(reading, loaded, logs, mistake, Path(folder))
@@ -235,7 +215,7 @@ def _chain(reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, Log], 
         try:
             run_all(Run(read, Path(folder), "serial", 1), told.of, lambda _: None, [f"fits/{fit}/validation.h5"])
         except (DataError, SettingsError) as error:
-            return Said((), (), str(error).replace(f"{folder}/", ""))
+            return unit_logs.Said((), (), str(error).replace(f"{folder}/", ""))
         made = Path(folder) / "fits" / fit
         # A fit that has not converged is validated nowhere: its own grade is all that is said.
         held = next(
@@ -244,31 +224,37 @@ def _chain(reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, Log], 
             if (made / name).exists()
         )
     findings = grade_from_artifact(held).findings
-    return Said(tuple(finding.cause for finding in findings), findings[0].scales if findings else (), "")
+    return unit_logs.Said(tuple(finding.cause for finding in findings), findings[0].scales if findings else (), "")
 
 
 def _as_read(
-    reading: Reading, loaded: LoadedExperiment, logs: Mapping[str, Log], mistake: UnitMistake | None, folder: Path
+    reading: Reading,
+    loaded: LoadedExperiment,
+    logs: Mapping[str, unit_logs.Log],
+    mistake: UnitMistake | None,
+    folder: Path,
 ) -> LoadedExperiment:
-    """The experiment that reads the logs, which are written with what is wrong in them."""
     settings, joints = reading.settings, [joint.name for joint in loaded.robot.joints]
     signals = settings.log if mistake is None else mistake.log.get(reading.of.robot, settings.log)
     stretch, campaigns = 1.0, {}
+    factors: FloatArray = np.ones(len(joints))
+    scale = None if mistake is None else read_scale(mistake.scale)
+    if mistake is not None and scale is not None:
+        ratios = np.array([abs(joint.plain_motor.gear_ratio) for joint in loaded.robot.joints])
+        sizes = unit_logs.Sizes(ratios, settings.counts_per_turn / (2 * np.pi), settings.torque_constant_nm_a)
+        factors = sizes.factors(scale)
+        if mistake.one_joint:
+            factors = np.where(np.arange(len(ratios)) == reading.of.joint(len(ratios)), factors, 1.0)
+        if scale.channel == "time" and not mistake.stamps:
+            stretch, scale = float(factors[0]), None
     for name, log in logs.items():
-        written = log
-        if mistake is not None:
-            factors = _factors(reading, loaded, mistake)
-            if read_scale(mistake.scale).channel == "time" and not mistake.stamps:
-                stretch = float(factors[0])
-            else:
-                written = mistaken_log(log, read_scale(mistake.scale), factors)
         path = folder / f"{name}.mat"
-        write_log(path, written)
+        unit_logs.write_log(path, log if scale is None else unit_logs.mistaken_log(log, scale, factors))
         period_s = stretch * require_controller(loaded).sampling_period_s
         stamped = mistake is None or mistake.stamps
         campaign = loaded.experiment.campaigns[name]
-        options = {"time": stamps() if stamped else None, "one_shot": campaign.is_trajectory}
-        acquire = mapping_of(path, joints, signals, period_s, options)
+        options = {"time": unit_logs.stamps() if stamped else None, "one_shot": campaign.is_trajectory}
+        acquire = unit_logs.mapping_of(path, joints, signals, period_s, options)
         read = reading_campaign(campaign, acquire, stretch)
         if "angle" not in signals:
             # Friction follows the motors' angles: without these it cannot be subtracted.
@@ -278,34 +264,22 @@ def _as_read(
     return replace(loaded, experiment=experiment)
 
 
-def _factors(reading: Reading, loaded: LoadedExperiment, mistake: UnitMistake) -> FloatArray:
-    """What the channel of each joint is multiplied by (n_joint,)."""
-    ratios = np.array([abs(joint.plain_motor.gear_ratio) for joint in loaded.robot.joints])
-    counts = reading.settings.counts_per_turn / (2 * np.pi)
-    factors = Sizes(ratios, counts, reading.settings.torque_constant_nm_a).factors(read_scale(mistake.scale))
-    if mistake.one_joint:
-        factors = np.where(np.arange(len(ratios)) == reading.of.joint(len(ratios)), factors, 1.0)
-    return factors
-
-
 def reading_campaign(campaign: Campaign, acquire: Acquire, stretch: float) -> Campaign:
     """Returns a campaign that reads logs; with all times that it states stretched, where its clock's unit is wrong."""
     source = Source(acquire=acquire)
+    excitation: Any = campaign.excitation
     if campaign.is_trajectory:
         return Campaign(source=source, realizations=campaign.realizations, payload_kg=campaign.payload_kg)
-    changed = {"source": source, "excitation": _stretched(campaign.excitation, stretch), "outputs": ("motors",)}
-    return campaign.model_copy(update=changed)
-
-
-def _stretched(excitation: Any, stretch: float) -> Any:  # noqa: ANN401
-    """An excitation whose times [s] are longer, and whose frequencies [Hz] are lower, by a factor."""
-    if stretch == 1 or not is_dataclass(excitation) or isinstance(excitation, type):
-        return excitation
-    powers = {"_s": 1, "_hz": -1}
-    changed = {
-        field.name: getattr(excitation, field.name) * stretch**power
-        for field in fields(excitation)
-        for suffix, power in powers.items()
-        if field.name.endswith(suffix) and isinstance(getattr(excitation, field.name), int | float)
-    }
-    return replace(excitation, **changed)
+    if stretch != 1 and excitation is not None:
+        # Times [s] are longer, and frequencies [Hz] are lower, by the factor.
+        stated = {field.name: getattr(excitation, field.name) for field in fields(excitation)}
+        excitation = replace(
+            excitation,
+            **{
+                name: value * stretch**power
+                for name, value in stated.items()
+                for suffix, power in (("_s", 1), ("_hz", -1))
+                if name.endswith(suffix) and isinstance(value, int | float)
+            },
+        )
+    return campaign.model_copy(update={"source": source, "excitation": excitation, "outputs": ("motors",)})

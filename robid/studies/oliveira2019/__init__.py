@@ -1,4 +1,1 @@
-"""External dynamics, as of Oliveira et al. (2019).
-
-Read `bench`, `judging`, then the parts: `plants`, `seeds`, `arm`.
-"""
+"""External dynamics, as of Oliveira et al. (2019). Read `bench`, `judging`, the parts `plants`, `seeds`, `arm`."""

@@ -18,7 +18,7 @@ from robid.models.external.files import solution_from_artifact, validation_from_
 from robid.models.external.fit.checks import blocks_of
 from robid.models.external.fit.coupling import CouplingMap, Pairs, map_coupling
 from robid.models.external.fit.data import commands_of, shots_of
-from robid.models.external.fit.etfe import Etfe, estimate_etfe
+from robid.models.external.fit.etfe import estimate_etfe
 from robid.models.external.fit.fitting import own_pairs, ports_of
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.solution import ExternalSolution, Ports
@@ -38,36 +38,29 @@ from robid.settings.robot_parts import (
     tool_arm,
 )
 from robid.settings.robot_sections import given
-from robid.signals.record import Record
 from robid.simulate.options import Controller, PoseInterface
 from robid.simulate.pose_response import pose_response
 from robid.simulate.truth import true_robot
-from robid.studies.experiments import Further, paper_figures
+from robid.studies.experiments import Further, fit_outputs, paper_figures
 from robid.studies.oliveira2019.plants import thinned
-from robid.studies.page import Asked, PartFound
+from robid.studies.page import Asked, PartFound, table
 from robid.studies.settings.parts import CartesianCase, LoopCase
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Content, Part, Results, Task, recorded_part
 
-_RESPONSE = "frequency output command"
+_RESPONSE = "as the channels", "frequency output command"
 
 
 @dataclass(frozen=True)
 class Mapped:
-    """What was found in one home.
-
-    Attributes:
-        map: The decoupling map.
-    """
+    """What was found in one home."""
 
     inputs: Annotated[tuple[str, ...], Quantity("1", "command", "Names of the commands")]
     outputs: Annotated[tuple[str, ...], Quantity("1", "output", "Names of the outputs")]
-    map: CouplingMap
-    response: Annotated[
-        ComplexArray, Quantity("as the channels", _RESPONSE, "The empirical response, from samples to samples")
-    ]
-    linear: Annotated[ComplexArray, Quantity("as the channels", _RESPONSE, "That of the linearised loop")]
-    linear_gain: Annotated[FloatArray, Quantity("1", _RESPONSE, "In resolutions")]
+    map: CouplingMap  # The decoupling map
+    response: Annotated[ComplexArray, Quantity(*_RESPONSE, "The empirical response, from samples to samples")]
+    linear: Annotated[ComplexArray, Quantity(*_RESPONSE, "That of the linearised loop")]
+    linear_gain: Annotated[FloatArray, Quantity("1", _RESPONSE[1], "In resolutions")]
 
 
 def _homes_tasks(run: Run, case: CartesianCase, _earlier: Mapping[str, Results]) -> list[Task]:
@@ -82,14 +75,9 @@ def _homes_tasks(run: Run, case: CartesianCase, _earlier: Mapping[str, Results])
         "options": plain_settings(options),
     }
     count = record_from_artifact(read_artifact(path, RECORD)).inputs.shape[0]
-    shared = (
-        true_robot(nominal, simulated.truth),
-        tool_arm(loaded.robot, nominal),
-        require_controller(loaded),
-        require_pose_interface(loaded.robot),
-        simulated.measured_pose,
-        options,
-    )
+    robot, arm = true_robot(nominal, simulated.truth), tool_arm(loaded.robot, nominal)
+    loop = require_controller(loaded), require_pose_interface(loaded.robot), simulated.measured_pose
+    shared = robot, arm, *loop, options
     return [Task(f"home_{at + 1}", {**decides, "home": at}, (path, at, *shared)) for at in range(count)]
 
 
@@ -105,22 +93,6 @@ def map_home(
 ) -> Content:
     """Maps one home of the record at `path`, and holds the map beside the linearised loop."""
     record = record_from_artifact(read_artifact(path, RECORD))
-    etfe, pairs, found = map_record(record, index, options)
-    place, inputs = given(record.configurations)[index], pairs.inputs
-    linear = pose_response(robot, arm, controller, interface, place, etfe.frequency_hz, inputs, measured)
-    mapped = Mapped(
-        inputs=pairs.inputs,
-        outputs=pairs.outputs,
-        map=found,
-        response=etfe.response,
-        linear=linear,
-        linear_gain=np.abs(linear) * pairs.per_resolution,
-    )
-    return Content(*to_datasets(mapped))
-
-
-def map_record(record: Record, index: int, options: ExternalOptions) -> tuple[Etfe, Pairs, CouplingMap]:
-    """Maps one configuration of a record of pose commands."""
     told, places = commands_of(record, options), shots_of(record, options, "homes")
     names = list(dict.fromkeys(shot.place for shot in places))
     shots = [shot for shot in places if shot.place == names[index]]
@@ -128,11 +100,14 @@ def map_record(record: Record, index: int, options: ExternalOptions) -> tuple[Et
     own = own_pairs(blocks_of(told.channels, record.output_channels, options), ports)
     etfe = estimate_etfe(shots, ports.floor, options.confidence)
     pairs = Pairs(ports.inputs, ports.outputs, ports.input_resolution, ports.output_resolution, own)
-    return etfe, pairs, map_coupling(shots, ports.floor, etfe, pairs, options.coupling)
+    found = map_coupling(shots, ports.floor, etfe, pairs, options.coupling)
+    place, inputs = given(record.configurations)[index], pairs.inputs
+    linear = pose_response(robot, arm, controller, interface, place, etfe.frequency_hz, inputs, measured)
+    gain = np.abs(linear) * pairs.per_resolution
+    return Content(*to_datasets(Mapped(inputs, pairs.outputs, found, etfe.response, linear, gain)))
 
 
-_CLEAR = 1.5
-"""How far from the threshold the linearised loop leaves no doubt whether a pair is coupled."""
+_CLEAR = 1.5  # How far from the threshold the linearised loop leaves no doubt whether a pair is coupled
 _ASKED = {
     "arm.coupling_agreement": Asked(lower=0.95),
     "arm.linear_error_percent": Asked(upper=5.0),
@@ -141,16 +116,11 @@ _ASKED = {
 _LEAST_NRMSE = 0.97
 
 
-def further_arm(run: Run, case: CartesianCase) -> Further:
-    """Returns what is read of the study's own experiment: the fit with its validation, and the homes' record."""
-    model, validation = (f"fits/{case.fit}/{name}.h5" for name in ("model", "validation"))
-    return ((run, (model, validation, f"{case.homes}/record.h5")),)
-
-
 def _conclude_arm(run: Run, case: CartesianCase, results: Results) -> PartFound:
     paper = paper_figures(run.loaded)
-    solution = solution_from_artifact(read_artifact(run.path(f"fits/{case.fit}/model.h5"), MODEL))
-    validation = validation_from_artifact(read_artifact(run.path(f"fits/{case.fit}/validation.h5"), VALIDATION))
+    model, held = (run.path(output) for output in fit_outputs(case.fit))
+    solution = solution_from_artifact(read_artifact(model, MODEL))
+    validation = validation_from_artifact(read_artifact(held, VALIDATION))
     homes = [from_datasets(Mapped, one) for one in results]
     options = external_fit(run.loaded.experiment, case.fit).options().coupling
     own = {f"arm.{one.output}.nrmse": one.nrmse for one in validation.agreements}
@@ -164,7 +134,16 @@ def _conclude_arm(run: Run, case: CartesianCase, results: Results) -> PartFound:
         for index, home in enumerate(homes, start=1)
         for section in coupling_section(home.map, ports, options)
     )
-    sections = (_channels(solution, validation, paper), _coupling(homes, figures, paper), _resonances(homes), *maps)
+    channel = resonant_channel(homes)
+    name = homes[0].outputs[channel]
+    lead = (
+        f"Channel {name} resonates, at another frequency in each home; the paper's robot shows a notch around 6 Hz in"
+        " its channel X that changes with the home position."
+    )
+    titles = (f"Home {index}: channel {name}" for index in range(1, len(homes) + 1))
+    shown = (_against_linear(title, home, channel, channel) for title, home in zip(titles, homes, strict=True))
+    moves = Section("A resonance that moves", lead, (Beside(tuple(shown), columns=2),))
+    sections = (_channels(solution, validation, paper), _coupling(homes, figures, paper), moves, *maps)
     return PartFound(figures, asked, sections)
 
 
@@ -180,8 +159,7 @@ def home_figures(homes: Sequence[Mapped], threshold: float) -> dict[str, float]:
         right.append((np.isfinite(home.map.crossing_hz) == (largest > threshold))[clear])
         matter = known & (home.linear_gain > threshold)
         errors.append(np.abs(home.map.gain[matter] / home.linear_gain[matter] - 1))
-        channel = resonant_channel(homes)
-        found, linear = resonance(home, channel)
+        found, linear = resonance(home, resonant_channel(homes))
         figures |= {
             f"arm.home_{index}.decoupled_hz": home.map.overall_hz,
             f"arm.home_{index}.coupled_pairs": float(np.isfinite(home.map.crossing_hz)[apart].sum()),
@@ -213,19 +191,22 @@ def resonance(home: Mapped, channel: int) -> tuple[float, float]:
 
 def _channels(solution: ExternalSolution, validation: ExternalValidation, paper: Mapping[str, Any]) -> Section:
     transfers = solution.transfers
-    rows = []
-    for index, one in enumerate(validation.agreements):
-        structure = (transfers.poles[index], transfers.zeros[index], transfers.delay_samples[index])
-        printed = paper["table_4"].get(one.output)
-        beside = MISSING if printed is None else f"{printed['nrmse']:.3f}"
-        rows.append((one.output, *(str(int(count)) for count in structure), beside, f"{one.nrmse:.4f}"))
-    heads = ("Channel", "Poles", "Zeros", "Delay [samples]", "NRMSE, paper", "Ours")
+    printed = {name: f"{one['nrmse']:.3f}" for name, one in paper["table_4"].items()}
+    columns = (
+        ("Channel", lambda pair: pair[1].output),
+        ("Poles", lambda pair: str(int(transfers.poles[pair[0]]))),
+        ("Zeros", lambda pair: str(int(transfers.zeros[pair[0]]))),
+        ("Delay [samples]", lambda pair: str(int(transfers.delay_samples[pair[0]]))),
+        ("NRMSE, paper", lambda pair: printed.get(pair[1].output, MISSING)),
+        ("Ours", lambda pair: f"{pair[1].nrmse:.4f}"),
+    )
     lead = (
         "The KR300 on its rail under a Cartesian position loop, with friction, ripple and encoders: fitted to its own"
         f" slow and fast chirps by the paper's rule, validated on the chirp to 2.08 Hz. {solution.coupling.sentence}"
         " What the robot reports comes from its motors, as the paper's does."
     )
-    return Section("The arm's channels", lead, (Table(heads, tuple(rows), fit="compact"),))
+    shown = table(columns, list(enumerate(validation.agreements)), fit="compact")
+    return Section("The arm's channels", lead, (shown,))
 
 
 def _coupling(homes: Sequence[Mapped], figures: Mapping[str, float], paper: Mapping[str, Any]) -> Section:
@@ -247,32 +228,15 @@ def _coupling(homes: Sequence[Mapped], figures: Mapping[str, float], paper: Mapp
         f" gains above the threshold lie {figures['arm.linear_error_percent']:.2g} % from the linearised ones in the"
         " median. Couplings are normalised by resolutions of 0.01 mm and 0.001 degrees."
     )
-    return Section("What couples", lead, (Table(heads, tuple(rows), prose=True), Beside(_gains(homes), columns=2)))
-
-
-def _gains(homes: Sequence[Mapped]) -> tuple[Figure, ...]:
-    """The strongest coupling of each home, and what the linearised loop says of it."""
-    figures = []
+    # The strongest coupling of each home, and what the linearised loop says of it.
+    drawn = []
     for index, home in enumerate(homes, start=1):
         gain = np.where(np.isfinite(home.map.gain) & ~home.map.own, home.map.gain, 0.0)
         output, command = np.unravel_index(np.argmax(gain.max(axis=0)), gain.shape[1:])
         pair = f"{home.outputs[output]} to {home.inputs[command]}"
-        figures.append(_against_linear(f"Home {index}: {pair}", home, int(output), int(command)))
-    return tuple(figures)
-
-
-def _resonances(homes: Sequence[Mapped]) -> Section:
-    channel = resonant_channel(homes)
-    name = homes[0].outputs[channel]
-    figures = tuple(
-        _against_linear(f"Home {index}: channel {name}", home, channel, channel)
-        for index, home in enumerate(homes, start=1)
-    )
-    lead = (
-        f"Channel {name} resonates, at another frequency in each home; the paper's robot shows a notch around 6 Hz in"
-        " its channel X that changes with the home position."
-    )
-    return Section("A resonance that moves", lead, (Beside(figures, columns=2),))
+        drawn.append(_against_linear(f"Home {index}: {pair}", home, int(output), int(command)))
+    shown = Beside(tuple(drawn), columns=2)
+    return Section("What couples", lead, (Table(heads, tuple(rows), prose=True), shown))
 
 
 def _against_linear(title: str, home: Mapped, output: int, command: int) -> Figure:
@@ -283,7 +247,11 @@ def _against_linear(title: str, home: Mapped, output: int, command: int) -> Figu
     return Figure(title, "Frequency [Hz]", "Gain, in resolutions", drawn, height=280)
 
 
-ARM = Part("arm", _conclude_arm, _homes_tasks, map_home, further_arm)
+def _further_arm(run: Run, case: CartesianCase) -> Further:
+    return ((run, (*fit_outputs(case.fit), f"{case.homes}/record.h5")),)
+
+
+ARM = Part("arm", _conclude_arm, _homes_tasks, map_home, _further_arm)
 
 
 _PUBLISHED_RAD_S, _NEAR = 126.4, 0.01
@@ -295,7 +263,6 @@ _LOOP_DIGITS = 5
 
 
 def _conclude_loop(_run: Run, _case: LoopCase, _own: Run, models: list[Artifact]) -> PartFound:
-    """Turns the axis' fit into figures and what is asked of them."""
     solution = solution_from_artifact(models[0])
     traces, denominator = solution.traces, solution.transfer(0).denominator
     left = np.linalg.norm(traces.measured - traces.simulated)

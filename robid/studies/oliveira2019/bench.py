@@ -5,7 +5,7 @@ What simulates the plants shares no code with any fit.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -21,6 +21,7 @@ from robid.models.external.fit.graphs import Fitted
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.output_error import nrmse, predict
 from robid.models.external.fit.solution import ExternalSolution
+from robid.models.external.fit.transfer import TransferMatrix
 from robid.pipeline.graph import Run
 from robid.settings.robot_parts import plain_settings
 from robid.signals.quantities import Channel
@@ -32,8 +33,7 @@ from robid.studies.study import Content, Results, Task
 
 _MILLIMETRE, _DEGREE = 1e-3, float(np.pi / 180)
 ROTATIONS = ("A", "B", "C")
-PRINTED = {"m": _MILLIMETRE, "rad": _DEGREE}
-"""Units that the paper prints, millimetres and degrees, in SI units."""
+PRINTED = {"m": _MILLIMETRE, "rad": _DEGREE}  # Units that the paper prints, millimetres and degrees, in SI units
 
 
 @dataclass(frozen=True)
@@ -115,30 +115,18 @@ def plants_of(paper: Mapping[str, Any]) -> tuple[Plant, ...]:
     found = []
     for name, function in paper["table_3"].items():
         kind, unit = ("rotation", _DEGREE) if name in ROTATIONS else ("translation", _MILLIMETRE)
-        sizes = [unit * size for size in paper["amplitudes"][name]]
-        found.append(
-            Plant(
-                name=name,
-                numerator=tuple(map(float, function["numerator"])),
-                denominator=tuple(map(float, function["denominator"])),
-                amplitude=dict(zip(paper["high_hz"], sizes, strict=True)),
-                resolution=unit * paper["resolution"][kind],
-            )
-        )
+        numerator, denominator = (tuple(map(float, function[key])) for key in ("numerator", "denominator"))
+        sizes = (unit * size for size in paper["amplitudes"][name])
+        amplitude = dict(zip(paper["high_hz"], sizes, strict=True))
+        found.append(Plant(name, numerator, denominator, amplitude, unit * paper["resolution"][kind]))
     return tuple(found)
 
 
 def bench_of(paper: Mapping[str, Any], case: PlantsCase) -> Bench:
     """Returns the paper's experiment with what it leaves open."""
-    return Bench(
-        sampling_period_s=paper["sampling_period_s"],
-        duration_s=paper["duration_s"],
-        low_hz=paper["low_hz"],
-        repeats=paper["repeats"],
-        delay_samples=case.delay_samples,
-        moving_average=case.moving_average,
-        noise_resolutions=case.noise_resolutions,
-    )
+    printed = {key: paper[key] for key in ("sampling_period_s", "duration_s", "low_hz", "repeats")}
+    left_open = {key: getattr(case, key) for key in ("delay_samples", "moving_average", "noise_resolutions")}
+    return Bench(**printed, **left_open)
 
 
 _SEEDS = ("first_seed", "seeds", "seeds_per_task")
@@ -168,10 +156,8 @@ def decides_of(channel: BenchChannel) -> dict[str, Any]:
 
 def plants_tasks(run: Run, case: PlantsCase, _earlier: Mapping[str, Results]) -> list[Task]:
     """Returns the tasks of the channels."""
-    return [
-        Task(channel.plant.name, {**decides_of(channel), "seed": channel.case.first_seed}, (channel,))
-        for channel in channels_of(run, case)
-    ]
+    seed = {"seed": case.first_seed}
+    return [Task(one.plant.name, {**decides_of(one), **seed}, (one,)) for one in channels_of(run, case)]
 
 
 _PER_DECADE, _BEYOND = 40, 2.0
@@ -193,37 +179,24 @@ class Measuring:
     def measure(self, seed: int) -> list[Shot]:
         """Measures all chirps, the last one to validate, the noise being that of a seed and of the channel."""
         generator = np.random.default_rng([seed, *self._plant.name.encode()])
-        return [
-            self._shot(index, self._bench.measure(self._plant, answer, generator))
-            for index, answer in enumerate(self.answers)
-        ]
-
-    def _shot(self, index: int, repeats: FloatArray) -> Shot:
-        count, mean = len(repeats), repeats.mean(axis=0)
-        variance = ((repeats - mean) ** 2).sum(axis=0).mean() / (count - 1) if count > 1 else 0.0
-        return Shot(
-            inputs=self.commands[index][:, None],
-            outputs=mean[:, None],
-            start="rest",
-            noise_std=np.array([np.sqrt(variance / count)]) if count > 1 else None,
-            repeats=count,
-            sampling_period_s=self._bench.sampling_period_s,
-            name=self._names[index],
-            offset=False,
-        )
+        found, period_s = [], self._bench.sampling_period_s
+        for name, command, answer in zip(self._names, self.commands, self.answers, strict=True):
+            repeats = self._bench.measure(self._plant, answer, generator)
+            count, mean = len(repeats), repeats.mean(axis=0)
+            variance = ((repeats - mean) ** 2).sum(axis=0).mean() / (count - 1) if count > 1 else 0.0
+            std = np.array([np.sqrt(variance / count)]) if count > 1 else None
+            found.append(Shot(command[:, None], mean[:, None], "rest", std, count, period_s, name, offset=False))
+        return found
 
 
 def identify(channel: BenchChannel) -> Content:
     """Measures a channel, lets the evidence choose its structure, and validates the fit on the chirp left out."""
-    plant, bench, case = channel.plant, channel.bench, channel.case
+    plant, case = channel.plant, channel.case
     *fitted_shots, left_out = Measuring(channel).measure(case.first_seed)
-    options = ExternalOptions(
-        max_poles=case.max_poles,
-        max_delay_samples=case.max_delay_samples,
-        moving_average=bench.moving_average,
-        confidence=CONFIDENCE,
-    )
-    solution = fit_external(fitted_shots, *_channels(plant), "zoh", options)
+    options = ExternalOptions(max_poles=case.max_poles, max_delay_samples=case.max_delay_samples, confidence=CONFIDENCE)
+    options = replace(options, moving_average=channel.bench.moving_average)
+    told, seen = (Channel(plant.name, what, plant.unit, "tool") for what in ("position_command", "position"))
+    solution = fit_external(fitted_shots, (told,), (seen,), "zoh", options)
     fitted = Fitted(solution.transfer(0), solution.transfers.root_of(0))
     return Content(*to_datasets(_identified(channel, solution, fitted, left_out)))
 
@@ -232,8 +205,9 @@ def _identified(channel: BenchChannel, solution: ExternalSolution, fitted: Fitte
     frequency_hz, quality = frequencies(channel.case), solution.quality
     response, relative, phase = response_of(fitted, frequency_hz)
     step_s = np.arange(_STEP_SAMPLES) * channel.bench.sampling_period_s
-    step, step_std = step_of(fitted, step_s)
-    simulated, simulated_std = simulation_of(fitted, left_out.inputs)
+    # The answer to a unit step of the command is without the moving average.
+    step, step_std = answer_of(fitted, lambda model: model.step(step_s)[:, 0, 0])
+    simulated, simulated_std = answer_of(fitted, lambda model: model.simulate(left_out.inputs)[:, 0])
     told = (f"{finding.channel}: {finding.message}" for finding in solution.findings)
     return Identified(
         numerator=fitted.model.numerator[0, 0],
@@ -278,74 +252,50 @@ def frequencies(case: PlantsCase) -> FloatArray:
     return np.concatenate([inside, high * ratio ** np.arange(1, int(np.log(_BEYOND) / np.log(ratio)) + 1)])
 
 
+def answer_of(fitted: Fitted, answer: Callable[[TransferMatrix], FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Returns what a fitted model answers (n_time,), and its deviation."""
+    own = answer(fitted.model)
+    return own, fitted.deviation(np.array([(answer(other) - own) / step for other, step in fitted.nudged()]))
+
+
 def response_of(fitted: Fitted, frequency_hz: FloatArray) -> tuple[ComplexArray, FloatArray, FloatArray]:
     """Returns a response (n_freq,) from samples to samples, with hold, average and delay, and its deviations.
 
     Returns:
         The response; the relative deviation of its magnitude; that of its phase [rad].
     """
-    omega = 2 * np.pi * frequency_hz
-    response = fitted.model.sampled_response(omega)[:, 0, 0]
-    slopes = np.array(
-        [(other.sampled_response(omega)[:, 0, 0] / response - 1) / step for other, step in fitted.nudged()]
-    )
+
+    def sampled(model: TransferMatrix) -> ComplexArray:
+        return model.sampled_response(2 * np.pi * frequency_hz)[:, 0, 0]
+
+    response = sampled(fitted.model)
+    slopes = np.array([(sampled(other) / response - 1) / step for other, step in fitted.nudged()])
     return response, fitted.deviation(slopes.real), fitted.deviation(slopes.imag)
-
-
-def simulation_of(fitted: Fitted, command: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns the answer (n_sample,) to a command (n_sample, 1) from rest, and its deviation."""
-    simulated = fitted.model.simulate(command)[:, 0]
-    slopes = np.array([(other.simulate(command)[:, 0] - simulated) / step for other, step in fitted.nudged()])
-    return simulated, fitted.deviation(slopes)
-
-
-def step_of(fitted: Fitted, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns the answer (n_time,) to a unit step of the command, without the moving average, and its deviation."""
-    step = fitted.model.step(time_s)[:, 0, 0]
-    slopes = np.array([(other.step(time_s)[:, 0, 0] - step) / nudge for other, nudge in fitted.nudged()])
-    return step, fitted.deviation(slopes)
-
-
-def _channels(plant: Plant) -> tuple[Sequence[Channel], Sequence[Channel]]:
-    return (Channel(plant.name, "position_command", plant.unit, "tool"),), (
-        Channel(plant.name, "position", plant.unit, "tool"),
-    )
 
 
 def _roots(solution: ExternalSolution) -> tuple[RootValue, ...]:
     """Takes what says where poles and zeros lie from the estimate, without the channel's name."""
     estimate = solution.estimate
-    rows = list(
-        zip(
-            estimate.names,
-            estimate.kinds,
-            estimate.value.tolist(),
-            np.sqrt(np.diag(estimate.covariance)).tolist(),
-            strict=True,
-        )
-    )
-    sizes = {_place(name): abs(value) for name, kind, value, _ in rows if not kind.endswith("_damping")}
+    std = np.sqrt(np.diag(estimate.covariance)).tolist()
+    # Both numbers of a pair, as `X.pole2.frequency` and `X.pole2.damping`, have its place.
+    places = [name.removesuffix(".frequency").removesuffix(".damping") for name in estimate.names]
+    rows = list(zip(places, estimate.names, estimate.kinds, estimate.value.tolist(), std, strict=True))
+    sizes = {place: abs(value) for place, _, kind, value, _ in rows if not kind.endswith("_damping")}
     return tuple(
         RootValue(
             name=name.partition(".")[2],
             kind=kind.partition("_")[0],
             what=_WHATS[kind.removeprefix("pole").removeprefix("zero")],
-            size_rad_s=sizes[_place(name)],
+            size_rad_s=sizes[place],
             value=value,
             relative_std=std / abs(value) if value else np.inf,
         )
-        for name, kind, value, std in rows
+        for place, name, kind, value, std in rows
         if kind != "gain"
     )
 
 
-def _place(name: str) -> str:
-    """`X.pole2` of `X.pole2.damping`."""
-    return name.removesuffix(".frequency").removesuffix(".damping")
-
-
 def _quality(plant: Plant, fitted: Fitted, shot: Shot, n_parameter: int) -> Quality:
-    """Table 2's measures on the chirp left out, the final prediction error in the paper's units."""
     simulated = predict(fitted.model, shot, [0], [0])
     left = (shot.outputs - simulated) / PRINTED[plant.unit]
     whole = shot.outputs - shot.outputs.mean(axis=0)

@@ -10,8 +10,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, Quantity
 
-CONFIDENCE = 0.97
-"""Level of the paper's bounds."""
+CONFIDENCE = 0.97  # Level of the paper's bounds
 
 
 @dataclass(frozen=True)
@@ -44,19 +43,15 @@ class Identified:
     covariance: Annotated[
         FloatArray, Quantity("SI", "parameter parameter", "Of the coefficients, the first below left out")
     ]
-    delay_samples: int
-    """Estimated delay."""
-    reason: str
-    """Why this structure."""
-    status: str
-    """How the fit ended."""
+    delay_samples: int  # Estimated delay
+    reason: str  # Why this structure
+    status: str  # How the fit ended
     roots: Annotated[tuple[RootValue, ...], Quantity("as named", "root", "Poles and zeros")]
     undetermined: Annotated[
         tuple[str, ...], Quantity("1", "sentence", "What the data do not determine, a sentence each")
     ]
     tried: Annotated[tuple[Tried, ...], Quantity("as named", "structure", "The structures that were tried")]
-    quality: Quality
-    """On the validation."""
+    quality: Quality  # On the validation
     frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency", "Frequencies of the responses")]
     response: Annotated[ComplexArray, Quantity("1", "frequency", "From samples to samples: hold, average and delay")]
     continuous: Annotated[ComplexArray, Quantity("1", "frequency", "Of its transfer function, with the delay")]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,21 +15,12 @@ from robid.report.numbers import MINUS, MISSING, percent, significant
 from robid.report.section import Beside, Curve, Figure, Notes, Row, Section, Table
 from robid.studies.experiments import paper_figures
 from robid.studies.oliveira2019 import judging
-from robid.studies.oliveira2019.bench import (
-    ROTATIONS,
-    Bench,
-    Plant,
-    bench_of,
-    identify,
-    plants_of,
-    plants_tasks,
-)
+from robid.studies.oliveira2019.bench import ROTATIONS, Bench, Plant, bench_of, identify, plants_of, plants_tasks
 from robid.studies.page import Asked, PartFound, curves, table
 from robid.studies.settings.parts import PlantsCase
 from robid.studies.study import Part, Results
 
-Channels: TypeAlias = Sequence[tuple[Plant, judging.Identified]]
-"""Each true channel with what was identified of it."""
+Channels: TypeAlias = Sequence[tuple[Plant, judging.Identified]]  # Each true channel with what was identified of it
 
 _ASKED = {
     "max_band_error_percent": Asked(upper=1.0),
@@ -117,12 +108,6 @@ def _table_section(
         nyquist = math.pi / bench.sampling_period_s
         hidden = judging.undetermined_roots(one.roots, plant.numerator, plant.denominator, nyquist)
         told += [*one.undetermined, *(f"{plant.name}: {sentence}" for sentence in hidden)]
-    tables = (_amplitudes(channels, paper), _functions(channels), _root_table(channels, errors))
-    notes = (Notes(tuple(told)),) if told else ()
-    return Section("The paper's channels: Tables 1 to 4", lead, (*tables, *notes, _measures(channels, paper)))
-
-
-def _amplitudes(channels: Channels, paper: Mapping[str, Any]) -> Table:
     printed = {"rad": "degrees", "m": "mm"}
     rows = tuple(
         (f"{plant.name} [{printed[plant.unit]}]", *(f"{size:g}" for size in paper["amplitudes"][plant.name]))
@@ -130,35 +115,39 @@ def _amplitudes(channels: Channels, paper: Mapping[str, Any]) -> Table:
     )
     heads = ("Channel", *(f"0.01 to {high:g} Hz" for high in paper["high_hz"]))
     caption = "Largest command of each chirp, the paper's and ours; it falls along a straight line to zero."
-    return Table(heads, rows, title="Table 1: amplitudes", caption=caption, fit="compact")
-
-
-def _functions(channels: Channels) -> Table:
-    columns = (
-        ("Channel", lambda pair: pair[0].name),
-        ("Paper, and truth", lambda pair: _fraction(pair[0].numerator, pair[0].denominator)),
-        ("Ours", lambda pair: _fraction(pair[1].numerator.tolist(), pair[1].denominator.tolist())),
-        ("Delay [samples]", lambda pair: str(pair[1].delay_samples)),
-        ("Chosen", lambda pair: pair[1].reason),
+    tables = (
+        Table(heads, rows, title="Table 1: amplitudes", caption=caption, fit="compact"),
+        table(_FUNCTIONS, channels, title="Table 3: transfer functions", prose=True),
+        _root_table(channels, errors),
     )
-    return table(columns, channels, title="Table 3: transfer functions", prose=True)
+    notes = (Notes(tuple(told)),) if told else ()
+    return Section("The paper's channels: Tables 1 to 4", lead, (*tables, *notes, _measures(channels, paper)))
+
+
+_FUNCTIONS = (
+    ("Channel", lambda pair: pair[0].name),
+    ("Paper, and truth", lambda pair: f"({_polynomial(pair[0].numerator)}) / ({_polynomial(pair[0].denominator)})"),
+    ("Ours", lambda pair: f"({_polynomial(pair[1].numerator)}) / ({_polynomial(pair[1].denominator)})"),
+    ("Delay [samples]", lambda pair: str(pair[1].delay_samples)),
+    ("Chosen", lambda pair: pair[1].reason),
+)
 
 
 def _root_table(channels: Channels, errors: Mapping[str, list[judging.RootError]]) -> Table:
     rows: list[Row] = []
     for plant, found in channels:
-        judged = {error.name: error for error in errors[plant.name]}
+        judged, said = {error.name: error for error in errors[plant.name]}, []
+        for word, polynomial in (("zeros", plant.numerator), ("poles", plant.denominator)):
+            values = [(what, significant(value, _DIGITS)) for what, _, value in judging.root_values(polynomial)]
+            said.append(f"{word} {', '.join(value if what == 'rate' else f'{what} {value}' for what, value in values)}")
         for root in found.roots:
-            error = judged.get(root.name)
-            against = (MISSING,) * 3
-            if error is not None:
-                against = (
-                    significant(error.truth, _DIGITS),
-                    percent(error.percent / 100),
-                    significant(error.deviations, 2),
-                )
-            cells = (root.name, significant(root.value, _DIGITS), percent(root.relative_std), *against)
-            rows.append(Row(cells, faint=error is None, group=f"Channel {plant.name}: true {_true_roots(plant)}"))
+            cells = [root.name, significant(root.value, _DIGITS), percent(root.relative_std)]
+            if (error := judged.get(root.name)) is None:
+                cells += [MISSING] * 3
+            else:
+                cells += [significant(error.truth, _DIGITS), percent(error.percent / 100)]
+                cells += [significant(error.deviations, 2)]
+            rows.append(Row(tuple(cells), faint=error is None, group=f"Channel {plant.name}: true {'; '.join(said)}"))
     heads = ("Number", "Ours", "Deviation", "Truth", "Off", "Off, in deviations")
     caption = (
         "Rates of real poles and zeros [rad/s], positive in the left half plane; natural frequency [rad/s] and damping"
@@ -186,22 +175,10 @@ def _measures(channels: Channels, paper: Mapping[str, Any]) -> Table:
     return table(columns, channels, title="Tables 2 and 4: validation", caption=caption, fit="compact")
 
 
-def _true_roots(plant: Plant) -> str:
-    said = []
-    for word, polynomial in (("zeros", plant.numerator), ("poles", plant.denominator)):
-        values = [(what, significant(value, _DIGITS)) for what, _, value in judging.root_values(polynomial)]
-        said.append(f"{word} {', '.join(value if what == 'rate' else f'{what} {value}' for what, value in values)}")
-    return "; ".join(said)
-
-
-def _fraction(numerator: Sequence[float], denominator: Sequence[float]) -> str:
-    return f"({_polynomial(numerator)}) / ({_polynomial(denominator)})"
-
-
-def _polynomial(coefficients: Sequence[float]) -> str:
+def _polynomial(coefficients: Iterable[float]) -> str:
     """Writes a polynomial of s, as in `24.08 s + 1362`."""
-    terms: list[str] = []
-    for power, value in zip(range(len(coefficients) - 1, -1, -1), coefficients, strict=True):
+    terms, values = list[str](), np.asarray(coefficients, float).tolist()
+    for power, value in zip(range(len(values) - 1, -1, -1), values, strict=True):
         variable = "" if power == 0 else ("s" if power == 1 else "s" + str(power).translate(_SUPERSCRIPTS))
         size = significant(abs(value), _DIGITS)
         written = variable if variable and abs(value) == 1 else f"{size} {variable}".strip()
@@ -243,19 +220,19 @@ def _excitation(plant: Plant, bench: Bench, case: PlantsCase) -> Section:
 def _undershoots(channels: Channels, bench: Bench) -> Section:
     parts: list[Figure] = []
     for plant, one in channels:
-        sets = {
-            "true poles": plant.denominator,
-            "true zeros": plant.numerator,
-            "our poles": one.denominator.tolist(),
-            "our zeros": one.numerator.tolist(),
-        }
+        sets = {"true poles": plant.denominator, "true zeros": plant.numerator}
+        sets |= {"our poles": tuple(one.denominator.tolist()), "our zeros": tuple(one.numerator.tolist())}
         signals = {"true": bench.step(plant, len(one.step_s)), "ours": one.step}
         for sign, factor in (("+", 3.0), (chr(0x2212), -3.0)):
             signals[f"ours {sign} 3 deviations"] = one.step + factor * one.step_std
-        parts += [
-            _root_figure(f"Fig. 6a: channel {plant.name}", sets),
-            _over_time(f"Fig. 6b: step of channel {plant.name}", "1", one.step_s, signals),
-        ]
+        drawn: list[Curve] = []
+        for name, polynomial in sets.items():
+            roots = np.asarray(np.roots(polynomial), complex)
+            near = roots[np.abs(roots) <= _NEAR_RAD_S]
+            drawn += curves(near.real, {name: near.imag}, points=True)
+        title, axes = f"Fig. 6a: channel {plant.name}", ("Real part [rad/s]", "Imaginary part [rad/s]")
+        parts.append(Figure(title, *axes, tuple(drawn), log_x=False, log_y=False))
+        parts.append(_over_time(f"Fig. 6b: step of channel {plant.name}", "1", one.step_s, signals))
     lead = (
         f"Poles and zeros within {_NEAR_RAD_S:g} rad/s. Step responses are shown at the samples, where the data can"
         " tell them; between these the fast poles of B and C, which no data at this rate determine, say how deep the"
@@ -264,35 +241,26 @@ def _undershoots(channels: Channels, bench: Bench) -> Section:
     return Section("Undershoot of B and C: Fig. 6", lead, (Beside(tuple(parts), columns=2),))
 
 
-def _root_figure(title: str, sets: Mapping[str, Sequence[float]]) -> Figure:
-    """Poles and zeros in the complex plane, those near the origin."""
-    drawn: list[Curve] = []
-    for name, polynomial in sets.items():
-        roots = np.asarray(np.roots(polynomial), complex)
-        near = roots[np.abs(roots) <= _NEAR_RAD_S]
-        drawn += curves(near.real, {name: near.imag}, points=True)
-    return Figure(title, "Real part [rad/s]", "Imaginary part [rad/s]", tuple(drawn), log_x=False, log_y=False)
-
-
 def _validation(channels: Channels, bench: Bench) -> Section:
     figures = []
     for plant, one in channels:
         time = np.arange(len(one.measured)) * bench.sampling_period_s
         inside = (time >= _WINDOW_S[0]) & (time <= _WINDOW_S[1])
-        signals = {
-            "measured": one.measured,
-            "model": one.simulated,
-            "lower": one.simulated - one.bound,
-            "upper": one.simulated + one.bound,
-        }
+        measured, model, bound = (each[inside] for each in (one.measured, one.simulated, one.bound))
+        shown = {"measured": measured, "model": model, "lower": model - bound, "upper": model + bound}
         title = f"Fig. {7 if plant.name in ROTATIONS else 8}: channel {plant.name}"
-        shown = {name: values[inside] for name, values in signals.items()}
         figures.append(_over_time(title, plant.unit, time[inside], shown))
     lead = (
         f"Six seconds of the chirp that was not fitted, with the bounds of {100 * judging.CONFIDENCE:g} % of what the"
         " model says; they are narrower than the lines."
     )
     return Section("Validation: Figs 7 and 8", lead, (Beside(tuple(figures), columns=2),))
+
+
+_WRITTEN: Mapping[str, Callable[[ComplexArray], FloatArray]] = {
+    "Magnitude [dB]": lambda values: 20 * np.log10(np.maximum(np.abs(values), 1e-12)),
+    "Phase [degrees]": lambda values: np.degrees(np.unwrap(np.angle(values))),
+}
 
 
 def _frequency(channels: Channels, bench: Bench) -> Section:
@@ -304,22 +272,11 @@ def _frequency(channels: Channels, bench: Bench) -> Section:
             ("true", one.frequency_hz, bench.response(plant, one.frequency_hz)),
         )
         title = f"Fig. {10 if plant.name in ROTATIONS else 11}: channel {plant.name}"
-        for name, y_title, write in (
-            (title, "Magnitude [dB]", _decibels),
-            (f"{title}, phase", "Phase [degrees]", _phase),
-        ):
+        for name, (y_title, write) in zip((title, f"{title}, phase"), _WRITTEN.items(), strict=True):
             drawn = tuple(one for word, hz, values in responses for one in thinned(hz, {word: write(values)}))
             parts.append(Figure(name, "Frequency [Hz]", y_title, drawn, log_y=False, height=_HEIGHT))
     lead = "From samples to samples: with hold, moving average and delay, which the paper's leave out."
     return Section("Frequency responses: Figs 10 and 11", lead, (Beside(tuple(parts), columns=2),))
-
-
-def _decibels(values: ComplexArray) -> FloatArray:
-    return np.asarray(20 * np.log10(np.maximum(np.abs(values), 1e-12)))
-
-
-def _phase(values: ComplexArray) -> FloatArray:
-    return np.degrees(np.unwrap(np.angle(values)))
 
 
 PLANTS = Part("plants", _conclude_plants, plants_tasks, identify)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import cont2discrete, dlsim, zpk2ss
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
-from robid.artifacts.artifact import Artifact, Dataset
+from robid.artifacts.artifact import Dataset
 from robid.artifacts.kinds import from_datasets
 from robid.models.external.fit.choice import choose_structure
 from robid.models.external.fit.data import Shot
@@ -22,20 +22,11 @@ from robid.pipeline.graph import Run
 from robid.report.numbers import percent, significant
 from robid.report.section import Section, Table
 from robid.signals.waveforms import chirp
-from robid.studies.oliveira2019.bench import (
-    BenchChannel,
-    Measuring,
-    channels_of,
-    decides_of,
-    frequencies,
-    quantile,
-    response_of,
-    simulation_of,
-)
+from robid.studies.oliveira2019 import bench
 from robid.studies.oliveira2019.judging import CONFIDENCE, Identified
 from robid.studies.page import Asked, PartFound, table
 from robid.studies.settings.parts import PlantsCase, SyntheticCase
-from robid.studies.study import Content, Part, Results, Task, in_chunks
+from robid.studies.study import Content, Part, Results, Task, in_chunks, values_of
 
 SAMPLING_PERIOD_S = 0.012
 N_SAMPLE = 8192
@@ -63,7 +54,10 @@ def draw_plant(rng: np.random.Generator) -> Plant:
         poles, zeros = _roots(rng, n_pole), _roots(rng, n_zero)
         mirrored = rng.random() < 0.25
         zeros = np.where(zeros.imag == 0, -zeros, zeros) if mirrored else zeros
-        if _are_apart(np.concatenate([poles, zeros])):
+        roots = np.concatenate([poles, zeros])
+        size, distance = np.abs(roots), np.abs(roots[:, None] - roots)
+        np.fill_diagonal(distance, np.inf)
+        if (distance >= APART * np.maximum(size[:, None], size)).all():
             return Plant(poles, zeros, float(np.exp(rng.uniform(-1, 1))))
 
 
@@ -80,13 +74,6 @@ def _roots(rng: np.random.Generator, count: int) -> ComplexArray:
         else:
             found.append(complex(-size))
     return np.array(found, dtype=complex)
-
-
-def _are_apart(roots: ComplexArray) -> bool:
-    distance = np.abs(roots[:, None] - roots)
-    size = np.maximum(np.abs(roots)[:, None], np.abs(roots))
-    np.fill_diagonal(distance, np.inf)
-    return bool((distance >= APART * size).all())
 
 
 def simulate_plant(plant: Plant, rng: np.random.Generator) -> Shot:
@@ -106,15 +93,15 @@ def find_orders(seeds: Sequence[int]) -> tuple[IntArray, IntArray]:
     Returns:
         Numbers of poles and zeros (n_seed, 2) of each plant, and those that were chosen.
     """
-    true, found = [], []
+    rows = []
     for seed in seeds:
         rng = np.random.default_rng(seed)
         plant = draw_plant(rng)
-        shot = simulate_plant(plant, rng)
-        choice = choose_structure([shot], [0], [0], ExternalOptions(delay_samples=0, max_poles=MOST_POLES), hold="zoh")
-        true.append((len(plant.poles), len(plant.zeros)))
-        found.append((choice.structure.poles, choice.structure.zeros))
-    return np.array(true), np.array(found)
+        options, shot = ExternalOptions(delay_samples=0, max_poles=MOST_POLES), simulate_plant(plant, rng)
+        found = choose_structure([shot], [0], [0], options, hold="zoh").structure
+        rows.append([(len(plant.poles), len(plant.zeros)), (found.poles, found.zeros)])
+    true, chosen = np.array(rows).swapaxes(0, 1)
+    return true, chosen
 
 
 def _synthetic_tasks(_run: Run, case: SyntheticCase, _earlier: Mapping[str, Results]) -> list[Task]:
@@ -124,14 +111,9 @@ def _synthetic_tasks(_run: Run, case: SyntheticCase, _earlier: Mapping[str, Resu
 
 def find(seeds: range) -> Content:
     """Identifies some random plants."""
-    true, found = find_orders(seeds)
-    axes = ("plant", "count")
-    return Content(
-        {
-            "true": Dataset(true, "1", axes, "Numbers of poles and zeros"),
-            "found": Dataset(found, "1", axes, "What the evidence chose"),
-        }
-    )
+    said = {"true": "Numbers of poles and zeros", "found": "What the evidence chose"}
+    pairs = zip(said.items(), find_orders(seeds), strict=True)
+    return Content({name: Dataset(values, "1", ("plant", "count"), what) for (name, what), values in pairs})
 
 
 def _conclude_synthetic(_run: Run, _case: SyntheticCase, results: Results) -> PartFound:
@@ -147,16 +129,14 @@ def _conclude_synthetic(_run: Run, _case: SyntheticCase, results: Results) -> Pa
         (str(order), *(str(int(((true[:, 0] == order) & (found[:, 0] == other)).sum())) for other in orders))
         for order in orders
     )
-    shown = Table(
-        ("True poles", *(f"{other} found" for other in orders)), rows, caption="Number of plants.", fit="compact"
-    )
+    heads = ("True poles", *(f"{other} found" for other in orders))
+    shown = Table(heads, rows, caption="Number of plants.", fit="compact")
     lead = (
         f"Plants with random poles and zeros inside the excited band, at least 20 % apart, measured with"
         f" {SIGNAL_TO_NOISE_DB:g} dB; the delay is known, the evidence chooses the numbers of poles and zeros."
     )
-    return PartFound(
-        figures, {"synthetic.order_correct_share": Asked(lower=0.95)}, (Section("Random plants", lead, (shown,)),)
-    )
+    asked = {"synthetic.order_correct_share": Asked(lower=0.95)}
+    return PartFound(figures, asked, (Section("Random plants", lead, (shown,)),))
 
 
 RANDOM_PLANTS = Part("synthetic", _conclude_synthetic, _synthetic_tasks, find)
@@ -164,55 +144,52 @@ RANDOM_PLANTS = Part("synthetic", _conclude_synthetic, _synthetic_tasks, find)
 
 COVERAGE = "coverage_97"
 _ASKED = Asked(0.94, 0.99)
-_SEED = ("seed",)
+_KEPT = {
+    "output": "Share of the validation's samples whose bounds hold the truth",
+    "magnitude": "The same of magnitudes inside the band",
+    "phase": "The same of phases",
+    "error": "Largest relative error of magnitudes inside the band",
+}
 
 
 def coverage_tasks(run: Run, case: PlantsCase, earlier: Mapping[str, Results]) -> list[Task]:
     """Returns the tasks: some seeds of one channel each, at the structure that its own task chose."""
     tasks = []
-    for index, channel in enumerate(channels_of(run, case)):
-        start = _model(channel, from_datasets(Identified, earlier["plants"][index]))
+    for index, channel in enumerate(bench.channels_of(run, case)):
+        known, ports = from_datasets(Identified, earlier["plants"][index]), (channel.plant.name,)
+        start = TransferMatrix(
+            *(ports, ports, known.numerator[None, None], known.denominator, known.delay_samples),
+            moving_average=channel.bench.moving_average,
+            sampling_period_s=channel.bench.sampling_period_s,
+            hold="zoh",
+        )
         chosen = [start.numerator.ravel().tolist(), start.denominator.tolist(), start.delay_samples]
         for seeds in in_chunks(case.first_seed, case.seeds, case.seeds_per_task):
-            decides = {**decides_of(channel), "start": chosen, "seeds": [seeds.start, seeds.stop]}
+            decides = {**bench.decides_of(channel), "start": chosen, "seeds": [seeds.start, seeds.stop]}
             tasks.append(Task(f"{channel.plant.name}_{seeds.start}", decides, (channel, start, seeds)))
     return tasks
 
 
-def cover(channel: BenchChannel, start: TransferMatrix, seeds: range) -> Content:
+def cover(channel: bench.BenchChannel, start: TransferMatrix, seeds: range) -> Content:
     """Refits some seeds of a channel from the model of the first, and tells the share of bounds that hold the truth."""
-    measuring = Measuring(channel)
-    structure = Structure(
-        poles=len(start.denominator) - 1,
-        zeros=start.numerator.shape[-1] - 1,
-        delay_samples=start.delay_samples,
-        moving_average=start.moving_average,
-        hold="zoh",
-    )
-    rows = []
-    for seed in seeds:
-        fit = fit_block(measuring.measure(seed)[:-1], [0], [0], structure, start)
-        rows.append(_shares(channel, measuring, Fitted(fit.model, fit.covariance_root)))
-    output, magnitude, phase, error = np.array(rows).T
-    return Content(
-        {
-            "output": Dataset(output, "1", _SEED, "Share of the validation's samples whose bounds hold the truth"),
-            "magnitude": Dataset(magnitude, "1", _SEED, "The same of magnitudes inside the band"),
-            "phase": Dataset(phase, "1", _SEED, "The same of phases"),
-            "error": Dataset(error, "1", _SEED, "Largest relative error of magnitudes inside the band"),
-        },
-        {"channel": channel.plant.name},
-    )
+    measuring, orders = bench.Measuring(channel), (len(start.denominator) - 1, start.numerator.shape[-1] - 1)
+    structure = Structure(*orders, start.delay_samples, moving_average=start.moving_average, hold="zoh")
+    fits = (fit_block(measuring.measure(seed)[:-1], [0], [0], structure, start) for seed in seeds)
+    rows = [_shares(channel, measuring, Fitted(fit.model, fit.covariance_root)) for fit in fits]
+    columns = zip(_KEPT.items(), np.array(rows).T, strict=True)
+    datasets = {name: Dataset(values, "1", ("seed",), what) for (name, what), values in columns}
+    return Content(datasets, {"channel": channel.plant.name})
 
 
-def _shares(channel: BenchChannel, measuring: Measuring, fitted: Fitted) -> tuple[float, float, float, float]:
-    """Shares of true outputs, magnitudes and phases within their bounds, and the largest error of a magnitude."""
-    simulated, std = simulation_of(fitted, measuring.commands[-1][:, None])
+def _shares(
+    channel: bench.BenchChannel, measuring: bench.Measuring, fitted: Fitted
+) -> tuple[float, float, float, float]:
+    simulated, std = bench.answer_of(fitted, lambda model: model.simulate(measuring.commands[-1][:, None])[:, 0])
     held = _inside(simulated - measuring.answers[-1], std)
     low, high = channel.case.band_hz
-    frequency_hz = frequencies(channel.case)
+    frequency_hz = bench.frequencies(channel.case)
     frequency_hz = frequency_hz[(frequency_hz >= low) & (frequency_hz <= high)]
-    response, relative, phase = response_of(fitted, frequency_hz)
+    response, relative, phase = bench.response_of(fitted, frequency_hz)
     ratio = response / channel.bench.response(channel.plant, frequency_hz)
     size = np.abs(ratio) - 1
     return held, _inside(size, relative), _inside(np.angle(ratio), phase), float(np.max(np.abs(size)))
@@ -220,61 +197,33 @@ def _shares(channel: BenchChannel, measuring: Measuring, fitted: Fitted) -> tupl
 
 def _inside(error: FloatArray, std: FloatArray) -> float:
     moving = std > 0  # before a command comes through nothing is uncertain
-    return float(np.mean(np.abs(error[moving]) <= quantile() * std[moving]))
-
-
-def _model(channel: BenchChannel, known: Identified) -> TransferMatrix:
-    return TransferMatrix(
-        inputs=(channel.plant.name,),
-        outputs=(channel.plant.name,),
-        numerator=known.numerator[None, None],
-        denominator=known.denominator,
-        delay_samples=known.delay_samples,
-        moving_average=channel.bench.moving_average,
-        sampling_period_s=channel.bench.sampling_period_s,
-        hold="zoh",
-    )
+    return float(np.mean(np.abs(error[moving]) <= bench.quantile() * std[moving]))
 
 
 def _conclude_coverage(run: Run, case: PlantsCase, results: Results) -> PartFound | None:
     if not len(results):
         return None
-    found = {channel.plant.name: _joined(results, channel.plant.name) for channel in channels_of(run, case)}
-    output, magnitude, phase = (
-        np.concatenate([one[key] for one in found.values()]) for key in ("output", "magnitude", "phase")
-    )
+    held = [(one.attributes["channel"], values_of(one)) for one in results]
+    found = {
+        name: {key: np.concatenate([values[key] for owner, values in held if owner == name]) for key in _KEPT}
+        for name in (channel.plant.name for channel in bench.channels_of(run, case))
+    }
+    every = {key: np.concatenate([one[key] for one in found.values()]) for key in _KEPT}
     figures = {
-        COVERAGE: float(output.mean()),
-        f"{COVERAGE}_magnitude": float(magnitude.mean()),
-        f"{COVERAGE}_phase": float(phase.mean()),
-        "coverage.seeds": float(len(output) / len(found)),
+        COVERAGE: float(every["output"].mean()),
+        **{f"{COVERAGE}_{key}": float(every[key].mean()) for key in ("magnitude", "phase")},
+        "coverage.seeds": float(len(every["output"]) / len(found)),
     }
     for name, one in found.items():
         figures[f"{name}.{COVERAGE}"] = float(one["output"].mean())
         figures[f"{name}.{COVERAGE}_magnitude"] = float(one["magnitude"].mean())
         figures[f"{name}.median_band_error_percent"] = 100 * float(np.median(one["error"]))
-    return PartFound(figures, {COVERAGE: _ASKED}, (_section(found, figures),))
-
-
-def _joined(results: Iterable[Artifact], name: str) -> dict[str, FloatArray]:
-    own = [each for each in results if each.attributes["channel"] == name]
-    return {
-        key: np.concatenate([each.datasets[key].values for each in own])
-        for key in ("output", "magnitude", "phase", "error")
-    }
-
-
-def _section(found: Mapping[str, Mapping[str, FloatArray]], figures: Mapping[str, float]) -> Section:
+    shares = {"Outputs": "output", "Magnitudes": "magnitude", "Phases": "phase"}
+    off = {"Largest error of a magnitude, median [%]": np.median, "worst [%]": np.max}
     columns = (
         ("Channel", lambda name: name),
-        ("Outputs", lambda name: percent(float(found[name]["output"].mean()))),
-        ("Magnitudes", lambda name: percent(float(found[name]["magnitude"].mean()))),
-        ("Phases", lambda name: percent(float(found[name]["phase"].mean()))),
-        (
-            "Largest error of a magnitude, median [%]",
-            lambda name: significant(100 * float(np.median(found[name]["error"]))),
-        ),
-        ("worst [%]", lambda name: significant(100 * float(np.max(found[name]["error"])))),
+        *((head, lambda name, key=key: percent(float(found[name][key].mean()))) for head, key in shares.items()),
+        *((head, lambda name, of=of: significant(100 * float(of(found[name]["error"])))) for head, of in off.items()),
     )
     lead = (
         f"Each channel measured with the noise of {figures['coverage.seeds']:.0f} seeds and refitted at the chosen"
@@ -282,7 +231,8 @@ def _section(found: Mapping[str, Mapping[str, FloatArray]], figures: Mapping[str
         " the chirp that validates, sample by sample; magnitudes and phases those of the responses inside the band."
         " Bounds know nothing of poles that the chosen structure leaves out."
     )
-    return Section("Do bounds cover?", lead, (table(columns, found, fit="compact"),))
+    section = Section("Do bounds cover?", lead, (table(columns, found, fit="compact"),))
+    return PartFound(figures, {COVERAGE: _ASKED}, (section,))
 
 
 COVERAGE_PART = Part("coverage", _conclude_coverage, coverage_tasks, cover, field="plants")

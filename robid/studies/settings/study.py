@@ -1,52 +1,233 @@
-"""What the study section of an experiment file may be, and its checks; those of responses and of fleets in full."""
+"""What the study section of an experiment file may be, and its checks; those of responses, elastic fits and fleets."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, get_args, get_type_hints
 
 from pydantic import Field
 
+from robid.arrays import option
 from robid.frf.options import EstimateOptions
+from robid.frf.residual import EstimatorKind
+from robid.models.elastic.fit.options import ElasticOptions, WeightsKind
 from robid.models.known import load_experiment
+from robid.robot.parameters import ElasticKind
 from robid.settings.base import Name, Section
+from robid.settings.checks.configurations import configuration_count
 from robid.settings.checks.experiment import Studies
-from robid.settings.experiment import Campaign, Experiment
+from robid.settings.experiment import Experiment
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
-from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, name_problems, unknown
-from robid.studies.settings.elastic import WernholtStudy, ZimmermannStudy, check_wernholt2008, check_zimmermann2023
-from robid.studies.settings.mistakes import MistakesStudy, check_mistakes
-from robid.studies.settings.parts import (
-    JanotStudy,
-    OliveiraStudy,
-    TurkStudy,
-    check_janot2009,
-    check_oliveira2019,
-    check_turk2018,
-)
-from robid.studies.settings.trust import TrustStudy, check_trust
+from robid.settings.robot_sections import given
+from robid.settings.yaml import FieldPath
+from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, entry, name_problems, unknown
+from robid.studies.settings import parts
+from robid.studies.settings.defects import MistakesStudy, TrustStudy, check_mistakes, check_trust
+
+
+@dataclass(frozen=True)
+class StepOptions:
+    """Short steps of one axis at a time, as fast as the motors allow."""
+
+    configurations: int = option(5, "Random configurations in which every axis is stepped.", ge=1)
+    seed: int = option(1, "Seed of the configurations.", ge=0)
+    step_deg: float = option(1.0, "Size of a step, arm side [deg].", gt=0)
+    step_m: float = option(0.01, "The same of prismatic joints [m].", gt=0)
+    peak_motor_speed_rad_s: float = option(20.0, "Largest speed of any motor during a step [rad/s].", gt=0)
+    torque_share: float = option(0.8, "Share of the torque limits that a step may need; feedback has the rest.", gt=0)
+    shortest_ramp_s: float = option(0.1, "Shortest time in which a step reaches its speed [s].", gt=0)
+    duration_s: float = option(1.0, "Time that is compared, from the beginning of a step [s].", gt=0)
+
+
+class ModelChoice(Section):
+    """The data of one model of a design study, and what it frees beyond the others."""
+
+    configurations: tuple[Whole, ...] | None = entry(
+        "Indices, from 0, of the campaigns' configurations; all when not given.", None, min_length=1
+    )
+    count: Count | None = entry("How many of these are taken; all when not given.", None)
+    seed: Whole = entry("Seed of the draw that takes them.", 1)
+    low_torque: Name | None = entry(
+        "Name of the joint with whose smallest gravity torques they are taken, not drawn.", None
+    )
+    free: tuple[ElasticKind, ...] = entry("Kinds that it frees beside those of `fit`.", ())
+    fixed: tuple[str, ...] = entry("Parameters that it fixes beside those of `fit`.", ())
+
+
+class ZimmermannStudy(Section):
+    """Models from few configurations, chosen in different ways, against the model from all of them."""
+
+    kind: Literal["zimmermann2023"] = entry("What is studied.")
+    estimation: tuple[Name, ...] = entry(
+        "Names of simulated campaigns, one for each individual of the robot, in the same configurations.", min_length=1
+    )
+    validation: tuple[Name, ...] = entry(
+        "Names of the campaigns that validate: the same individuals and configurations, in this order.", min_length=1
+    )
+    fit: ElasticOptions = entry(
+        "Options that all fits share.",
+        default_factory=lambda: ElasticOptions(free=("stiffness", "viscous"), estimator="lls"),
+    )
+    models: dict[Name, ModelChoice] = entry("The models, by name.", min_length=1)
+    axes: tuple[Name, ...] = entry(
+        "Joints by whose first resonance, of the motor's own response, the models are judged.",
+        ("axis_2", "axis_3"),
+        min_length=1,
+    )
+    reference: Name = entry("The model that has all configurations.", "m49")
+    optimal: Name = entry("The model that has those of `design`.", "opt2")
+    guess: Name = entry("The model that has those an engineer would choose.", "guess")
+    nonlinear: Name | None = entry("The model whose gears stiffen, which explains the others' springs.", None)
+    design: Name = entry("The design of the study.")
+    steps: StepOptions = entry("Steps that compare the models in the time domain.", default_factory=StepOptions)
+    stepped: tuple[Name, ...] = entry("Models that control the steps, the robot file beside.", ())
+    paper: str | None = entry("File with the paper's figures, relative to this one.", None, min_length=1)
+
+
+def check_zimmermann2023(study: ZimmermannStudy, experiment: Experiment, robot: RobotFile | None) -> Problems:
+    """Yields the field and the message of everything that is wrong with a study of designs."""
+    unusable: list[tuple[FieldPath, str]] = [
+        (("study", key, index), message)
+        for key, names in (("estimation", study.estimation), ("validation", study.validation))
+        for index, name in enumerate(names)
+        if (message := campaign_problem(experiment, name, "robot"))
+    ]
+    yield from unusable
+    yield from _check_names(experiment, study, robot)
+    if len(study.validation) != len(study.estimation):
+        counts = f"{len(study.validation)} campaigns for the {len(study.estimation)} of `estimation`"
+        yield ("study", "validation"), f"S391 has {counts}: one for each"
+    elif not unusable:
+        yield from _check_pairs(experiment, study)
+    if not unusable:
+        count = configuration_count(experiment, experiment.campaigns[study.estimation[0]])
+        for name, model in study.models.items():
+            field = ("study", "models", name)
+            for index, chosen in enumerate(model.configurations or ()):
+                if count is not None and chosen >= count:
+                    yield (*field, "configurations", index), f"S394 there are {count} configurations, numbered from 0"
+            there = count if model.configurations is None else len(model.configurations)
+            if model.count is not None and there is not None and model.count > there:
+                yield (*field, "count"), f"S395 cannot take {model.count} of {there} configurations"
+
+
+def _check_pairs(experiment: Experiment, study: ZimmermannStudy) -> Problems:
+    first = experiment.campaigns[study.estimation[0]]
+    for key, names in (("estimation", study.estimation), ("validation", study.validation)):
+        for index, name in enumerate(names):
+            if experiment.campaigns[name].configurations != first.configurations:
+                yield ("study", key, index), f"S392 `{name}` has other configurations than `{study.estimation[0]}`"
+    for index, pair in enumerate(zip(study.estimation, study.validation, strict=True)):
+        own, other = (given(given(experiment.campaigns[name].source).simulate) for name in pair)
+        if own.truth != other.truth:
+            message = f"S393 `{pair[1]}` simulates another individual than `{pair[0]}`: give both the same `truth`"
+            yield ("study", "validation", index), message
+
+
+def _check_names(experiment: Experiment, study: ZimmermannStudy, robot: RobotFile | None) -> Problems:
+    if message := unknown("design", study.design, experiment.designs):
+        yield ("study", "design"), message
+    named: list[tuple[str, FieldPath, str | None]] = [
+        *(("model", (key,), getattr(study, key)) for key in ("reference", "optimal", "guess", "nonlinear")),
+        *(("model", ("stepped", index), name) for index, name in enumerate(study.stepped)),
+    ]
+    if robot is not None:
+        named += [("joint", ("models", name, "low_torque"), one.low_torque) for name, one in study.models.items()]
+        named += [("joint", ("axes", index), joint) for index, joint in enumerate(study.axes)]
+    known = {"model": list(study.models), "joint": [] if robot is None else [joint.name for joint in robot.joints]}
+    for kind, place, name in named:
+        if name is not None and (message := unknown(kind, name, known[kind])):
+            yield ("study", *place), message
+
+
+class EstimatorChoice(Section):
+    """One estimator of the parameters."""
+
+    estimator: EstimatorKind = entry("As in a fit.")
+    weights: WeightsKind = entry("As `kind` in the weights of a fit.", "user")
+    configurations: Literal["all", "best"] = entry("All, or the one with the smallest predicted covariance.", "all")
+
+
+class WernholtStudy(Section):
+    """Estimators of springs and dampers by the models that they reach from many starts."""
+
+    kind: Literal["wernholt2008"] = entry("What is studied.")
+    campaign: Name = entry("Name of the simulated campaign whose responses are fitted.")
+    fit: ElasticOptions = entry(
+        "Options that all estimators share: free parameters, starts, strategy. All starts are random, the"
+        " same for all estimators.",
+        default_factory=lambda: ElasticOptions(free=("stiffness", "damping"), correct_torques=False, starts=100),
+    )
+    estimators: dict[Name, EstimatorChoice] = entry("What is compared, by name.", min_length=1)
+    reference: Name = entry("The estimator whose best model the others' parameters are divided by.", "lls15u")
+    wide: tuple[Name, ...] = entry("Estimators that also start over `wide_decades`.", ())
+    wide_decades: Positive = entry("Spread of these starts [decades].", 2.0)
+    plain: bool = entry("Whether every start is also fitted with `strategy: plain`, as in the paper.", True)
+    starts_per_task: Count = entry("Starts that are fitted in one go.", 25)
+    individuals: tuple[Name, ...] = entry(
+        "Names of further simulated campaigns, one for each individual of the robot, on which estimates"
+        " from all configurations are held against the truth.",
+        (),
+    )
+    individual_estimators: tuple[Name, ...] = entry(
+        "Estimators that are held against them; all with all configurations when not given.", ()
+    )
+    individual_starts: Count = entry("Starts of each of these fits, the robot file's values the first one.", 3)
+    element: tuple[int, int] = entry(
+        "Numbers, from 1, of the output and the input of the response that is drawn.", (1, 1)
+    )
+    paper: str | None = entry("File with the paper's figures, relative to this one.", None, min_length=1)
+
+
+def check_wernholt2008(study: WernholtStudy, experiment: Experiment, _robot: RobotFile | None) -> Problems:
+    """Yields the field and the message of everything that is wrong with a study of parameter estimators."""
+    if message := campaign_problem(experiment, study.campaign):
+        yield ("study", "campaign"), message
+    problems = dict(name_problems(study.individuals, study.individuals))
+    campaigns = {index: campaign_problem(experiment, name) for index, name in enumerate(study.individuals)}
+    problems |= {index: message for index, message in campaigns.items() if message}
+    yield from ((("study", "individuals", index), message) for index, message in problems.items())
+    if found := [
+        *name_problems((study.reference,), list(study.estimators)),
+        *_one_configuration(study, (study.reference,)),
+    ]:
+        yield ("study", "reference"), found[0][1]
+    for key, names in (("wide", study.wide), ("individual_estimators", study.individual_estimators)):
+        found = name_problems(names, list(study.estimators))
+        if key != "wide":
+            found += _one_configuration(study, names)
+        yield from ((("study", key, index), message) for index, message in found)
+
+
+def _one_configuration(study: WernholtStudy, names: tuple[str, ...]) -> list[tuple[int, str]]:
+    return [
+        (index, f"`{name}` does not use all configurations")
+        for index, name in enumerate(names)
+        if name in study.estimators and study.estimators[name].configurations != "all"
+    ]
 
 
 class FrfStudy(Section):
     """Estimators against the best linear approximation, and what compensation leaves of the bias."""
 
-    kind: Literal["frf"] = Field(description="What is studied.")
-    campaign: Name = Field(description="Name of the simulated campaign whose realizations it divides into groups.")
-    group: int = Field(4, description="Realizations of one estimate.", ge=2)
-    groups_per_task: Count = Field(5, description="Groups that are simulated at once.")
-    estimators: tuple[str, ...] | None = Field(
-        None, description="Values of `estimate.estimator` to compare; all when not given.", min_length=1
+    kind: Literal["frf"] = entry("What is studied.")
+    campaign: Name = entry("Name of the simulated campaign whose realizations it divides into groups.")
+    group: int = entry("Realizations of one estimate.", 4, ge=2)
+    groups_per_task: Count = entry("Groups that are simulated at once.", 5)
+    estimators: tuple[str, ...] | None = entry(
+        "Values of `estimate.estimator` to compare; all when not given.", None, min_length=1
     )
-    compensations: tuple[str, ...] | None = Field(
-        None, description="Values of `estimate.compensation` to compare; all when not given.", min_length=1
+    compensations: tuple[str, ...] | None = entry(
+        "Values of `estimate.compensation` to compare; all when not given.", None, min_length=1
     )
-    reference_estimator: str = Field(
-        "joint", description="Estimator of the best linear approximation, from all realizations of a task."
+    reference_estimator: str = entry(
+        "Estimator of the best linear approximation, from all realizations of a task.", "joint"
     )
-    references: dict[str, float] = Field(
-        default_factory=dict, description="Figures to hold ours against, by their name in summary.json."
+    references: dict[str, float] = entry(
+        "Figures to hold ours against, by their name in summary.json.", default_factory=dict
     )
 
 
@@ -59,29 +240,16 @@ def choices(option: Literal["estimator", "compensation"]) -> tuple[str, ...]:
 
 def check_frf_study(study: FrfStudy, experiment: Experiment, _robot: RobotFile | None) -> Problems:
     """Yields the field and the message of everything that is wrong with a study of estimators of responses."""
-    message = campaign_problem(experiment, study.campaign)
-    if message:
+    if message := campaign_problem(experiment, name := study.campaign):
         yield ("study", "campaign"), message
     else:
-        yield from _check_groups(study, experiment.campaigns[study.campaign])
-    yield from _check_names(study)
-
-
-def _check_groups(study: FrfStudy, campaign: Campaign) -> Problems:
-    if campaign.estimate.friction_fit is not None:
-        message = (
-            f"S417 the friction of `{study.campaign}` is a fit's, which this study does not compare: name another one"
-        )
-        yield ("study", "campaign"), message
-    if campaign.realizations % study.group or campaign.realizations < 2 * study.group:
-        message = (
-            f"S418 does not divide the {campaign.realizations} realizations of `{study.campaign}` into groups, two "
-            "or more"
-        )
-        yield ("study", "group"), message
-
-
-def _check_names(study: FrfStudy) -> Problems:
+        campaign = experiment.campaigns[name]
+        if campaign.estimate.friction_fit is not None:
+            what = "is a fit's, which this study does not compare: name another one"
+            yield ("study", "campaign"), f"S417 the friction of `{name}` {what}"
+        if campaign.realizations % study.group or campaign.realizations < 2 * study.group:
+            what = f"the {campaign.realizations} realizations of `{name}` into groups, two or more"
+            yield ("study", "group"), f"S418 does not divide {what}"
     for key, known, named in (
         ("estimators", choices("estimator"), study.estimators or ()),
         ("compensations", choices("compensation"), study.compensations or ()),
@@ -94,44 +262,40 @@ def _check_names(study: FrfStudy) -> Problems:
 class FleetFaults(Section):
     """What is wrong with some of the robots: six kinds, as many robots of each."""
 
-    each: Whole = Field(5, description="Robots of each kind.")
-    seed: Whole = Field(1, description="Seed of which robots these are, and of what is wrong where.")
-    stiffness_factor: Positive = Field(
-        0.7, description="`spring`: true stiffness of a joint's transmission over that of a sound one."
+    each: Whole = entry("Robots of each kind.", 5)
+    seed: Whole = entry("Seed of which robots these are, and of what is wrong where.", 1)
+    stiffness_factor: Positive = entry(
+        "`spring`: true stiffness of a joint's transmission over that of a sound one.", 0.7
     )
-    payload_kg: Positive = Field(5.0, description="`payload`: what is mounted beyond what the manifest says [kg].")
-    lost_samples: tuple[int, int] = Field(
-        (3, 200), description="`gap`: fewest and most samples that are lost inside an experiment."
+    payload_kg: Positive = entry("`payload`: what is mounted beyond what the manifest says [kg].", 5.0)
+    lost_samples: tuple[int, int] = entry(
+        "`gap`: fewest and most samples that are lost inside an experiment.", (3, 200)
     )
 
 
 class FleetSpeed(Section):
     """How the speed of `robid reprocess` is measured: backends in turn, again and again."""
 
-    rows: int = Field(100, description="Rows of each run, all of sound robots.", ge=3)
-    repeats: Count = Field(5, description="Runs of each backend.")
+    rows: int = entry("Rows of each run, all of sound robots.", 100, ge=3)
+    repeats: Count = entry("Runs of each backend.", 5)
 
 
 class FleetStudy(Section):
     """Logs of many simulated robots, some with faults, through `robid reprocess`."""
 
-    kind: Literal["fleet"] = Field(description="What is studied.")
-    campaign: Name = Field(description="Name of the simulated campaign that is logged of each robot.")
-    experiment: str = Field(
-        description="Experiment file, relative to this one, that reads these logs: its rows have `id`, `log` and"
-        " `payload_kg`.",
+    kind: Literal["fleet"] = entry("What is studied.")
+    campaign: Name = entry("Name of the simulated campaign that is logged of each robot.")
+    experiment: str = entry(
+        "Experiment file, relative to this one, that reads these logs: its rows have `id`, `log` and `payload_kg`.",
         min_length=1,
     )
-    robots: Count = Field(1000, description="Number of robots.")
-    robots_per_task: Count = Field(10, description="Robots that are simulated in one go.")
-    first_seed: Whole = Field(1, description="Seed of the first robot and its noise; the others follow.")
-    faults: FleetFaults = Field(default_factory=FleetFaults, description="What is wrong with some of them.")
-    speed: FleetSpeed | None = Field(
-        default_factory=FleetSpeed, description="How speed is measured; not at all when null."
-    )
-    scheduled: Whole = Field(
-        0,
-        description="Rows without work that a local Dask cluster is fed with, to see what it bears; 0 leaves it out.",
+    robots: Count = entry("Number of robots.", 1000)
+    robots_per_task: Count = entry("Robots that are simulated in one go.", 10)
+    first_seed: Whole = entry("Seed of the first robot and its noise; the others follow.", 1)
+    faults: FleetFaults = entry("What is wrong with some of them.", default_factory=FleetFaults)
+    speed: FleetSpeed | None = entry("How speed is measured; not at all when null.", default_factory=FleetSpeed)
+    scheduled: Whole = entry(
+        "Rows without work that a local Dask cluster is fed with, to see what it bears; 0 leaves it out.", 0
     )
 
 
@@ -141,14 +305,13 @@ KINDS = ("spring", "sign", "dead", "gap", "payload", "file")
 
 def check_fleet(study: FleetStudy, experiment: Experiment, _robot: RobotFile | None) -> Problems:
     """Yields the field and the message of everything that is wrong with a study of fleets."""
-    message = campaign_problem(experiment, study.campaign)
-    if message:
+    if message := campaign_problem(experiment, study.campaign):
         yield ("study", "campaign"), message
-    faulty = len(KINDS) * study.faults.each
-    if faulty > study.robots:
-        yield ("study", "faults", "each"), f"S419 makes {faulty} robots with a fault, of {study.robots}"
-    elif study.speed is not None and study.speed.rows > study.robots - faulty:
-        yield ("study", "speed", "rows"), f"S420 must be of sound robots, of which there are {study.robots - faulty}"
+    sound = study.robots - len(KINDS) * study.faults.each
+    if sound < 0:
+        yield ("study", "faults", "each"), f"S419 makes {study.robots - sound} robots with a fault, of {study.robots}"
+    elif study.speed is not None and study.speed.rows > sound:
+        yield ("study", "speed", "rows"), f"S420 must be of sound robots, of which there are {sound}"
     fewest, most = study.faults.lost_samples
     if not 0 < fewest <= most:
         yield ("study", "faults", "lost_samples"), "S421 must rise from a number above 0"
@@ -159,9 +322,9 @@ Study: TypeAlias = Annotated[
     | WernholtStudy
     | ZimmermannStudy
     | MistakesStudy
-    | JanotStudy
-    | OliveiraStudy
-    | TurkStudy
+    | parts.JanotStudy
+    | parts.OliveiraStudy
+    | parts.TurkStudy
     | TrustStudy
     | FleetStudy,
     Field(discriminator="kind"),
@@ -173,9 +336,9 @@ _CHECKS: Mapping[str, Callable[[Any, Experiment, RobotFile | None], Problems]] =
     "wernholt2008": check_wernholt2008,
     "zimmermann2023": check_zimmermann2023,
     "mistakes": check_mistakes,
-    "janot2009": check_janot2009,
-    "oliveira2019": check_oliveira2019,
-    "turk2018": check_turk2018,
+    "janot2009": parts.check_janot2009,
+    "oliveira2019": parts.check_oliveira2019,
+    "turk2018": parts.check_turk2018,
     "trust": check_trust,
     "fleet": check_fleet,
 }

@@ -1,1 +1,1 @@
-"""Whether intervals hold. Read `responses`, `linear`, `figures`, `report`; the settings say which robots there are."""
+"""Whether intervals hold. Read `responses`, `linear`, `report`; the settings say which robots there are."""

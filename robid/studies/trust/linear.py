@@ -14,18 +14,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance.kinds import (
-    MICRO,
-    Compliance,
-    Hysteresis,
-    LoadStiffness,
-    MotorFriction,
-    Nuisance,
-    RobotMove,
-    TorqueScale,
-    ValueOff,
-    list_nuisances,
-)
+from robid.models.elastic.fit.nuisance import kinds
 from robid.models.elastic.fit.nuisance.response import NO_LOAD_RAD, bristle_share
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fitting import true_values
@@ -42,8 +31,8 @@ from robid.signals.quantities import motor_channels
 from robid.simulate.options import Imperfections, Truth
 from robid.simulate.truth import TrueRobot
 from robid.studies.experiments import changed_simulation
-from robid.studies.settings.trust import LINEAR, TrustStudy, individuals
-from robid.studies.simulated import solution_or_refusal, with_truth
+from robid.studies.settings.defects import LINEAR, TrustStudy, individuals
+from robid.studies.simulated import kept_or_refused, with_truth
 from robid.studies.study import Content, Earlier, Task, study_of
 from robid.studies.trust.responses import RANDOM, machines
 
@@ -57,7 +46,7 @@ _DRAWS = 3  # keeps these draws apart from those of springs, masses and defects
 class Perturbed:
     """A robot file's nuisance parameters, and how far one robot is off."""
 
-    nuisances: tuple[Nuisance, ...]
+    nuisances: tuple[kinds.Nuisance, ...]
     amounts: FloatArray  # (n_nuisance, n_conf) how far the robot is off in each configuration
 
 
@@ -67,7 +56,7 @@ def draw_perturbed(robot: Robot, options: ElasticOptions, n_configuration: int, 
     Amounts that have a sign keep it.
     """
     generator = np.random.default_rng([seed, _DRAWS])
-    nuisances = list_nuisances(robot, options)
+    nuisances = kinds.list_nuisances(robot, options)
     amounts = np.empty((len(nuisances), n_configuration))
     for row, nuisance in zip(amounts, nuisances, strict=True):
         common, each = generator.standard_normal(), generator.standard_normal(n_configuration)
@@ -78,7 +67,7 @@ def draw_perturbed(robot: Robot, options: ElasticOptions, n_configuration: int, 
 
 def as_file(robot: Robot, options: ElasticOptions, n_configuration: int) -> Perturbed:
     """Returns the nuisance parameters of a robot that is right in everything."""
-    nuisances = list_nuisances(robot, options)
+    nuisances = kinds.list_nuisances(robot, options)
     return Perturbed(nuisances, np.zeros((len(nuisances), n_configuration)))
 
 
@@ -87,15 +76,9 @@ def perturbed_responses(
 ) -> ComplexArray:
     """Computes the exact responses of a robot that is off, as they are recorded; bristles are the same in all.
 
-    Args:
-        robot: The robot, its springs and dampers the true ones.
-        off: How far it is off.
-        configurations (n_conf, n_joint): Where it is measured [rad, or m].
-        frequency_hz (n_freq,): Frequencies [Hz].
-        sampling: Period for which torques are held, and delay to the applied torque [s].
-
-    Returns:
-        Responses (n_conf, n_freq, n_motor, n_motor) from recorded torques to motor accelerations.
+    Springs and dampers are the true ones. Responses (n_conf, n_freq, n_motor, n_motor) are from recorded torques to
+    motor accelerations, in configurations (n_conf, n_joint) [rad, or m] at frequencies (n_freq,) [Hz]; sampling is
+    the period for which torques are held, and the delay to the applied torque [s].
     """
     shares = load_shares(robot, configurations)
     found = []
@@ -107,26 +90,24 @@ def perturbed_responses(
         own = off_robot(robot, off.nuisances, amounts, shares[index])
         model = build_model(own)
         linear = linearize(model, solve_statics(model, configuration[None]))
-        delay_s = sampling[1] + sum(
-            MICRO * amounts[each.name] for each in off.nuisances if each.effect == ValueOff("delay", 0)
-        )
+        late = (amounts[each.name] for each in off.nuisances if each.effect == kinds.ValueOff("delay", 0))
+        delay_s = sampling[1] + sum(kinds.MICRO * amount for amount in late)
+        bristles = _bristles(off.nuisances, amounts, own, frequency_hz)
         parameters = nominal_parameters(own, linear, delay_s)
-        exact = _with_bristles(
-            linear, parameters, _bristles(off.nuisances, amounts, own, frequency_hz), frequency_hz, sampling[0]
-        )
+        exact = _with_bristles(linear, parameters, bristles, frequency_hz, sampling[0])
         hold = hold_factor(2 * np.pi * frequency_hz, delay_s, sampling[0])
-        found.append(_recorded(own, off.nuisances, amounts, exact, frequency_hz, hold))
+        found.append(_recorded(own, off, amounts, exact, frequency_hz, hold))
     return np.array(found)
 
 
 def _bristles(
-    nuisances: Sequence[Nuisance], amounts: Mapping[str, float], robot: Robot, frequency_hz: FloatArray
+    nuisances: Sequence[kinds.Nuisance], amounts: Mapping[str, float], robot: Robot, frequency_hz: FloatArray
 ) -> ComplexArray:
     """What bristles add to each spring (n_freq, n_spring), over its stiffness."""
     omega = 2 * np.pi * frequency_hz
     found = np.zeros((omega.size, len(robot.springs)), complex)
     for nuisance in nuisances:
-        if isinstance(nuisance.effect, Hysteresis):
+        if isinstance(nuisance.effect, kinds.Hysteresis):
             share = bristle_share(omega, np.zeros((1, omega.size)), nuisance.effect.slip)[0]
             found[:, nuisance.effect.spring] += 2 * amounts[nuisance.name] / _PERCENT * share
     return found
@@ -137,20 +118,22 @@ def _with_bristles(
     parameters: ElasticParameters,
     bristles: ComplexArray,
     frequency_hz: FloatArray,
-    sampling_period_s: float,
+    period_s: float,
 ) -> ComplexArray:
     """Response (n_freq, n_motor, n_motor), springs at each frequency as its bristles make them."""
     if not bristles.any():
-        return np.asarray(response(linear, parameters, frequency_hz, sampling_period_s).sampled[0])
+        return np.asarray(response(linear, parameters, frequency_hz, period_s).sampled[0])
     found = []
     for line, added in zip(frequency_hz, parameters.stiffness * bristles, strict=True):
         damping = parameters.damping + added.imag / (2 * np.pi * line)
         own = replace(parameters, stiffness=parameters.stiffness + added.real, damping=damping)
-        found.append(response(linear, own, np.array([line]), sampling_period_s).sampled[0, 0])
+        found.append(response(linear, own, np.array([line]), period_s).sampled[0, 0])
     return np.array(found)
 
 
-def off_robot(robot: Robot, nuisances: Sequence[Nuisance], amounts: Mapping[str, float], shares: FloatArray) -> Robot:
+def off_robot(
+    robot: Robot, nuisances: Sequence[kinds.Nuisance], amounts: Mapping[str, float], shares: FloatArray
+) -> Robot:
     """Returns the robot with everything that is off, by its name, and belongs to its mechanics.
 
     The load of each gear here (n_spring,) is from -1 to 1 over the configurations.
@@ -161,28 +144,28 @@ def off_robot(robot: Robot, nuisances: Sequence[Nuisance], amounts: Mapping[str,
         share, direction = amounts[nuisance.name] / _PERCENT, nuisance.effect
         if share == 0:
             continue
-        if isinstance(direction, RobotMove):
+        if isinstance(direction, kinds.RobotMove):
             robot = direction.moved(robot, amounts[nuisance.name])
-        elif isinstance(direction, LoadStiffness):
+        elif isinstance(direction, kinds.LoadStiffness):
             spring = robot.springs[direction.spring]
             softer = replace(spring, stiffness=spring.stiffness * (1 + share * float(shares[direction.spring])))
             robot = replace(robot, springs=_with(robot.springs, direction.spring, softer))
-        elif isinstance(direction, Compliance):
+        elif isinstance(direction, kinds.Compliance):
             spring = direction.spring
             further.append(replace(spring, stiffness=spring.stiffness / share, damping=spring.damping / share))
-        elif isinstance(direction, ValueOff) and direction.kind in ("stiffness", "damping"):
+        elif isinstance(direction, kinds.ValueOff) and direction.kind in ("stiffness", "damping"):
             spring = robot.springs[direction.element]
             size = (1 + share) * float(getattr(spring, direction.kind))
             held = replace(spring, stiffness=size) if direction.kind == "stiffness" else replace(spring, damping=size)
             robot = replace(robot, springs=_with(robot.springs, direction.element, held))
-        elif isinstance(direction, ValueOff) and direction.kind != "delay":
+        elif isinstance(direction, kinds.ValueOff) and direction.kind != "delay":
             joint = robot.joints[direction.element]
             off = _with_off_drive(joint, direction, share, float(inertia[direction.element]))
             robot = replace(robot, joints=_with(robot.joints, direction.element, off))
     return replace(robot, springs=(*robot.springs, *further))
 
 
-def _with_off_drive(joint: Joint, direction: ValueOff, share: float, inertia: float) -> Joint:
+def _with_off_drive(joint: Joint, direction: kinds.ValueOff, share: float, inertia: float) -> Joint:
     if direction.kind == "arm_viscous":
         return replace(joint, arm_viscous=joint.arm_viscous + share * _TURN_10_HZ * inertia)
     motor = joint.motor
@@ -209,7 +192,7 @@ def load_shares(robot: Robot, configurations: FloatArray) -> FloatArray:
 
 def _recorded(
     robot: Robot,
-    nuisances: Sequence[Nuisance],
+    off: Perturbed,
     amounts: Mapping[str, float],
     exact: ComplexArray,
     frequency_hz: FloatArray,
@@ -217,14 +200,13 @@ def _recorded(
 ) -> ComplexArray:
     """What motors' friction, which waits for no hold (n_freq,), and torque constants make of a response."""
     square = (2 * np.pi * frequency_hz) ** 2
-    feedback = np.zeros(exact.shape, complex)
-    constant = np.ones(exact.shape[2])
-    for nuisance in nuisances:
+    feedback, constant = np.zeros(exact.shape, complex), np.ones(exact.shape[2])
+    for nuisance in off.nuisances:
         direction, share = nuisance.effect, amounts[nuisance.name] / _PERCENT
-        if isinstance(direction, MotorFriction):
+        if isinstance(direction, kinds.MotorFriction):
             size = share * robot.joints[direction.joint].motor.inertia_kgm2 * _TURN_10_HZ**2
             feedback[:, direction.joint, direction.joint] += direction.phase * size / square
-        elif isinstance(direction, TorqueScale):
+        elif isinstance(direction, kinds.TorqueScale):
             constant[direction.joint] = 1 + share
     rubbing = np.linalg.solve(np.eye(exact.shape[1]) - exact @ feedback / hold[:, None, None], exact)
     return np.asarray(rubbing / constant)
@@ -240,7 +222,7 @@ class LinearFit:
 
     nominal: Robot  # The robot as its file describes it
     robot: Robot  # With the true springs and dampers
-    drawn: bool  # Whether its nuisance parameters are drawn
+    drawn: bool  # Whether its nuisanceed values are drawn
     seed: int  # Seed of them and of the noise
     configurations: FloatArray  # (n_conf, n_joint) where it is measured [rad, or m]
     lines: IntArray  # (n_freq,) excited lines
@@ -276,15 +258,9 @@ def linear_tasks(run: Run, _earlier: Earlier) -> list[Task]:
             options=options,
         )
         decides = {
-            "drawn": fit.drawn,
-            "seed": one.seed,
-            "truth": plain_settings(truth.truth),
-            "configurations": fit.configurations.tolist(),
-            "lines": fit.lines.tolist(),
-            "period_s": fit.period_s,
-            "sampling": list(fit.sampling),
-            "noise": fit.relative_noise,
-            "options": plain_settings(options),
+            **{"drawn": fit.drawn, "seed": one.seed, "truth": plain_settings(truth.truth)},
+            **{"configurations": fit.configurations.tolist(), "lines": fit.lines.tolist(), "period_s": fit.period_s},
+            **{"sampling": list(fit.sampling), "noise": fit.relative_noise, "options": plain_settings(options)},
             "settings": model_settings(loaded, places.owner),
             **robot_settings(loaded, "friction", "controller"),
         }
@@ -303,7 +279,7 @@ def fit_linear(one: LinearFit) -> Content:
     exact = perturbed_responses(robot, off, one.configurations, frequency_hz, one.sampling)
     frf = noisy_frf(robot, exact, one)
     truth = TrueRobot(robot, Truth(), Imperfections(), one.sampling[1], one.seed, None)
-    content = solution_or_refusal(lambda: fit_elastic(one.nominal, frf, one.options, one.sampling[1]))
+    content = kept_or_refused(lambda: fit_elastic(one.nominal, frf, one.options, one.sampling[1]))
     return with_truth(content, true_values(one.nominal, truth))
 
 
@@ -325,8 +301,7 @@ def noisy_frf(robot: Robot, exact: ComplexArray, one: LinearFit) -> Frf:
     generator = np.random.default_rng([one.seed, _NOISE_DRAWS])
     level = one.relative_noise * np.median(np.abs(exact), axis=(0, 1, 3))
     noise = generator.standard_normal((2, *exact.shape)) / np.sqrt(2)
-    n_conf, n_freq, n_motor, _ = exact.shape
-    names = tuple(joint.name for joint in robot.joints)
+    (n_conf, n_freq, n_motor, _), names = exact.shape, tuple(joint.name for joint in robot.joints)
     return Frf(
         frequency_hz=one.lines / one.period_s,
         lines=one.lines,

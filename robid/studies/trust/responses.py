@@ -7,15 +7,11 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from robid.arrays import FloatArray
-from robid.artifacts.artifact import Attribute, Dataset
+from robid.artifacts.artifact import Attribute
 from robid.artifacts.kinds import TASK
 from robid.artifacts.store import read_artifact
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.errors import DataError
-from robid.frf.frf import Frf
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fitting import true_values
@@ -25,7 +21,6 @@ from robid.models.elastic.settings import elastic_fit, model_settings
 from robid.pipeline.configurations import draw_in_reach
 from robid.pipeline.graph import Run
 from robid.pipeline.simulate_or_acquire import simulated_experiment, simulated_truth
-from robid.results.finding import Finding
 from robid.robot.description import Robot
 from robid.robot.nuisance import NuisanceStd
 from robid.settings.experiment import Campaign
@@ -33,22 +28,17 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, plain_settings
 from robid.settings.robot_sections import given
 from robid.simulate.truth import TrueRobot
-from robid.studies.experiments import (
-    Further,
-    both_runs,
-    changed_simulation,
-    excitations,
-)
-from robid.studies.mistakes.cases import GRADING, refused_causes
-from robid.studies.settings.trust import Individual, TrustStudy, individuals, robot_problems
+from robid.studies.experiments import Further, both_runs, changed_simulation, excitations
+from robid.studies.mistakes.cases import GRADING, about_findings, refused_causes
+from robid.studies.settings.defects import Individual, TrustStudy, individuals, trusted_problems
 from robid.studies.simulated import (
     REFUSAL,
+    kept_or_refused,
     kept_solution,
     kept_truth,
     measurements,
     played,
     read_responses,
-    solution_or_refusal,
     threads_of,
     with_truth,
 )
@@ -76,16 +66,13 @@ class Machine:
 
     def places_of(self, one: Individual, use: str) -> Places:
         """Returns a campaign in the places of a robot: drawn for it, but for those that a design chose."""
-        places = self.places[use]
+        places, loaded = self.places[use], self.run.loaded
         if use == DESIGNED:
             return places
-        configurations = self._drawn(places.campaign, len(places.content.configurations), one.seed, use)
-        return replace(places, content=replace(places.content, configurations=configurations))
-
-    def _drawn(self, campaign: Campaign, count: int, seed: int, use: str) -> FloatArray:
-        stated = given(given(campaign.configurations).random)
-        wanted = stated.model_copy(update={"count": count, "seed": 2 * seed + (use == FRESH)})
-        return draw_in_reach(self.run.loaded, self.run.loaded.robot.to_robot(campaign.payload_kg), wanted)
+        stated, count = given(given(places.campaign.configurations).random), len(places.content.configurations)
+        wanted = stated.model_copy(update={"count": count, "seed": 2 * one.seed + (use == FRESH)})
+        drawn = draw_in_reach(loaded, loaded.robot.to_robot(places.campaign.payload_kg), wanted)
+        return replace(places, content=replace(places.content, configurations=drawn))
 
 
 def campaigns_of(loaded: LoadedExperiment, study: TrustStudy) -> dict[str, str]:
@@ -109,20 +96,16 @@ def further(run: Run) -> Further:
 def machines(run: Run) -> dict[str, Machine]:
     """Returns the two kinds of robot by name, once their chains are there."""
     study = study_of(run.loaded, TrustStudy)
-    return {
-        name: Machine(
-            one,
-            {
-                use: Places(owner, one.loaded.experiment.campaigns[owner], played(one, owner))
-                for use, owner in campaigns_of(one.loaded, study).items()
-            },
-        )
-        for name, one in _runs(run, study).items()
-    }
+
+    def places(one: Run) -> dict[str, Places]:
+        owners, known = campaigns_of(one.loaded, study), one.loaded.experiment.campaigns
+        return {use: Places(owner, known[owner], played(one, owner)) for use, owner in owners.items()}
+
+    return {name: Machine(one, places(one)) for name, one in _runs(run, study).items()}
 
 
 def _runs(run: Run, study: TrustStudy) -> dict[str, Run]:
-    return both_runs(run, study.light, lambda own: robot_problems(study, "light", own.experiment, own.robot))
+    return both_runs(run, study.light, lambda own: trusted_problems(study, "light", own.experiment, own.robot))
 
 
 _NOISE = (RANDOM, FRESH, DESIGNED)  # each has noise of its own
@@ -199,12 +182,8 @@ def make_fitting(
     experiment = simulated_experiment(loaded, places.campaign, simulate, places.content)
     delay = delay_s(loaded, places.campaign)
     files = files_of(responses, one, use)
-    decides = {
-        "responses": [path.name for path in files],
-        "options": plain_settings(options),
-        "settings": model_settings(loaded, places.owner),
-        "doubts": use == RANDOM,
-    }
+    decides = {"responses": [path.name for path in files], "options": plain_settings(options)}
+    decides |= {"settings": model_settings(loaded, places.owner), "doubts": use == RANDOM}
     nominal = loaded.robot.to_robot(places.campaign.payload_kg)
     if use != RANDOM:  # its springs are held against nothing: what predicts does not look at nuisance parameters
         nominal = certain(nominal)
@@ -220,17 +199,13 @@ def certain(robot: Robot) -> Robot:
 
 def fit_individual(one: Fitting) -> Content:
     """Fits a robot, or says why it was refused; its true values lie beside."""
-    content = solution_or_refusal(
-        lambda: fit_elastic(one.robot, read_responses(one.responses), one.options, one.delay_s)
-    )
+    content = kept_or_refused(lambda: fit_elastic(one.robot, read_responses(one.responses), one.options, one.delay_s))
     return with_truth(content, true_values(one.robot, one.truth))
 
 
 def grade_tasks(run: Run, earlier: Earlier) -> list[Task]:
     """Returns one task for each robot that is simulated."""
-    known, study = machines(run), study_of(run.loaded, TrustStudy)
-    models = earlier[1].by_name
-    found = []
+    known, study, models, found = machines(run), study_of(run.loaded, TrustStudy), earlier[1].by_name, list[Task]()
     for one in simulated(run):
         fitting = make_fitting(run, known[one.robot], one, RANDOM, earlier[0])[1]
         model = models[f"{one.key}_{RANDOM}"]
@@ -243,32 +218,20 @@ def grade_tasks(run: Run, earlier: Earlier) -> list[Task]:
 def grade_individual(fitting: Fitting, model: Path, fresh: tuple[Path, ...]) -> Content:
     """Says what speaks against a fit and, with fresh places to validate in, which grade it gets."""
     held, frf = read_artifact(model, TASK), None
+    about: dict[str, Attribute] = {}
     try:
         solution = kept_solution(held)
         frf = read_responses(fitting.responses)
-        findings = assess_fit(fitting.robot, solution, frf, fitting.options, fitting.delay_s).findings
-        if not fresh:
-            return _content(findings, {})
-        new, truth = read_responses(fresh), kept_truth(held)
-        validation = validate_elastic(fitting.robot, solution, new, fitting.options, fitting.delay_s, truth, findings)
+        shared = fitting.options, fitting.delay_s
+        found = assess_fit(fitting.robot, solution, frf, *shared).findings
+        if fresh:
+            new, truth = read_responses(fresh), kept_truth(held)
+            grade = validate_elastic(fitting.robot, solution, new, *shared, truth, found).outcome.grade
+            found, about = grade.findings, {"grade": grade.value}
     except DataError as error:
-        return _refused(fitting, frf, str(error))
-    return _content(validation.outcome.grade.findings, {"grade": validation.outcome.grade.value})
-
-
-def _refused(fitting: Fitting, frf: Frf | None, text: str) -> Content:
-    """What a refusal amounts to: nothing may be used."""
-    causes = refused_causes(fitting.robot, frf, text, fitting.delay_s)
-    return Content({"causes": _texts(causes)}, {REFUSAL: text, "grade": 0})
-
-
-def _content(findings: tuple[Finding, ...], attributes: dict[str, Attribute]) -> Content:
-    datasets = {
-        "causes": _texts(tuple(finding.cause for finding in findings)),
-        "messages": _texts(tuple(finding.message for finding in findings)),
-    }
-    return Content(datasets, attributes)
-
-
-def _texts(texts: tuple[str, ...]) -> Dataset:
-    return Dataset(np.array(texts, dtype=str), "1", ("doubt",))
+        # What was refused may not be used at all.
+        causes = refused_causes(fitting.robot, frf, str(error), fitting.delay_s)
+        return Content({"causes": about_findings(causes)}, {REFUSAL: str(error), "grade": 0})
+    return Content(
+        {f"{key}s": about_findings([getattr(one, key) for one in found]) for key in ("cause", "message")}, about
+    )

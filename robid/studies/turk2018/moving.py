@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ from robid.robot.response import nominal_parameters
 from robid.robot.statespace import discretise, state_space
 from robid.signals.record import Record
 from robid.simulate.truth import TrueRobot, recorded_torque_factor, with_imperfections
-from robid.studies.experiments import Further, paper_figures
+from robid.studies.experiments import Further, fit_outputs, paper_figures
 from robid.studies.page import Asked, PartFound, figure
 from robid.studies.settings.parts import TravelCase, position_output
 from robid.studies.study import Part, Results
@@ -54,14 +55,10 @@ class FrozenDrive:
 def freeze_drive(
     truth: TrueRobot, outputs: tuple[str, ...], lower: float, upper: float, sampling_period_s: float
 ) -> FrozenDrive:
-    """Linearises a simulated drive of one joint at positions all over a range.
+    """Linearises a simulated drive of one joint at positions all over a range [rad, or m].
 
-    Args:
-        truth: The robot that was simulated; of its friction only the viscous part counts.
-        outputs: Names of the outputs, as of `robid.robot.linearize.linearize`.
-        lower: Lower end of the range [rad, or m].
-        upper: Upper end.
-        sampling_period_s: Period of the held torque and of the outputs.
+    Of its friction only the viscous part counts. Outputs are named as in `robid.robot.linearize.linearize`; the period
+    is that of the held torque and of these.
 
     Raises:
         DataError: If the drive has several joints, or rests under load: what it rests at would move with it.
@@ -75,12 +72,8 @@ def freeze_drive(
         raise DataError(message, where="campaign of the travelling slide", remedy="leave `global` out of the study")
     linear = linearize(model, rest, outputs)
     parameters, springs = nominal_parameters(robot, linear, truth.delay_s), tuple(s.name for s in robot.springs)
-    sampled = [
-        discretise(
-            state_space(linear, parameters, index, motors, springs, outputs), sampling_period_s, truth.delay_s
-        )
-        for index in range(_POINTS)
-    ]  # fmt: skip
+    continuous = (state_space(linear, parameters, index, motors, springs, outputs) for index in range(_POINTS))
+    sampled = [discretise(one, sampling_period_s, truth.delay_s) for one in continuous]
     factor = float(recorded_torque_factor(robot, truth.truth)[0])
     return FrozenDrive(
         position=grid,
@@ -103,9 +96,8 @@ def run_drive(drive: FrozenDrive, torque: FloatArray, position: FloatArray) -> F
     below = np.minimum(place.astype(int), _POINTS - 2)
     state = np.zeros(drive.A.shape[-1])
     outputs = np.empty((len(torque), drive.C.shape[1]))
-    for sample, (row, share, pushed) in enumerate(
-        zip(below.tolist(), (place - below).tolist(), torque.tolist(), strict=True)
-    ):
+    along = zip(below.tolist(), (place - below).tolist(), torque.tolist(), strict=True)
+    for sample, (row, share, pushed) in enumerate(along):
         A, B, C = (one[row] + share * (one[row + 1] - one[row]) for one in (drive.A, drive.B, drive.C))
         outputs[sample] = C @ state
         state = A @ state + pushed * B
@@ -116,13 +108,8 @@ def drive_amplitudes(drive: FrozenDrive, torque: FloatArray, position: FloatArra
     """Runs a drive along measured torques and positions.
 
     What drives it off, as friction that is none of it, is differenced away: two differences of the outputs are
-    stationary, and are undone at the lines.
-
-    Args:
-        drive: The drive.
-        torque (n_period, n_sample): Recorded torque of successive periods of the steady state [N m].
-        position (n_period, n_sample): Where it is [rad, or m].
-        lines (n_freq,): DFT lines of one period, above zero.
+    stationary, and are undone at the DFT lines (n_freq,) of one period, above zero. Recorded torques [N m] and
+    positions [rad, or m] are those of successive periods of the steady state (n_period, n_sample).
 
     Returns:
         Amplitudes of the outputs (n_period, n_freq, n_out), DFT sums over the number of samples.
@@ -134,8 +121,7 @@ def drive_amplitudes(drive: FrozenDrive, torque: FloatArray, position: FloatArra
     return np.asarray(line_amplitudes(twice, lines) / back[:, None] ** 2)
 
 
-LEAD = 2
-"""Periods in which transients pass before the first one that counts."""
+LEAD = 2  # Periods in which transients pass before the first one that counts
 
 
 @dataclass(frozen=True)
@@ -168,11 +154,6 @@ def split_errors(error: ComplexArray) -> ErrorParts:
     return ErrorParts(_over_periods(error), np.abs(mean), _over_periods(error - mean))
 
 
-def error_excess(parts: ErrorParts, reference: ErrorParts) -> FloatArray:
-    """Returns by how much errors exceed those of a reference model (n_out,), as a share of these."""
-    return np.asarray(deviation(parts.total) / deviation(reference.total) - 1)
-
-
 def measured_amplitudes(samples: FloatArray, lines: IntArray) -> ComplexArray:
     """Returns amplitudes at DFT lines (n_freq,) of successive periods (n_period, n_sample, n_channel) without drift.
 
@@ -191,15 +172,10 @@ def simulated_amplitudes(
 ) -> ComplexArray:
     """Runs a model along measured inputs and scheduling parameters.
 
-    Its transient passes in `LEAD` periods before the others, the same as the first of them. Integrators, behind
-    which any offset of the inputs drifts away, are put back at the lines.
-
-    Args:
-        model: A stable model without its integrators.
-        integrators: How often each output integrates.
-        inputs (n_period, n_sample, n_in): Successive periods of the steady state.
-        scheduling (n_period, n_sample, n_scheduling): Scheduling parameters of the same samples.
-        lines (n_freq,): DFT lines of one period, above zero.
+    Its transient passes in `LEAD` periods before the others, the same as the first of them. Integrators, so many of
+    each output, behind which any offset of the inputs drifts away, are none of the stable model; they are put back at
+    the DFT lines (n_freq,) of one period, above zero. Inputs (n_period, n_sample, n_in) and scheduling parameters
+    (n_period, n_sample, n_scheduling) are those of successive periods of the steady state.
 
     Returns:
         Amplitudes of the outputs, as of `measured_amplitudes` (n_period, n_freq, n_out).
@@ -258,12 +234,6 @@ _NOTES = (
 )
 
 
-def further_travel(run: Run, case: TravelCase) -> Further:
-    """Returns what is read of the study's own experiment: the fit, the travel, and the responses at one position."""
-    models = tuple(f"fits/{name}/model.h5" for name in dict.fromkeys((case.fit, case.uncompensated)) if name)
-    return ((run, (*models, f"{case.campaign}/record.h5", f"{case.fixed}/frf.h5")),)
-
-
 def _conclude_travel(run: Run, case: TravelCase, _results: Results) -> PartFound:
     path = run.path(f"{case.campaign}/record.h5")
     record = record_from_artifact(read_artifact(path, RECORD))
@@ -294,14 +264,10 @@ def travel_section(travelled: Travelled, figures: Mapping[str, float], paper: Ma
     outputs = travelled.outputs
     rows = []
     for key, (title, printed) in _ROWS.items():
-        if f"global.{key}.{outputs[0]}" not in figures:
-            continue
-        published = dict(zip(outputs, paper.get(printed, ()), strict=False))
-        cells = [title]
-        for name in outputs:
-            cells.append(f"{published[name]:.2f}" if name in published else MISSING)
-            cells.append(significant(figures[f"global.{key}.{name}"], _DIGITS))
-        rows.append(tuple(cells))
+        if f"global.{key}.{outputs[0]}" in figures:
+            published = (f"{value:.2f}" for value in paper.get(printed, ()))
+            ours = (significant(figures[f"global.{key}.{name}"], _DIGITS) for name in outputs)
+            rows.append((title, *chain(*zip(chain(published, repeat(MISSING)), ours, strict=False))))
     heads = [head for name in outputs for head in (f"{name}, paper", "Ours")]
     lead = (
         f"{len(travelled.measured)} periods of a slide that travels while it is excited, compared at the excited lines"
@@ -343,19 +309,16 @@ class Travelled:
     unmoved: ComplexArray  # (n_period, n_freq, n_out) the same, told that the slide stands where it is on average
     true: ComplexArray  # (n_period, n_freq, n_out) of the true drive, linearised wherever it is
 
-    @property
-    def omega_squared(self) -> FloatArray:
-        """What turns amplitudes into those of accelerations, but for the sign (n_freq, 1)."""
-        return np.asarray((2 * np.pi * self.frequency_hz[:, None]) ** 2)
-
     def error(self, modelled: ComplexArray, *, accelerations: bool = False) -> ErrorParts:
         """Returns the error of a model's amplitudes (n_period, n_freq, n_out)."""
-        return split_errors((self.measured - modelled) * (self.omega_squared if accelerations else 1.0))
+        # Amplitudes become those of accelerations, but for the sign.
+        squared = (2 * np.pi * self.frequency_hz[:, None]) ** 2
+        return split_errors((self.measured - modelled) * (squared if accelerations else 1.0))
 
     def excess(self, modelled: ComplexArray, *, accelerations: bool = False) -> FloatArray:
         """Returns by how much a model's error exceeds the true drive's (n_out,), as a share of that."""
         own, true = (self.error(each, accelerations=accelerations) for each in (modelled, self.true))
-        return error_excess(own, true)
+        return np.asarray(deviation(own.total) / deviation(true.total) - 1)
 
 
 def travel(solution: LpvSolution, record: Record, truth: TrueRobot) -> Travelled:
@@ -375,10 +338,8 @@ def travel(solution: LpvSolution, record: Record, truth: TrueRobot) -> Travelled
     chosen, lines = [names.index(name) for name in ports.outputs], record.excited_lines
     torque, motion = record.inputs[0, 0, 0], record.outputs[0, 0, 0]
     position = motion[..., names.index(place)] + record.output_offset[0, names.index(place)]
-    scheduling = position[..., None]
-    fitted, unmoved = (
-        _modelled(solution, record, each) for each in (scheduling, np.full_like(scheduling, position.mean()))
-    )
+    moved, stood = position[..., None], np.full_like(position[..., None], position.mean())
+    fitted, unmoved = (_modelled(solution, record, each) for each in (moved, stood))
     drive = freeze_drive(truth, ports.outputs, position.min(), position.max(), record.sampling_period_s)
     return Travelled(
         frequency_hz=record.frequency_hz,
@@ -436,17 +397,20 @@ def total_over_noise(frf: Frf, outputs: tuple[str, ...], periods: int) -> FloatA
 
 
 def _modelled(solution: LpvSolution, record: Record, scheduling: FloatArray) -> ComplexArray:
-    """What a model makes of a record's inputs, as amplitudes of what was measured."""
     names, ports = record.output_names, solution.ports
     lines, chosen = record.excited_lines, [names.index(name) for name in ports.outputs]
     if not solution.largest_pole < 1:
         return np.full((len(scheduling), len(lines), len(chosen)), np.nan, complex)
-    own = simulated_amplitudes(
-        solution.core_model, solution.core.integrators, record.inputs[0, 0, 0], scheduling, lines
-    )  # fmt: skip
+    core, integrators, inputs = solution.core_model, solution.core.integrators, record.inputs[0, 0, 0]
+    own = simulated_amplitudes(core, integrators, inputs, scheduling, lines)
     units = [record.output_channels[index].unit for index in chosen]
     as_measured = [unit == modelled for unit, modelled in zip(units, ports.output_units, strict=True)]
     return np.asarray(own / np.where(as_measured, 1.0, output_factor(record, lines)[:, chosen]))
 
 
-TRAVEL = Part("global", _conclude_travel, further=further_travel, field="travel")
+def _further_travel(run: Run, case: TravelCase) -> Further:
+    models = tuple(fit_outputs(name)[0] for name in dict.fromkeys((case.fit, case.uncompensated)) if name)
+    return ((run, (*models, f"{case.campaign}/record.h5", f"{case.fixed}/frf.h5")),)
+
+
+TRAVEL = Part("global", _conclude_travel, further=_further_travel, field="travel")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -21,19 +21,15 @@ from robid.pipeline.graph import Run
 from robid.report.charts import Layer, Waterfall
 from robid.report.numbers import MINUS, MISSING, percent, pretty_unit, significant
 from robid.report.section import Beside, Curve, Figure, Row, Section, Table
-from robid.studies.experiments import Further, paper_figures
+from robid.studies.experiments import Further, fit_outputs, paper_figures
 from robid.studies.page import Asked, PartFound
 from robid.studies.settings.parts import RestCase
 from robid.studies.study import Part, Results
 
 _FREQUENCY = "Frequency [Hz]"
-_SHOWN = 120
-"""Measured lines of one curve in space: all of them would hide the models."""
-_LAYERS: tuple[tuple[str, Literal["points", "line", "dashed"]], ...] = (
-    ("measured", "points"),
-    ("sparse", "line"),
-    ("SMILE", "dashed"),
-)
+_SHOWN = 120  # Measured lines of one curve in space: all of them would hide the models
+_Drawn: TypeAlias = Literal["points", "line", "dashed"]
+_LAYERS: Mapping[str, _Drawn] = {"measured": "points", "sparse": "line", "SMILE": "dashed"}
 _MEASURED, _SPARSE, _SMILE, _DEVIATION, _NOISE, _ERROR = range(6)
 
 
@@ -49,14 +45,10 @@ def bode_section(solution: LpvSolution) -> Section:
     responses = (held.response, held.modelled, smile)
     parts: list[Beside] = []
     for output, port in np.ndindex(held.response.shape[2:]):
-        element = [one[:, :, output, port] for one in responses]
-        name = _element(solution, output, port)
-        phases = [_phase(one, element[1]) for one in element]
-        figures = (
-            _waterfall(f"{name}: magnitude", "Magnitude [dB]", solution, [_db(one) for one in element]),
-            _waterfall(f"{name}: phase", "Phase [°]", solution, phases),
-        )
-        parts.append(Beside(figures, 2))
+        element, name = [one[:, :, output, port] for one in responses], _element(solution, output, port)
+        sizes, phases = [_db(one) for one in element], [_phase(one, element[1]) for one in element]
+        size = _waterfall(f"{name}: magnitude", "Magnitude [dB]", solution, sizes)
+        parts.append(Beside((size, _waterfall(f"{name}: phase", "Phase [°]", solution, phases)), 2))
     lead = (
         f"Responses at rest over the fitted positions, in dB of {', '.join(_units(solution))}; drag to turn. At high"
         " frequencies not every measured line is drawn. In the paper, too, interpolated and regularised models can"
@@ -73,7 +65,7 @@ def _waterfall(title: str, y_title: str, solution: LpvSolution, heights: list[Fl
     wanted = np.geomspace(held.frequency_hz[0], held.frequency_hz[-1], _SHOWN)
     spaced = np.unique(np.abs(np.log(held.frequency_hz[:, None] / wanted)).argmin(axis=0))
     layers = []
-    for (name, drawn), rows in zip(_LAYERS, heights, strict=True):
+    for (name, drawn), rows in zip(_LAYERS.items(), heights, strict=True):
         shown = spaced if drawn == "points" else lines
         curves = tuple(tuple(row) for row in rows[order][:, shown].tolist())
         layers.append(Layer(name, tuple(held.frequency_hz[shown].tolist()), curves, drawn))
@@ -84,7 +76,9 @@ def _waterfall(title: str, y_title: str, solution: LpvSolution, heights: list[Fl
 
 def left_out_section(solution: LpvSolution, held: Held, measured: Frf) -> Section:
     """Returns every element at the positions left out: response, deviations, model and error."""
-    noise = noise_deviation(solution, measured)
+    outputs = [measured.output_names.index(name) for name in solution.ports.outputs]
+    inputs = [measured.input_names.index(name) for name in solution.ports.inputs]
+    noise = np.sqrt(measured.element_variance(noise_only=True))[:, :, outputs][..., inputs]
     figures = []
     for position, output, port in np.ndindex((len(held.points), *held.response.shape[2:])):
         at = (position, slice(None), output, port)
@@ -97,22 +91,14 @@ def left_out_section(solution: LpvSolution, held: Held, measured: Frf) -> Sectio
         )
         place = f"{places(held)[position]} {solution.ports.scheduling_units[0]}"
         title = f"{_element(solution, output, port)} at {place}"
-        figures.append(
-            Figure(title, _FREQUENCY, f"Magnitude [dB of {_units(solution)[output]}]", curves, log_y=False, height=420)
-        )
+        y_title = f"Magnitude [dB of {_units(solution)[output]}]"
+        figures.append(Figure(title, _FREQUENCY, y_title, curves, log_y=False, height=420))
     lead = (
         "The position that no fit has read. The deviation of G is the root of the total variance of the measured mean"
         " over realizations, which holds distortion by friction and ripple; that by noise alone comes from the periods."
         " A model is as good as these data can tell where its error is at the level of the deviation."
     )
     return Section("The position left out: Figs 7 and 8", lead, (Beside(tuple(figures), 2),))
-
-
-def noise_deviation(solution: LpvSolution, measured: Frf) -> FloatArray:
-    """Returns the deviation (n_pos, n_freq, n_out, n_in) of a response's mean by noise alone, of a fit's channels."""
-    outputs = [measured.output_names.index(name) for name in solution.ports.outputs]
-    inputs = [measured.input_names.index(name) for name in solution.ports.inputs]
-    return np.sqrt(measured.element_variance(noise_only=True))[:, :, outputs][..., inputs]
 
 
 def _curve(
@@ -140,7 +126,6 @@ def _element(solution: LpvSolution, output: int, port: int) -> str:
 
 
 def _units(solution: LpvSolution) -> list[str]:
-    """Unit of every output over the first input's."""
     ports = solution.ports
     return [pretty_unit(f"{unit}/({ports.input_units[0]})") for unit in ports.output_units]
 
@@ -184,37 +169,27 @@ def block_section(solution: LpvSolution, paper: Mapping[str, Any]) -> Section:
     sizes, sparse = solution.core_model.sizes, solution.blocks
     smile = measure(solution.dense.smile, solution.basis.basis().largest, sizes)
     varying = tuple(pretty_unit(name) for name in solution.basis.names)
-    tables = tuple(
-        _blocks(f"Table {number}: {model} model, {what}", names, printed[key], getattr(ours, key).tolist())
-        for number, model, what, names, printed, key, ours in (
-            ("I", "SMILE", "norms", ("1", *varying), paper["smile"], "absolute", smile),
-            ("II", "SMILE", "relative", varying, paper["smile"], "relative", smile),
-            ("III", "sparse", "norms", ("1", *varying), paper["regularized"], "absolute", sparse),
-            ("IV", "sparse", "relative", varying, paper["regularized"], "relative", sparse),
-        )
-    )
+    tables, heads = [], ("Function", *(head for matrix in MATRICES for head in (f"{matrix}, paper", "Ours")))
+    for title, names, printed, key, ours in (
+        ("Table I: SMILE model, norms", ("1", *varying), paper["smile"], "absolute", smile),
+        ("Table II: SMILE model, relative", varying, paper["smile"], "relative", smile),
+        ("Table III: sparse model, norms", ("1", *varying), paper["regularized"], "absolute", sparse),
+        ("Table IV: sparse model, relative", varying, paper["regularized"], "relative", sparse),
+    ):
+        # Norms of the blocks by matrix, theirs and ours, some of fewer functions than others.
+        norms = [row for pair in zip(printed[key], getattr(ours, key).tolist(), strict=True) for row in pair]
+        rows = ((significant(row[at]) if at < len(row) else MISSING for row in norms) for at in range(len(names)))
+        cells = tuple((name, *row) for name, row in zip(names, rows, strict=True))
+        tables.append(Table(heads, cells, title=title))
     gone = ", ".join(block_names(~sparse.kept)) or "none"
     lead = (
         f"Dropped in the paper: {', '.join(paper['dropped'])}. Dropped here: {gone}. Relative norms are over that of"
         " the constant block, times the largest value of the function."
     )
-    return Section("Blocks: Tables I to IV", f"{lead} {_differences(solution, paper)}", tables)
-
-
-def _blocks(
-    title: str, names: tuple[str, ...], paper: Sequence[Sequence[float]], ours: Sequence[Sequence[float]]
-) -> Table:
-    """Norms of the blocks (matrix, function), a row a function."""
-    rows = []
-    for place, name in enumerate(names):
-        norms = (row[place : place + 1] for pair in zip(paper, ours, strict=True) for row in pair)
-        rows.append((name, *(significant(norm[0]) if norm else MISSING for norm in norms)))
-    heads = ("Function", *(head for matrix in MATRICES for head in (f"{matrix}, paper", "Ours")))
-    return Table(heads, tuple(rows), title=title)
+    return Section("Blocks: Tables I to IV", f"{lead} {_differences(solution, paper)}", tuple(tables))
 
 
 def _differences(solution: LpvSolution, paper: Mapping[str, Any]) -> str:
-    """Says why the numbers need not be alike."""
     ports, core = solution.ports, solution.core
     behind = sum(core.integrators)
     units = " and ".join(pretty_unit(unit) for unit in dict.fromkeys(ports.output_units))
@@ -233,20 +208,14 @@ _ASKED = {
     "left_out.excess_percent": Asked(upper=5.0),
     "blocks_dropped": Asked(lower=7),
 }
-_DEVIATION_DB = Asked(20.0, 35.0)
-"""What the data have to be like, by the paper's Figs 7 and 8."""
-
-
-def further_local(run: Run, case: RestCase) -> Further:
-    """Returns what is read of the study's own experiment: the fit with its validation, and the responses left out."""
-    model, validation = (f"fits/{case.fit}/{name}.h5" for name in ("model", "validation"))
-    return ((run, (model, validation, f"{lpv_fit(run.loaded.experiment, case.fit).validate_on}/frf.h5")),)
+_DEVIATION_DB = Asked(20.0, 35.0)  # What the data have to be like, by the paper's Figs 7 and 8
 
 
 def _conclude_local(run: Run, case: RestCase, _results: Results) -> PartFound:
     settings, paper = lpv_fit(run.loaded.experiment, case.fit), paper_figures(run.loaded)
-    solution = solution_from_artifact(read_artifact(run.path(f"fits/{case.fit}/model.h5"), MODEL))
-    validation = validation_from_artifact(read_artifact(run.path(f"fits/{case.fit}/validation.h5"), VALIDATION))
+    model, held = (run.path(output) for output in fit_outputs(case.fit))
+    solution = solution_from_artifact(read_artifact(model, MODEL))
+    validation = validation_from_artifact(read_artifact(held, VALIDATION))
     measured = frf_from_artifact(read_artifact(run.path(f"{settings.validate_on}/frf.h5"), FRF))
     left_out, window = validation.held, settings.weight_window
     figures = rest_figures(solution, left_out, window)
@@ -261,8 +230,7 @@ def _conclude_local(run: Run, case: RestCase, _results: Results) -> PartFound:
 
 def asked_of(figures: Mapping[str, float]) -> dict[str, Asked]:
     """Returns what is asked of the figures."""
-    levels = {name: _DEVIATION_DB for name in figures if ".median_deviation_db." in name}
-    return {**_ASKED, **levels}
+    return {**_ASKED, **{name: _DEVIATION_DB for name in figures if ".median_deviation_db." in name}}
 
 
 def deviations(held: Held, response: ComplexArray) -> FloatArray:
@@ -330,4 +298,8 @@ def _is_known(held: Held) -> BoolArray:
     return np.isfinite(held.std) & (held.std > 0)
 
 
-REST = Part("local", _conclude_local, further=further_local)
+def _further_local(run: Run, case: RestCase) -> Further:
+    return ((run, (*fit_outputs(case.fit), f"{lpv_fit(run.loaded.experiment, case.fit).validate_on}/frf.h5")),)
+
+
+REST = Part("local", _conclude_local, further=_further_local)

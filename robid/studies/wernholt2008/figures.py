@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,22 +17,11 @@ from robid.models.elastic.fit.uncertainty import sandwich
 from robid.models.elastic.judge.extrema import own_resonance_errors
 from robid.pipeline.graph import Run
 from robid.report.numbers import MISSING, percent, significant
-from robid.robot.description import Robot
-from robid.settings.experiment import Campaign
 from robid.simulate.truth import true_robot
-from robid.studies.settings.elastic import EstimatorChoice, WernholtStudy
+from robid.studies.settings.study import EstimatorChoice, WernholtStudy
 from robid.studies.simulated import ratio_interval, simulate_options
 from robid.studies.study import study_of, values_of
-from robid.studies.wernholt2008.study import (
-    ALL,
-    Individuals,
-    measured,
-    robot_and_delay,
-    score_options,
-    sets,
-    sizes_of,
-    true_springs,
-)
+from robid.studies.wernholt2008 import study as fits
 
 
 def spread(values: FloatArray, best: FloatArray) -> dict[str, FloatArray]:
@@ -141,19 +130,19 @@ class Found:
 def gather(run: Run, results: Sequence[Artifact]) -> Found:
     """Puts the tasks' results together and judges every model."""
     study = study_of(run.loaded, WernholtStudy)
-    robot, delay = robot_and_delay(run.loaded)
-    frf = measured(run)
-    user, optimal = (set_up(robot, frf, options, delay)[0] for options in score_options(study))
-    truth = true_internal(user, robot, run.loaded.experiment.campaigns[study.campaign])
+    robot, delay = fits.robot_and_delay(run.loaded)
+    frf = fits.read_frf(run.path(fits.needs(run.loaded)[0]))
+    user, optimal = (set_up(robot, frf, options, delay)[0] for options in fits.score_options(study))
+    true = true_robot(robot, simulate_options(run.loaded.experiment.campaigns[study.campaign]).truth)
+    springs, parameters = fits.true_springs(true), user.parameters
+    truth = np.log([springs[name] for name in parameters.names] / parameters.nominal_values())
     per_set = -(-study.fit.starts // study.starts_per_task)
     values = [values_of(result) for result in results]
     parts = [values[at : at + per_set] for at in range(0, len(values), per_set)]
-    kinds = sets(study)
+    kinds = fits.sets(study)
     near = [part for index, kind in enumerate(kinds) if not kind.group for part in parts[index]]
-    best = min(float(part["user_cost"].min()) for part in near)
-    best_optimal = min(float(part["optimal_cost"].min()) for part in near)
-    errors = own_resonance_errors(user, truth)
-    judge = Judge(user, errors <= _RESONANCE_LIMIT)
+    best, best_optimal = (min(float(part[key].min()) for part in near) for key in ("user_cost", "optimal_cost"))
+    judge = Judge(user, own_resonance_errors(user, truth) <= _RESONANCE_LIMIT)
     groups: dict[str, dict[str, Models]] = {}
     for index, kind in enumerate(kinds):
         groups.setdefault(kind.group, {})[kind.name] = _models(kind.name, parts[index], (best, best_optimal), judge)
@@ -173,31 +162,21 @@ def gather(run: Run, results: Sequence[Artifact]) -> Found:
     )
 
 
-def true_internal(problem: Problem, robot: Robot, campaign: Campaign) -> FloatArray:
-    """Internal parameters (n_param,) of a simulated campaign's true robot."""
-    values = true_springs(true_robot(robot, simulate_options(campaign).truth))
-    parameters = problem.parameters
-    return np.asarray(np.log([values[name] for name in parameters.names] / parameters.nominal_values()))
-
-
-@dataclass
+@dataclass(frozen=True)
 class Judge:
     """Tells whether models meet the measured resonances; those met before are not computed again."""
 
     problem: Problem
     counted: BoolArray
-
-    def __post_init__(self) -> None:
-        """Begins with no model."""
-        self._known: dict[bytes, bool] = {}
+    known: dict[bytes, bool] = field(default_factory=dict)
 
     def meets(self, internal: FloatArray) -> bool:
         """Whether a model has every resonance that counts within the limit."""
         key = np.round(internal / _SAME_MODEL).astype(np.int64).tobytes()
-        if key not in self._known:
+        if key not in self.known:
             errors = own_resonance_errors(self.problem, internal)[self.counted]
-            self._known[key] = bool((errors <= _RESONANCE_LIMIT).all())
-        return self._known[key]
+            self.known[key] = bool((errors <= _RESONANCE_LIMIT).all())
+        return self.known[key]
 
 
 def _models(name: str, parts: Sequence[Mapping[str, Any]], best: tuple[float, float], judge: Judge) -> Models:
@@ -272,15 +251,14 @@ def summarise(found: Found) -> dict[str, float]:
         "resonances_uncounted": found.uncounted,
         "std_least_determined": float(found.std[found.least_determined]),
     }
-    alone = [one.configuration for one in near if one.configuration != ALL]
+    alone = [one.configuration for one in near if one.configuration != fits.ALL]
     return summary | {"best_configuration": float(alone[0] + 1)} if alone else summary
 
 
 _HONEST_FACTOR = 3.0
 _LEAST_CORRELATION = 0.5
 _ALIKE = 0.8
-_WORTH_HAVING = 0.9
-"""Ratio of errors above which one is no gain over the other."""
+_WORTH_HAVING = 0.9  # Ratio of errors above which one is no gain over the other
 
 
 @dataclass(frozen=True)
@@ -307,7 +285,7 @@ def claims(
     found: Found,
     choices: Mapping[str, EstimatorChoice],
     transmission: BoolArray,
-    individuals: Individuals | None = None,
+    individuals: fits.Individuals | None = None,
 ) -> tuple[Claim, ...]:
     """Returns the seven conclusions; `transmission` (n_param,) tells which parameters are those of gearboxes.
 
@@ -366,8 +344,8 @@ def _shares(text: str, better: tuple[Models | None, ...], worse: tuple[Models | 
 def _kinds(text: str, found: Found, easier: BoolArray, harder: BoolArray) -> Claim:
     if not easier.any() or not harder.any():
         return Claim(text, "not studied", None)
-    error = true_error(found)
-    std, off = ([float(np.median(values[mask])) for mask in (easier, harder)] for values in (found.std, error))
+    both = found.std, true_error(found)
+    std, off = ([float(np.median(values[mask])) for mask in (easier, harder)] for values in both)
     figures = (
         f"predicted deviation {percent(std[0])} and {percent(std[1])},"
         f" true error {percent(off[0])} and {percent(off[1])} (medians)"
@@ -375,8 +353,7 @@ def _kinds(text: str, found: Found, easier: BoolArray, harder: BoolArray) -> Cla
     return Claim(text, figures, std[0] < std[1] and off[0] < off[1])
 
 
-def _smaller(claim: Claim, individuals: Individuals, better: Models, worse: Models | None) -> Claim:
-    """The same by the size of the errors over the individuals, with how much the two estimators err alike."""
+def _smaller(claim: Claim, individuals: fits.Individuals, better: Models, worse: Models | None) -> Claim:
     if worse is None:
         return claim
     names = better.name, worse.name
@@ -388,9 +365,8 @@ def _smaller(claim: Claim, individuals: Individuals, better: Models, worse: Mode
 
 
 def _easier(
-    claim: Claim, individuals: Individuals, name: str, found: Found, kinds: tuple[BoolArray, BoolArray]
+    claim: Claim, individuals: fits.Individuals, name: str, found: Found, kinds: tuple[BoolArray, BoolArray]
 ) -> Claim:
-    """The same by the size of the errors of each kind's springs."""
     if not all(kind.any() for kind in kinds):
         return claim
     every = np.array(found.problem.parameters.names)
@@ -410,7 +386,7 @@ def _by_errors(
     what would be worth having; neither when it holds both. Estimates count, as in the paper; those of the springs
     themselves, with what the robot file may have wrong, stand beside.
     """
-    low, high = ratio_interval(*map(sizes_of, errors))
+    low, high = ratio_interval(*map(fits.sizes_of, errors))
     figures = (
         f"{claim.figures}; over {len(errors[0])} individuals an error of {_compared(errors, names)}; {beside};"
         f" with what the robot file may have wrong estimated along {_compared(physical, names)}"
@@ -419,7 +395,7 @@ def _by_errors(
 
 
 def _compared(errors: list[FloatArray], names: tuple[str, str]) -> str:
-    sizes = [sizes_of(each) for each in errors]
+    sizes = [fits.sizes_of(each) for each in errors]
     low, high = (significant(end, 2) for end in ratio_interval(*sizes))
     return f"{_percents(sizes[0])} ({names[0]}) and {_percents(sizes[1])} ({names[1]}), {low} to {high} times as large"
 

@@ -13,20 +13,10 @@ from robid.report.numbers import duration, percent, significant
 from robid.report.page import Verdict
 from robid.report.section import Beside, Figure, Section, Table
 from robid.studies.experiments import paper_figures
-from robid.studies.page import Conclusion, figure, table
-from robid.studies.settings.elastic import WernholtStudy
+from robid.studies.page import Conclusion, by_name, figure, table
+from robid.studies.settings.study import WernholtStudy
 from robid.studies.study import Earlier, study_of
-from robid.studies.wernholt2008.figures import (
-    COST_LIMIT,
-    NEAR_BEST,
-    Claim,
-    Found,
-    Models,
-    claims,
-    gather,
-    spread,
-    summarise,
-)
+from robid.studies.wernholt2008.figures import COST_LIMIT, NEAR_BEST, Found, Models, claims, gather, spread, summarise
 from robid.studies.wernholt2008.study import ALL, Individuals, gather_individuals, robot_and_delay, sizes_of
 
 _PARAMETER_RANGE = (0.01, 100.0)
@@ -64,18 +54,18 @@ def parameter_sections(found: Found, transmission: BoolArray) -> tuple[Section, 
         ("Fig. 7: dampers of the gearboxes", logarithmic, ~spring & transmission),
         ("Fig. 7: dampers of the arm structure", logarithmic, ~spring & ~transmission),
     )
+
+    def drawn(models: Models, mask: BoolArray) -> Figure:
+        relative = np.clip(np.exp(models.internal[models.order] - found.best), *_PARAMETER_RANGE)
+        names = found.problem.parameters.names
+        series = {names[index].rpartition(".")[0]: relative[:, index] for index in np.flatnonzero(mask)}
+        return figure(models.name, ("", ""), None, series, log_x=False, y_range=_PARAMETER_RANGE, height=240)
+
     return tuple(
-        Section(title, lead, (Beside(tuple(_parameter_figure(found, one, mask) for one in shown.values()), 3),))
+        Section(title, lead, (Beside(tuple(drawn(one, mask) for one in shown.values()), 3),))
         for title, shown, mask in panels
         if mask.any()
     )
-
-
-def _parameter_figure(found: Found, models: Models, mask: BoolArray) -> Figure:
-    relative = np.clip(np.exp(models.internal[models.order] - found.best), *_PARAMETER_RANGE)
-    names = found.problem.parameters.names
-    series = {names[index].rpartition(".")[0]: relative[:, index] for index in np.flatnonzero(mask)}
-    return figure(models.name, ("", ""), None, series, log_x=False, y_range=_PARAMETER_RANGE, height=240)
 
 
 def response_sections(found: Found, element: tuple[int, int]) -> tuple[Section, ...]:
@@ -131,7 +121,7 @@ _REPRESENTATIVE = 4
 
 def conclude(run: Run, results: Earlier) -> Conclusion:
     """Turns the tasks' results into figures, tables and what follows for the paper's conclusions."""
-    study, paper = (study_of(run.loaded, WernholtStudy), paper_figures(run.loaded))
+    study, paper = study_of(run.loaded, WernholtStudy), paper_figures(run.loaded)
     found = gather(run, list(results[0]))
     individuals = gather_individuals(study, list(results[1]))
     summary = summarise(found) | individual_figures(individuals)
@@ -154,7 +144,7 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
         summary=summary,
         sections=(
             _success_section(found, summary, paper),
-            _claims_section(held),
+            Section("The paper's seven conclusions", _OF_CLAIMS, (table(_CLAIMS, held, prose=True),)),
             *_individual_sections(individuals),
             *(start_cost_section(found, group) for group in ("", "plain") if group in found.groups),
             *parameter_sections(found, of_gears),
@@ -165,8 +155,21 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
 
 
 def _success_section(found: Found, summary: Mapping[str, float], paper: Mapping[str, Any]) -> Section:
-    """How many starts each estimator led to a reasonable model."""
     tables = [_success_table(found, summary, paper, group) for group in found.groups]
+    models = [(name, group, one) for group, members in found.groups.items() for name, one in members.items()]
+
+    def optimal(head: str, which: str) -> tuple[str, Callable[[Any], str]]:
+        key = f"{which}_optimal_cost"
+        return head, lambda row: significant(summary[f"{row[0]}.{key}{row[1] and '_' + row[1]}"])
+
+    columns = (
+        ("Estimator", lambda row: f"{row[0]} {row[1]}".strip()),
+        (f"Within {COST_LIMIT:g} of the best", lambda row: percent(float((row[2].optimal_cost <= COST_LIMIT).mean()))),
+        *(optimal("Best cost", "best"), optimal("Median cost", "median")),
+    )
+    title = "The same models by the cost with optimal weights"
+    caption = f"The best cost is {significant(1 / found.truth_optimal_cost)} of that of the truth."
+    tables.append(table(columns, models, title=title, caption=caption))
     near = sum(len(one.own_cost) for one in found.near.values())
     lead = (
         f"A model is reasonable when its logarithmic cost with user weights is within {COST_LIMIT:g} of the best of all"
@@ -177,32 +180,29 @@ def _success_section(found: Found, summary: Mapping[str, float], paper: Mapping[
         f" the cost each (median; at most {summary['evaluations.max']:.0f});"
         f" {percent(summary['cap_share'])} ended at the iteration limit."
     )
-    return Section("Reasonable models", lead, (*tables, _optimal_table(found, summary)))
+    return Section("Reasonable models", lead, tuple(tables))
 
 
 def _success_table(found: Found, summary: Mapping[str, float], paper: Mapping[str, Any], group: str) -> Table:
     suffix, printed = group and f"_{group}", paper if group in _GROUP_TITLES else {}
-
-    def ours(head: str, key: str, write: Callable[[float], str] = percent) -> tuple[str, Callable[[str], str]]:
-        return head, lambda name: write(summary[f"{name}.{key}{suffix}"])
 
     def theirs(key: str) -> tuple[str, Callable[[str], str]]:
         return "Paper", lambda name: percent(printed.get(key, {}).get(name))
 
     columns = (
         ("Estimator", lambda name: name),
-        ours("Reasonable", "reasonable"),
+        by_name(summary, "Reasonable", f"reasonable{suffix}", percent),
         theirs("reasonable"),
-        ours("Springs but one", "springs_within_2"),
+        by_name(summary, "Springs but one", f"springs_within_2{suffix}", percent),
         theirs("springs_within_2"),
-        ours("All springs", "springs_within_2_all"),
+        by_name(summary, "All springs", f"springs_within_2_all{suffix}", percent),
         theirs("springs_within_2_all"),
-        ours("At its own best", "own_best"),
-        ours("Best cost", "best_cost", significant),
-        ours("Median cost", "median_cost", significant),
-        ours("Evaluations", "evaluations.median", "{:.0f}".format),
-        ours("Most", "evaluations.max", "{:.0f}".format),
-        ours("Time per fit", "seconds", duration),
+        by_name(summary, "At its own best", f"own_best{suffix}", percent),
+        by_name(summary, "Best cost", f"best_cost{suffix}"),
+        by_name(summary, "Median cost", f"median_cost{suffix}"),
+        by_name(summary, "Evaluations", f"evaluations.median{suffix}", "{:.0f}".format),
+        by_name(summary, "Most", f"evaluations.max{suffix}", "{:.0f}".format),
+        by_name(summary, "Time per fit", f"seconds{suffix}", duration),
     )
     excluded = found.problem.parameters.names[found.least_determined]
     caption = (
@@ -217,49 +217,31 @@ def _success_table(found: Found, summary: Mapping[str, float], paper: Mapping[st
 _GROUP_TITLES = {"": "The strategy of this study", "plain": "Plain descents from the same starts, as in the paper"}
 
 
-def _optimal_table(found: Found, summary: Mapping[str, float]) -> Table:
-    rows = []
-    for group, members in found.groups.items():
-        for name, one in members.items():
-            costs = (summary[f"{name}.{which}_optimal_cost{group and '_' + group}"] for which in ("best", "median"))
-            within = percent(float((one.optimal_cost <= COST_LIMIT).mean()))
-            rows.append((f"{name} {group}".strip(), within, *map(significant, costs)))
-    heads = ("Estimator", f"Within {COST_LIMIT:g} of the best", "Best cost", "Median cost")
-    caption = f"The best cost is {significant(1 / found.truth_optimal_cost)} of that of the truth."
-    return Table(heads, tuple(rows), title="The same models by the cost with optimal weights", caption=caption)
-
-
-def _claims_section(held: tuple[Claim, ...]) -> Section:
-    rows = tuple((claim.text, claim.word, claim.figures) for claim in held)
-    lead = (
-        "Shares are those of plain descents where the study has them. A share counts as larger by more than two"
-        " standard errors; a kind of parameter as easier when predicted deviation and true error are both smaller."
-        " Where several individuals are measured, the third to the fifth conclusion are held against their true values:"
-        " yes where the 95 % interval of the ratio of errors over the individuals lies below 1, refuted where it lies"
-        " above 0.9, so that a gain of a tenth or more is excluded; else undecided."
-    )
-    said = Table(("The paper concludes", "Reproduced", "Here"), rows, prose=True)
-    return Section("The paper's seven conclusions", lead, (said,))
+_CLAIMS = (
+    ("The paper concludes", lambda claim: claim.text),
+    ("Reproduced", lambda claim: claim.word),
+    ("Here", lambda claim: claim.figures),
+)
+_OF_CLAIMS = (
+    "Shares are those of plain descents where the study has them. A share counts as larger by more than two"
+    " standard errors; a kind of parameter as easier when predicted deviation and true error are both smaller."
+    " Where several individuals are measured, the third to the fifth conclusion are held against their true values:"
+    " yes where the 95 % interval of the ratio of errors over the individuals lies below 1, refuted where it lies"
+    " above 0.9, so that a gain of a tenth or more is excluded; else undecided."
+)
 
 
 def _individual_sections(individuals: Individuals | None) -> tuple[Section, ...]:
-    """Errors and stated deviations over the individuals, estimator by estimator."""
     if individuals is None:
         return ()
     figures = individual_figures(individuals)
-    shown = {
-        "Error": "error",
-        "With nuisance parameters": "physical_error",
-        "Stated deviation": "std",
-        "Held": "covered",
-    }
-    rows = tuple(
-        (
-            name,
-            *(percent(figures[f"{name}.individual_{key}"]) for key in shown.values()),
-            significant(figures[f"{name}.individual_misfit"]),
-        )
-        for name in individuals.error
+    columns = (
+        ("Estimator", lambda name: name),
+        by_name(figures, "Error", "individual_error", percent),
+        by_name(figures, "With nuisance parameters", "individual_physical_error", percent),
+        by_name(figures, "Stated deviation", "individual_std", percent),
+        by_name(figures, "Held", "individual_covered", percent),
+        by_name(figures, "Cost", "individual_misfit"),
     )
     lead = (
         "Springs and dampers of several individuals, fitted from all configurations, against their true values: size of"
@@ -267,7 +249,7 @@ def _individual_sections(individuals: Individuals | None) -> tuple[Section, ...]
         " estimated along, and deviation that this interval states: medians over parameters and individuals; and the"
         " share of these intervals of 95 % that hold the truth. Cost: over what noise and the assumed model error give."
     )
-    return (Section("Several individuals", lead, (Table(("Estimator", *shown, "Cost"), rows),)),)
+    return (Section("Several individuals", lead, (table(columns, individuals.error),)),)
 
 
 def individual_figures(individuals: Individuals | None) -> dict[str, float]:
@@ -276,11 +258,14 @@ def individual_figures(individuals: Individuals | None) -> dict[str, float]:
         return {}
     found: dict[str, float] = {}
     for name in individuals.error:
-        found[f"{name}.individual_error"] = float(np.median(sizes_of(individuals.error[name])))
-        found[f"{name}.individual_physical_error"] = float(np.median(sizes_of(individuals.physical[name])))
-        found[f"{name}.individual_std"] = float(np.nanmedian(individuals.std[name]))
-        found[f"{name}.individual_misfit"] = float(np.median(individuals.misfit[name]))
-        found[f"{name}.individual_covered"] = float(individuals.inside[name].mean())
+        figures = {
+            "error": np.median(sizes_of(individuals.error[name])),
+            "physical_error": np.median(sizes_of(individuals.physical[name])),
+            "std": np.nanmedian(individuals.std[name]),
+            "misfit": np.median(individuals.misfit[name]),
+            "covered": individuals.inside[name].mean(),
+        }
+        found |= {f"{name}.individual_{key}": float(value) for key, value in figures.items()}
     return found
 
 
@@ -293,33 +278,25 @@ def representative(found: Found, kind: str) -> IntArray:
 
 
 def _statistics_section(found: Found, paper: Mapping[str, Any]) -> Section:
-    """Table 1, ours and the paper's."""
+    names, heads = found.problem.parameters.names, ("Parameter", *_STATISTICS, "std_th", "truth")
+    chosen, truth = [*representative(found, "stiffness"), *representative(found, "damping")], found.truth - found.best
     tables = []
-    for group in ("", "plain"):
-        if group in found.groups:
-            models = found.groups[group][found.reference]
-            near: BoolArray = models.user_cost <= NEAR_BEST
-            tables.append(_statistics_table(found, models.internal[near], _GROUP_TITLES[group]))
-    theirs = paper.get("table_1", {})
-    if theirs:
-        rows = tuple((name, *(significant(value) for value in values)) for name, values in theirs.items())
-        tables.append(Table(("Parameter", *_STATISTICS, "std_th"), rows, title="The paper's Table 1"))
+    for group in (group for group in ("", "plain") if group in found.groups):
+        models, rows = found.groups[group][found.reference], []
+        near = models.internal[models.user_cost <= NEAR_BEST]
+        if len(near):
+            statistics = spread(np.exp(near), np.exp(found.best))
+            for index in chosen:
+                own = (*(statistics[key][index] for key in _STATISTICS), found.std[index], np.exp(truth)[index])
+                rows.append((names[index], *(significant(float(value)) for value in own)))
+        count = f"{len(near)} models" if len(near) else "no model is near the best"
+        tables.append(Table(heads, tuple(rows), title=f"{_GROUP_TITLES[group]}: {count}"))
+    if theirs := paper.get("table_1", {}):
+        printed = tuple((name, *map(significant, values)) for name, values in theirs.items())
+        tables.append(Table(heads[:-1], printed, title="The paper's Table 1"))
     lead = (
         f"Parameters of the {found.reference} models with a cost within {NEAR_BEST:g} of the best, divided by the best"
         " model's: four springs and four dampers from the best to the least determined. The last two columns are the"
         " deviation that theory predicts for the best model, and the truth."
     )
     return Section("Table 1", lead, tuple(tables))
-
-
-def _statistics_table(found: Found, internal: Any, title: str) -> Table:  # noqa: ANN401
-    names = found.problem.parameters.names
-    if not len(internal):
-        return Table(("Parameter", *_STATISTICS, "std_th", "truth"), (), title=f"{title}: no model is near the best")
-    statistics = spread(np.exp(internal), np.exp(found.best))
-    rows = []
-    for index in (*representative(found, "stiffness"), *representative(found, "damping")):
-        own = [statistics[key][index] for key in _STATISTICS]
-        truth = np.exp(found.truth - found.best)[index]
-        rows.append((names[index], *(significant(float(value)) for value in (*own, found.std[index], truth))))
-    return Table(("Parameter", *_STATISTICS, "std_th", "truth"), tuple(rows), title=f"{title}: {len(internal)} models")

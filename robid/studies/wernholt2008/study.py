@@ -6,7 +6,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,6 @@ from robid.frf.residual import EstimatorKind
 from robid.models.elastic.fit.fitting import draw_starts, fit_elastic, set_up
 from robid.models.elastic.fit.optimizers import make_strategy
 from robid.models.elastic.fit.options import ElasticOptions, WeightsKind
-from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.uncertainty import sandwich
 from robid.models.elastic.settings import model_settings
 from robid.pipeline.graph import Run
@@ -28,27 +26,19 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, plain_settings
 from robid.settings.sources import true_robot_of
 from robid.studies.experiments import paper_figures
-from robid.studies.settings.elastic import WernholtStudy
+from robid.studies.settings.study import WernholtStudy
 from robid.studies.simulated import simulate_options, stated_std
-from robid.studies.study import Content, Earlier, Task, study_of
+from robid.studies.study import Content, Earlier, Task, in_chunks, study_of, values_of
 
 _NOTHING_KNOWN = 1e9
-ALL = -1
-"""Stands for all configurations where one is named by its index."""
+ALL = -1  # Stands for all configurations where one is named by its index
 
 
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
     """Returns the outputs of the chain that the tasks read, once the paper's figures can be read."""
     paper_figures(loaded)
-    return tuple(
-        f"{name}/frf.h5"
-        for name in (study_of(loaded, WernholtStudy).campaign, *study_of(loaded, WernholtStudy).individuals)
-    )
-
-
-def measured(run: Run) -> Frf:
-    """Returns the measured responses."""
-    return read_frf(run.path(needs(run.loaded)[0]))
+    study = study_of(loaded, WernholtStudy)
+    return tuple(f"{name}/frf.h5" for name in (study.campaign, *study.individuals))
 
 
 def read_frf(path: Path) -> Frf:
@@ -91,23 +81,18 @@ def sets(study: WernholtStudy) -> list[StartSet]:
     groups = [("", every, shared), (wide, study.wide, replace(shared, start_decades=study.wide_decades))]
     if study.plain:
         groups.append(("plain", every, replace(shared, strategy="plain")))
-    found = []
-    for group, names, options in groups:
-        for name in names:
-            choice = study.estimators[name]
-            own = with_estimator(options, choice.estimator, choice.weights)
-            found.append(StartSet(group, name, choice.configurations == "best", own))
-    return found
+    return [
+        StartSet(group, name, one.configurations == "best", with_estimator(options, one.estimator, one.weights))
+        for group, names, options in groups
+        for name, one in ((name, study.estimators[name]) for name in names)
+    ]
 
 
 def best_configuration(robot: Robot, frf: Frf, options: ElasticOptions, delay: float) -> int:
     """Returns the configuration whose response alone predicts the smallest covariance, by its determinant."""
-    volumes = []
-    for index in range(len(frf.configurations)):
-        problem = set_up(robot, frf.select([index]), options, delay)[0]
-        covariance = sandwich(problem, np.zeros(len(problem.parameters.names)))
-        volumes.append(np.linalg.slogdet(covariance)[1])
-    return int(np.argmin(volumes))
+    alone = (set_up(robot, frf.select([index]), options, delay)[0] for index in range(len(frf.configurations)))
+    covariances = (sandwich(problem, np.zeros(len(problem.parameters.names))) for problem in alone)
+    return int(np.argmin([np.linalg.slogdet(covariance)[1] for covariance in covariances]))
 
 
 def tasks(run: Run, _earlier: Earlier) -> list[Task]:
@@ -119,12 +104,11 @@ def tasks(run: Run, _earlier: Earlier) -> list[Task]:
     best = ALL
     if any(one.alone for one in sets(study)):
         best = best_configuration(robot, read_frf(path), with_estimator(study.fit, "lls", "user"), delay)
-    found = []
+    found, judging = [], score_options(study)
     for one in sets(study):
         alone = best if one.alone else ALL
-        for number, first in enumerate(range(1, one.options.starts, study.starts_per_task), 1):
-            starts = tuple(range(first, min(first + study.starts_per_task, one.options.starts)))
-            judging = score_options(study)
+        for number, chunk in enumerate(in_chunks(1, one.options.starts - 1, study.starts_per_task), 1):
+            starts = tuple(chunk)
             arguments = robot, path, alone, one.options, judging, starts, delay
             place = {"options": plain_settings(one.options), "scores": plain_settings(judging), "starts": starts}
             label = "_".join(part for part in (one.name, one.group, str(number)) if part)
@@ -149,14 +133,12 @@ def fit_chunk(
     used = frf if configuration == ALL else frf.select([configuration])
     clock, processor = time.perf_counter(), time.process_time()
     problem = set_up(robot, used, options, delay_s)[0]
-    strategy, starts = (
-        make_strategy(problem, robot, options),
-        draw_starts(problem.parameters, options),
-    )
+    strategy, starts = make_strategy(problem, robot, options), draw_starts(problem.parameters, options)
     ends = [strategy.descend(starts[index]) for index in chosen]
     seconds, processor = time.perf_counter() - clock, time.process_time() - processor
     internal = np.array([end.parameters for end in ends])
-    user, optimal = (scores(set_up(robot, frf, each, delay_s)[0], internal) for each in judging)
+    judges = (set_up(robot, frf, each, delay_s)[0] for each in judging)
+    user, optimal = (np.array([judge.cost(one) for one in internal]) for judge in judges)
     start = ("start",)
     datasets = {
         "internal": Dataset(internal, "1", ("start", "parameter"), "Logarithm of each parameter over the robot file's"),
@@ -178,13 +160,7 @@ def true_springs(robot: Robot) -> dict[str, float]:
     return {f"{spring.name}.{key}": float(getattr(spring, key)) for key in keys for spring in robot.springs}
 
 
-def scores(problem: Problem, internal: Any) -> Any:  # noqa: ANN401
-    """Costs (n_model,) of models by their internal parameters (n_model, n_param)."""
-    return np.array([problem.cost(one) for one in internal])
-
-
-_RESULT = 3
-"""Version of what a result holds."""
+_RESULT = 3  # Version of what a result holds
 
 
 @dataclass(frozen=True)
@@ -230,10 +206,8 @@ def individual_tasks(run: Run, _earlier: Earlier) -> list[Task]:
             **model_settings(run.loaded, campaign_name),
         }
         for name in estimators_of(study):
-            choice = study.estimators[name]
-            options = replace(
-                with_estimator(study.fit, choice.estimator, choice.weights), starts=study.individual_starts
-            )
+            shared, choice = replace(study.fit, starts=study.individual_starts), study.estimators[name]
+            options = with_estimator(shared, choice.estimator, choice.weights)
             arguments = robot, truth, path, options, delay
             found.append(Task(f"{name}_{campaign_name}", {**decides, "options": plain_settings(options)}, arguments))
     return found
@@ -266,17 +240,9 @@ def gather_individuals(study: WernholtStudy, results: Sequence[Artifact]) -> Ind
     """Puts the individuals' results together; None where the study has none."""
     if not results:
         return None
-    estimators = estimators_of(study)
-
-    def every(key: str) -> dict[str, Any]:
-        values = [result.datasets[key].values for result in results]
-        return {name: np.array(values[at :: len(estimators)]) for at, name in enumerate(estimators)}
-
-    return Individuals(
-        names=tuple(results[0].datasets["names"].values.tolist()),
-        error=every("error"),
-        physical=every("physical"),
-        std=every("std"),
-        inside=every("inside"),
-        misfit=every("misfit"),
+    rows, estimators = [values_of(result) for result in results], estimators_of(study)
+    error, physical, std, inside, misfit = (
+        {name: np.array([row[key] for row in rows[at :: len(estimators)]]) for at, name in enumerate(estimators)}
+        for key in ("error", "physical", "std", "inside", "misfit")
     )
+    return Individuals(tuple(rows[0]["names"].tolist()), error, physical, std, inside, misfit)

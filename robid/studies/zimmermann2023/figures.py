@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, get_args
 
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
-from robid.artifacts.kinds import DESIGN, design_from_artifact
+from robid.artifacts.kinds import DESIGN, design_from_artifact, from_datasets
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.information import ConfigurationDesign
 from robid.design.configurations.plan import Exchange
 from robid.design.configurations.visits import Visits, make_visits
 from robid.pipeline.graph import Run
-from robid.studies.settings.elastic import ZimmermannStudy
+from robid.studies.settings.study import ZimmermannStudy
 from robid.studies.simulated import Mean, differs, over_springs, scatter, scatter_error, scatters_differ
 from robid.studies.study import Earlier, study_of, values_of
 from robid.studies.zimmermann2023.models import owners_of_sets, pairs
-from robid.studies.zimmermann2023.steps import StepResponses, read_steps, step_figures
+from robid.studies.zimmermann2023.steps import StepResponses, step_figures
 
 _VISITS = np.array([1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 21, 28, 35, 42, 49])
 _DRAWS = 200
@@ -44,35 +43,30 @@ class EffortCurves:
 def effort_curves(
     design: ConfigurationDesign, guess: FloatArray, names: tuple[str, ...], per_visit: int
 ) -> EffortCurves:
-    """Predicts deviations over the number of experiments.
+    """Predicts deviations over the number of experiments, of which each visit has some.
 
-    Args:
-        design: The design with its candidates' information per visit.
-        guess (n_guess, n_param, n_param): Information of the configurations that an engineer chose, per visit.
-        names: Names of the guess' parameters; what the design allows them to differ by holds here too.
-        per_visit: Experiments of a visit.
+    The configurations that an engineer chose have information (n_guess, n_param, n_param) per visit about named
+    parameters; what the design allows them to differ by holds here too.
     """
-    found: dict[str, list[FloatArray]] = {"optimal": [], "guess": [], "random": [], "worst of random": []}
-    generator = np.random.default_rng(_SEED)
-    candidates = design.visits
+    generator, candidates = np.random.default_rng(_SEED), design.visits
     between = dict(zip(design.parameter_names, candidates.between.tolist(), strict=True))
     guessed = make_visits(guess[None, :, None], np.array([between.get(name, 0.0) for name in names]))
+    rows = []
     for visits in _VISITS.tolist():
-        found["optimal"].append(deviations(_optimal(candidates, visits)))
-        found["guess"].append(deviations(_in_turn(guessed, visits)))
         drawn = deviations(np.array([_random(candidates, visits, generator) for _ in range(_DRAWS)]))
-        found["random"].append(np.median(drawn, axis=0))
-        found["worst of random"].append(np.quantile(drawn, 0.9, axis=0))
+        known = deviations(_optimal(candidates, visits)), deviations(_in_turn(guessed, visits))
+        rows.append([*known, np.median(drawn, axis=0), np.quantile(drawn, 0.9, axis=0)])
     experiments = _VISITS * float(per_visit)
-    average = {name: np.array(rows)[:, 0] for name, rows in found.items()}
-    worst = {name: np.array(rows)[:, 1] for name, rows in found.items()}
-    goal = float(deviations(_in_turn(guessed, len(guess)))[0])
+    average, worst = (
+        dict(zip(("optimal", "guess", "random", "worst of random"), values, strict=True))
+        for values in np.array(rows).transpose(2, 1, 0)
+    )
+    goal, own = float(deviations(_in_turn(guessed, len(guess)))[0]), float(len(guess) * per_visit)
     needed = {name: crossing(experiments, average[name], goal) for name in ("optimal", "random")}
-    own = float(len(guess) * per_visit)
+    told = {name: f"{many:.0f}" if np.isfinite(many) else "more than were looked at" for name, many in needed.items()}
     sentence = (
         f"An average deviation of {100 * goal:.2g} %, which the guess reaches with {own:.0f} experiments,"
-        f" takes {_count(needed['optimal'])} in optimal configurations and {_count(needed['random'])} in random ones"
-        " (median)."
+        f" takes {told['optimal']} in optimal configurations and {told['random']} in random ones (median)."
     )
     figures = {f"{name}_experiments": count for name, count in needed.items() if np.isfinite(count)}
     return EffortCurves(experiments, average, worst, sentence, {**figures, "guess_experiments": own})
@@ -105,10 +99,6 @@ def crossing(experiments: FloatArray, values: FloatArray, goal: float) -> float:
     return float(np.exp(x[0] + (np.log(goal) - y[0]) * (x[1] - x[0]) / (y[1] - y[0])))
 
 
-def _count(needed: float) -> str:
-    return f"{needed:.0f}" if np.isfinite(needed) else "more than were looked at"
-
-
 def _optimal(candidates: Visits, visits: int) -> FloatArray:
     """As many visits as tell most, shared out by exchange; few do not determine everything."""
     count, size = candidates.alone.shape[1], candidates.alone.shape[-1]
@@ -132,10 +122,8 @@ def _told(candidates: Visits, counts: IntArray) -> FloatArray:
     return np.asarray(candidates.total(counts)[0, 0])
 
 
-MISSED = 0.03
-"""Relative error from which a first resonance counts as missed."""
-_BENT = 0.01
-"""Spread of a spring's slope over the configurations from which gravity counts as bending it."""
+MISSED = 0.03  # Relative error from which a first resonance counts as missed
+_BENT = 0.01  # Spread of a spring's slope over the configurations from which gravity counts as bending it
 
 
 @dataclass(frozen=True)
@@ -160,19 +148,9 @@ class Model:
     # (n_seed, n_conf, n_spring) slopes under gravity and excitation of gears that stiffen, or None
     slope: FloatArray | None
 
-    @property
-    def average_std(self) -> FloatArray:
-        """Mean relative deviation of the springs (n_seed,)."""
-        return np.asarray(self.std.mean(axis=1))
-
     def stated(self, mean: Mean) -> FloatArray:
         """Mean over the springs of the deviation that the fit states (n_seed,)."""
         return over_springs(self.fit_std, mean)
-
-    @property
-    def average_cost(self) -> FloatArray:
-        """Mean cost over the configurations (n_seed,)."""
-        return np.asarray(self.cost.mean(axis=1))
 
     @property
     def average_excess(self) -> FloatArray:
@@ -208,9 +186,9 @@ class Found:
 
 def gather(run: Run, earlier: Earlier) -> Found:
     """Puts the tasks' results together."""
-    study, names = study_of(run.loaded, ZimmermannStudy), list(study_of(run.loaded, ZimmermannStudy).models)
+    study = study_of(run.loaded, ZimmermannStudy)
     results = [values_of(result) for result in earlier[1]]
-    by_model = {name: results[index :: len(names)] for index, name in enumerate(names)}
+    by_model = {name: results[index :: len(study.models)] for index, name in enumerate(study.models)}
     further = _further_sets(run, study, earlier)
     models = {name: _model(name, rows, further.get(name, [])) for name, rows in by_model.items()}
     reference = by_model[study.reference]
@@ -226,29 +204,21 @@ def gather(run: Run, earlier: Earlier) -> Found:
         there=np.isfinite([row["measured_hz"] for row in reference]),
         design=design,
         effort=effort_curves(design, guess, models[study.guess].wanted, experiments),
-        steps=tuple(read_steps(result) for result in earlier[2]),
+        steps=tuple(from_datasets(StepResponses, result) for result in earlier[2]),
         first={name: rows[0] for name, rows in by_model.items()},
     )
 
 
 def _further_sets(run: Run, study: ZimmermannStudy, earlier: Earlier) -> dict[str, list[list[dict[str, Any]]]]:
-    """Results of each further set of drawn models, by model and individual."""
-    results = [values_of(result) for result in earlier[3]]
+    results = iter(earlier[3])
     found: dict[str, list[list[dict[str, Any]]]] = {}
     for pair in pairs(run, earlier):
-        owners = owners_of_sets(study, len(pair.configurations))
-        own, results = results[: len(owners)], results[len(owners) :]
-        for name in dict.fromkeys(owners):
-            each = [row for owner, row in zip(owners, own, strict=True) if owner == name]
+        own: dict[str, list[dict[str, Any]]] = {}
+        for name in owners_of_sets(study, len(pair.configurations)):
+            own.setdefault(name, []).append(values_of(next(results)))
+        for name, each in own.items():
             found.setdefault(name, []).append(each)
     return found
-
-
-def _errors(row: dict[str, Any], key: str) -> FloatArray:
-    """Logarithm of each estimated spring over its true linear stiffness (n_wanted,)."""
-    estimated = {name for name in row["names"].tolist() if name.endswith(".stiffness")}
-    chosen = [f"{spring}.stiffness" in estimated for spring in row["springs"].tolist()]
-    return np.asarray(np.log(row[key] / row["true_stiffness"])[chosen])
 
 
 def _model(name: str, rows: list[dict[str, Any]], further: list[list[dict[str, Any]]]) -> Model:
@@ -256,23 +226,27 @@ def _model(name: str, rows: list[dict[str, Any]], further: list[list[dict[str, A
     more = further or [[] for _ in rows]
     places = [rows[0]["names"].tolist().index(spring) for spring in wanted]
 
+    def every(key: str) -> FloatArray:
+        return np.array([row[key] for row in rows])
+
+    def error(row: dict[str, Any], key: str) -> FloatArray:
+        """Logarithm of each estimated spring over its true linear stiffness (n_wanted,)."""
+        estimated = {name for name in row["names"].tolist() if name.endswith(".stiffness")}
+        chosen = [f"{spring}.stiffness" in estimated for spring in row["springs"].tolist()]
+        return np.asarray(np.log(row[key] / row["true_stiffness"])[chosen])
+
     def errors(key: str) -> FloatArray:
-        return np.array([[_errors(each, key) for each in (row, *sets)] for row, sets in zip(rows, more, strict=True)])
+        return np.array([[error(each, key) for each in (row, *sets)] for row, sets in zip(rows, more, strict=True)])
 
     return Model(
         name=name,
         used=tuple(rows[0]["used"].tolist()),
         wanted=wanted,
-        std=np.array([row["std"] for row in rows]),
-        fit_std=np.array([row["fit_std"][places] for row in rows]),
-        effective_std=np.array([row["effective_std"][places] for row in rows]),
-        error=errors("physical_stiffness"),
-        fit_error=errors("stiffness"),
-        stiffness=np.array([row["stiffness"] for row in rows]),
-        cost=np.array([row["cost"] for row in rows]),
-        expected=np.array([row["expected"] for row in rows]),
-        resonance_error=np.array([row["model_hz"] / row["measured_hz"] - 1 for row in rows]),
-        slope=np.array([row["slope"] for row in rows]) if "slope" in rows[0] else None,
+        **{key: every(key) for key in ("std", "stiffness", "cost", "expected")},
+        **{key: every(key)[:, places] for key in ("fit_std", "effective_std")},
+        **{"error": errors("physical_stiffness"), "fit_error": errors("stiffness")},
+        resonance_error=every("model_hz") / every("measured_hz") - 1,
+        slope=every("slope") if "slope" in rows[0] else None,
     )
 
 
@@ -285,42 +259,41 @@ def summarise(found: Found) -> dict[str, float]:
         summary[f"{name}.missed"] = float(np.median((one.missed & found.there).sum(axis=(1, 2))))
     optimal, reference = models[study.optimal], models[study.reference]
     summary[f"{study.optimal}.gap"] = found.design.gap
-    summary[f"{study.optimal}.over_{study.reference}_cost"] = _ratio(optimal.average_cost, reference.average_cost)
+    over = optimal.cost.mean(axis=1) / reference.cost.mean(axis=1)
+    summary[f"{study.optimal}.over_{study.reference}_cost"] = float(np.median(over))
     summary["resonances"] = float(np.median(found.there.sum(axis=(1, 2))))
     summary |= {f"effort.{name}": value for name, value in found.effort.figures.items()}
     if study.nonlinear is not None:
-        other = models[study.nonlinear]
-        summary[f"{study.nonlinear}.excess_ratio"] = _ratio(other.average_excess, reference.average_excess)
-        explained = explained_springs(found)
-        if explained:
+        left = models[study.nonlinear].average_excess / reference.average_excess
+        summary[f"{study.nonlinear}.excess_ratio"] = float(np.median(left))
+        if explained := explained_springs(found):
             off = [abs(np.median(local / slope) - 1) for local, slope in explained.values()]
             summary[f"{study.nonlinear}.explains_error"] = float(np.median(off))
     steps = [step_figures(one) for one in found.steps]
     for name in steps[0] if steps else ():
         for key in ("tool_rms_m", "torque_rms_nm", "path_rms_m", "vibration_m", "tool_relative"):
-            values = [getattr(one[name], key) for one in steps]
-            summary[f"{name.replace(' ', '_')}.step_{key}"] = float(np.median(values))
+            summary[f"{name.replace(' ', '_')}.step_{key}"] = float(np.median([one[name][key] for one in steps]))
     return summary
 
 
 def _model_figures(one: Model) -> dict[str, float]:
-    """Medians over the individuals with the ends of their range, and the scatter where there are several."""
     summary: dict[str, float] = {}
     for key, values in (
-        ("average_std", one.average_std),
+        ("average_std", one.std.mean(axis=1)),
         ("worst_std", one.std.max(axis=1)),
         *((f"{mean}_fit_std", one.stated(mean)) for mean in get_args(Mean)),
         *((f"{mean}_effective_std", over_springs(one.effective_std, mean)) for mean in get_args(Mean)),
-        ("average_cost", one.average_cost),
+        ("average_cost", one.cost.mean(axis=1)),
         ("worst_cost", one.cost.max(axis=1)),
         ("average_excess", one.average_excess),
     ):
         summary[key] = float(np.median(values))
         summary[f"{key}_low"], summary[f"{key}_high"] = float(values.min()), float(values.max())
     if len(one.error) > 1:
-        summary["scatter"], summary["fit_scatter"] = (scatter(each, "average") for each in (one.error, one.fit_error))
-        summary["typical_scatter"] = scatter(one.error, "typical")
-        summary["typical_fit_scatter"] = scatter(one.fit_error, "typical")
+        for mean in get_args(Mean):
+            prefix = "" if mean == "average" else f"{mean}_"
+            summary[f"{prefix}scatter"] = scatter(one.error, mean)
+            summary[f"{prefix}fit_scatter"] = scatter(one.fit_error, mean)
         summary["offset"] = float(np.abs(one.error.mean(axis=(0, 1))).mean())
     if len(one.error) > 2:
         summary["scatter_error"] = scatter_error(one.error, "average")
@@ -347,10 +320,6 @@ def explained_springs(found: Found) -> dict[tuple[str, str], tuple[FloatArray, F
     }
 
 
-def _ratio(one: FloatArray, other: FloatArray) -> float:
-    return float(np.median(one / other))
-
-
 @dataclass(frozen=True)
 class Rivals:
     """Models with as few configurations as the optimal one."""
@@ -362,17 +331,19 @@ class Rivals:
 def rivals(found: Found, mean: Mean) -> dict[str, Rivals]:
     """Returns the optimal model's rivals by `deviation`, as fits state it, and by `scatter` about the truth."""
     own = found.models[found.study.optimal]
-    others = [found.models[name] for name in found.small if name != found.study.optimal]
-    stated, scattered = {}, {}
-    for one in others:
-        pair = one.stated(mean), own.stated(mean)
-        stated[one.name] = float(np.median(pair[0] / pair[1])), differs(*pair)
-        ratio = scatter(one.error, mean) / scatter(own.error, mean)
-        scattered[one.name] = ratio, scatters_differ(one.error, own.error, mean)
-    return {"deviation": _rivals(stated), "scatter": _rivals(scattered)}
-
-
-def _rivals(ratios: Mapping[str, tuple[float, bool]]) -> Rivals:
-    """By each model's figure over the optimal one's, and whether that is more than chance."""
-    lower = tuple(name for name, (ratio, surely) in ratios.items() if surely and ratio < 1)
-    return Rivals(lower, tuple(name for name, (_, surely) in ratios.items() if not surely))
+    # By each model its figure over the optimal one's, and whether that is more than chance.
+    ratios: dict[str, dict[str, tuple[float, bool]]] = {"deviation": {}, "scatter": {}}
+    for name in found.small:
+        if name != found.study.optimal:
+            one = found.models[name]
+            pair = one.stated(mean), own.stated(mean)
+            ratios["deviation"][name] = float(np.median(pair[0] / pair[1])), differs(*pair)
+            ratio = scatter(one.error, mean) / scatter(own.error, mean)
+            ratios["scatter"][name] = ratio, scatters_differ(one.error, own.error, mean)
+    return {
+        key: Rivals(
+            tuple(name for name, (ratio, surely) in each.items() if surely and ratio < 1),
+            tuple(name for name, (_, surely) in each.items() if not surely),
+        )
+        for key, each in ratios.items()
+    }

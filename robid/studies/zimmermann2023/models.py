@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.artifacts.artifact import Dataset
 from robid.artifacts.kinds import DESIGN, design_from_artifact
 from robid.artifacts.store import read_artifact
@@ -34,8 +33,8 @@ from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import delay_s, plain_settings
 from robid.settings.sources import true_robot_of
 from robid.simulate.truth import with_imperfections
-from robid.studies.experiments import paper_figures
-from robid.studies.settings.elastic import ModelChoice, ZimmermannStudy
+from robid.studies.experiments import excitations, paper_figures
+from robid.studies.settings.study import ModelChoice, ZimmermannStudy
 from robid.studies.simulated import measurements, played, read_responses, simulate_options, stated_std, threads_of
 from robid.studies.study import Content, Earlier, Task, study_of
 
@@ -55,7 +54,7 @@ def campaigns(study: ZimmermannStudy) -> tuple[str, ...]:
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
     """Returns the outputs of the chain that the tasks read, once the paper's figures can be read."""
     paper_figures(loaded)
-    return tuple(f"{name}/excitation.h5" for name in campaigns(study_of(loaded, ZimmermannStudy)))
+    return excitations(campaigns(study_of(loaded, ZimmermannStudy)))
 
 
 @dataclass(frozen=True)
@@ -92,8 +91,7 @@ def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
 
 
 _NOTHING_KNOWN = 1e9
-_RESULT = 5
-"""Version of what a result holds."""
+_RESULT = 5  # Version of what a result holds
 
 
 @dataclass(frozen=True)
@@ -118,13 +116,17 @@ def model_sets(study: ZimmermannStudy, torque: dict[str, FloatArray], n_conf: in
 
 def model_set(choice: ModelChoice, torque: dict[str, FloatArray], n_conf: int) -> tuple[int, ...]:
     """Returns the configurations of one model, see `model_sets`."""
-    pool = np.arange(n_conf) if choice.configurations is None else np.array(choice.configurations)
+    pool = _pool(choice, n_conf)
     if choice.count is None:
         return tuple(sorted(pool.tolist()))
     if choice.low_torque is not None:
         taken = np.argsort(np.abs(torque[choice.low_torque][pool]), kind="stable")[: choice.count]
         return tuple(sorted(pool[taken].tolist()))
     return tuple(sorted(np.random.default_rng(choice.seed).choice(pool, choice.count, replace=False).tolist()))
+
+
+def _pool(choice: ModelChoice, n_conf: int) -> IntArray:
+    return np.arange(n_conf) if choice.configurations is None else np.array(choice.configurations)
 
 
 def transmission_torque(robot: Robot, joint: str, configurations: FloatArray) -> FloatArray:
@@ -142,18 +144,14 @@ def options_of(study: ZimmermannStudy, choice: ModelChoice) -> ElasticOptions:
 
 def model_tasks(run: Run, earlier: Earlier) -> list[Task]:
     """Returns one task for each individual and model."""
-    study = study_of(run.loaded, ZimmermannStudy)
-    return [
-        model_task(run, study, pair, name, used, f"{name}_{number}")
-        for number, pair in enumerate(pairs(run, earlier), 1)
-        for name, used in model_sets(study, _torques(run, study, pair), len(pair.configurations)).items()
-    ]
-
-
-def _torques(run: Run, study: ZimmermannStudy, pair: Pair) -> dict[str, FloatArray]:
-    robot = run.loaded.robot.to_robot(run.loaded.experiment.campaigns[pair.estimation].payload_kg)
-    asked = {choice.low_torque for choice in study.models.values()} - {None}
-    return {str(name): transmission_torque(robot, str(name), pair.configurations) for name in asked}
+    study, found = study_of(run.loaded, ZimmermannStudy), list[Task]()
+    asked = {choice.low_torque for choice in study.models.values() if choice.low_torque is not None}
+    for number, pair in enumerate(pairs(run, earlier), 1):
+        robot = run.loaded.robot.to_robot(run.loaded.experiment.campaigns[pair.estimation].payload_kg)
+        torques = {name: transmission_torque(robot, name, pair.configurations) for name in asked}
+        sets = model_sets(study, torques, len(pair.configurations))
+        found += [model_task(run, study, pair, name, used, f"{name}_{number}") for name, used in sets.items()]
+    return found
 
 
 def model_task(
@@ -163,9 +161,8 @@ def model_task(
     own, other = (run.loaded.experiment.campaigns[each] for each in (pair.estimation, pair.validation))
     robots = run.loaded.robot.to_robot(own.payload_kg), run.loaded.robot.to_robot(other.payload_kg)
     simulated = simulate_options(own)
-    truth = with_imperfections(
-        true_robot_of(run.loaded.robot, own.payload_kg, simulated.truth), simulated.imperfections
-    )
+    true = true_robot_of(run.loaded.robot, own.payload_kg, simulated.truth)
+    truth = with_imperfections(true, simulated.imperfections)
     settings = model_settings(run.loaded, pair.estimation), model_settings(run.loaded, pair.validation)
     options = options_of(study, study.models[name])
     validation = pair.validation_paths if judged else ()
@@ -206,9 +203,8 @@ def fitted_parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Data
     """Returns what a fit found, beside the truth."""
     parameter, spring = ("parameter",), ("spring",)
     found = solution.estimate
-    springs, middles = (
-        fitted_robot(one.robots[0], each).springs for each in (found, replace(found, value=found.middle))
-    )
+    both = found, replace(found, value=found.middle)
+    springs, middles = (fitted_robot(one.robots[0], each).springs for each in both)
     by_name = {each.name: each for each in one.truth.springs}
     true, cubic = zip(*((by_name[each.name].stiffness, by_name[each.name].cubic) for each in springs), strict=True)
     own, middle = (np.array([each.stiffness for each in some]) for some in (springs, middles))
@@ -229,17 +225,18 @@ def fitted_parameters(one: Fitting, solution: ElasticSolution) -> dict[str, Data
 
 
 def _deviations(one: Fitting, frf: Frf, solution: ElasticSolution) -> dict[str, Dataset]:
-    """Deviations that the total covariance allows at best, and the information of each configuration."""
     robot = fitted_robot(one.robots[0], solution.estimate)
     fixed = [name for name in one.options.fixed if name.endswith((".stiffness", ".viscous", ".motor_inertia"))]
-    nuisance = tuple(kind for kind in one.options.free if kind in ALONG)
-    matrices, names = measured_information(
-        robot, frf, one.delay_s, kinds=("stiffness",), nuisance=nuisance, fixed=fixed
-    )
+    along = tuple(kind for kind in one.options.free if kind in ALONG)
+    matrices, names = measured_information(robot, frf, one.delay_s, kinds=("stiffness",), nuisance=along, fixed=fixed)
+    variance = np.diag(np.linalg.inv(matrices.sum(axis=0)))
     if "cubic" in one.options.free:
-        variance = _optimal_variance(one, frf, solution, names)
-    else:
-        variance = np.diag(np.linalg.inv(matrices.sum(axis=0)))
+        # Where all free parameters are estimated along, weights optimal.
+        weights = replace(one.options.weights, kind="optimal_full")
+        options = replace(one.options, weights=weights, estimator="lls", prior_decades=_NOTHING_KNOWN)
+        fitted = fitted_model(one.robots[0], solution, frf, options, one.delay_s)
+        covariance = sandwich(fitted.problem, fitted.internal)
+        variance = np.diag(covariance)[[fitted.problem.parameters.names.index(name) for name in names]]
     square = ("configuration", "wanted", "other wanted")
     return {
         "wanted": Dataset(np.array(names), "1", ("wanted",), "Springs whose deviations follow"),
@@ -248,20 +245,9 @@ def _deviations(one: Fitting, frf: Frf, solution: ElasticSolution) -> dict[str, 
     }
 
 
-def _optimal_variance(one: Fitting, frf: Frf, solution: ElasticSolution, names: Sequence[str]) -> FloatArray:
-    """Variance of the springs' logarithms where all free parameters are estimated along, weights optimal."""
-    weights = replace(one.options.weights, kind="optimal_full")
-    options = replace(one.options, weights=weights, estimator="lls", prior_decades=_NOTHING_KNOWN)
-    fitted = fitted_model(one.robots[0], solution, frf, options, one.delay_s)
-    covariance = sandwich(fitted.problem, fitted.internal)
-    own = [fitted.problem.parameters.names.index(name) for name in names]
-    return np.diag(covariance)[own]
-
-
 def _judgement(one: Fitting, solution: ElasticSolution) -> dict[str, Dataset]:
     frf = read_responses(one.validation)
-    weights = replace(one.options.weights, kind="user")
-    options = replace(one.options, estimator="llsm", weights=weights)
+    options = replace(one.options, estimator="llsm", weights=replace(one.options.weights, kind="user"))
     fitted = fitted_model(one.robots[1], solution, frf, options, one.delay_s)
     # Weights of the measured response, the same for all models, a motor's own response at 1.
     problem, dropped = make_problem(frf, fitted.problem.model, fitted.problem.parameters, options)
@@ -295,8 +281,7 @@ def further_sets(choice: ModelChoice, n_conf: int) -> tuple[tuple[int, ...], ...
     """Returns as many further sets of configurations as a drawn model's pool has that share none."""
     if choice.count is None or choice.low_torque is not None:
         return ()
-    pool = np.arange(n_conf) if choice.configurations is None else np.array(choice.configurations)
-    left = np.setdiff1d(pool, model_set(choice, {}, n_conf))
+    left = np.setdiff1d(_pool(choice, n_conf), model_set(choice, {}, n_conf))
     left = np.random.default_rng([choice.seed, _FURTHER]).permutation(left)
     count = choice.count
     return tuple(tuple(sorted(left[at : at + count].tolist())) for at in range(0, left.size - count + 1, count))

@@ -2,38 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.design.configurations.information import ConfigurationDesign
 from robid.pipeline.graph import Run
 from robid.report.design import design_section
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import Verdict
-from robid.report.section import Beside, Figure, Section, Table
+from robid.report.section import Beside, Figure, Section
 from robid.robot.kinematics import skeleton
 from robid.studies.experiments import paper_figures
-from robid.studies.page import Conclusion, figure, table
+from robid.studies.page import Conclusion, by_name, figure, table
 from robid.studies.study import Results
-from robid.studies.zimmermann2023.figures import (
-    MISSED,
-    Found,
-    Rivals,
-    explained_springs,
-    gather,
-    rivals,
-    summarise,
-)
+from robid.studies.zimmermann2023.figures import MISSED, Found, Rivals, explained_springs, gather, rivals, summarise
 from robid.studies.zimmermann2023.models import chosen_designs
 from robid.studies.zimmermann2023.steps import StepResponses
 
 _ENOUGH_COST = 1.06
 _ENOUGH_EXCESS = 0.5
-_FURTHER = 2.0
-"""Scatter over the stated deviation above which intervals do not hold what they should."""
+_FURTHER = 2.0  # Scatter over the stated deviation above which intervals do not hold what they should
 
 
 def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
@@ -41,23 +33,43 @@ def conclude(run: Run, results: tuple[Results, ...]) -> Conclusion:
     found, paper = gather(run, results), paper_figures(run.loaded)
     summary, told = summarise(found), found.effort
     effort = deviation_figures(told.experiments, told.average, told.worst)
+    used = {name: one.used for name, one in found.models.items()}
+    columns = (
+        ("Model", lambda name: name),
+        ("Configurations", lambda name: str(len(used[name]))),
+        ("Their numbers", lambda name: ", ".join(str(index + 1) for index in used[name])),
+        ("In the paper", lambda name: paper.get("comment", {}).get(name, "")),
+    )
+    count = found.truth.shape[0]
+    lead = f"Each model is fitted once for each of {count} individuals of the type; figures are medians over them."
+
+    # Fig. 3: sorted costs of every model, averaged over the individuals.
+    names, costs = list(found.models), list[Figure]()
+    for part in (part for part in (names[:_MOST], names[_MOST:]) if part):
+        shown = part if found.study.reference in part else [found.study.reference, *part]
+        series = {name: np.sort(found.models[name].cost, axis=1).mean(axis=0) for name in shown}
+        costs.append(figure("", ("Configuration, by its cost", "Cost"), None, series, log_x=False))
+
+    def arms(name: str, design: ConfigurationDesign) -> FloatArray:
+        campaign = run.loaded.experiment.campaigns[run.loaded.experiment.designs[name].campaign]
+        return skeleton(run.loaded.robot.to_robot(campaign.payload_kg), design.configurations)
+
     sections = (
-        _data_section(found, paper),
+        Section("Table I: the data of the models", lead, (table(columns, used, prose=True),)),
         _model_section(found, summary, paper),
-        _cost_section(found),
-        _response_section(found),
-        _spring_section(found),
+        Section("Fig. 3: costs of the validation", _OF_COSTS, (Beside(tuple(costs), 2),)),
+        *(_response_section(found), _spring_section(found)),
         *_explanation_sections(found),
         Section("How long must I measure?", f"{found.effort.sentence} {_EFFORT}", (Beside(effort, 2),)),
         *_step_section(found, summary),
-        *_design_sections(run),
+        # The designs that the configurations come from: arms in space, weights, information, gap.
+        *(design_section(name, design, arms(name, design)) for name, design in chosen_designs(run).items()),
     )
     text, reached = _verdict(found, summary)
     return Conclusion(Verdict(text, "ok" if reached else "warn"), summary, sections)
 
 
 def _verdict(found: Found, summary: Mapping[str, float]) -> tuple[str, bool]:
-    """What was found in a few sentences, and whether all that is asked of it is reached."""
     study, optimal = found.study, found.study.optimal
     held, typical = rivals(found, "average"), rivals(found, "typical")
     keys = {"deviation": ("average deviation", "average_fit_std"), "scatter": ("scatter about the truth", "scatter")}
@@ -80,7 +92,6 @@ def _verdict(found: Found, summary: Mapping[str, float]) -> tuple[str, bool]:
 
 
 def _standing(optimal: str, what: str, figures: Mapping[str, float], held: Rivals) -> str:
-    """Says whether the optimal model has the lowest figure of those with as few configurations."""
     own = figures[optimal]
     below = [f"{name} ({_deviation(figures[name])})" for name in held.tied if figures[name] < own]
     above = [name for name in held.tied if not figures[name] < own]
@@ -96,7 +107,6 @@ def _standing(optimal: str, what: str, figures: Mapping[str, float], held: Rival
 
 
 def _otherwise(typical: Rivals) -> str:
-    """Names the models that are lower by the other mean."""
     lower = ", ".join(typical.lower)
     return f"; by geometric means over the springs, surely below it: {lower}" if lower else ""
 
@@ -110,40 +120,23 @@ def _below(value: float, limit: float) -> str:
     return f"asked: at most {limit:g}, {'reached' if value <= limit else 'missed'}"
 
 
-def _data_section(found: Found, paper: Mapping[str, Any]) -> Section:
-    used = {name: one.used for name, one in found.models.items()}
-    columns = (
-        ("Model", lambda name: name),
-        ("Configurations", lambda name: str(len(used[name]))),
-        ("Their numbers", lambda name: ", ".join(str(index + 1) for index in used[name])),
-        ("In the paper", lambda name: paper.get("comment", {}).get(name, "")),
-    )
-    count = found.truth.shape[0]
-    lead = f"Each model is fitted once for each of {count} individuals of the type; figures are medians over them."
-    return Section("Table I: the data of the models", lead, (table(columns, used, prose=True),))
-
-
 def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[str, Any]) -> Section:
-    def ours(key: str, name: str) -> str:
-        return significant(summary[f"{name}.{key}"])
-
     def theirs(key: str, name: str) -> str:
         return significant(paper.get(key, {}).get(name))
 
-    share = partial(_share, summary)
     columns = (
         ("Model", lambda name: name),
-        ("Worst cost", partial(ours, "worst_cost")),
+        by_name(summary, "Worst cost", "worst_cost"),
         ("Paper", partial(theirs, "worst_cost")),
-        ("Average", partial(ours, "average_cost")),
+        by_name(summary, "Average", "average_cost"),
         ("Paper", partial(theirs, "average_cost")),
-        ("Excess", partial(ours, "average_excess")),
-        ("Noise floor", partial(share, "average_std")),
-        ("Effective", partial(share, "average_effective_std")),
-        ("Deviation", partial(share, "average_fit_std")),
+        by_name(summary, "Excess", "average_excess"),
+        by_name(summary, "Noise floor", "average_std", _deviation),
+        by_name(summary, "Effective", "average_effective_std", _deviation),
+        by_name(summary, "Deviation", "average_fit_std", _deviation),
         ("Scatter", partial(_scatter, summary)),
-        ("Offset", partial(share, "offset")),
-        ("Of fits", partial(share, "fit_scatter")),
+        by_name(summary, "Offset", "offset", _deviation),
+        by_name(summary, "Of fits", "fit_scatter", _deviation),
         ("Paper", partial(_their_std, paper)),
         ("Missed", lambda name: f"{summary[f'{name}.missed']:.0f} of {summary['resonances']:.0f}"),
     )
@@ -163,30 +156,22 @@ def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[st
     optimal = list(found.models).index(found.study.optimal)
     judged = "Models are judged by their scatter: the truth is known here."
     lead = " ".join((judged, *_contradictions(found, paper), *_too_sure(found, summary)))
+    typical = [by_name(summary, head, f"typical_{key}", _deviation) for head, key in _TYPICAL.items()]
     tables = (
         table(columns, found.models, caption=caption, strong=optimal),
-        _typical_table(found, share, optimal),
+        table((columns[0], *typical), found.models, caption=_TYPICAL_CAPTION, strong=optimal),
     )
     return Section("Table II: costs and deviations", lead, tables)
 
 
-def _typical_table(found: Found, share: Callable[[str, str], str], optimal: int) -> Table:
-    typical = (
-        ("Model", lambda name: name),
-        ("Effective", partial(share, "typical_effective_std")),
-        ("Deviation", partial(share, "typical_fit_std")),
-        ("Scatter", partial(share, "typical_scatter")),
-        ("Of fits", partial(share, "typical_fit_scatter")),
-    )
-    caption = (
-        "The same by geometric means over the springs: one that no data can tell, such as a gear with a bearing in"
-        " series that the robot file lacks, outweighs all others in a plain mean."
-    )
-    return table(typical, found.models, caption=caption, strong=optimal)
+_TYPICAL = {"Effective": "effective_std", "Deviation": "fit_std", "Scatter": "scatter", "Of fits": "fit_scatter"}
+_TYPICAL_CAPTION = (
+    "The same by geometric means over the springs: one that no data can tell, such as a gear with a bearing in"
+    " series that the robot file lacks, outweighs all others in a plain mean."
+)
 
 
 def _too_sure(found: Found, summary: Mapping[str, float]) -> tuple[str, ...]:
-    """Says which models scatter much further than they state."""
     pairs = {name: (summary.get(f"{name}.scatter", 0.0), summary[f"{name}.average_fit_std"]) for name in found.models}
     return tuple(
         f"{name} states too little: it scatters by {_deviation(scattered)}, {significant(scattered / stated, 2)} times"
@@ -194,10 +179,6 @@ def _too_sure(found: Found, summary: Mapping[str, float]) -> tuple[str, ...]:
         for name, (scattered, stated) in pairs.items()
         if scattered > _FURTHER * stated
     )
-
-
-def _share(summary: Mapping[str, float], key: str, name: str) -> str:
-    return _deviation(summary.get(f"{name}.{key}"))
 
 
 def _scatter(summary: Mapping[str, float], name: str) -> str:
@@ -236,7 +217,6 @@ def _their_std(paper: Mapping[str, Any], name: str) -> str:
 
 
 def _explanation_sections(found: Found) -> tuple[Section, ...]:
-    """Springs of the linear models against the slopes that the nonlinear model has where they were measured."""
     explained = explained_springs(found)
     if not explained:
         return ()
@@ -260,22 +240,10 @@ _EFFORT = (
     "Optimal: as many visits as tell most. Guess: its configurations in turn, by their own measurements. Random:"
     " candidates, median of 200 draws, and the worst tenth of them."
 )
+_OF_COSTS = "Costs in all configurations, each model's sorted; means over the individuals."
 _MOST = 7
 _MM = 1e3
 _MAGNITUDE = ("Frequency [Hz]", "Magnitude [rad/(s² N m)]")
-
-
-def _cost_section(found: Found) -> Section:
-    """Fig. 3: sorted costs of every model, averaged over the individuals."""
-    names, reference = list(found.models), found.study.reference
-    figures = []
-    for part in (names[:_MOST], names[_MOST:]):
-        shown = part if reference in part else [reference, *part]
-        costs = {name: np.sort(found.models[name].cost, axis=1).mean(axis=0) for name in shown}
-        if part:
-            figures.append(figure("", ("Configuration, by its cost", "Cost"), None, costs, log_x=False))
-    lead = "Costs in all configurations, each model's sorted; means over the individuals."
-    return Section("Fig. 3: costs of the validation", lead, (Beside(tuple(figures), 2),))
 
 
 def _response_section(found: Found) -> Section:
@@ -305,7 +273,6 @@ def _response_section(found: Found) -> Section:
 
 
 def _spring_section(found: Found) -> Section:
-    """Fig. 5: springs over the truth, with two predicted deviations, of the first individual."""
     figures = []
     for name, one in found.models.items():
         places = [found.springs.index(wanted.rpartition(".")[0]) for wanted in one.wanted]
@@ -320,18 +287,7 @@ def _spring_section(found: Found) -> Section:
     return Section("Fig. 5: parameters and deviations", lead, (Beside(tuple(figures), 3),))
 
 
-def _design_sections(run: Run) -> tuple[Section, ...]:
-    """The designs that the configurations come from: arms in space, weights, information, gap."""
-    sections = []
-    for name, design in chosen_designs(run).items():
-        campaign = run.loaded.experiment.campaigns[run.loaded.experiment.designs[name].campaign]
-        robot = run.loaded.robot.to_robot(campaign.payload_kg)
-        sections.append(design_section(name, design, skeleton(robot, design.configurations)))
-    return tuple(sections)
-
-
 def _step_section(found: Found, summary: Mapping[str, float]) -> tuple[Section, ...]:
-    """Fig. 6: tool displacement after a step of the first axis, and errors of all models."""
     if not found.steps:
         return ()
     steps, shown = found.steps[0], found.study.optimal
@@ -374,17 +330,12 @@ def deviation_figures(
 def step_response_figures(responses: StepResponses, configuration: int, axis: int, shown: str) -> tuple[Figure, ...]:
     """Shows one step: displacement and torque of the model `shown`, of all the errors of prediction and path."""
     at, stepped = (responses.models.index(shown), configuration, axis), (slice(None), configuration, axis)
-    reached = {
-        "rigid robot": responses.path[configuration, axis],
-        "true robot": responses.tool_true[at],
-        f"predicted by {shown}": responses.tool_model[at],
-    }
-    torques = {"true robot": responses.torque_true[at], f"predicted by {shown}": responses.torque_model[at]}
-    errors, paths = (
-        dict(zip(responses.models, _MM * each[stepped], strict=True))
-        for each in (responses.tool_error_m, responses.path_error_m)
-    )
-    lengths = {name: _MM * np.linalg.norm(values, axis=-1) for name, values in reached.items()}
+    names = "rigid robot", "true robot", f"predicted by {shown}"
+    off = responses.tool_error_m, responses.path_error_m
+    reached = responses.path[configuration, axis], responses.tool_true[at], responses.tool_model[at]
+    lengths = {name: _MM * np.linalg.norm(values, axis=-1) for name, values in zip(names, reached, strict=True)}
+    torques = dict(zip(names[1:], (responses.torque_true[at], responses.torque_model[at]), strict=True))
+    errors, paths = (dict(zip(responses.models, _MM * each[stepped], strict=True)) for each in off)
     return tuple(
         figure(title, ("Time [s]", unit), responses.time_s, series, log_x=False, log_y=False)
         for title, unit, series in (

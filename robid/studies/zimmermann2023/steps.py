@@ -13,8 +13,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from robid.arrays import FloatArray, Quantity, check_shape
-from robid.artifacts.artifact import Artifact
-from robid.artifacts.kinds import TASK, from_datasets, to_datasets
+from robid.artifacts.kinds import TASK, to_datasets
 from robid.artifacts.store import read_artifact
 from robid.errors import SettingsError
 from robid.models.elastic.fit.solution import with_estimates
@@ -31,7 +30,7 @@ from robid.signals.waveforms import PEAK_ACCELERATION, PEAK_SNAP, smooth_step, s
 from robid.simulate.engine import true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.playback import Playback, play, turned_tool, with_tool_point
-from robid.studies.settings.elastic import StepOptions, ZimmermannStudy
+from robid.studies.settings.study import StepOptions, ZimmermannStudy
 from robid.studies.simulated import simulate_options
 from robid.studies.study import Content, Earlier, Task, study_of
 
@@ -54,11 +53,7 @@ class StepProfile:
 
 
 def step_profiles(
-    robot: Robot,
-    controller: Controller,
-    simulation: SimulateOptions,
-    configurations: FloatArray,
-    options: StepOptions,
+    robot: Robot, controller: Controller, simulation: SimulateOptions, configurations: FloatArray, options: StepOptions
 ) -> list[list[StepProfile]]:
     """Finds the fastest step of every axis in every configuration (n_conf, n_joint) [rad] of a robot that must follow.
 
@@ -189,7 +184,11 @@ def run_steps(bench: StepBench, task: StepTask) -> tuple[FloatArray, FloatArray,
         tools.append([(side.tool - side.tool[0]).swapaxes(0, 1) for side in sides])
         axes = np.arange(len(task.profiles))
         torques.append([side.torque[:, axes, axes].T for side in sides])  # of each simulation's own axis
-    return _paths(bench, task), np.array(tools).swapaxes(0, 1), np.array(torques).swapaxes(0, 1)
+    model = true_model(bench.true, bench.controller, replace(bench.simulation, steps_per_sample=1), sensors=False)
+    rest = solve_statics(model, task.configuration[None])
+    steps = [smooth_step(bench.time_s, one.size_rad, one.speed_rad_s, one.ramp_s)[0] for one in task.profiles]
+    paths = np.array([turned_tool(model, rest, axis, angle) for axis, angle in enumerate(steps)])
+    return paths, np.array(tools).swapaxes(0, 1), np.array(torques).swapaxes(0, 1)
 
 
 def step_control(robot: Robot, bench: StepBench, task: StepTask) -> Playback:
@@ -218,19 +217,8 @@ def step_control(robot: Robot, bench: StepBench, task: StepTask) -> Playback:
     return Playback(np.stack(angles, axis=1), np.stack(torques, axis=1))
 
 
-def _paths(bench: StepBench, task: StepTask) -> FloatArray:
-    at_rest = replace(bench.simulation, steps_per_sample=1)
-    model = true_model(bench.true, bench.controller, at_rest, sensors=False)
-    rest = solve_statics(model, task.configuration[None])
-    return np.array(
-        [
-            turned_tool(model, rest, axis, smooth_step(bench.time_s, p.size_rad, p.speed_rad_s, p.ramp_s)[0])
-            for axis, p in enumerate(task.profiles)
-        ]
-    )
-
-
-_MOVED, _STEPPED = "model configuration axis time xyz", "model configuration axis time"
+_PATH, _STEPPED = "configuration axis time xyz", "model configuration axis time"
+_MOVED = f"model {_PATH}"
 _TREND = 3  # degree; the feedback's slow settling is no vibration
 
 Map = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
@@ -245,9 +233,7 @@ class StepResponses:
     axes: Annotated[tuple[str, ...], Quantity("1", "axis", "Name of each stepped axis")]
     configurations: Annotated[FloatArray, Quantity("rad", "configuration joint", "Arm-side angles at rest")]
     move_s: Annotated[FloatArray, Quantity("s", "configuration axis", "How long the commanded move lasts")]
-    path: Annotated[
-        FloatArray, Quantity("m", "configuration axis time xyz", "Displacement of the tool point of a rigid robot")
-    ]
+    path: Annotated[FloatArray, Quantity("m", _PATH, "Displacement of the tool point of a rigid robot")]
     tool_true: Annotated[FloatArray, Quantity("m", _MOVED, "Displacement of the true tool point", compact=True)]
     tool_model: Annotated[FloatArray, Quantity("m", _MOVED, "What the model predicts", compact=True)]
     torque_true: Annotated[FloatArray, Quantity("N m", _STEPPED, "Torque of the stepped axis", compact=True)]
@@ -281,22 +267,6 @@ class StepResponses:
         return result
 
 
-@dataclass(frozen=True)
-class StepFigures:
-    """Errors of one model over all configurations and axes."""
-
-    tool_rms_m: float  # Root mean square error of the predicted tool displacement [m]
-    tool_max_m: float  # Largest error of it [m]
-    tool_relative: float  # Root mean square of the error over the size of its step
-    torque_rms_nm: float  # Root mean square error of the predicted torque of the stepped axis [N m]
-    torque_max_nm: float  # Largest error of it [N m]
-    torque_relative: float  # Root mean square error over the root mean square of the torque's change from rest
-    path_rms_m: float  # Root mean square deviation of the true tool from the commanded path [m]
-    path_max_m: float  # Largest deviation [m]
-    vibration_m: float  # Root mean square vibration of the true tool after the moves [m]
-    vibration_relative: float  # Root mean square of the vibration over the size of its step
-
-
 def step_responses(
     true: Robot,
     models: Mapping[str, Robot],
@@ -313,15 +283,9 @@ def step_responses(
     its flexible joints: gravity, inertia, viscous and, where the simulated robot has it, Coulomb friction. The true
     robot and the model itself then run under this feed-forward and the same feedback.
 
-    Args:
-        true: The true robot, without the imperfections.
-        models: The identified robots by name; springs, dampers and friction are their own.
-        controller: The robot's controller.
-        simulation: Imperfections of the true robot, steps per sample and seed of the noise.
-        configurations (n_conf, n_joint): Arm-side angles that the encoders show at rest [rad].
-        options: The steps.
-        tool_m (3,): Tool point in the last joint's frame; the payload's centre of mass by default [m].
-        parallel_map: Ordered map that runs the configurations.
+    The true robot is given without the imperfections of its simulation. Encoders show arm-side configurations (n_conf,
+    n_joint) at rest [rad]; the tool point (3,) in the last joint's frame is the payload's centre of mass by default
+    [m]. An ordered map runs the configurations.
 
     Raises:
         SettingsError: If a step outlasts the time that is compared, or a motor cannot hold the robot at rest.
@@ -356,33 +320,37 @@ def step_responses(
     )
 
 
-def step_figures(responses: StepResponses) -> dict[str, StepFigures]:
-    """Sums up the errors of every model over configurations and axes."""
-    size = responses.size_m
+def step_figures(responses: StepResponses) -> dict[str, dict[str, float]]:
+    """Sums up the errors of every model over configurations and axes: root mean squares and largest ones.
+
+    Returns:
+        By model and name: errors of the predicted displacement of the tool, `tool_*`, and deviations of the true tool
+        from the commanded path, `path_*` [m]; errors of the predicted torque of the stepped axis, `torque_*` [N m];
+        vibration of the true tool after the moves [m]. What is `relative` is over the size of its step, or over the
+        root mean square of the torque's change from rest.
+    """
+
+    def rms(values: FloatArray) -> float:
+        return float(np.sqrt(np.mean(values**2)))
+
+    size, errors = responses.size_m, responses.torque_model - responses.torque_true
     moved = responses.torque_true - responses.torque_true[..., :1]
-    found = {}
-    for index, name in enumerate(responses.models):
-        tool, path, vibration = (
-            each[index] for each in (responses.tool_error_m, responses.path_error_m, responses.vibration_m)
-        )
-        torque = responses.torque_model[index] - responses.torque_true[index]
-        found[name] = StepFigures(
-            tool_rms_m=_rms(tool),
-            tool_max_m=float(tool.max()),
-            tool_relative=_rms(tool / size[..., None]),
-            torque_rms_nm=_rms(torque),
-            torque_max_nm=float(np.abs(torque).max()),
-            torque_relative=_rms(torque) / _rms(moved[index]),
-            path_rms_m=_rms(path),
-            path_max_m=float(path.max()),
-            vibration_m=_rms(vibration),
-            vibration_relative=_rms(vibration / size),
-        )
-    return found
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    every = zip(responses.tool_error_m, responses.path_error_m, responses.vibration_m, errors, moved, strict=True)
+    return {
+        name: {
+            "tool_rms_m": rms(tool),
+            "tool_max_m": float(tool.max()),
+            "tool_relative": rms(tool / size[..., None]),
+            "torque_rms_nm": rms(torque),
+            "torque_max_nm": float(np.abs(torque).max()),
+            "torque_relative": rms(torque) / rms(change),
+            "path_rms_m": rms(path),
+            "path_max_m": float(path.max()),
+            "vibration_m": rms(vibration),
+            "vibration_relative": rms(vibration / size),
+        }
+        for name, (tool, path, vibration, torque, change) in zip(responses.models, every, strict=True)
+    }
 
 
 NOMINAL = "robot file"
@@ -400,7 +368,9 @@ def step_tasks(run: Run, earlier: Earlier) -> list[Task]:
         simulation = simulate_options(campaign)
         paths = dict(zip(names, earlier[1].paths[number * len(names) :], strict=False))
         used = {name: paths[name] for name in study.stepped}
+        true = true_robot_of(run.loaded.robot, campaign.payload_kg, simulation.truth)
         wanted = RandomConfigurations(count=study.steps.configurations, seed=study.steps.seed)
+        drawn, controller = draw_in_reach(run.loaded, robot, wanted), require_controller(run.loaded)
         decides = {
             "models": {name: path.name for name, path in used.items()},
             "source": plain_settings(campaign.source),
@@ -408,15 +378,7 @@ def step_tasks(run: Run, earlier: Earlier) -> list[Task]:
             "payload_kg": campaign.payload_kg,
             **robot_settings(run.loaded, "mechanics", "range", "motor_limits", "friction", "controller"),
         }
-        arguments = (
-            robot,
-            true_robot_of(run.loaded.robot, campaign.payload_kg, simulation.truth),
-            used,
-            require_controller(run.loaded),
-            simulation,
-            draw_in_reach(run.loaded, robot, wanted),
-            study.steps,
-        )
+        arguments = robot, true, used, controller, simulation, drawn, study.steps
         found.append(Task(f"steps_{number + 1}", decides, arguments))
     return found
 
@@ -431,17 +393,10 @@ def step(
     options: StepOptions,
 ) -> Content:
     """Steps every axis in every configuration under control that each model designs, the robot file's beside."""
-    robots = {**{name: _model(robot, path) for name, path in models.items()}, NOMINAL: robot}
+    robots = {}
+    for name, path in models.items():
+        held = read_artifact(path, TASK).datasets
+        names, *values = (held[key].values.tolist() for key in ("names", "estimate", "nominal"))
+        robots[name] = with_estimates(robot, *(dict(zip(names, each, strict=True)) for each in values))
+    robots[NOMINAL] = robot
     return Content(*to_datasets(step_responses(truth, robots, controller, simulation, configurations, options)))
-
-
-def read_steps(artifact: Artifact) -> StepResponses:
-    """The responses of a task."""
-    return from_datasets(StepResponses, artifact)
-
-
-def _model(robot: Robot, path: Path) -> Robot:
-    held = read_artifact(path, TASK).datasets
-    names = held["names"].values.tolist()
-    found, stated = (dict(zip(names, held[key].values.tolist(), strict=True)) for key in ("estimate", "nominal"))
-    return with_estimates(robot, found, stated)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robid.studies.frf.report import elements, error_ratio, scatter
+from robid.studies.frf.study import elements, error_ratio, scatter
 
 SHAPE = (2, 400, 3, 2, 2)
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robid.studies.frf.report import (
+from robid.studies.frf.study import (
     Compared,
     bias_figures,
     default_sentence,

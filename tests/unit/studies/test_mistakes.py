@@ -10,10 +10,17 @@ from robid.results.finding import Finding
 from robid.settings.load import load_robot
 from robid.signals.quantities import motor_channels
 from robid.signals.record import Record
-from robid.studies.mistakes.cases import Against, against_truth, refused_causes
+from robid.studies.mistakes.cases import (
+    Against,
+    Case,
+    against_truth,
+    mistaken_record,
+    mistaken_robot,
+    mistaken_truth,
+    refused_causes,
+)
 from robid.studies.mistakes.report import CaseRow, summarise
-from robid.studies.mistakes.responses import Case, mistaken_record, mistaken_robot, mistaken_truth
-from robid.studies.settings.mistakes import Mistake
+from robid.studies.settings.defects import Mistake
 from tolerances import IDENTITY
 
 ROBOT = load_robot(Path(__file__).parents[2] / "stages" / "arm.yaml")

@@ -30,7 +30,7 @@ from robid.studies.mistakes.unit_logs import (
     write_log,
 )
 from robid.studies.mistakes.wrong_units import reading_campaign
-from robid.studies.settings.mistakes import Rough, UnitMistake
+from robid.studies.settings.defects import Rough, UnitMistake
 from robid.studies.settings.study import load_with_study
 from tolerances import IDENTITY
 

@@ -9,7 +9,7 @@ from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.models.elastic.fit.fitting import set_up
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.judge.extrema import own_resonance_errors
-from robid.studies.settings.elastic import EstimatorChoice, WernholtStudy
+from robid.studies.settings.study import EstimatorChoice, WernholtStudy
 from robid.studies.simulated import stated_std
 from robid.studies.wernholt2008.figures import Found, Judge, Models, claims, model_figures, summarise
 from robid.studies.wernholt2008.study import ALL, Individuals, best_configuration, estimators_of, score_options, sets

@@ -7,7 +7,7 @@ import pytest
 
 from exact_systems import two_joint_robot
 from robid.design.configurations.information import ConfigurationDesign
-from robid.studies.settings.elastic import ModelChoice, ZimmermannStudy
+from robid.studies.settings.study import ModelChoice, ZimmermannStudy
 from robid.studies.simulated import differs, scatter, scatter_error, scatters_differ
 from robid.studies.zimmermann2023.figures import (
     Found,

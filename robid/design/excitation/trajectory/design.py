@@ -55,30 +55,24 @@ def descend(problem: TrajectoryProblem, start: FloatArray, evaluations: int) -> 
     """
     best, value = start, problem.criterion.value(problem.regressor(start))
     for algorithm, share, sharpness in _ROUNDS:
-        tool = nlopt.opt(algorithm, start.size)
+        # Objective and constraints come from one evaluation, though the optimiser asks for them apart.
+        walk, tool = _Walk(problem, (best / problem.scale).ravel(), sharpness), nlopt.opt(algorithm, start.size)
         tool.set_maxeval(max(round(share * evaluations), 1))
-        end = _round(problem, best, tool, sharpness)
+        tool.set_min_objective(walk.objective)
+        tool.add_inequality_mconstraint(walk.constraints, np.full(walk.latest.used.size, _WITHIN))
+        tool.set_lower_bounds(-_BOUND)
+        tool.set_upper_bounds(_BOUND)
+        tool.set_ftol_rel(_TOLERANCE)
+        point = walk.point
+        with contextlib.suppress(nlopt.RoundoffLimited, RuntimeError):
+            point = np.asarray(tool.optimize(np.clip(walk.point, -_BOUND, _BOUND)))
         # Optimisers end slightly outside: the way is shrunk until it is within.
+        end = np.asarray(point.reshape(start.shape) * problem.scale)
         end = end * _allowed(problem, end)
         reached = problem.criterion.value(problem.regressor(end))
         if reached < value:
             best, value = end, reached
     return best
-
-
-def _round(problem: TrajectoryProblem, start: FloatArray, tool: nlopt.opt, sharpness: float) -> FloatArray:
-    """Where an optimizer ends; it may exceed limits there."""
-    # Objective and constraints come from one evaluation, though the optimiser asks for them apart.
-    walk = _Walk(problem, (start / problem.scale).ravel(), sharpness)
-    tool.set_min_objective(walk.objective)
-    tool.add_inequality_mconstraint(walk.constraints, np.full(walk.latest.used.size, _WITHIN))
-    tool.set_lower_bounds(-_BOUND)
-    tool.set_upper_bounds(_BOUND)
-    tool.set_ftol_rel(_TOLERANCE)
-    point = walk.point
-    with contextlib.suppress(nlopt.RoundoffLimited, RuntimeError):
-        point = np.asarray(tool.optimize(np.clip(walk.point, -_BOUND, _BOUND)))
-    return np.asarray(point.reshape(start.shape) * problem.scale)
 
 
 class _Walk:
@@ -125,16 +119,11 @@ def largest_factor(is_allowed: Callable[[float], bool]) -> float:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One optimised trajectory.
+    """One optimised trajectory."""
 
-    Attributes:
-        coefficients (n_shape, n_joint): Coefficients of its shapes, arm side [rad, or m].
-        condition: Condition number of its regressor, each column over its size in random motions.
-    """
-
-    coefficients: FloatArray
+    coefficients: FloatArray  # (n_shape, n_joint) Coefficients of its shapes, arm side [rad, or m]
     value: float
-    condition: float
+    condition: float  # Condition number of its regressor, each column over its size in random motions
 
 
 def _trajectory_plan(
@@ -149,7 +138,10 @@ def _trajectory_plan(
     torque = np.array([problem.base.torques(problem.configurations, motion) for motion in motions])
     still = problem.base.torques(problem.configurations, np.zeros((3, 1, motions.shape[-1])))[:, 0]
     speed, limits = motions[:, 1] @ problem.robot.motor_per_arm.T, problem.limits
-    way, room = _nearer_side(motions[:, 0], limits.below, limits.above)
+    # Towards the side where a joint uses most of its room.
+    way, (below, above) = motions[:, 0], (limits.below, limits.above)
+    upward = (way / above).max(axis=(0, 1)) >= (-way / below).max(axis=(0, 1))
+    way, room = np.where(upward, way, -way), np.where(upward, above, below)
     least, most, rms = np.stack([_reached(speed, still), _reached(torque, still), _reached(way, still)], axis=1)
     peak = np.array([np.maximum(most[0], -least[0]), np.maximum(most[1], -least[1]), most[2]])
     whole = np.array([limits.speed / options.speed_share, limits.torque / options.torque_share, room])
@@ -170,12 +162,6 @@ def _reached(signal: FloatArray, like: FloatArray) -> FloatArray:
     return np.broadcast_to(values.reshape(3, -1, like.shape[1]), (3, *like.shape)).copy()
 
 
-def _nearer_side(way: FloatArray, below: FloatArray, above: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Way (n_real, n_sample, n_joint) towards the side where it uses most of the room, and that room (n_joint,)."""
-    upward = (way / above).max(axis=(0, 1)) >= (-way / below).max(axis=(0, 1))
-    return np.where(upward, way, -way), np.where(upward, above, below)
-
-
 # Samples of a period, for each harmonic, at which criterion and limits are looked at in the search.
 _JUDGED_PER_HARMONIC = 20
 
@@ -194,13 +180,9 @@ def serial_map(function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any
 def trajectory_problem(
     base: BaseModel, configurations: FloatArray, options: TrajectoryOptions, floor_m: float | None = None
 ) -> TrajectoryProblem:
-    """Sets up the search of a trajectory.
+    """Sets up the search of a trajectory that begins and ends in configurations (n_conf, n_joint) [rad, or m].
 
-    Args:
-        base: The rigid model with independent columns.
-        configurations (n_conf, n_joint): Arm-side joint positions that it begins and ends in [rad, or m].
-        options: Period, harmonics, criterion, limits.
-        floor_m: Height that no point may go below; None for none [m].
+    No point may go below the floor [m], where there is one.
 
     Raises:
         SettingsError: With everything that keeps the robot from moving.
@@ -272,16 +254,8 @@ def design_trajectory(
 ) -> Excitation:
     """Designs exciting trajectories, one experiment of all motors in each realization.
 
-    Args:
-        options: Period, harmonics, criterion, limits and search.
-        base: The rigid model with independent columns.
-        configurations (n_conf, n_joint): Arm-side joint positions that they begin and end in [rad, or m].
-        realizations: Number of different trajectories.
-        sampling_period_s: Sampling period of the controller [s].
-        reach: Floor and shapes.
-        periods: Recorded periods of each.
-        transient_periods: Periods before those.
-        parallel_map: Ordered map over the starts.
+    They begin and end in configurations (n_conf, n_joint) [rad, or m], keep to floor and shapes, and are played with
+    periods that are recorded and periods before those. The ordered map runs the starts.
 
     Raises:
         SettingsError: With everything that keeps the robot from moving.
@@ -303,12 +277,10 @@ def design_trajectory(
 def _check_motion(found: list[Trajectory], configurations: FloatArray, problem: TrajectoryProblem) -> None:
     if all(np.abs(each.coefficients / problem.scale).max() > _LEAST_MOTION for each in found):
         return
-    raise SettingsError(
-        "S032 No motion that begins and ends in the configuration keeps to limits, floor and shapes:"
-        f" {problem.robot.shown(configurations[0])}.",
-        where="excitation",
-        remedy="begin farther from floor and shapes, or raise the shares of the limits",
-    )
+    what = "No motion that begins and ends in the configuration keeps to limits, floor and shapes"
+    remedy = "begin farther from floor and shapes, or raise the shares of the limits"
+    message = f"S032 {what}: {problem.robot.shown(configurations[0])}."
+    raise SettingsError(message, where="excitation", remedy=remedy)
 
 
 def _excitation(

@@ -14,15 +14,11 @@ from robid.robot.description import Robot
 
 @dataclass(frozen=True)
 class RestingSeries:
-    """All series of zero mean whose value, slope and curvature vanish where the period begins.
+    """All series of zero mean whose value, slope and curvature vanish where the period begins."""
 
-    Attributes:
-        period_s: Length of the period [s].
-        shapes (2 n_harmonic, n_shape): Sine coefficients of the harmonics, then cosine coefficients, of orthonormal
-            shapes that span these series.
-    """
-
-    period_s: float
+    period_s: float  # Length of the period [s]
+    # (2 n_harmonic, n_shape) Sine coefficients of the harmonics, then cosine coefficients, of orthonormal shapes that
+    # span these series
     shapes: FloatArray
 
     @property
@@ -40,11 +36,8 @@ class RestingSeries:
         omega = 2 * np.pi * self.lines / self.period_s
         angle = np.asarray(time_s)[:, None] * omega
         sine, cosine = np.sin(angle), np.cos(angle)
-        waves = [
-            np.hstack([sine, cosine]),
-            np.hstack([omega * cosine, -omega * sine]),
-            np.hstack([-(omega**2) * sine, -(omega**2) * cosine]),
-        ]
+        slope, curvature = (omega * cosine, -omega * sine), (-(omega**2) * sine, -(omega**2) * cosine)
+        waves = [np.hstack(each) for each in ((sine, cosine), slope, curvature)]
         return np.asarray(np.array(waves) @ self.shapes)
 
     def grid(self, count: int) -> FloatArray:
@@ -64,8 +57,7 @@ def resting_series(harmonics: int, period_s: float) -> RestingSeries:
         ValueError: If there are fewer than two harmonics, which leave nothing.
     """
     if harmonics < 2:
-        message = f"a series at rest needs two harmonics or more, not {harmonics}"
-        raise ValueError(message)
+        raise ValueError(f"a series at rest needs two harmonics or more, not {harmonics}")
     order, none = np.arange(1, harmonics + 1), np.zeros(harmonics)
     # Value, slope and curvature at the beginning: sums of cosines, of k sines, of k^2 cosines vanish.
     conditions = np.array([[*none, *np.ones(harmonics)], [*order, *none], [*none, *order**2]])
@@ -80,51 +72,33 @@ _LEAST_ROOM = 0.01  # Share of a joint's range that a configuration must leave o
 
 @dataclass(frozen=True)
 class Limits:
-    """What a motion may use; the shares of the options are in it.
+    """What a motion may use; the shares of the options are in it."""
 
-    Attributes:
-        below (n_joint,): Way down from every configuration, arm side [rad, or m].
-        above (n_joint,): Way up [rad, or m].
-        speed (n_motor,): Motor speed [rad/s].
-        acceleration (n_joint,): Acceleration on the arm side, infinite where none is set [rad/s^2, or m/s^2].
-        torque (n_motor,): Motor torque [N m].
-    """
-
-    below: FloatArray
-    above: FloatArray
-    speed: FloatArray
-    acceleration: FloatArray
-    torque: FloatArray
+    below: FloatArray  # (n_joint,) Way down from every configuration, arm side [rad, or m]
+    above: FloatArray  # (n_joint,) Way up [rad, or m]
+    speed: FloatArray  # (n_motor,) Motor speed [rad/s]
+    acceleration: FloatArray  # (n_joint,) Acceleration on the arm side, infinite where none is set [rad/s^2, or m/s^2]
+    torque: FloatArray  # (n_motor,) Motor torque [N m]
 
     def used(self, robot: Robot, motion: FloatArray, torque: FloatArray) -> FloatArray:
         """Largest share of each limit (4, n_joint) that a motion uses: position, speed, acceleration, torque.
 
-        Args:
-            robot: The robot.
-            motion (3, n_sample, n_joint): Way from the configuration, speed and acceleration on the arm side.
-            torque (..., n_motor): Motor torques [N m].
+        A motion (3, n_sample, n_joint) is the way from the configuration, speed and acceleration on the arm side;
+        motor torques are (..., n_motor) [N m].
         """
         way, speed, acceleration = motion
-        return np.array(
-            [
-                np.maximum(way.max(axis=0) / self.above, -way.min(axis=0) / self.below),
-                np.abs(speed @ robot.motor_per_arm.T).max(axis=0) / self.speed,
-                np.abs(acceleration).max(axis=0) / self.acceleration,
-                np.abs(torque).reshape(-1, len(self.torque)).max(axis=0) / self.torque,
-            ]
-        )
+        position = np.maximum(way.max(axis=0) / self.above, -way.min(axis=0) / self.below)
+        turned = np.abs(speed @ robot.motor_per_arm.T).max(axis=0) / self.speed
+        needed = np.abs(torque).reshape(-1, len(self.torque)).max(axis=0) / self.torque
+        return np.array([position, turned, np.abs(acceleration).max(axis=0) / self.acceleration, needed])
 
 
 def trajectory_limits(
     robot: Robot, configurations: FloatArray, static_torque: FloatArray, options: TrajectoryOptions
 ) -> Limits:
-    """Returns the limits of a trajectory.
+    """Returns the limits of a trajectory that begins in configurations (n_conf, n_joint) [rad, or m].
 
-    Args:
-        robot: The robot.
-        configurations (n_conf, n_joint): Arm-side joint positions that it begins in [rad, or m].
-        static_torque (n_conf, n_motor): Motor torques that hold them [N m].
-        options: Shares, accelerations, period.
+    Motor torques (n_conf, n_motor) hold the robot there [N m].
 
     Raises:
         SettingsError: With everything that keeps the robot from moving.
@@ -137,19 +111,16 @@ def trajectory_limits(
     if not problems:
         problems += [*_slow(robot, options.position_share * np.minimum(below, above), options)]
     if problems:
-        raise SettingsError(
-            "S033 The trajectory cannot be made:\n  " + "\n  ".join(problems),
-            where="excitation",
-            remedy="correct the robot file's limits, or change the configuration or what the parentheses name",
-        )
+        message = "S033 The trajectory cannot be made:\n  " + "\n  ".join(problems)
+        remedy = "correct the robot file's limits, or change the configuration or what the parentheses name"
+        raise SettingsError(message, where="excitation", remedy=remedy)
     turns, slides = options.max_acceleration_deg_s2, options.max_acceleration_m_s2
+    most = np.inf if slides is None else slides, np.inf if turns is None else np.radians(turns)
     return Limits(
         below=options.position_share * below,
         above=options.position_share * above,
         speed=options.speed_share * np.array([joint.motor.max_speed_rad_s for joint in robot.joints]),
-        acceleration=np.where(
-            robot.prismatic, np.inf if slides is None else slides, np.inf if turns is None else np.radians(turns)
-        ),
+        acceleration=np.where(robot.prismatic, *most),
         torque=options.torque_share * np.array([joint.motor.max_torque_nm for joint in robot.joints]),
     )
 
@@ -157,19 +128,10 @@ def trajectory_limits(
 def _missing(robot: Robot) -> list[str]:
     found = []
     for joint in robot.joints:
-        lacks = [
-            name
-            for name, value in (
-                ("joint limits", joint.upper - joint.lower),
-                ("max_speed_rad_s", joint.motor.max_speed_rad_s),
-                ("max_torque_nm", joint.motor.max_torque_nm),
-            )
-            if not np.isfinite(value)
-        ]
-        if lacks:
-            found.append(
-                f"joint `{joint.name}` has no {', '.join(lacks)} in the robot file, which a large motion needs"
-            )
+        stated = {name: getattr(joint.motor, name) for name in ("max_speed_rad_s", "max_torque_nm")}
+        stated = {"joint limits": joint.upper - joint.lower, **stated}
+        if lacks := ", ".join(name for name, value in stated.items() if not np.isfinite(value)):
+            found.append(f"joint `{joint.name}` has no {lacks} in the robot file, which a large motion needs")
     return found
 
 
@@ -179,10 +141,8 @@ def _confined(robot: Robot, below: FloatArray, above: FloatArray) -> list[str]:
         if min(down, up) < _LEAST_ROOM * (joint.upper - joint.lower):
             unit, factor = ("m", 1.0) if joint.type == "prismatic" else ("deg", 180 / np.pi)
             side, way = ("lower", down) if down < up else ("upper", up)
-            found.append(
-                f"joint `{joint.name}` is {way * factor:.3g} {unit} from its {side} limit where the motion begins and"
-                " ends (configurations)"
-            )
+            place = "limit where the motion begins and ends (configurations)"
+            found.append(f"joint `{joint.name}` is {way * factor:.3g} {unit} from its {side} {place}")
     return found
 
 
@@ -191,10 +151,8 @@ def _overloaded(robot: Robot, static_torque: FloatArray, options: TrajectoryOpti
     for motor, joint in enumerate(robot.joints):
         share = float(np.abs(static_torque[:, motor]).max() / joint.motor.max_torque_nm)
         if share >= options.torque_share:
-            found.append(
-                f"motor `{joint.name}` needs {100 * share:.3g} % of its torque limit to hold the arm where the motion"
-                " begins (torque_share, configurations)"
-            )
+            what = "to hold the arm where the motion begins (torque_share, configurations)"
+            found.append(f"motor `{joint.name}` needs {100 * share:.3g} % of its torque limit {what}")
     return found
 
 

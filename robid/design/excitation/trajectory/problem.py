@@ -18,39 +18,25 @@ _STEP = 1e-6
 
 @dataclass(frozen=True)
 class BaseModel:
-    """A rigid model whose columns are independent.
+    """A rigid model whose columns are independent."""
 
-    Attributes:
-        model: The model, with the columns of base parameters only.
-        values (n_base,): Nominal base parameters.
-        judged (n_base,): Which of them the criterion is about.
-    """
-
-    model: RigidModel
-    values: FloatArray
-    judged: BoolArray
+    model: RigidModel  # The model, with the columns of base parameters only
+    values: FloatArray  # (n_base,) Nominal base parameters
+    judged: BoolArray  # (n_base,) Which of them the criterion is about
 
     def torques(self, configurations: FloatArray, motion: FloatArray) -> FloatArray:
         """Motor torques (n_conf, n_time, n_motor) of a motion (3, n_time, n_joint) about configurations [N m]."""
         to_motor = self.model.robot.motor_per_arm.T
         way, speed, acceleration = motion
-        found = [
-            self.model.torques(self.values, (row + way) @ to_motor, speed @ to_motor, acceleration @ to_motor)
-            for row in configurations
-        ]
-        return np.array(found)
+        rates = speed @ to_motor, acceleration @ to_motor
+        return np.array([self.model.torques(self.values, (row + way) @ to_motor, *rates) for row in configurations])
 
     def columns(self, configurations: FloatArray, motion: FloatArray) -> FloatArray:
         """Regressor (n_conf, n_time, n_motor, n_base) of such a motion."""
         return self._columns(_about(configurations, motion), motion[1])
 
     def slopes(self, configurations: FloatArray, motion: FloatArray, columns: FloatArray) -> FloatArray:
-        """How the columns change with what each joint does.
-
-        Args:
-            configurations (n_conf, n_joint): Arm-side joint positions [rad, or m].
-            motion (3, n_time, n_joint): Way from these, speed and acceleration on the arm side.
-            columns (n_conf, n_time, n_motor, n_base): What `columns` gives.
+        """How the columns (n_conf, n_time, n_motor, n_base) that `columns` gives change with what each joint does.
 
         Returns:
             Slopes (3, n_joint, n_conf, n_time, n_motor, n_base) by position, speed and acceleration of each joint.
@@ -78,17 +64,11 @@ class BaseModel:
 
 @dataclass(frozen=True)
 class Criterion:
-    """What a regressor is worth; smaller is better.
+    """What a regressor is worth; smaller is better."""
 
-    Attributes:
-        kind: `d_optimal` or `condition`.
-        row_weight (n_motor,): Weight of each motor's rows, one over the size of its noise.
-        column_size (n_column,): Size of each weighted column in random motions.
-    """
-
-    kind: str
-    row_weight: FloatArray
-    column_size: FloatArray
+    kind: str  # `d_optimal` or `condition`
+    row_weight: FloatArray  # (n_motor,) Weight of each motor's rows, one over the size of its noise
+    column_size: FloatArray  # (n_column,) Size of each weighted column in random motions
 
     def rows(self, columns: FloatArray) -> FloatArray:
         """Weighted rows (n_row, n_column) of a regressor (..., n_motor, n_column), each column over its size."""
@@ -141,21 +121,15 @@ _STILL = 1e-9
 
 @dataclass(frozen=True)
 class TrajectoryProblem:
-    """What is optimised: coefficients (n_shape, n_joint) of the way from the configurations.
-
-    Attributes:
-        configurations (n_conf, n_joint): Arm-side joint positions that the motion begins in [rad, or m].
-        waves (3, n_time, n_shape): Their values and derivatives at the samples that are judged.
-        floor_m: Height that no point may go below; None for none [m].
-    """
+    """What is optimised: coefficients (n_shape, n_joint) of the way from the configurations."""
 
     base: BaseModel
     criterion: Criterion
-    configurations: FloatArray
+    configurations: FloatArray  # (n_conf, n_joint) Arm-side joint positions that the motion begins in [rad, or m]
     series: RestingSeries
-    waves: FloatArray
+    waves: FloatArray  # (3, n_time, n_shape) Their values and derivatives at the samples that are judged
     limits: Limits
-    floor_m: float | None
+    floor_m: float | None  # Height that no point may go below; None for none [m]
 
     @property
     def robot(self) -> Robot:
@@ -186,12 +160,9 @@ class TrajectoryProblem:
         return found.reshape(*visited.shape[:2], -1), slopes.reshape(*visited.shape[:2], -1, way.shape[1])
 
     def evaluate(self, point: FloatArray, sharpness: float) -> Evaluation:
-        """Evaluates coefficients over `scale`.
+        """Evaluates coefficients over `scale`, a flat point (n_variable,).
 
-        Args:
-            point (n_variable,): The coefficients, flat.
-            sharpness: Of the smooth maximum over samples, which is above the largest of n values by at most `log(n)`
-                over this.
+        The smooth maximum over samples is above the largest of n values by at most `log(n)` over its sharpness.
         """
         coefficients = point.reshape(self.series.count, -1) * self.scale
         motion = self.waves @ coefficients
@@ -249,18 +220,12 @@ class TrajectoryProblem:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What a point is worth and uses.
-
-    Attributes:
-        slope (n_variable,): Its slope.
-        used (n_limit,): Share of each limit, by a smooth maximum over all samples; 1 is all of it.
-        used_slope (n_limit, n_variable): Its slope.
-    """
+    """What a point is worth and uses."""
 
     value: float
-    slope: FloatArray
-    used: FloatArray
-    used_slope: FloatArray
+    slope: FloatArray  # (n_variable,) Its slope
+    used: FloatArray  # (n_limit,) Share of each limit, by a smooth maximum over all samples; 1 is all of it
+    used_slope: FloatArray  # (n_limit, n_variable) Its slope
 
 
 def _smooth_use(

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from robid.errors import BackendError
-from robid.studies.fleet import speed
-from robid.studies.fleet.whole import count_found
+from robid.studies.fleet import reprocessed
+from robid.studies.fleet.reprocessed import count_found
 
 
 def test_a_fault_is_found_that_failed_or_is_off_and_nobody_else_may_be():
@@ -31,10 +31,10 @@ def test_a_fault_is_found_that_failed_or_is_off_and_nobody_else_may_be():
 
 
 def test_the_rate_counts_rows_after_the_first_of_each_worker():
-    assert speed.rate_of([10, 12, 14, 16], 1) == pytest.approx(0.5)
-    assert speed.rate_of([10, 10, 12, 12, 14, 14], 2) == pytest.approx(1)
+    assert reprocessed.rate_of([10, 12, 14, 16], 1) == pytest.approx(0.5)
+    assert reprocessed.rate_of([10, 10, 12, 12, 14, 14], 2) == pytest.approx(1)
     with pytest.raises(BackendError, match="2 rows are too few to time 2 workers"):
-        speed.rate_of([1, 2], 2)
+        reprocessed.rate_of([1, 2], 2)
 
 
 def test_efficiency_is_of_each_core_from_medians():
@@ -45,7 +45,7 @@ def test_efficiency_is_of_each_core_from_medians():
         ("dask", 1): [2, 2, 2],
         ("dask", 2): [3.4, 3.4, 3.4],
     }
-    found = speed.efficiencies(rates, 4)
+    found = reprocessed.efficiencies(rates, 4)
     assert found["fleet.serial_rows_per_second"] == 2
     assert found["fleet.efficiency_processes"] == pytest.approx(0.95)
     assert found["fleet.efficiency_dask"] == pytest.approx(0.9)
@@ -53,13 +53,13 @@ def test_efficiency_is_of_each_core_from_medians():
 
 
 def test_no_backend_is_timed_twice():
-    assert speed.ways(2) == (("serial", 1), ("processes", 2), ("dask", 2), ("dask", 1))
-    assert len(speed.ways(4)) == 5
+    assert reprocessed.ways(2) == (("serial", 1), ("processes", 2), ("dask", 2), ("dask", 1))
+    assert len(reprocessed.ways(4)) == 5
 
 
 @pytest.fixture
 def timing(tmp_path):
-    return speed.Timing(Path("manifest.csv"), Path("logs.yaml"), tmp_path / "speed", (("serial", 1),), 2, "key")
+    return reprocessed.Timing(Path("manifest.csv"), Path("logs.yaml"), tmp_path / "speed", (("serial", 1),), 2, "key")
 
 
 def test_times_are_those_at_which_rows_are_told(timing, monkeypatch):
@@ -75,8 +75,8 @@ def test_times_are_those_at_which_rows_are_told(timing, monkeypatch):
         asked.append(command)
         return start([sys.executable, "-c", program], **options)
 
-    monkeypatch.setattr(speed.subprocess, "Popen", popen)
-    finished = speed.finish_times(timing, ("processes", 3))
+    monkeypatch.setattr(reprocessed.subprocess, "Popen", popen)
+    finished = reprocessed.finish_times(timing, ("processes", 3))
     assert np.diff(finished) == pytest.approx([0.1, 0.1], abs=0.08)
     assert list(timing.folder.iterdir()) == []
     assert "--stream" in asked[0]
@@ -87,10 +87,10 @@ def test_a_command_that_fails_is_told_with_its_last_words(timing, monkeypatch):
     start = subprocess.Popen
     program = "import sys; sys.exit('no such scheduler')"
     monkeypatch.setattr(
-        speed.subprocess, "Popen", lambda _, **options: start([sys.executable, "-c", program], **options)
+        reprocessed.subprocess, "Popen", lambda _, **options: start([sys.executable, "-c", program], **options)
     )
     with pytest.raises(BackendError, match="--backend dask` ended with code 1: no such scheduler"):
-        speed.finish_times(timing, ("dask", 1))
+        reprocessed.finish_times(timing, ("dask", 1))
 
 
 def test_a_stopped_measurement_goes_on_with_the_runs_that_are_left(timing, monkeypatch):
@@ -102,21 +102,21 @@ def test_a_stopped_measurement_goes_on_with_the_runs_that_are_left(timing, monke
         done.append(way)
         return [0, 1, 2]
 
-    monkeypatch.setattr(speed, "finish_times", stopped)
+    monkeypatch.setattr(reprocessed, "finish_times", stopped)
     with pytest.raises(KeyboardInterrupt):
-        speed.time_all(timing)
-    monkeypatch.setattr(speed, "finish_times", lambda *_: [0, 2, 4])
-    assert speed.time_all(timing).datasets["rate"].values.tolist() == [[1], [0.5]]
+        reprocessed.time_all(timing)
+    monkeypatch.setattr(reprocessed, "finish_times", lambda *_: [0, 2, 4])
+    assert reprocessed.time_all(timing).datasets["rate"].values.tolist() == [[1], [0.5]]
     assert not timing.folder.exists()
 
 
 _GROWTH = """
 import numpy as np
-from robid.studies.fleet import whole
+from robid.studies.fleet import reprocessed
 
-before = whole.resident_mib()
+before = reprocessed.resident_mib()
 held = np.ones(200 * 2**17)
-print(None if before is None else whole.resident_mib() - before)
+print(None if before is None else reprocessed.resident_mib() - before)
 """
 
 

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from robid.studies.settings.study import load_with_study
-from robid.studies.trust.figures import ASKED
-from robid.studies.trust.report import bars
+from robid.studies.trust.report import ASKED, bars
 
 ROOT = Path(__file__).parents[4]
 
