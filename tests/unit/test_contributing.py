@@ -80,7 +80,7 @@ def test_a_nuisance_parameter_is_a_row(monkeypatch):
     before = [one.name for one in kinds.list_nuisances(robot, ElasticOptions())]
     owners, rows = kinds.DELAY
     clock = replace(rows[0], ending="clock", title="offset of the clocks", parameter="")
-    monkeypatch.setattr(kinds, "LISTED", (*kinds.LISTED, (owners, (clock,))))
+    monkeypatch.setattr(kinds, "WIDENING", (*kinds.WIDENING, (owners, (clock,))))
     after = kinds.list_nuisances(robot, ElasticOptions())
     assert [one.name for one in after] == [*before, "clock"]
     assert after[-1].effect == rows[0].effect(robot)

@@ -204,11 +204,11 @@ def find_physical(
     """
     problem, basis = _allowing_for_error(problem, points[-1], basis)
     near = points if basis.rested else (np.zeros_like(points[-1]),)
-    listed = list_at_rest(problem, near, basis)
-    if listed is None:
+    at_rest = list_at_rest(problem, near, basis)
+    if at_rest is None:
         return None
     left = problem.cost(points[-1])
-    alone = _descended(listed, basis, left)
+    alone = _descended(at_rest, basis, left)
     if alone is not None and alone.explains and not alone.lacks_springs:
         return _estimated(problem, alone.linear, (), (), confidence)
     linear = list_linearised(problem, near, basis)
@@ -291,13 +291,13 @@ def count_nuisances(linear: LinearNuisances, more: int = 0) -> str:
     return f"{source}{len(linear.nuisances) + more} nuisance parameters of the robot file"
 
 
-def _descended(listed: NuisanceSet, given: Basis, left: float, placed: Sequence[str] = ()) -> Joint | None:
+def _descended(start: NuisanceSet, given: Basis, left: float, placed: Sequence[str] = ()) -> Joint | None:
     """Where parameters and nuisances fit best together.
 
     None where no robot rests, a rigid fit knows the masses, or nuisances explain little of what is left.
     """
     try:
-        joint = None if listed.rigid else descend(listed, given, placed)
+        joint = None if start.rigid else descend(start, given, placed)
     except DataError:
         return None
     return joint if joint is not None and (joint.explains or joint.cost <= _EXPLAINED * left) else None

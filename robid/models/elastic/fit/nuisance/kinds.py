@@ -1,9 +1,9 @@
 """The nuisance parameters of an elastic fit: what a robot file may have wrong, in one table.
 
 A row (`Kind`) says what is off, how far off it may be, and what it does: another robot, another value of a parameter
-that no fit estimates, or a column of the response alone. Rows of one owner stand together; `LISTED` is what widens the
-intervals of every fit, `FREED` what a fit can estimate. One more kind is one more row here and, where its effect is a
-new one, a function in `nuisance.response`. Priors are stated in `robid.robot.nuisance`.
+that no fit estimates, or a column of the response alone. Rows of one owner stand together; `WIDENING` widen the
+intervals, `ESTIMABLE` are what a fit can estimate. One more kind is one more row here and, where its effect is new, a
+function in `nuisance.response`. Priors are stated in `robid.robot.nuisance`.
 """
 
 from __future__ import annotations
@@ -487,12 +487,12 @@ GEAR_EFFECTS: Section = (_gears, (
 ))
 # fmt: on
 
-LISTED: tuple[Section, ...] = (
+WIDENING: tuple[Section, ...] = (
     *(PAYLOAD, LINKS, BASE, SHAFTS, TORQUES, DELAY, ROTORS, COUPLINGS, GEARS),
     *(ARM_FRICTION, MOTOR_FRICTION, OTHER_FRICTION, FIXED_SPRINGS, MISSING_SPRINGS),
 )
 """What widens the intervals of every fit that does not estimate it."""
-FREED: tuple[Section, ...] = (PAYLOAD, LINKS, BASE, SHAFTS, COUPLINGS, TORQUES, BALANCES, GEAR_EFFECTS)
+ESTIMABLE: tuple[Section, ...] = (PAYLOAD, LINKS, BASE, SHAFTS, COUPLINGS, TORQUES, BALANCES, GEAR_EFFECTS)
 """What a fit can estimate, in the order of its parameters; the last two only where one does."""
 
 
@@ -509,11 +509,11 @@ def list_nuisances(robot: Robot, options: ElasticOptions, rigid: Sequence[Pertur
             of the file's links.
     """
     estimated = {each.name for each in estimated_nuisances(robot, options)}.difference(options.fixed)
-    return tuple(_left(_listed(robot, options, rigid), estimated))
+    return tuple(_left(_widening(robot, options, rigid), estimated))
 
 
-def _listed(robot: Robot, options: ElasticOptions, rigid: Sequence[PerturbedRobot]) -> Iterator[Nuisance]:
-    for section in LISTED:
+def _widening(robot: Robot, options: ElasticOptions, rigid: Sequence[PerturbedRobot]) -> Iterator[Nuisance]:
+    for section in WIDENING:
         if rigid and section is LINKS:
             for number, off in enumerate(rigid, start=1):
                 title = f"error {number} of the rigid fit"
@@ -530,8 +530,8 @@ def _listed(robot: Robot, options: ElasticOptions, rigid: Sequence[PerturbedRobo
                     yield found
 
 
-def _left(listed: Iterable[Nuisance], estimated: set[str]) -> Iterator[Nuisance]:
-    for each in listed:
+def _left(every: Iterable[Nuisance], estimated: set[str]) -> Iterator[Nuisance]:
+    for each in every:
         gear = f"{each.name.rpartition('.')[0]}.{HYSTERESIS}"
         left = left_of_estimated(each) if each.name in estimated else each
         if left is not None and not (isinstance(each.effect, Hysteresis) and gear in estimated):
@@ -550,7 +550,10 @@ def left_of_estimated(nuisance: Nuisance) -> Nuisance | None:
 def estimable_nuisances(robot: Robot) -> tuple[Nuisance, ...]:
     """Lists all that a fit can estimate; what the file takes for granted is as far off as by default."""
     every = (
-        kind.of(robot, owner, by_default=True) for owners, kinds in FREED for owner in owners(robot) for kind in kinds
+        kind.of(robot, owner, by_default=True)
+        for owners, kinds in ESTIMABLE
+        for owner in owners(robot)
+        for kind in kinds
     )
     return tuple(each for each in every if each is not None)
 

@@ -130,12 +130,12 @@ def list_at_rest(problem: Problem, points: Sequence[FloatArray], given: Basis) -
 def _nuisances_of(problem: Problem, given: Basis) -> tuple[Nuisance, ...]:
     """All nuisances but those of torque constants that are estimated along, or that every value is a ratio to."""
     constants = {f"{joint.name}.torque_constant" for joint in given.robot.joints}
-    listed = list_nuisances(given.robot, given.options, given.perturbed)
+    every = list_nuisances(given.robot, given.options, given.perturbed)
     if problem.frf.input_unit == _KNOWN_TORQUE:
         along = {name for name in constants if name.replace("constant", "scale") in problem.parameters.names}
-        kept = (left_of_estimated(nuisance) if nuisance.name in along else nuisance for nuisance in listed)
+        kept = (left_of_estimated(nuisance) if nuisance.name in along else nuisance for nuisance in every)
         return tuple(nuisance for nuisance in kept if nuisance is not None)
-    return tuple(nuisance for nuisance in listed if nuisance.name not in constants)
+    return tuple(nuisance for nuisance in every if nuisance.name not in constants)
 
 
 def linearise(

@@ -83,9 +83,9 @@ def add_missing_springs(
     """
     missing = np.array([isinstance(nuisance.effect, Compliance) for nuisance in nuisances], bool)
     beside = columns[..., ~missing], np.array([nuisance.common_std for nuisance in nuisances])[~missing]
-    listed = [nuisance.effect.spring for nuisance in nuisances if isinstance(nuisance.effect, Compliance)]
+    springs = [nuisance.effect.spring for nuisance in nuisances if isinstance(nuisance.effect, Compliance)]
     now = before = AddedSprings(problem, internal, robot, options)
-    left = listed
+    left = springs
     cost, expected = cost_beside(now, *beside), expected_cost(problem)
     while left and len(now.springs) < _MOST and cost > expected:
         trials = [(trial, cost_beside(trial, *beside)) for trial in _best_trials(now, left)]
@@ -95,16 +95,16 @@ def add_missing_springs(
         now = _anew(min(called, key=lambda each: each[1])[0])
         cost = cost_beside(now, *beside)
         left = [spring for spring in left if spring.name not in now.springs]
-    return _rested(_pruned(before, now, listed, beside)) if now.springs else now
+    return _rested(_pruned(before, now, springs, beside)) if now.springs else now
 
 
 def _pruned(
-    before: AddedSprings, found: AddedSprings, listed: Sequence[Spring], beside: tuple[ComplexArray, FloatArray]
+    before: AddedSprings, found: AddedSprings, springs: Sequence[Spring], beside: tuple[ComplexArray, FloatArray]
 ) -> AddedSprings:
     """The fit without those springs of pairs that no longer matter since others are in place."""
     cost = cost_beside(found, *beside)
     for name in found.springs:
-        rest = [spring for spring in listed if spring.name in found.springs and spring.name != name]
+        rest = [spring for spring in springs if spring.name in found.springs and spring.name != name]
         fewer = _put_in_place(before, rest, found) if rest else None
         left = np.inf if fewer is None else cost_beside(fewer, *beside)
         if fewer is not None and (1 - _TELLING) * left <= cost:
