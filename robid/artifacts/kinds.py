@@ -105,8 +105,8 @@ def to_datasets(
             unit = said.unit.format_map(value.own_units) if "{" in said.unit else said.unit  # type: ignore[attr-defined]
             # A tuple of dataclasses is one column for each of their fields.
             keys = [] if row is None else [one.name for one in dataclasses.fields(row)]
-            columns = {f"{name}/{key}": tuple(getattr(one, key) for one in content) for key in keys} or {name: content}
-            datasets |= {key: _dataset(key, values, said, unit) for key, values in columns.items()}
+            rows: dict[str, Any] = {f"{name}/{key}": tuple(getattr(one, key) for one in content) for key in keys}
+            datasets |= {key: _dataset(key, values, said, unit) for key, values in (rows or {name: content}).items()}
         elif isinstance(content, bool | int | float | str | np.generic):
             attributes[name] = content.item() if isinstance(content, np.generic) else content
         else:

@@ -6,18 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from robid.artifacts.artifact import Artifact, Dataset, Kind, Label, Provenance, content_hash, encode
 from robid.artifacts.atomic import PARTS, remove_parts, replacing
 from robid.artifacts.layout import copy_row, create_dataset, create_file, write_dataset
 from robid.artifacts.store import (
     Header,
-    Outline,
     check_artifact,
     read_artifact,
     read_outline,
@@ -88,7 +86,9 @@ class Parts:
         labels = {name: _join(name, [outline.labels[name] for outline in outlines]) for name in names}
         shared = dict(outlines[0].shared)
         if _NOTES in shared:
-            labels[_NOTES], shared[_NOTES] = _all_notes(outlines)
+            notes = dict.fromkeys(note for outline in outlines for note in outline.shared[_NOTES].tolist())
+            like, every = labels[_NOTES], np.array(list(notes), dtype=str)
+            labels[_NOTES], shared[_NOTES] = encode(Dataset(every, like.units, like.axes, like.description))
         digest = content_hash(self._kind.name, attributes, labels)
         with replacing(self._artifact) as unfinished:
             with create_file(unfinished) as file:
@@ -134,12 +134,6 @@ def _join(name: str, labels: Sequence[Label]) -> Label:
     scales = tuple(scale for label in labels for scale in label.scales or ())
     digests = tuple(digest for label in labels for digest in label.digests)
     return replace(like, shape=(len(digests), *like.shape[1:]), scales=scales or None, digests=digests)
-
-
-def _all_notes(outlines: Sequence[Outline]) -> tuple[Label, NDArray[Any]]:
-    label = outlines[0].labels[_NOTES]
-    notes = dict.fromkeys(note for outline in outlines for note in outline.shared[_NOTES].tolist())
-    return encode(Dataset(np.array(list(notes), dtype=str), label.units, label.axes, label.description))
 
 
 def _same(what: str, values: Sequence[Value]) -> Value:

@@ -100,8 +100,11 @@ def _add(table: Table, name: str, before: ParameterRow | None, after: ParameterR
     cells = []
     for row in (before, after):
         cells += ["", ""] if row is None else [scale.text(row.middle), scale.text(_half(row))]
-    moved = "" if before is None or after is None else _moved(before, after)
-    style = "bold" if before is None or (after is not None and _lengths(before, after) > _MOVED) else None
+    moved, style = "", None if before is not None else "bold"
+    if before is not None and after is not None:
+        moved = percent(after.middle / before.middle - 1, signed=True) if before.middle else ""
+        half = _half(before)
+        style = "bold" if half > 0 and abs(after.middle - before.middle) / half > _MOVED else None
     table.add_row(f"  {name}", *cells, scale.unit, moved, style=style)
 
 
@@ -127,15 +130,6 @@ def _rows(model: Artifact, trial: Trial, *, full: bool = False) -> list[Paramete
 
 def _half(row: ParameterRow) -> float:
     return 0.5 * (row.upper - row.lower)
-
-
-def _lengths(before: ParameterRow, after: ParameterRow) -> float:
-    half = _half(before)
-    return abs(after.middle - before.middle) / half if half > 0 else 0.0
-
-
-def _moved(before: ParameterRow, after: ParameterRow) -> str:
-    return percent(after.middle / before.middle - 1, signed=True) if before.middle else ""
 
 
 def _cost(model: Artifact) -> float:

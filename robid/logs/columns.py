@@ -292,7 +292,9 @@ def check_values(mapping: LogMapping, columns: Columns, first: int = 0, remedy: 
             check = "Check that the channel was connected and that the variable is the right one."
             problems.append(DataError(f"D044 It is constant ({column[0]:g}).", where=where, remedy=check))
         elif name != time and (lone := _absurd_sample(column)) is not None:
-            what = f"D045 It is {column[lone]:g} for one sample, over {_ABSURD:g} times the range of all others away."
+            what = (
+                f"D045 It is {column[lone]:g} for one sample, more than {_ABSURD:g} times the range of all others away."
+            )
             read = f"{remedy or 'Record again'}, or copy the log again: it may be damaged."
             problems.append(DataError(what, where=f"{where}, sample {first + lone}", remedy=read))
     return problems

@@ -227,8 +227,9 @@ def _read(mapping: LogMapping, stated: Stated | None = None) -> tuple[Log, list[
             clock = None if clock is None else replace(clock, first=part.start or 0, whole=whole)
             problems += found
     if part != slice(None):
-        told = f"{mapping.from_s:g} s to {'its end' if mapping.to_s is None else f'{mapping.to_s:g} s'}"
-        notes.append(f"{mapping.file.name}: used from {told}, samples {part.start} to {part.stop - 1}.")
+        until = "its end" if mapping.to_s is None else f"{mapping.to_s:g} s"
+        used = f"{mapping.from_s:g} s to {until}"
+        notes.append(f"{mapping.file.name}: used from {used}, samples {part.start} to {part.stop - 1}.")
     if mapping.resample == "time" and clock is not None and not problems:
         period_s = None if stated is None else stated.period_s
         columns, clock, told = resample_to_time(mapping, columns, clock, period_s)

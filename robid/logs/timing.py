@@ -108,7 +108,12 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
     exponent = round(np.log10(usual / stated))
     if exponent and exponent % 3 == 0 and abs(usual / stated / 10.0**exponent - 1) < _FACTOR_OF_1000:
         what = f"D123 The time unit is off by a factor of {10.0**exponent:g}: steps are {usual:g} s, not {stated:g} s."
-        return None, [DataError(what, where=where, remedy=_unit_remedy(mapping, exponent))]
+        # The unit of the time that gives the stated steps, where there is one
+        units = {0: "s", -3: "ms", -6: "us", -9: "ns"}
+        own = {unit: power for power, unit in units.items()}[mapping.time.unit]
+        fitting = units.get(own - exponent)
+        remedy = f"Set time.unit to {fitting}." if fitting else "Correct the unit of `time`, or sampling_period_s."
+        return None, [DataError(what, where=where, remedy=remedy)]
     unsure = min(pace.unsure, UNSURE)
     return Clock(where, time, stated, pace.step, pace.gaps, unsure=unsure, differs=mapping.differs), []
 
@@ -143,14 +148,6 @@ def since_first(stamps: NDArray[Any]) -> FloatArray:
     # Unsigned ones that go back would come out far ahead.
     exact = stamps.astype(np.int64) if stamps.dtype.kind in "iu" else stamps.astype(float)
     return np.asarray((exact - exact[0]).astype(float))
-
-
-def _unit_remedy(mapping: LogMapping, exponent: int) -> str:
-    """Names the unit of the time that gives the stated steps, where there is one."""
-    units = {0: "s", -3: "ms", -6: "us", -9: "ns"}
-    own = {unit: power for power, unit in units.items()}[mapping.time.unit] if mapping.time is not None else 0
-    fitting = units.get(own - exponent)
-    return f"Set time.unit to {fitting}." if fitting else "Correct the unit of `time`, or sampling_period_s."
 
 
 def clock_problems(clock: Clock) -> list[DataError]:

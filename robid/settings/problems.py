@@ -150,7 +150,8 @@ def _message(detail: Any, field: FieldPath, schema: dict[str, Any]) -> str:  # n
     wrong = detail["msg"][0].lower() + detail["msg"][1:]
     message = f"S383 {wrong}"
     if detail["type"] == "literal_error" and field[-1] == "unit" and detail["input"]:
-        message = f"S384 state what a `{detail['input']}` stands for as `unit` and `scale` (data sheets tell); {wrong}"
+        told = f"state what one `{detail['input']}` stands for as `unit` and `scale` (data sheets tell it)"
+        message = f"S384 {told}; {wrong}"
     if detail["type"] == "string_pattern_mismatch" and detail["ctx"]["pattern"] == NAME_PATTERN:
         message = "S385 a name has up to 64 letters, digits, `_` or `-`, and starts with a letter or digit"
     value = detail["input"]

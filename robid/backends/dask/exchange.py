@@ -169,7 +169,10 @@ def shared_folder(folder: Path | None) -> Iterator[Exchange]:
     try:
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
-            _remove_left(folder)
+            for left in folder.glob(f"{PREFIX}*"):
+                with suppress(OSError), (left / "lock").open("r+", encoding="utf-8") as held:
+                    fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    shutil.rmtree(left, ignore_errors=True)
         made = (folder or Path(tempfile.gettempdir())).resolve() / f"{PREFIX}{secrets.token_hex(8)}"
         made.mkdir()
         exchange = Exchange(made)
@@ -183,13 +186,6 @@ def shared_folder(folder: Path | None) -> Iterator[Exchange]:
             yield exchange
     finally:
         shutil.rmtree(made, ignore_errors=True)
-
-
-def _remove_left(folder: Path) -> None:
-    for left in folder.glob(f"{PREFIX}*"):
-        with suppress(OSError), (left / "lock").open("r+", encoding="utf-8") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            shutil.rmtree(left, ignore_errors=True)
 
 
 def _not_written(path: Path, error: OSError) -> ArtifactError:

@@ -131,16 +131,14 @@ def tell_groups(columns: Sequence[Sequence[str]]) -> tuple[str, ...]:
 
     What the numbers of a column leave open, those of the others tell; `?` where a comma may be either.
     """
-    own = [_decimal_marks(cells) for cells in columns]
+    own = []
+    for cells in columns:
+        texts = [cell for cell in cells if ("," in cell or "." in cell) and is_number(cell, decimal_comma=True)]
+        # Marks that stand before decimals, and can be nothing else
+        told = [text for text in texts if not is_grouped(text) or ("," in text and "." in text)]
+        own.append("".join(sorted({text[max(text.rfind(","), text.rfind("."))] for text in told})))
     every = "".join(sorted(set("".join(own))))
     return tuple({"": "?", ",": ".", ".": ",", ",.": ""}[marks or every] for marks in own)
-
-
-def _decimal_marks(cells: Sequence[str]) -> str:
-    """The marks that stand before decimals in some cells, and can be nothing else."""
-    texts = [cell for cell in cells if ("," in cell or "." in cell) and is_number(cell, decimal_comma=True)]
-    told = [text for text in texts if not is_grouped(text) or ("," in text and "." in text)]
-    return "".join(sorted({text[max(text.rfind(","), text.rfind("."))] for text in told}))
 
 
 class Body:

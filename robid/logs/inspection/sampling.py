@@ -241,8 +241,9 @@ def _by_rows(contents: Contents) -> Contents | None:
     """A table whose rows hold some of the signals each; None where it is none."""
     length = max(len(one.values) for one in contents.columns)
     table = [one for one in contents.columns if len(one.values) == length and one.file is None and not one.group]
-    times = [one for one in table if _may_be_time(one)]
-    if len(table) < 3 or not times or all(np.isfinite(one.values).all() for one in table):
+    whole = [one for one in table if np.isfinite(one.values).all()]
+    times = [one for one in whole if np.all(np.diff(one.values) >= 0) and np.ptp(one.values) > 0]
+    if len(table) < 3 or not times or len(whole) == len(table):
         return None
     # Name and unit say how surely a signal that rises is the time.
     named = [2 * (unit_of_name(one) in TIME_UNITS) + any(word in _NAMES for word in tokens(one.name)) for one in times]
@@ -266,11 +267,6 @@ def _by_rows(contents: Contents) -> Contents | None:
     told = f"its rows hold some of the columns only: each is read at its own rows, by `{time.name}`."
     rest = tuple(one for one in contents.columns if one not in table)
     return replace(contents, columns=(*columns, *rest), notes=(*contents.notes, told))
-
-
-def _may_be_time(column: Column) -> bool:
-    values = column.values
-    return bool(np.isfinite(values).all()) and bool(np.all(np.diff(values) >= 0)) and float(np.ptp(values)) > 0
 
 
 def _by_times(contents: Contents) -> Contents | None:

@@ -222,15 +222,11 @@ def read_unit(name: str, unit: str = "", *, is_message: bool = False) -> Stated:
     rest = _BRACKET.sub("", body).rstrip() + after if told or (unit and inside) else name
     if unit:
         return Stated(spell(unit), unit, rest)
-    if told:
-        return Stated(_meant(inside, rest), inside, rest, by_letter=len(inside) == 1 and inside.isalpha())
+    if told:  # `nm` beside a position is no torque
+        along = _role(rest) == "position" or tokens(rest)[:1] in (("x",), ("y",), ("z",))
+        meant = "nanometre" if inside == "nm" and along else spell(inside)
+        return Stated(meant, inside, rest, by_letter=len(inside) == 1 and inside.isalpha())
     return _at_end(body, after)
-
-
-def _meant(text: str, rest: str) -> str:
-    """A unit in brackets: `nm` beside a position is no torque."""
-    along = _role(rest) == "position" or tokens(rest)[:1] in (("x",), ("y",), ("z",))
-    return "nanometre" if text == "nm" and along else spell(text)
 
 
 def _is_foreign(text: str) -> bool:

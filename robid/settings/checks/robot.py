@@ -283,14 +283,10 @@ def _assumed(robot: RobotFile) -> Found:
         for index, name in enumerate(section.assumed):
             node: object = section
             for part in name.split("."):
-                known = _field_names(node)
+                fields = dataclasses.fields(node) if dataclasses.is_dataclass(node) else ()
+                own = type(node).model_fields if isinstance(node, BaseModel) else [one.name for one in fields]
+                known = [one for one in own if one != "assumed"]
                 if part not in known:
                     yield (*field, "assumed", index), f"S292 there is no value `{name}` here; {suggest(part, known)}"
                     break
                 node = getattr(node, part)
-
-
-def _field_names(node: object) -> list[str]:
-    if isinstance(node, BaseModel):
-        return [name for name in type(node).model_fields if name != "assumed"]
-    return [field.name for field in dataclasses.fields(node)] if dataclasses.is_dataclass(node) else []
