@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from robid.backends.map import Progress
     from robid.fleet.run import OpenMap
 
-
 _STAGE = "reprocess"
 
 

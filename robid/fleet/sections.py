@@ -185,7 +185,6 @@ def population_sections(found: Found) -> tuple[Section, ...]:
     if not rows:
         return ()
     columns = ("Compared by", "Robots", "Fleet", "Robots differ by", "Known to", "Off")
-
     more = "" if len(rows) <= _MANY_ROWS else f"The first {_MANY_ROWS} of {len(rows)}; all are in fleet.json."
     table = Table(columns, tuple(rows[:_MANY_ROWS]), fit="compact", caption=more)
     lead = (

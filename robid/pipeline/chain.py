@@ -112,7 +112,6 @@ CHAIN: tuple[Stage, ...] = (
     ),
 )
 
-
 STAGES = (
     *CHAIN,
     Stage(

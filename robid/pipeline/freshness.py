@@ -20,7 +20,6 @@ from robid.pipeline.stage import Plan, Stage
 if TYPE_CHECKING:
     from robid.settings.load import LoadedExperiment
 
-
 _STAMP = re.compile(r'<script type="application/json" id="provenance">(.*?)</script>', re.DOTALL)
 
 

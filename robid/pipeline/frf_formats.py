@@ -232,7 +232,6 @@ def _datasets(response: Response) -> Iterator[dict[str, Any]]:
 def _shared(response: Response, place: int, row: int, column: int) -> dict[str, Any]:
     frf = response.frf
     output, given = frf.output_channels[row], frf.input_channels[column]
-
     return {
         "type": 58,
         "binary": 0,

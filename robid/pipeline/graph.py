@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from robid.results.grade import Grade
     from robid.settings.load import LoadedExperiment
 
-
 _SMALL_BYTES = 1e6
 
 

@@ -29,11 +29,9 @@ from robid.models.family import ExportTask
 if TYPE_CHECKING:
     import control
 
-
 FILES = Files("external", ExternalSolution, ExternalValidation)
 model_of, solution_from_artifact = FILES.model_of, FILES.solution_of
 validation_of, validation_from_artifact = FILES.validation_of, FILES.validated_in
-
 
 _COLUMNS = ("name", "kind", "unit", "estimate", "lower", "upper", "relative_std", "identifiable")
 _POWERS = ("channel", "input", "output", "polynomial", "power", "value", "std")

@@ -12,7 +12,6 @@ with later(__name__):
     from robid.models.lpv.page import report
     from robid.models.lpv.settings import LpvFit, problems
 
-
 LPV = Family(
     name="lpv",
     settings=LpvFit,

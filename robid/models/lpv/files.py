@@ -25,7 +25,6 @@ FILES = Files("lpv", LpvSolution, LpvValidation)
 model_of, solution_from_artifact = FILES.model_of, FILES.solution_of
 validation_of, validation_from_artifact = FILES.validation_of, FILES.validated_in
 
-
 _FORMATS = "robid lpv"
 FORMAT = f"{_FORMATS} 1"
 

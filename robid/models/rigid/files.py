@@ -29,7 +29,6 @@ FILES = Files("rigid", RigidSolution, RigidValidation)
 model_of, solution_from_artifact = FILES.model_of, FILES.solution_of
 validation_of, validation_from_artifact = FILES.validation_of, FILES.validated_in
 
-
 _FAR = 1.0  # deviations
 
 

@@ -164,8 +164,8 @@ def test_coupled_pairs_are_red_and_above_the_thresholds(solution):
     (section,) = coupling_section(changed, solution.ports, CouplingOptions())
     assert not coupling_section(replace(changed, own=np.ones((2, 2), bool)), solution.ports, CouplingOptions())
     pairs, limits = section.tables
-    assert pairs.rows[1].cells[1].text == "0.40"
-    assert [cell.mark for cell in pairs.rows[1].cells[1:]] == ["bad", ""]
+    assert pairs.rows[1][1].text == "0.40"
+    assert [cell.mark for cell in pairs.rows[1][1:]] == ["bad", ""]
     assert limits.texts[0][2] == "Z from 3.20 Hz"
     (chart,) = figures(section.parts)
     assert {line.at for line in chart.lines} == {0.7, 0.15, float(found.limit.max())}

@@ -19,7 +19,6 @@ _SHORTEST = 8  # samples of a segment
 _INDEPENDENT = 0.85  # of Hann segments that overlap by half, for the tail of the coherence, by trial on white noise
 _EXCITED = 1e-4  # of a command's largest power density
 
-
 _RESPONSE = "frequency output input"
 
 

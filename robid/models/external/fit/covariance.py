@@ -72,7 +72,6 @@ def find_spread(problem: Problem, point: Point, noise: FloatArray, unseen: float
             chances[index, output] = whiteness(left, excited, taken[index, output] - each.offset)
             white = bool(chances[index, output] >= WHITE)
             meat += _meat(left, pulls[span], excited, taken[index, output], white=white)
-
         meats.append(meat)
     return Spread(tuple(residuals), _root(linear, triangle, meats, point, sought), chances, taken)
 

@@ -20,7 +20,6 @@ _RANK = 1e-9
 _ROUNDING = 1e-9
 _LARGEST = 0.1  # of a command's largest component
 
-
 _RESPONSE = "frequency output input"
 
 

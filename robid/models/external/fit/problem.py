@@ -18,7 +18,6 @@ from robid.models.external.fit.transfer import Hold
 if TYPE_CHECKING:
     from robid.models.external.fit.data import Shot
 
-
 _SAMPLES_PER_PARAMETER = 5
 _STILL = 1e-12  # of the largest value, a motion that is none
 

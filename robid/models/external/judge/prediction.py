@@ -18,7 +18,6 @@ from robid.results.finding import Finding
 
 _ROUNDED = 12**-0.5  # of a step: repeats of what hardly moves are rounded alike
 
-
 _OUTPUT = "as of the output"
 
 

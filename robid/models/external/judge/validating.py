@@ -32,7 +32,6 @@ _OUTSIDE = 3.0  # times as many samples outside the bounds as their level says
 _EXPLAINED = 1.2  # of the expected error
 _NOISE = ", which noise explains: move farther, or repeat more often"
 
-
 _SCORE = "1, or as of the output"
 
 

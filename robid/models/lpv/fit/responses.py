@@ -238,7 +238,6 @@ def make_problem(
 _DEVIATIONS = 2.0
 _CHANCE = 3.0  # deviations of a mean square by which noise may exceed what is expected of it
 
-
 _ELEMENT = "position output input"
 
 
