@@ -154,6 +154,11 @@ def split_errors(error: ComplexArray) -> ErrorParts:
     return ErrorParts(_over_periods(error), np.abs(mean), _over_periods(error - mean))
 
 
+def error_excess(parts: ErrorParts, reference: ErrorParts) -> FloatArray:
+    """Returns by how much errors exceed those of a reference model (n_out,), as a share of these."""
+    return np.asarray(deviation(parts.total) / deviation(reference.total) - 1)
+
+
 def measured_amplitudes(samples: FloatArray, lines: IntArray) -> ComplexArray:
     """Returns amplitudes at DFT lines (n_freq,) of successive periods (n_period, n_sample, n_channel) without drift.
 
@@ -318,7 +323,7 @@ class Travelled:
     def excess(self, modelled: ComplexArray, *, accelerations: bool = False) -> FloatArray:
         """Returns by how much a model's error exceeds the true drive's (n_out,), as a share of that."""
         own, true = (self.error(each, accelerations=accelerations) for each in (modelled, self.true))
-        return np.asarray(deviation(own.total) / deviation(true.total) - 1)
+        return error_excess(own, true)
 
 
 def travel(solution: LpvSolution, record: Record, truth: TrueRobot) -> Travelled:

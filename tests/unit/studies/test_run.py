@@ -6,7 +6,7 @@ from robid.studies.run import _of_several_commits
 
 
 def made_at(*commits):
-    return [SimpleNamespace(provenance=SimpleNamespace(git_commit=commit)) for commit in commits]
+    return [SimpleNamespace(git_commit=commit) for commit in commits]
 
 
 def test_results_of_several_commits_are_told():
