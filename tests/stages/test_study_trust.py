@@ -87,7 +87,7 @@ def _nothing_is_done_twice(study, tasks):
     [
         ("fit: elastic\n  designed", "fit: elastik\n  designed", "study.fit: there is no fit `elastik`"),
         ("designed: designed", "designed: desined", "study.designed: there is no campaign `desined`"),
-        ("validated_in: 2", "validated_in: 9", "study.validated_in: S424 campaign `fresh` has 6 places only"),
+        ("validated_in: 2", "validated_in: 9", "study.validated_in: S424"),
         ("{random: {count: 5, margin_deg: 20}}", "{list_deg: [[0, 0]]}", "campaign `random` needs `random` config"),
         (
             "robots: 2, referenced: 1",

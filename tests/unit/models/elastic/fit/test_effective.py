@@ -150,7 +150,7 @@ def test_from_four_clusters_on_their_differences_count_and_no_misfit():
     one, other = (spreads(problem, internal, found, excess) for excess in (1.0, 4.0))
     np.testing.assert_array_equal(one.effective.covariance, other.effective.covariance)
     assert one.between is not None
-    assert one.effective.rule == "noise and assumed model error, and what 4 clusters differ by"
+    assert "4 clusters" in one.effective.rule
 
 
 @pytest.mark.parametrize("kind", ["user", "inflated"])

@@ -48,13 +48,13 @@ def problem():
 def drawn(nuisances, seed, kinds=object, of=None):
     """Amounts (n_nuisance,) of some kinds, and what places add."""
     generator = np.random.default_rng(seed)
-    std, place_std = (
-        np.array([getattr(nuisance, name) for nuisance in nuisances]) for name in ("common_std", "place_std")
+    std, cluster_std = (
+        np.array([getattr(nuisance, name) for nuisance in nuisances]) for name in ("common_std", "cluster_std")
     )
     chosen = np.array([isinstance(nuisance.effect, kinds) for nuisance in nuisances]) & are_put_in(nuisances)
     chosen &= np.array([of is None or getattr(nuisance.effect, "kind", "") in of for nuisance in nuisances])
     amounts = chosen * std * np.abs(generator.standard_normal(len(nuisances)))
-    added = chosen * may_differ(nuisances) * place_std * generator.uniform(0, 1, (len(PLACES), len(nuisances)))
+    added = chosen * may_differ(nuisances) * cluster_std * generator.uniform(0, 1, (len(PLACES), len(nuisances)))
     return amounts, added
 
 
