@@ -31,18 +31,12 @@ class Quantity:
     """What a field of a result is, once: stands in its annotation, as in `Annotated[FloatArray, Quantity("s", "row")]`.
 
     Files, their documentation and the choice of a part along an axis follow from it.
-
-    Attributes:
-        unit: SI unit of the values, `1` for none; `{name}` for one that the dataclass's `own_units` say.
-        axes: Name of each axis, separated by spaces.
-        meaning: What it is, in one sentence.
-        compact: Whether float32 with a scale is enough to keep.
     """
 
-    unit: str
-    axes: str
-    meaning: str = ""
-    compact: bool = False
+    unit: str  # SI unit of the values, `1` for none; `{name}` for one that the dataclass's `own_units` say
+    axes: str  # Name of each axis, separated by spaces
+    meaning: str = ""  # What it is, in one sentence
+    compact: bool = False  # Whether float32 with a scale is enough to keep
 
 
 @cache

@@ -41,21 +41,14 @@ class Kind:
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """One array of an artifact.
+    """One array of an artifact."""
 
-    Attributes:
-        values: Numbers, booleans or strings, of any shape.
-        units: Unit of the values, `1` for none.
-        axes: Name of each axis.
-        description: What it holds.
-        compact: Store float32 of `values / scale`, the scale of each row a power of two not below its
-            `max|values|`. The rounding is 6e-8 of the largest value, and doing it again changes nothing.
-    """
-
-    values: NDArray[Any]
-    units: str
-    axes: tuple[str, ...]
-    description: str = ""
+    values: NDArray[Any]  # Numbers, booleans or strings, of any shape
+    units: str  # Unit of the values, `1` for none
+    axes: tuple[str, ...]  # Name of each axis
+    description: str = ""  # What it holds
+    # Store float32 of `values / scale`, the scale of each row a power of two not below its `max|values|`. The rounding
+    # is 6e-8 of the largest value, and doing it again changes nothing.
     compact: bool = False
 
     def __post_init__(self) -> None:
@@ -67,40 +60,26 @@ class Dataset:
 
 @dataclass(frozen=True)
 class Provenance:
-    """How an artifact came about; never part of its content hash.
-
-    Attributes:
-        settings: Resolved settings that the stage read; no absolute paths.
-        settings_hash: Their hash, see `robid.artifacts.artifact.canonical_hash`.
-        inputs: Content hash of each input artifact or file, by name.
-        versions: Version of each package that matters.
-        git_commit: Commit of the source tree, or "".
-    """
+    """How an artifact came about; never part of its content hash."""
 
     stage: str
-    settings: dict[str, Any] = field(default_factory=dict)
-    settings_hash: str = ""
-    inputs: dict[str, str] = field(default_factory=dict)
+    settings: dict[str, Any] = field(default_factory=dict)  # Resolved settings that the stage read; no absolute paths
+    settings_hash: str = ""  # Their hash, see `robid.artifacts.artifact.canonical_hash`
+    inputs: dict[str, str] = field(default_factory=dict)  # Content hash of each input artifact or file, by name
     seed: int | None = None
-    versions: dict[str, str] = field(default_factory=dict)
-    git_commit: str = ""
+    versions: dict[str, str] = field(default_factory=dict)  # Version of each package that matters
+    git_commit: str = ""  # Commit of the source tree, or ""
     started_utc: str = ""
     finished_utc: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class Artifact:
-    """An artifact in memory.
+    """An artifact in memory."""
 
-    Attributes:
-        kind: Its kind; after reading, with the version found in the file.
-        datasets: Arrays by path, as in `response` or `starts/cost`.
-        attributes: Scalars and short lists; the unit is part of the name.
-    """
-
-    kind: Kind
-    datasets: Mapping[str, Dataset]
-    attributes: Mapping[str, Attribute]
+    kind: Kind  # Its kind; after reading, with the version found in the file
+    datasets: Mapping[str, Dataset]  # Arrays by path, as in `response` or `starts/cost`
+    attributes: Mapping[str, Attribute]  # Scalars and short lists; the unit is part of the name
     provenance: Provenance
 
 
@@ -110,21 +89,15 @@ class Label:
 
     A dataset whose first axis is the configuration has a row per configuration, any other is one row: what is scaled,
     hashed, stored and read at once.
-
-    Attributes:
-        dtype: Type of the stored values, `str` for text.
-        description: What it holds; not part of the hash.
-        scales: Scale of each row where the values are compact, else None.
-        digests: SHA-256 of each row's stored bytes, of text as JSON.
     """
 
-    dtype: str
+    dtype: str  # Type of the stored values, `str` for text
     shape: tuple[int, ...]
     units: str
     axes: tuple[str, ...]
-    description: str
-    scales: tuple[float, ...] | None
-    digests: tuple[str, ...]
+    description: str  # What it holds; not part of the hash
+    scales: tuple[float, ...] | None  # Scale of each row where the values are compact, else None
+    digests: tuple[str, ...]  # SHA-256 of each row's stored bytes, of text as JSON
 
     @property
     def by_row(self) -> bool:

@@ -76,17 +76,11 @@ class Header:
 
 @dataclass(frozen=True)
 class Outline:
-    """What is in an artifact beside the rows of its configurations, checked against the content hash.
+    """What is in an artifact beside the rows of its configurations, checked against the content hash."""
 
-    Attributes:
-        attributes: The artifact's own attributes.
-        labels: What is said about each dataset.
-        shared: Stored values of the datasets without rows.
-    """
-
-    attributes: dict[str, Attribute]
-    labels: dict[str, Label]
-    shared: dict[str, NDArray[Any]]
+    attributes: dict[str, Attribute]  # The artifact's own attributes
+    labels: dict[str, Label]  # What is said about each dataset
+    shared: dict[str, NDArray[Any]]  # Stored values of the datasets without rows
 
     @property
     def n_rows(self) -> int:

@@ -36,23 +36,15 @@ _SAME = 1e-3  # part of a step by which stamps may differ and be the same
 
 @dataclass(frozen=True)
 class Log:
-    """The columns of a log, all of one clock, and its own time where it has one that can be read.
+    """The columns of a log, all of one clock, and its own time where it has one that can be read."""
 
-    Attributes:
-        columns: The columns, the time's in its unit.
-        notes: What to say about them.
-        slow: The variable with the longest sampling period of those that were brought to a shorter one; empty for none.
-        slow_s: That sampling period [s].
-        ends: What ends before the others, by more than a sample, and when; empty for nothing.
-        clock: The log's own time.
-    """
-
-    columns: dict[str, NDArray[Any]]
-    notes: list[str] = field(default_factory=list)
+    columns: dict[str, NDArray[Any]]  # The columns, the time's in its unit
+    notes: list[str] = field(default_factory=list)  # What to say about them
+    # The variable with the longest sampling period of those that were brought to a shorter one; empty for none
     slow: str = ""
-    slow_s: float = 0.0
-    ends: str = ""
-    clock: Clock | None = None
+    slow_s: float = 0.0  # That sampling period [s]
+    ends: str = ""  # What ends before the others, by more than a sample, and when; empty for nothing
+    clock: Clock | None = None  # The log's own time
 
     @property
     def n_sample(self) -> int:

@@ -46,21 +46,13 @@ _ABSURD = 1e6
 
 @dataclass
 class Read:
-    """What was read of the logs of a recording.
+    """What was read of the logs of a recording."""
 
-    Attributes:
-        streams: The variables of the channels.
-        stamps (n_sample,): The log's own time, in its unit; None where it has none that can be read.
-        problems: What is wrong with any of them.
-        beside: The time stamps of a time that is a channel itself; None where it has none.
-        notes: What to say about them.
-    """
-
-    streams: list[Stream]
-    stamps: NDArray[Any] | None
-    problems: list[DataError]
-    notes: list[str]
-    beside: NDArray[Any] | None = None
+    streams: list[Stream]  # The variables of the channels
+    stamps: NDArray[Any] | None  # (n_sample,) The log's own time, in its unit; None where it has none that can be read
+    problems: list[DataError]  # What is wrong with any of them
+    notes: list[str]  # What to say about them
+    beside: NDArray[Any] | None = None  # The time stamps of a time that is a channel itself; None where it has none
 
 
 def read_columns(mapping: LogMapping) -> Read:

@@ -204,17 +204,11 @@ _BESIDE = 32  # part of a period by which a gap of the time and a loss may be ap
 
 @dataclass(frozen=True)
 class Part:
-    """Which part of a log is looked at.
+    """Which part of a log is looked at."""
 
-    Attributes:
-        start: Its first sample in the log.
-        last: Whether the last periods are used, not the first ones after those dropped.
-        matched: Whether the periods are counted from there on, as they matched what was played.
-    """
-
-    start: int = 0
-    last: bool = False
-    matched: bool = False
+    start: int = 0  # Its first sample in the log
+    last: bool = False  # Whether the last periods are used, not the first ones after those dropped
+    matched: bool = False  # Whether the periods are counted from there on, as they matched what was played
 
     def used(self, length: int, stated: Stated) -> tuple[int, int]:
         """First sample of the log that is used of a part of some length, and the one after the last."""

@@ -22,16 +22,11 @@ Columns: TypeAlias = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True, kw_only=True)
 class LogMapping(LogOptions):
-    """The logs of one recording and their channels.
-
-    Attributes:
-        files: Further logs, by what their channels call them.
-        differs: Whether other logs that are read by the same settings have other clocks.
-    """
+    """The logs of one recording and their channels."""
 
     file: Path
-    files: Mapping[str, Path] = field(default_factory=dict)
-    differs: bool = False
+    files: Mapping[str, Path] = field(default_factory=dict)  # Further logs, by what their channels call them
+    differs: bool = False  # Whether other logs that are read by the same settings have other clocks
 
     @property
     def variables(self) -> dict[str, tuple[Path, str]]:
@@ -49,49 +44,30 @@ class LogMapping(LogOptions):
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """The samples of a variable.
+    """The samples of a variable."""
 
-    Attributes:
-        column: The column that it is, or is a part of.
-        weight: Its weight in the column.
-        values (n_sample,): Its samples.
-        stamps (n_sample,): Its own time stamps, in the unit of the log's time; None where it has none.
-        clock: The variable that holds them.
-        held: Whether its numbers stay from one sample to the next, as a command does.
-    """
-
-    column: str
+    column: str  # The column that it is, or is a part of
     name: str
-    weight: float
-    values: NDArray[Any]
+    weight: float  # Its weight in the column
+    values: NDArray[Any]  # (n_sample,) Its samples
+    # (n_sample,) Its own time stamps, in the unit of the log's time; None where it has none
     stamps: NDArray[Any] | None = None
-    clock: str = ""
-    held: bool = False
+    clock: str = ""  # The variable that holds them
+    held: bool = False  # Whether its numbers stay from one sample to the next, as a command does
 
 
 @dataclass(frozen=True)
 class Stated:
-    """What was said of the period.
+    """What was said of the period."""
 
-    Attributes:
-        sampling_period_s: Sampling period of the log [s].
-        samples: Samples of one period.
-        periods: Periods that are used.
-        dropped: Periods that are dropped before.
-        lines (n_freq,): Lines that are excited.
-        find: Whether they are only those among which the excited ones are looked for.
-        listed: Whether the lines were listed one by one, so that neither a count nor a band says them.
-        differs: Whether other logs that are read by the same settings have other clocks.
-    """
-
-    sampling_period_s: float
-    samples: int
-    periods: int
-    dropped: int
-    lines: IntArray
-    find: bool = False
-    listed: bool = False
-    differs: bool = False
+    sampling_period_s: float  # Sampling period of the log [s]
+    samples: int  # Samples of one period
+    periods: int  # Periods that are used
+    dropped: int  # Periods that are dropped before
+    lines: IntArray  # (n_freq,) Lines that are excited
+    find: bool = False  # Whether they are only those among which the excited ones are looked for
+    listed: bool = False  # Whether the lines were listed one by one, so that neither a count nor a band says them
+    differs: bool = False  # Whether other logs that are read by the same settings have other clocks
 
     @property
     def period_s(self) -> float:

@@ -30,26 +30,17 @@ _BLOCKS = 2000  # blocks of which only the extremes are kept to fit a line
 
 @dataclass(frozen=True)
 class Pace:
-    """How stamps advance.
+    """How stamps advance."""
 
-    Attributes:
-        step: Step of the samples, gaps left out, in the stamps' unit.
-        unsure: Relative error that it may have for what the rounding hides and the stamps wander.
-        rounding: What the stamps are rounded to; 0 where that is far below a step.
-        times (n_sample,): Time of each sample since the first: by the stamps, or where they are rounded the even times
-            beneath them.
-        gaps (n_gap,): Samples after which others are missing.
-        first: Time of the first sample since its stamp, where stamps are cut off and not rounded up.
-        loose: How far off that may be for what the rounding hides.
-    """
-
-    step: float
-    unsure: float
-    rounding: float
+    step: float  # Step of the samples, gaps left out, in the stamps' unit
+    unsure: float  # Relative error that it may have for what the rounding hides and the stamps wander
+    rounding: float  # What the stamps are rounded to; 0 where that is far below a step
+    # (n_sample,) Time of each sample since the first: by the stamps, or where they are rounded the even times beneath
+    # them
     times: FloatArray
-    gaps: IntArray
-    first: float = 0.0
-    loose: float = 0.0
+    gaps: IntArray  # (n_gap,) Samples after which others are missing
+    first: float = 0.0  # Time of the first sample since its stamp, where stamps are cut off and not rounded up
+    loose: float = 0.0  # How far off that may be for what the rounding hides
 
     @property
     def is_coarse(self) -> bool:
@@ -222,16 +213,11 @@ def _agreed(at: FloatArray, values: FloatArray, rounding: float) -> tuple[float,
 
 @dataclass(frozen=True)
 class _Line:
-    """The line beside which points lie in the narrowest band.
+    """The line beside which points lie in the narrowest band."""
 
-    Attributes:
-        slope: Its slope.
-        width: The band's width.
-        beside: The band's edges beside the line through the first sample, for any slope.
-    """
-
-    slope: float
-    width: float
+    slope: float  # Its slope
+    width: float  # The band's width
+    # The band's edges beside the line through the first sample, for any slope
     beside: Callable[[float], tuple[float, float]]
 
     def far(self, slope: float) -> float:

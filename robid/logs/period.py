@@ -35,17 +35,11 @@ _SHORTEST = 8  # shortest period that is looked for [samples]
 
 @dataclass(frozen=True)
 class Repetition:
-    """How a signal repeats.
+    """How a signal repeats."""
 
-    Attributes:
-        samples: Length of the shortest period, a fraction included; None when nothing repeats.
-        std_samples: Its standard deviation.
-        reachable: Whether the signal is long enough to compare the asked period with its repetition.
-    """
-
-    samples: float | None
-    std_samples: float
-    reachable: bool
+    samples: float | None  # Length of the shortest period, a fraction included; None when nothing repeats
+    std_samples: float  # Its standard deviation
+    reachable: bool  # Whether the signal is long enough to compare the asked period with its repetition
 
     def multiple(self, stated: int) -> int:
         """How many of its periods the stated one is nearest to."""

@@ -30,19 +30,12 @@ _UNITS = {180 / np.pi: "deg for rad", np.pi / 180: "rad for deg", 30 / np.pi: "r
 
 @dataclass(frozen=True)
 class PlayedExcitation:
-    """What was designed for a campaign, and which part of it a log should hold.
+    """What was designed for a campaign, and which part of it a log should hold."""
 
-    Attributes:
-        reference (n_real, n_exp, n_sample, n_motor): One period of the excitation.
-        kind: What it is: `speed_reference`, `position_reference` or `torque`.
-        realization: Index of the realization that was played.
-        experiment: Index of the experiment that was played.
-    """
-
-    reference: FloatArray
-    kind: str
-    realization: int
-    experiment: int
+    reference: FloatArray  # (n_real, n_exp, n_sample, n_motor) One period of the excitation
+    kind: str  # What it is: `speed_reference`, `position_reference` or `torque`
+    realization: int  # Index of the realization that was played
+    experiment: int  # Index of the experiment that was played
 
     @property
     def expected(self) -> FloatArray:
@@ -52,19 +45,12 @@ class PlayedExcitation:
 
 @dataclass(frozen=True)
 class Match:
-    """Where a log holds the periods of an excitation.
+    """Where a log holds the periods of an excitation."""
 
-    Attributes:
-        start: First sample of the first period that matches.
-        count: Periods in succession that match, from `start`.
-        correlation: Largest correlation anywhere in the log, mean over the motors.
-        gain (n_motor,): Size of the logged references relative to the excitation, over these periods.
-    """
-
-    start: int
-    count: int
-    correlation: float
-    gain: FloatArray
+    start: int  # First sample of the first period that matches
+    count: int  # Periods in succession that match, from `start`
+    correlation: float  # Largest correlation anywhere in the log, mean over the motors
+    gain: FloatArray  # (n_motor,) Size of the logged references relative to the excitation, over these periods
 
 
 def find_periods(logged: FloatArray, period: FloatArray) -> Match:

@@ -34,29 +34,17 @@ _FACTOR_OF_1000 = 0.2  # relative error of a time step within which it is that o
 
 @dataclass(frozen=True)
 class Clock:
-    """The log's own time.
+    """The log's own time."""
 
-    Attributes:
-        where: File and variable.
-        time_s (n_sample,): Time of each sample [s].
-        stated_s: The stated sampling period [s].
-        step_s: Mean time step, those across gaps left out [s].
-        gaps (n_gap,): Samples after which others are missing.
-        first: Sample of the log that is the first of these.
-        whole: What to set for the longest part in which nothing is missing; empty where there is none.
-        unsure: Relative error that the mean time step may have.
-        differs: Whether other logs that are read by the same settings have other clocks.
-    """
-
-    where: str
-    time_s: FloatArray
-    stated_s: float
-    step_s: float
-    gaps: IntArray
-    first: int = 0
-    whole: str = ""
-    unsure: float = 0.0
-    differs: bool = False
+    where: str  # File and variable
+    time_s: FloatArray  # (n_sample,) Time of each sample [s]
+    stated_s: float  # The stated sampling period [s]
+    step_s: float  # Mean time step, those across gaps left out [s]
+    gaps: IntArray  # (n_gap,) Samples after which others are missing
+    first: int = 0  # Sample of the log that is the first of these
+    whole: str = ""  # What to set for the longest part in which nothing is missing; empty where there is none
+    unsure: float = 0.0  # Relative error that the mean time step may have
+    differs: bool = False  # Whether other logs that are read by the same settings have other clocks
 
     @property
     def is_off(self) -> bool:

@@ -22,25 +22,15 @@ _DUST = 1e-12
 
 @dataclass(frozen=True)
 class Motion:
-    """What moves.
+    """What moves."""
 
-    Attributes:
-        listed: Joints of the robot file that the model can drive, base to flange.
-        held: Positions of the joints that do not move [rad, or m].
-        resting: Of these, the ones that `locked: rest` holds.
-        following: Of these, the ones that follow another that does not move.
-        led: Joints that follow one of `listed`, each with the law by which it does.
-        apart: Joints in whose place the file has loop links, each with the index of the link.
-        unnamed: Joints of which the file says nothing.
-    """
-
-    listed: tuple[str, ...]
-    held: Mapping[str, float]
-    resting: tuple[str, ...]
-    following: tuple[str, ...]
-    led: tuple[Tie, ...]
-    apart: Mapping[str, int]
-    unnamed: tuple[str, ...]
+    listed: tuple[str, ...]  # Joints of the robot file that the model can drive, base to flange
+    held: Mapping[str, float]  # Positions of the joints that do not move [rad, or m]
+    resting: tuple[str, ...]  # Of these, the ones that `locked: rest` holds
+    following: tuple[str, ...]  # Of these, the ones that follow another that does not move
+    led: tuple[Tie, ...]  # Joints that follow one of `listed`, each with the law by which it does
+    apart: Mapping[str, int]  # Joints in whose place the file has loop links, each with the index of the link
+    unnamed: tuple[str, ...]  # Joints of which the file says nothing
 
 
 def motion_of(robot: RobotFile, model: ForeignModel) -> Motion:

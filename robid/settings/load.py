@@ -94,19 +94,13 @@ _Model = TypeVar("_Model")
 
 @dataclass(frozen=True)
 class LoadedExperiment:
-    """An experiment and its robot, checked.
+    """An experiment and its robot, checked."""
 
-    Attributes:
-        path: The experiment file, as the user named it.
-        robot: The robot file; without joints where there is none.
-        families: The families of its fits, by name.
-        written: Names of files as a row of a manifest says them, by field; `experiment` holds where they are.
-    """
-
-    path: Path
+    path: Path  # The experiment file, as the user named it
     experiment: Experiment
-    robot: RobotFile
-    families: Families
+    robot: RobotFile  # The robot file; without joints where there is none
+    families: Families  # The families of its fits, by name
+    # Names of files as a row of a manifest says them, by field; `experiment` holds where they are
     written: Mapping[FieldPath, str] = field(default_factory=dict)
 
     @property

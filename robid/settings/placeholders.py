@@ -30,20 +30,13 @@ _OUTSIDE = "S379 `{}` lies outside the {}, where a file that a row names must be
 
 @dataclass(frozen=True)
 class Row:
-    """A row of a manifest.
-
-    Attributes:
-        place: Where it stands, as `fleet.csv:7`.
-        folder: Folder of the manifest, an absolute path.
-        values: Its values by column.
-        typed: Whether a text is one, as in Parquet; else it is read as YAML would where it stands alone.
-    """
+    """A row of a manifest."""
 
     id: str
-    place: str
-    folder: Path
-    values: Mapping[str, Value]
-    typed: bool = False
+    place: str  # Where it stands, as `fleet.csv:7`
+    folder: Path  # Folder of the manifest, an absolute path
+    values: Mapping[str, Value]  # Its values by column
+    typed: bool = False  # Whether a text is one, as in Parquet; else it is read as YAML would where it stands alone
 
     def alone(self, column: str) -> Value:
         """Returns what stands in the place of a placeholder that is a whole value; nothing for an empty text."""
@@ -55,17 +48,11 @@ class Row:
 
 @dataclass(frozen=True)
 class Filled:
-    """An experiment file with a row in the place of its placeholders.
+    """An experiment file with a row in the place of its placeholders."""
 
-    Attributes:
-        document: The file; names of files that the row fills are absolute paths.
-        written: These names as the row says them, by field.
-        problems: What could not be filled.
-    """
-
-    document: Document
-    written: Mapping[FieldPath, str]
-    problems: tuple[SettingsProblem, ...]
+    document: Document  # The file; names of files that the row fills are absolute paths
+    written: Mapping[FieldPath, str]  # These names as the row says them, by field
+    problems: tuple[SettingsProblem, ...]  # What could not be filled
 
 
 def placeholders(document: Document) -> dict[FieldPath, tuple[str, ...]]:

@@ -23,17 +23,11 @@ FieldPath: TypeAlias = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Document:
-    """A YAML file.
+    """A YAML file."""
 
-    Attributes:
-        path: The file, as the user named it.
-        data: Its content as plain dictionaries, lists, numbers, texts and None; merge keys are resolved.
-        tree: The same content as ruamel.yaml read it, for the line numbers.
-    """
-
-    path: Path
-    data: dict[str, Any]
-    tree: CommentedMap
+    path: Path  # The file, as the user named it
+    data: dict[str, Any]  # Its content as plain dictionaries, lists, numbers, texts and None; merge keys are resolved
+    tree: CommentedMap  # The same content as ruamel.yaml read it, for the line numbers
 
     def line(self, field: FieldPath) -> int:
         """Returns the line (from 1) of a key or list item, or of the nearest parent that is written."""

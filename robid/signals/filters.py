@@ -83,15 +83,10 @@ def central_differences(position: FloatArray, sampling_period_s: float) -> tuple
 
 @dataclass(frozen=True)
 class Decimator:
-    """A symmetric low pass that computes only the samples that are kept.
+    """A symmetric low pass that computes only the samples that are kept."""
 
-    Attributes:
-        factor: Samples per kept sample.
-        kernel (2 n + 1,): Impulse response.
-    """
-
-    factor: int
-    kernel: FloatArray
+    factor: int  # Samples per kept sample
+    kernel: FloatArray  # (2 n + 1,) Impulse response
 
     @property
     def reach(self) -> int:

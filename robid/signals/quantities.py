@@ -25,14 +25,10 @@ _DEG = float(np.pi / 180)
 
 @dataclass(frozen=True)
 class SignalKind:
-    """A kind of signal.
+    """A kind of signal."""
 
-    Attributes:
-        units: SI units that it may have: of a rotation, then of a translation.
-        derivatives: How many times a motion is differentiated to an acceleration; None for what is no motion.
-    """
-
-    units: tuple[str, ...]
+    units: tuple[str, ...]  # SI units that it may have: of a rotation, then of a translation
+    # How many times a motion is differentiated to an acceleration; None for what is no motion
     derivatives: int | None = None
 
 
@@ -99,21 +95,14 @@ UNITS: dict[str, Unit] = {
 
 @dataclass(frozen=True)
 class Channel:
-    """One channel of a record, or one input or output of a response.
+    """One channel of a record, or one input or output of a response."""
 
-    Attributes:
-        name: Its name; collocated channels carry the name of their joint's motor.
-        quantity: What it is, one of `QUANTITIES`.
-        unit: Its SI unit.
-        side: The side of the robot that it belongs to: motor, arm or tool.
-        sampled: Of a motion, what its samples are: its values at their instants; differences of the motion that it is
-            the rate of, from the sample before or across both neighbours; or values behind an anti-aliasing filter.
-    """
-
-    name: str
-    quantity: QuantityName
-    unit: str
-    side: Side = "motor"
+    name: str  # Its name; collocated channels carry the name of their joint's motor
+    quantity: QuantityName  # What it is, one of `QUANTITIES`
+    unit: str  # Its SI unit
+    side: Side = "motor"  # The side of the robot that it belongs to: motor, arm or tool
+    # Of a motion, what its samples are: its values at their instants; differences of the motion that it is the rate of,
+    # from the sample before or across both neighbours; or values behind an anti-aliasing filter
     sampled: SampledName = "instants"
 
     @property

@@ -26,21 +26,9 @@ class Record:
     A record of one shot has one period, which is all of its samples. It has no excited lines, and may have no
     configuration to rest in; or its signal is arbitrary and carries all DFT bins, of which `excited_lines` are those
     where a response is wanted.
-
-    Attributes:
-        sampling_period_s: Sampling period of all channels [s].
-        configurations: Arm-side joint positions, encoder side of the gears; None for a record that does not begin and
-            stay at rest.
-        excited_lines: Excited DFT lines of one period; none for one shot whose signal is not arbitrary.
-        segments: Segments of one over the resolution that an arbitrary signal is long, so that `excited_lines` are
-            multiples of it; 0 for any other.
-        input_hold: `zoh` where the inputs are commands held for a sample, `band_limited` where they were measured
-            behind the same anti-aliasing as the outputs.
-        truth_sha256: Hash of the file with the truth that was simulated; "" where it is unknown.
-        notes: What the import or the simulation wants the reader to know.
     """
 
-    sampling_period_s: float
+    sampling_period_s: float  # Sampling period of all channels [s]
     inputs: Annotated[FloatArray, Quantity("{input}", f"{_SAMPLES} input", "Inputs, by their channels", compact=True)]
     outputs: Annotated[
         FloatArray,
@@ -51,6 +39,7 @@ class Record:
     ]
     input_channels: Annotated[tuple[Channel, ...], Quantity("1", "input", "What each input is")]
     output_channels: Annotated[tuple[Channel, ...], Quantity("1", "output", "What each output is")]
+    # Arm-side joint positions, encoder side of the gears; None for a record that does not begin and stay at rest
     configurations: Annotated[FloatArray | None, Quantity("{joint}", "configuration joint", "Arm-side joints")] = None
     reference: Annotated[
         FloatArray | None,
@@ -64,19 +53,25 @@ class Record:
     reference_channels: Annotated[
         tuple[Channel, ...], Quantity("1", "reference", "What each column of the reference is")
     ] = ()
+    # Excited DFT lines of one period; none for one shot whose signal is not arbitrary
     excited_lines: Annotated[
         IntArray, Quantity("1", "frequency", "Excited DFT lines of one period; none for one shot")
     ] = field(default_factory=_no_lines)
     detection_lines: Annotated[IntArray, Quantity("1", "detection", "DFT lines left out to detect distortion")] = field(
         default_factory=_no_lines
     )
+    # Segments of one over the resolution that an arbitrary signal is long, so that `excited_lines` are multiples of it;
+    # 0 for any other
     segments: int = 0
+    # `zoh` where the inputs are commands held for a sample, `band_limited` where they were measured behind the same
+    # anti-aliasing as the outputs
     input_hold: Literal["zoh", "band_limited"] = "zoh"
     input_relative_std: Annotated[
         FloatArray | None, Quantity("1", "input", "Standard deviation of the input scale's relative error")
     ] = None
-    truth_sha256: str = ""
+    truth_sha256: str = ""  # Hash of the file with the truth that was simulated; "" where it is unknown
     joint_units: Annotated[tuple[str, ...] | None, Quantity("1", "joint", "Units of the joints' positions")] = None
+    # What the import or the simulation wants the reader to know
     notes: Annotated[tuple[str, ...], Quantity("1", "note")] = ()
 
     @property

@@ -36,23 +36,14 @@ DATA = "ROBID_DATA"
 
 @dataclass(frozen=True)
 class Terms:
-    """What a worker must fulfil to take part.
+    """What a worker must fulfil to take part."""
 
-    Attributes:
-        versions: Versions of packages by name, and the digest of robid's sources.
-        directory: Where the command was given: paths of tasks may be relative to it.
-        exchange: The folder that client and workers share.
-        token: What its token file holds.
-        data: The command's ROBID_DATA, which tasks read their data from; None where it has none.
-        inputs: Further folders that the tasks read from.
-    """
-
-    versions: tuple[tuple[str, str], ...]
-    directory: str
-    exchange: str
-    token: str
-    data: str | None = None
-    inputs: tuple[str, ...] = ()
+    versions: tuple[tuple[str, str], ...]  # Versions of packages by name, and the digest of robid's sources
+    directory: str  # Where the command was given: paths of tasks may be relative to it
+    exchange: str  # The folder that client and workers share
+    token: str  # What its token file holds
+    data: str | None = None  # The command's ROBID_DATA, which tasks read their data from; None where it has none
+    inputs: tuple[str, ...] = ()  # Further folders that the tasks read from
 
 
 @dataclass(frozen=True)

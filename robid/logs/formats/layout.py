@@ -142,16 +142,13 @@ def tell_groups(columns: Sequence[Sequence[str]]) -> tuple[str, ...]:
 
 
 class Body:
-    """What else is to be known of the rows of a table; a recorder's own table has one of its own.
+    """What else is to be known of the rows of a table; a recorder's own table has one of its own."""
 
-    Attributes:
-        clocks: The column of the time of each column that has one of its own; both are read together.
-        made: Times that stand in no column, by the names that they get: the column whose time each is.
-        shared: Names of the time of each further channel that has the same column of it as another, by that column.
-    """
-
+    # The column of the time of each column that has one of its own; both are read together
     clocks: Mapping[int, int] = MappingProxyType({})
+    # Times that stand in no column, by the names that they get: the column whose time each is
     made: Mapping[str, int] = MappingProxyType({})
+    # Names of the time of each further channel that has the same column of it as another, by that column
     shared: Mapping[str, int] = MappingProxyType({})
 
     def keep(self, rows: list[tuple[int, str]]) -> list[tuple[int, str]]:
@@ -185,34 +182,22 @@ class Join:
 
 @dataclass(frozen=True)
 class Layout:
-    """How a table is written.
+    """How a table is written."""
 
-    Attributes:
-        separator: What separates cells; a space stands for any white space.
-        decimal_comma: Whether decimal marks are commas.
-        units: Their units; empty where none is stated.
-        lines: Lines before the first row.
-        kinds: What each column holds: `number`, `moment` (date and time), or a text that is neither.
-        width: Number of cells of a row; one more than there are columns where rows end with a separator.
-        fewest: Cells of the shortest row, whose last ones are missing.
-        headers: Lines above the numbers, which are passed over where they stand among them again.
-        groups: For each column the mark of thousands, nothing where it has none, `?` where a comma may be one.
-        join: What joins date and time in a line, where the separator stands between them.
-        body: What else is to be known of its rows.
-    """
-
-    separator: str
-    decimal_comma: bool
+    separator: str  # What separates cells; a space stands for any white space
+    decimal_comma: bool  # Whether decimal marks are commas
     names: tuple[str, ...]
-    units: tuple[str, ...]
-    lines: int
-    kinds: tuple[str, ...]
-    width: int
-    fewest: int = 0
+    units: tuple[str, ...]  # Their units; empty where none is stated
+    lines: int  # Lines before the first row
+    kinds: tuple[str, ...]  # What each column holds: `number`, `moment` (date and time), or a text that is neither
+    width: int  # Number of cells of a row; one more than there are columns where rows end with a separator
+    fewest: int = 0  # Cells of the shortest row, whose last ones are missing
+    # Lines above the numbers, which are passed over where they stand among them again
     headers: frozenset[str] = frozenset()
+    # For each column the mark of thousands, nothing where it has none, `?` where a comma may be one
     groups: tuple[str, ...] = ()
-    join: Join | None = None
-    body: Body = field(default_factory=Body)
+    join: Join | None = None  # What joins date and time in a line, where the separator stands between them
+    body: Body = field(default_factory=Body)  # What else is to be known of its rows
 
     def cells(self, line: str) -> list[str]:
         """Returns the cells of a line."""

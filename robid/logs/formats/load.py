@@ -108,19 +108,12 @@ _COPIED = "Check that it was copied completely, or write it again from its sourc
 
 @dataclass(frozen=True)
 class Limits:
-    """What reading a log may take.
+    """What reading a log may take."""
 
-    Attributes:
-        seconds: Time for any log [s].
-        seconds_per_byte: Further time for each byte of it [s].
-        memory: Memory for any log [bytes].
-        memory_per_byte: Further memory for each byte of it.
-    """
-
-    seconds: float = 60.0
-    seconds_per_byte: float = 2e-6
-    memory: int = 4 << 30
-    memory_per_byte: int = 30
+    seconds: float = 60.0  # Time for any log [s]
+    seconds_per_byte: float = 2e-6  # Further time for each byte of it [s]
+    memory: int = 4 << 30  # Memory for any log [bytes]
+    memory_per_byte: int = 30  # Further memory for each byte of it
 
 
 class Reader:

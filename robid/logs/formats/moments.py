@@ -115,18 +115,13 @@ def is_moment(cell: str) -> bool:
 
 @dataclass
 class Moments:
-    """A column of moments, added in parts.
+    """A column of moments, added in parts."""
 
-    Attributes:
-        kind: What its cells have in common: a `date` whose parts are known, one of three `numbers` in an order that
-            only all of them tell, a `clock` without a date, or `minutes` and seconds.
-        marks: What stands between the numbers of its dates.
-        halved: Whether hours count to twelve.
-    """
-
+    # What its cells have in common: a `date` whose parts are known, one of three `numbers` in an order that only all of
+    # them tell, a `clock` without a date, or `minutes` and seconds
     kind: str = ""
-    marks: str = ""
-    halved: bool = False
+    marks: str = ""  # What stands between the numbers of its dates
+    halved: bool = False  # Whether hours count to twelve
     _dates: list[IntArray] = field(default_factory=list)
     _clocks: list[IntArray] = field(default_factory=list)
 

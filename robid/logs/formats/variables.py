@@ -30,25 +30,16 @@ UNPACKING_ERRORS = (OSError, EOFError, zlib.error, lzma.LZMAError)
 
 @dataclass(frozen=True)
 class Format:
-    """A format of logs.
+    """A format of logs."""
 
-    Attributes:
-        title: What a message calls it.
-        reader: The function that reads it, by `(file, wanted)`: `module:function`.
-        suffixes: Ends of file names that say so where the first bytes do not.
-        magic: First bytes of its files.
-        holds: What it holds: `columns` in an order, `messages` of topics, `timed` channels, or `variables`.
-        needs: Modules that must be installed.
-        extra: What installs them, `pip install 'robid[extra]'`.
-    """
-
-    title: str
-    reader: str
-    suffixes: tuple[str, ...] = ()
-    magic: tuple[bytes, ...] = ()
+    title: str  # What a message calls it
+    reader: str  # The function that reads it, by `(file, wanted)`: `module:function`
+    suffixes: tuple[str, ...] = ()  # Ends of file names that say so where the first bytes do not
+    magic: tuple[bytes, ...] = ()  # First bytes of its files
+    # What it holds: `columns` in an order, `messages` of topics, `timed` channels, or `variables`
     holds: Literal["columns", "messages", "timed", "variables"] = "variables"
-    needs: tuple[str, ...] = ()
-    extra: str = ""
+    needs: tuple[str, ...] = ()  # Modules that must be installed
+    extra: str = ""  # What installs them, `pip install 'robid[extra]'`
 
 
 _TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log", ".lvm")
@@ -150,23 +141,14 @@ class Reason:
 
 @dataclass
 class Found:
-    """What a reader finds in a log, piece by piece.
+    """What a reader finds in a log, piece by piece."""
 
-    Attributes:
-        arrays: Values of the variables that were asked for.
-        sizes: Number of values of every variable that could be read.
-        units: Units that the log states.
-        unreadable: Variables that cannot be read, with the reason.
-        texts: Texts that the log holds beside its numbers.
-        damage: What is wrong with the log as a whole, where some of it can be read.
-    """
-
-    arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
-    sizes: dict[str, int] = field(default_factory=dict)
-    units: dict[str, str] = field(default_factory=dict)
-    unreadable: dict[str, Reason] = field(default_factory=dict)
-    texts: dict[str, str] = field(default_factory=dict)
-    damage: Reason | None = None
+    arrays: dict[str, NDArray[Any]] = field(default_factory=dict)  # Values of the variables that were asked for
+    sizes: dict[str, int] = field(default_factory=dict)  # Number of values of every variable that could be read
+    units: dict[str, str] = field(default_factory=dict)  # Units that the log states
+    unreadable: dict[str, Reason] = field(default_factory=dict)  # Variables that cannot be read, with the reason
+    texts: dict[str, str] = field(default_factory=dict)  # Texts that the log holds beside its numbers
+    damage: Reason | None = None  # What is wrong with the log as a whole, where some of it can be read
 
     def add(self, name: str, values: Any, unit: str = "") -> None:  # noqa: ANN401
         """Adds an array; what holds no numbers is noted as unreadable."""

@@ -35,23 +35,15 @@ _TITLES = {**dict.fromkeys(("Data", "Signal", "Value"), ("Name",)), "values": ("
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """A signal of a log.
+    """A signal of a log."""
 
-    Attributes:
-        name: Its name, as a mapping writes it.
-        values (n_sample,): Its samples.
-        group: What it shares its samples with, as the topic of its messages.
-        file: The log that it is of; None for the first of several.
-        source: Name of its log without what follows the dot.
-    """
-
-    name: str
-    values: FloatArray
+    name: str  # Its name, as a mapping writes it
+    values: FloatArray  # (n_sample,) Its samples
     unit: str = ""
     title: str = ""
-    group: str = ""
-    file: Path | None = None
-    source: str = ""
+    group: str = ""  # What it shares its samples with, as the topic of its messages
+    file: Path | None = None  # The log that it is of; None for the first of several
+    source: str = ""  # Name of its log without what follows the dot
 
     @property
     def key(self) -> str:
@@ -231,19 +223,12 @@ _NUMBER = re.compile(rf"(?<![A-Za-z])(({'|'.join(_WORDS)})[_-]?[({{]?)(\d+)(?=[^
 
 @dataclass(frozen=True)
 class Numbered:
-    """Recordings that are told apart by a number.
+    """Recordings that are told apart by a number."""
 
-    Attributes:
-        stem: What stands before the number.
-        numbers: The numbers as they are written, ascending.
-        place: What the word before it tells that they are; empty where it does not.
-        alike: Whether all have the same variables.
-    """
-
-    stem: str
-    numbers: tuple[str, ...]
-    place: Place | Literal[""]
-    alike: bool
+    stem: str  # What stands before the number
+    numbers: tuple[str, ...]  # The numbers as they are written, ascending
+    place: Place | Literal[""]  # What the word before it tells that they are; empty where it does not
+    alike: bool  # Whether all have the same variables
 
     @property
     def count(self) -> int:

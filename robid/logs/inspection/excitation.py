@@ -32,23 +32,14 @@ _EXACT = 1e-3  # the same distance, relative to the signal, below which it does 
 
 @dataclass(frozen=True)
 class Shared:
-    """The period that signals share.
+    """The period that signals share."""
 
-    Attributes:
-        samples: Its length, a fraction included.
-        std_samples: Standard deviation of it.
-        held: Periods that the log holds, a fraction included.
-        names: Signals that repeat with it.
-        transient: Signals whose first periods differ from the others.
-        settling: How many they are.
-    """
-
-    samples: float
-    std_samples: float
-    held: float
-    names: tuple[str, ...]
-    transient: tuple[str, ...] = ()
-    settling: int = 0
+    samples: float  # Its length, a fraction included
+    std_samples: float  # Standard deviation of it
+    held: float  # Periods that the log holds, a fraction included
+    names: tuple[str, ...]  # Signals that repeat with it
+    transient: tuple[str, ...] = ()  # Signals whose first periods differ from the others
+    settling: int = 0  # How many they are
 
     @property
     def whole(self) -> int:
@@ -190,26 +181,18 @@ class Excitation:
 
 @dataclass(frozen=True)
 class Proposal:
-    """A mapping that is proposed.
-
-    Attributes:
-        excitation: What was played; None for one shot.
-        take_last: Whether periods are counted from the end.
-        resample: Clock to resample to; empty for none.
-        one_shot: Whether the log is a record without a response.
-        part_s: From where to where it is used, None for all of it [s].
-    """
+    """A mapping that is proposed."""
 
     inputs: tuple[Entry, ...]
     outputs: tuple[Entry, ...]
     references: tuple[Entry, ...]
-    excitation: Excitation | None
+    excitation: Excitation | None  # What was played; None for one shot
     periods: int | None = None
     drop_periods: int = 0
-    take_last: bool = False
-    resample: str = ""
-    one_shot: bool = False
-    part_s: tuple[float, float] | None = None
+    take_last: bool = False  # Whether periods are counted from the end
+    resample: str = ""  # Clock to resample to; empty for none
+    one_shot: bool = False  # Whether the log is a record without a response
+    part_s: tuple[float, float] | None = None  # From where to where it is used, None for all of it [s]
 
 
 def propose_lines(shared: Shared, lines: IntArray, step_s: float) -> Excitation:

@@ -47,29 +47,21 @@ _REST = 0.25  # share of a period beyond whole ones from which the periods are c
 
 @dataclass(frozen=True)
 class Findings:
-    """What is in a log.
-
-    Attributes:
-        signals: The signals that share their samples with the mapping's, and what each is.
-        others: Signals of other lengths or topics.
-        periods: How signals repeat, by name.
-        shared: The period that the inputs have, None where nothing repeats.
-        lines: Lines of it that carry energy.
-        numbered: The recordings of which they are the first one; None where the log is a single one.
-        evened_s: From where to where its signals were brought from an uneven clock to even steps, zeros for all of it;
-            None where they are as they were recorded [s].
-    """
+    """What is in a log."""
 
     contents: Contents
     sampling: Sampling
-    signals: tuple[Signal, ...]
-    others: tuple[Column, ...]
-    periods: Mapping[str, Repetition]
-    shared: Shared | None
-    lines: IntArray
+    signals: tuple[Signal, ...]  # The signals that share their samples with the mapping's, and what each is
+    others: tuple[Column, ...]  # Signals of other lengths or topics
+    periods: Mapping[str, Repetition]  # How signals repeat, by name
+    shared: Shared | None  # The period that the inputs have, None where nothing repeats
+    lines: IntArray  # Lines of it that carry energy
     proposal: Proposal
     n_sample: int
+    # The recordings of which they are the first one; None where the log is a single one
     numbered: Numbered | None = None
+    # From where to where its signals were brought from an uneven clock to even steps, zeros for all of it; None where
+    # they are as they were recorded [s]
     evened_s: tuple[float, float] | None = None
 
     @property

@@ -45,24 +45,16 @@ _QUANTITIES |= {"rad/s": "speed", "m/s": "speed", "rad/s^2": "acceleration", "m/
 
 @dataclass(frozen=True)
 class Hint:
-    """What a name and a unit say of a signal.
-
-    Attributes:
-        commanded: Whether it was commanded; None where nothing says so.
-        joint: What tells its joint from others, as a number or a label.
-        unit: Its unit as settings or `CONVERTED` have it; empty where it is not stated, or is none such.
-        stated: Its unit as the log writes it; empty where it states none.
-        by_letter: Whether a single letter says so.
-    """
+    """What a name and a unit say of a signal."""
 
     role: Role
     by: By
-    commanded: bool | None
+    commanded: bool | None  # Whether it was commanded; None where nothing says so
     side: Side
-    joint: str
-    unit: str
-    stated: str = ""
-    by_letter: bool = False
+    joint: str  # What tells its joint from others, as a number or a label
+    unit: str  # Its unit as settings or `CONVERTED` have it; empty where it is not stated, or is none such
+    stated: str = ""  # Its unit as the log writes it; empty where it states none
+    by_letter: bool = False  # Whether a single letter says so
 
 
 def unit_of_name(column: Column) -> str:

@@ -29,31 +29,19 @@ _FORMAT = 2.0**-25  # resolution, relative to the largest value, below which it 
 
 @dataclass(frozen=True)
 class Quality:
-    """What is to be said of a signal by itself.
-
-    Attributes:
-        rms: RMS about its mean.
-        missing: Values that are NaN or infinite.
-        first_missing: The first of them.
-        longest_missing: How many of them follow each other at most.
-        values: Different values, where they are few; else None.
-        switches: Whether it changes often, though between a few values.
-        saturated: Share of samples in flat tops at its extremes.
-        resolution: Step between values, None where there is none.
-        turns: Jumps by what looks like a full turn, in which an angle wraps.
-    """
+    """What is to be said of a signal by itself."""
 
     lowest: float
     highest: float
-    rms: float
-    missing: int
-    first_missing: int
-    longest_missing: int
-    values: int | None
-    switches: bool
-    saturated: float
-    resolution: float | None
-    turns: int
+    rms: float  # RMS about its mean
+    missing: int  # Values that are NaN or infinite
+    first_missing: int  # The first of them
+    longest_missing: int  # How many of them follow each other at most
+    values: int | None  # Different values, where they are few; else None
+    switches: bool  # Whether it changes often, though between a few values
+    saturated: float  # Share of samples in flat tops at its extremes
+    resolution: float | None  # Step between values, None where there is none
+    turns: int  # Jumps by what looks like a full turn, in which an angle wraps
 
     @property
     def is_dead(self) -> bool:
@@ -263,17 +251,11 @@ _POINTS = 1200
 
 @dataclass(frozen=True)
 class Spectra:
-    """Amplitudes of a signal.
+    """Amplitudes of a signal."""
 
-    Attributes:
-        frequency_hz (n_freq,): Frequencies [Hz].
-        amplitude (n_freq,): Amplitudes there.
-        noise (n_freq,): What the periods scatter; empty where nothing repeats.
-    """
-
-    frequency_hz: FloatArray
-    amplitude: FloatArray
-    noise: FloatArray
+    frequency_hz: FloatArray  # (n_freq,) Frequencies [Hz]
+    amplitude: FloatArray  # (n_freq,) Amplitudes there
+    noise: FloatArray  # (n_freq,) What the periods scatter; empty where nothing repeats
 
 
 def thin_out(values: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -32,51 +32,32 @@ _SURE = 1e-6  # smallest relative distance between the bounds of a factor at a l
 
 @dataclass(frozen=True)
 class Likeness:
-    """How one signal follows from another.
+    """How one signal follows from another."""
 
-    Attributes:
-        correlation: Of the signal with the other's derivative, 0 to 1 whatever the sign.
-        factor: What the derivative is multiplied by, its sign included.
-        delay: By how many samples the signal comes later than the derivative.
-    """
-
-    correlation: float
-    factor: float
-    delay: float
+    correlation: float  # Of the signal with the other's derivative, 0 to 1 whatever the sign
+    factor: float  # What the derivative is multiplied by, its sign included
+    delay: float  # By how many samples the signal comes later than the derivative
 
 
 @dataclass(frozen=True)
 class Relation:
-    """How much of another signal's derivative a signal is, by the transfer function between the two.
+    """How much of another signal's derivative a signal is, by the transfer function between the two."""
 
-    Attributes:
-        factor: What the derivative is multiplied by towards low frequencies, its sign included.
-        relative_std: Relative standard deviation of it: scatter over the lines, and what noise may hide.
-        delay: By how many samples the signal comes later than the derivative.
-        carried: Share of the signal's energy at the lines that tell the factor.
-    """
-
-    factor: float
-    relative_std: float
-    delay: float
-    carried: float
+    factor: float  # What the derivative is multiplied by towards low frequencies, its sign included
+    relative_std: float  # Relative standard deviation of it: scatter over the lines, and what noise may hide
+    delay: float  # By how many samples the signal comes later than the derivative
+    carried: float  # Share of the signal's energy at the lines that tell the factor
 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Spectrum of a signal, windowed.
+    """Spectrum of a signal, windowed."""
 
-    Attributes:
-        windowed (3, n_freq): Transforms of the signal times the window, and times its first and second derivative.
-        trends (2, n_freq): Orthonormal transforms of what a constant and a slope leave behind the window.
-        omega (n_freq,): Angular frequencies [rad/s].
-        strongest (n_strong,): Indices of the frequencies that carry most of its energy.
-    """
-
+    # (3, n_freq) Transforms of the signal times the window, and times its first and second derivative
     windowed: ComplexArray
-    trends: ComplexArray
-    omega: FloatArray
-    strongest: IntArray
+    trends: ComplexArray  # (2, n_freq) Orthonormal transforms of what a constant and a slope leave behind the window
+    omega: FloatArray  # (n_freq,) Angular frequencies [rad/s]
+    strongest: IntArray  # (n_strong,) Indices of the frequencies that carry most of its energy
     _derivatives: dict[int, ComplexArray] = field(default_factory=dict)
 
     @property

@@ -50,31 +50,20 @@ _COMPARED = 40  # signals that are compared with each other at most
 
 @dataclass(frozen=True)
 class Signal:
-    """What a signal was taken for.
+    """What a signal was taken for."""
 
-    Attributes:
-        column: The signal, without jumps where it wraps.
-        by: What says so.
-        reasons: What else speaks for it.
-        twin: Another signal with the same samples; empty where there is none.
-        implied: Its unit, where none is stated but the factor to another signal's derivative tells it.
-        implied_by: What tells that.
-        wrap: How it wraps, None where it does not; its samples are then without that.
-        doubt: What contradicts its unit.
-    """
-
-    column: Column
+    column: Column  # The signal, without jumps where it wraps
     hint: Hint
     quality: Quality
     role: Role
-    by: Evidence
+    by: Evidence  # What says so
     commanded: bool = False
-    reasons: tuple[str, ...] = ()
-    twin: str = ""
-    implied: str = ""
-    implied_by: str = ""
-    wrap: Wrap | None = None
-    doubt: str = ""
+    reasons: tuple[str, ...] = ()  # What else speaks for it
+    twin: str = ""  # Another signal with the same samples; empty where there is none
+    implied: str = ""  # Its unit, where none is stated but the factor to another signal's derivative tells it
+    implied_by: str = ""  # What tells that
+    wrap: Wrap | None = None  # How it wraps, None where it does not; its samples are then without that
+    doubt: str = ""  # What contradicts its unit
 
     @property
     def states_unit(self) -> bool:

@@ -41,40 +41,24 @@ _STRAIGHT = 1.0  # steps by which a ramp may be off a straight line: it is round
 
 @dataclass(frozen=True)
 class Sampling:
-    """How a log was sampled.
+    """How a log was sampled."""
 
-    Attributes:
-        variable: The variable of the time; empty where there is none.
-        is_stated: Whether name or unit say so, or a number of the log agrees.
-        step_s: Time step, those across gaps left out; None where nothing tells it [s].
-        jitter: Largest deviation of a step from the usual one, relative, without gaps.
-        first_gap: Sample before the first of them.
-        longest_step: Longest step, in usual ones.
-        longest: First sample of the longest part without one, and the sample after its last.
-        longest_s: From where to where it lasts, since the first sample [s].
-        backward: Steps at which time stands still or goes back.
-        told_by: What else says so, as a number of the log.
-        others: Further times, as of the moment of writing.
-        doubt: Why a time that there is does not tell the time step.
-        likely: Units that its time may have, where several are as likely and nothing tells which.
-    """
-
-    variable: str
+    variable: str  # The variable of the time; empty where there is none
     unit: str
-    is_stated: bool
-    step_s: float | None
-    jitter: float = 0.0
+    is_stated: bool  # Whether name or unit say so, or a number of the log agrees
+    step_s: float | None  # Time step, those across gaps left out; None where nothing tells it [s]
+    jitter: float = 0.0  # Largest deviation of a step from the usual one, relative, without gaps
     gaps: int = 0
     missing: int = 0
-    first_gap: int = 0
-    longest_step: float = 1.0
-    longest: tuple[int, int] = (0, 0)
-    longest_s: tuple[float, float] = (0.0, 0.0)
-    backward: int = 0
-    told_by: str = ""
-    others: tuple[str, ...] = ()
-    doubt: str = ""
-    likely: tuple[str, ...] = ()
+    first_gap: int = 0  # Sample before the first of them
+    longest_step: float = 1.0  # Longest step, in usual ones
+    longest: tuple[int, int] = (0, 0)  # First sample of the longest part without one, and the sample after its last
+    longest_s: tuple[float, float] = (0.0, 0.0)  # From where to where it lasts, since the first sample [s]
+    backward: int = 0  # Steps at which time stands still or goes back
+    told_by: str = ""  # What else says so, as a number of the log
+    others: tuple[str, ...] = ()  # Further times, as of the moment of writing
+    doubt: str = ""  # Why a time that there is does not tell the time step
+    likely: tuple[str, ...] = ()  # Units that its time may have, where several are as likely and nothing tells which
 
 
 def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], stated_s: float | None = None) -> Sampling:

@@ -34,22 +34,14 @@ _PARTS = (1.0, 0.5, 0.25)  # parts of the band that are looked at: above, furthe
 
 @dataclass(frozen=True)
 class Order:
-    """Which of two motions the motor's is.
+    """Which of two motions the motor's is."""
 
-    Attributes:
-        first: Whether it is the first of them.
-        antiresonance: Angular frequency at which the motor stands still, poorly known where that is beyond the lines
-            [rad/s].
-        is_seen: Whether it is among the lines.
-        misfit: Relative misfit of what a spring between them gives.
-        other: The same for the motor on the other side.
-    """
-
-    first: bool
+    first: bool  # Whether it is the first of them
+    # Angular frequency at which the motor stands still, poorly known where that is beyond the lines [rad/s]
     antiresonance: float
-    is_seen: bool
-    misfit: float
-    other: float
+    is_seen: bool  # Whether it is among the lines
+    misfit: float  # Relative misfit of what a spring between them gives
+    other: float  # The same for the motor on the other side
 
 
 def find_motor(
