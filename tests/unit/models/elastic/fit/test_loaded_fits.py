@@ -103,7 +103,7 @@ def test_cubic_gears_come_back_from_two_amplitudes(statics):
 
 def test_a_gear_without_gravity_torque_needs_a_second_amplitude():
     true = stiffened(floor_standing(), 200.0, 100.0)
-    frfs = [loaded_frf(true, torque) for torque in (1.0, 0.3)]
+    frfs = [loaded_frf(true, torque, CONFIGURATIONS[:2]) for torque in (1.0, 0.3)]
     options = ElasticOptions(free=CUBIC)
     one = fit_elastic(floor_standing(), frfs[0], options, DELAY_S)
     two = fit_elastic(floor_standing(), join(frfs, ("high", "low")), options, DELAY_S)
