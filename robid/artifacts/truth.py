@@ -17,10 +17,13 @@ from robid.artifacts.atomic import json_text, read_json, replacing
 from robid.artifacts.kinds import RECORD
 from robid.artifacts.store import read_outline
 from robid.errors import ArtifactError
-from robid.simulate.truth import TrueRobot
+from robid.later import imported, later
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
+
+with later(__name__):
+    from robid.simulate.truth import TrueRobot
 
 
 Instance = TypeVar("Instance", bound="DataclassInstance")
@@ -96,7 +99,7 @@ def read_truth(path: Path, record: Path) -> TrueRobot:
         remedy = f"`{_MAKER} --force` makes it again"
         raise ArtifactError(what, where=str(record), remedy=remedy)
     try:
-        return from_plain(TrueRobot, read_json(path, made_by=_MAKER))
+        return from_plain(imported(TrueRobot), read_json(path, made_by=_MAKER))
     except (KeyError, TypeError, ValueError) as error:
         what = f"A015 The truth is not one of this version ({error})."
         remedy = f"`{_MAKER} --force` makes it again"

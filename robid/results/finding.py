@@ -7,8 +7,11 @@ from dataclasses import dataclass
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.frf.channels import SATURATED_SHARE, saturation_error
+from robid.later import imported, later
 from robid.results.scale import Scale
+
+with later(__name__):
+    from robid.frf.channels import SATURATED_SHARE, saturation_error
 
 CAUSES = {
     "torque_sign": "a torque with the wrong sign (F001)",
@@ -92,6 +95,6 @@ def saturation_findings(signals: Mapping[str, FloatArray]) -> tuple[Finding, ...
             share_told = f"{name} saturates for {two_digits(100 * worst)} % of the time"
             told = f"{share_told}, which may put its responses off by {off} and more"
             findings.append(
-                Finding("saturation", told, decisive=worst > _CLIPPED, strength=1 + worst / SATURATED_SHARE)
+                Finding("saturation", told, decisive=worst > _CLIPPED, strength=1 + worst / imported(SATURATED_SHARE))
             )
     return tuple(findings)

@@ -9,8 +9,8 @@ import numpy as np
 
 from robid.design.excitation.options import PoseChirpOptions
 from robid.errors import SettingsError
+from robid.later import later
 from robid.robot.description import Robot
-from robid.robot.kinematics import ToolArm
 from robid.robot.parameters import names_of
 from robid.settings.experiment import Campaign
 from robid.settings.robot import RobotFile
@@ -18,9 +18,11 @@ from robid.signals.pose import POSE, RAIL, rotation_from_zyx
 from robid.simulate.options import PoseInterface
 
 if TYPE_CHECKING:
-    from robid.settings.experiment import Campaign
     from robid.settings.load import LoadedExperiment
     from robid.simulate.options import Controller
+
+with later(__name__):
+    from robid.robot.kinematics import ToolArm
 
 
 Part: TypeAlias = Literal[

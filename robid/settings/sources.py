@@ -22,13 +22,16 @@ from robid.design.excitation.options import (
     SteppedSineOptions,
     TrajectoryOptions,
 )
+from robid.later import later
 from robid.robot.description import Robot
 from robid.settings.base import DATA_VARIABLE, STRICT, data_path
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import SpringSection
 from robid.signals.log_options import LogOptions
 from robid.simulate.options import SimulateOptions, Truth
-from robid.simulate.truth import true_robot
+
+with later(__name__):
+    from robid.simulate.truth import true_robot
 
 _DEFAULT = "multisine"
 

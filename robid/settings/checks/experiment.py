@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
-from robid.design.excitation.lines import check_signal
 from robid.design.excitation.options import ArbitraryOptions, PoseChirpOptions, SignalOptions, TrajectoryOptions
 from robid.errors import SettingsError
+from robid.later import later
 from robid.settings.checks.beyond_motors import check_experiment_of_sensed, check_pose_campaign
 from robid.settings.checks.campaigns import check_designs, check_limits, check_truth, check_without_robot
 from robid.settings.checks.configurations import check_cycles, check_reachable, configuration_count, named_designs
@@ -20,6 +20,9 @@ from robid.settings.problems import Found, SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import commanded_channels
 from robid.settings.yaml import Document, FieldPath
+
+with later(__name__):
+    from robid.design.excitation.lines import check_signal
 
 
 @dataclass(frozen=True)

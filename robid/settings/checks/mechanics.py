@@ -6,7 +6,6 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.later import later
-from robid.robot.regressor.links import pin_gaps
 from robid.settings.joint_sections import HARMONIC_KEYS, SPRING_KEYS, StiffnessOver
 from robid.settings.problems import Found, suggest
 from robid.settings.robot import RobotFile
