@@ -69,12 +69,15 @@ def correlations(checks: Checks, names: Sequence[str]) -> Figure:
 
 
 def trials(filtered: Filtered) -> Figure:
-    """What each cut-off that was tried leaves correlated."""
-    worst = filtered.trial_correlation.max(axis=1)
-    tried = curve("worst motor", filtered.trial_hz, worst)
-    return Figure(
-        "Choice of the cut-off", "Cut-off [Hz]", "Largest autocorrelation", (tried,), log_y=False, legend=False
+    """Error on left-out pieces of the log by each cut-off that was tried, and the smallest with its standard error."""
+    best = int(np.argmin(filtered.trial_error))
+    beyond = np.sqrt(filtered.trial_error[best] ** 2 + filtered.trial_deviation)
+    curves = (
+        curve("error on left-out pieces", filtered.trial_hz, filtered.trial_error),
+        curve("smallest and one standard error", filtered.trial_hz, beyond),
     )
+    label = f"Error over torque, below {significant(filtered.band_hz, 2)} Hz"
+    return Figure("Choice of the cut-off", "Cut-off [Hz]", label, curves)
 
 
 def torques(found: Prediction, joint: int, name: str, unit: str) -> Figure:
@@ -215,13 +218,13 @@ def _residuals(solution: RigidSolution, joints: Sequence[str], units: Sequence[s
         correlations(solution.checks, joints),
     ]
     filtered = solution.filtered
-    if filtered.trial_hz.size:
+    if filtered.trial_hz.size > 1:
         parts.append(trials(filtered))
-    chosen = "chosen from the data" if filtered.trial_hz.size else "as stated"
+    chosen = "chosen by left-out pieces of the log" if filtered.trial_hz.size > 1 else "as stated"
     lead = (
-        f"Positions are low-passed at {significant(filtered.cut_hz, 3)} Hz ({chosen}; the motion ends at"
-        f" {significant(float(filtered.excited_hz.max()), 3)} Hz), and every {filtered.decimation}th row is kept. Each"
-        " motor's residuals: against a Gaussian, with Huber's weights, and over time with three deviations."
+        f"Positions are low-passed at {significant(filtered.cut_hz, 3)} Hz ({chosen}; 99 % of the speed lies"
+        f" below {significant(float(filtered.motion_hz.max()), 3)} Hz), and every {filtered.decimation}th row is kept."
+        " Each motor's residuals: against a Gaussian, with Huber's weights, and over time with three deviations."
     )
     return Section("Residuals", lead, tuple(parts), "residuals")
 

@@ -8,16 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm, t
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.models.rigid.fit.conclusion import HUBER, INSTRUMENTS, LEAST_SQUARES, Conclusion, Verdict, scale_of
 from robid.models.rigid.fit.consistency import against_nominal, make_consistent, parameter_scale, pseudo_inertia
+from robid.models.rigid.fit.cut_off import CutOffChoice
+from robid.models.rigid.fit.expected import expected_error
 from robid.models.rigid.fit.options import EstimatorName, PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.regression import HuberRegression, Regression, huber_weights
-from robid.models.rigid.fit.residuals import CutOffChoice
+from robid.models.rigid.fit.sizes import rated_torques
 from robid.models.rigid.fit.solution import (
     Base,
     Checks,
     Estimators,
+    ExpectedError,
     Filtered,
     RigidSolution,
     RowResiduals,
@@ -97,12 +100,11 @@ def make_solution(
             cut_hz=choice.cut_hz,
             decimation=decimation,
             sampling_period_s=found.sampling_period_s,
-            excited_hz=choice.excited_hz,
-            trial_hz=np.array([trial.cut_hz for trial in choice.trials]),
-            trial_correlation=np.array([trial.correlation for trial in choice.trials]).reshape(
-                -1, len(choice.excited_hz)
-            ),
-            white=choice.white,
+            motion_hz=choice.motion_hz,
+            band_hz=choice.band_hz,
+            trial_hz=choice.trial_hz,
+            trial_error=choice.error,
+            trial_deviation=choice.deviation,
         ),
         residuals=RowResiduals(
             time_s=np.arange(len(found.torque)) * decimation * found.sampling_period_s,
@@ -112,6 +114,7 @@ def make_solution(
         ),
         against_nominal=against_nominal(model, base, estimate, reduction),
         travel=travel,
+        expected=_expected(reduced, found, estimate, travel, choice),
         standard=standard,
         chosen=name,
     )
@@ -153,9 +156,10 @@ def _estimate(
     stated = np.where(nominal == 0, size, np.abs(nominal))
     identifiable = std / stated <= limit
     quantile, status = norm.ppf(0.5 + 0.5 * options.confidence), chosen.status
-    known = identifiable & (reach / size <= quantile * limit)
-    poor = ", ".join(name for name, is_known in zip(reduced.names, known.tolist(), strict=True) if not is_known)
-    told = (f"Known to no better than {limit:.0%}, or not told from zero: {poor}",)
+    # A first moment may be known to a share of its vector, and yet not be told from zero.
+    zero = reach >= np.abs(chosen.parameters)
+    half = np.where(zero, np.inf, reach / size)
+    told = _undetermined(reduced.names, zero, ~zero & (half > quantile * limit), limit)
     return Estimate(
         names=tuple(reduced.names),
         kinds=tuple(reduced.kinds),
@@ -171,13 +175,30 @@ def _estimate(
         relative_std=std / size,
         predicted_relative_std=std / stated,
         prior_relative_std=np.full(std.size, np.inf),
-        relative_half_width=reach / size,
+        relative_half_width=half,
         identifiable=identifiable,
         identifiable_relative_std=limit,
-        undetermined=told if poor else (),
+        undetermined=told,
         status=status,
-        advice="" if status == "converged" else f"{name} least squares has not converged: raise its iteration limit",
+        advice="" if status == "converged" else _unsettled(name),
     )
+
+
+def _undetermined(names: Sequence[str], zero: BoolArray, wide: BoolArray, limit: float) -> tuple[str, ...]:
+    """Which parameters (n_param,) are not told from zero, and which are hardly known."""
+    rows = ((f"Known to no better than {limit:.0%}", wide), ("Not told from zero", zero))
+    listed = (
+        (told, [name for name, is_so in zip(names, which.tolist(), strict=True) if is_so]) for told, which in rows
+    )
+    return tuple(f"{told}: {', '.join(found)}" for told, found in listed if found)
+
+
+def _unsettled(name: EstimatorName) -> str:
+    """What to try where an estimator has not converged."""
+    if name in ("ordinary", "weighted"):
+        return "the motors' weights have not settled: the motion is too poor, record a richer one"
+    setting = "huber" if name == "huber" else "convergence"
+    return f"the {name} estimate has not converged: raise `{setting}.iteration_limit`, or record a richer motion"
 
 
 def _estimators(found: Found, bends: Sequence[float]) -> Estimators:
@@ -215,6 +236,20 @@ def _checks(verdict: Verdict) -> Checks:
         instruments_differ=against is not None and against.alarm,
         untested=verdict.untested,
     )
+
+
+def _expected(
+    reduced: RigidModel, found: Found, estimate: Estimate, travel: Travel, choice: CutOffChoice
+) -> ExpectedError:
+    """Errors of the torques that the covariance and the residuals promise on other motions."""
+    rms = np.sqrt(np.nanmean(found.torque**2, axis=0))
+    left = np.sqrt(np.nanmean(found.conclusion.residual**2, axis=0))
+    # In the band of the motion, where that is known: noise beyond it is no error of the model.
+    left = np.where(np.isnan(choice.residual), left, choice.residual)
+    rated = rated_torques(reduced.robot, rms)
+    error, bound = expected_error(reduced.robot, reduced, estimate, travel, left, rated)
+    size = rated.size(rms)
+    return ExpectedError(error, bound, choice.left_out / size, left / size, rated.torque_nm, rated.stated)
 
 
 def _standard(
