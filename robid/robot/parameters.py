@@ -17,7 +17,8 @@ ElasticKind = Literal[
     "stiffness", "damping", "viscous", "arm_viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location",
 ]  # fmt: skip
 RigidKind = Literal[
-    "inertia", "first_moment", "mass", "motor_inertia", "viscous", "coulomb", "load_friction", "torque_offset",
+    "inertia", "first_moment", "mass", "motor_inertia", "viscous", "coulomb", "load_friction", "quadratic_viscous",
+    "torque_offset",
     "coupling_inertia", "coupling_viscous", "coupling_coulomb",
     "counterbalance", "counterbalance_stiffness", "counterbalance_preload",
 ]  # fmt: skip
@@ -102,6 +103,9 @@ PARAMETER_KINDS = {
         "Coulomb friction", "component", "N m", "N m", "motor.friction.coulomb_nm", "motor.friction.coulomb_nm",
     ),
     "load_friction": ParameterKind("Friction per motor torque", "motor", "1", "1"),
+    "quadratic_viscous": ParameterKind(
+        "Friction with the square of the speed", "motor", "N m s^2/rad^2", "N m s^2/rad^2",
+    ),
     "torque_offset": ParameterKind("Torque offsets", "motor", "N m", "N m"),
     "coupling_inertia": ParameterKind("Inertias of coupled gears, arm side", "motor", "kg m^2", "kg"),
     "coupling_viscous": ParameterKind("Viscous friction of coupled gears, arm side", "motor", "N m s/rad", "N s/m"),

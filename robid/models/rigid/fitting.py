@@ -14,8 +14,9 @@ from robid.models.family import Data, Work
 from robid.models.rigid.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.rigid.fit.fitting import Simulate, fit_rigid
 from robid.models.rigid.fit.shots import Shot, refuse_unusable, shots_of
-from robid.models.rigid.judge.plausible import assess_rigid
+from robid.models.rigid.judge.plausible import assess_rigid, is_unexplained
 from robid.models.rigid.judge.scales import motions_of, rigid_scale_findings, sum_findings
+from robid.models.rigid.judge.trials import try_causes
 from robid.models.rigid.judge.validating import validate_rigid
 from robid.models.rigid.settings import loaded_campaign, rigid_fit
 from robid.results.finding import blamed
@@ -44,7 +45,10 @@ def fit(data: Data, work: Work) -> Artifact:
     except DataError as error:
         raise blamed(error, scales) from error
     work.progress.advance()
-    return model_of(solution, assess_rigid(robot, solution, settings.options(), scales))
+    options = settings.options()
+    bad = not scales and is_unexplained(robot, solution, options)
+    tried = try_causes(robot, shots, solution, options) if bad else ()
+    return model_of(solution, assess_rigid(robot, solution, options, scales, tried))
 
 
 def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:

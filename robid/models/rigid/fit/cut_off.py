@@ -28,7 +28,14 @@ _ABOVE_FLOOR = 20.0
 _SEGMENT = 1 << 15
 _LEAST_GAIN = 1e-12  # of a difference, whose gain vanishes at half the sampling rate
 _OVERSAMPLED = 10.0  # samples per period of the cut-off of columns that are smooth along the motion
-_DRY = ("coulomb", "coupling_coulomb", "load_friction", "viscous", "coupling_viscous")  # may jump along the motion
+_DRY = (
+    "coulomb",
+    "coupling_coulomb",
+    "load_friction",
+    "quadratic_viscous",
+    "viscous",
+    "coupling_viscous",
+)  # may jump along the motion
 _MEMORY = 0.6  # periods of the cut-off after which its filter has forgotten
 _TRUNCATED = 1e-6  # of the largest singular value, below which the rows do not determine a direction
 _WEIGHINGS = 5

@@ -14,7 +14,7 @@ from robid.models.rigid.fit.consistency import against_nominal, make_consistent,
 from robid.models.rigid.fit.cut_off import CutOffChoice
 from robid.models.rigid.fit.expected import expected_error
 from robid.models.rigid.fit.options import EstimatorName, PreprocessingOptions, RigidFitOptions
-from robid.models.rigid.fit.regression import HuberRegression, Regression, huber_weights
+from robid.models.rigid.fit.regression import HuberRegression, Reduction, Regression, huber_weights, solve_factor
 from robid.models.rigid.fit.sizes import rated_torques
 from robid.models.rigid.fit.solution import (
     Base,
@@ -28,6 +28,7 @@ from robid.models.rigid.fit.solution import (
     Travel,
 )
 from robid.results.estimate import Estimate
+from robid.robot.description import Robot
 from robid.robot.regressor.base import BaseParameters
 from robid.robot.regressor.model import RigidModel
 
@@ -150,15 +151,16 @@ def _estimate(
     std = np.sqrt(np.diag(covariance))
     freedom = np.full(std.size, float(found.conclusion.long_run.freedom))
     reach = t.ppf(0.5 + 0.5 * options.confidence, freedom) * std
+    quantile, status = norm.ppf(0.5 + 0.5 * options.confidence), chosen.status
+    # What predicts is known by the residuals; masses and friction no better than the constants of the motors' torques.
+    physical = np.hypot(reach, quantile * torque_constant_std(reduced.robot, found.conclusion.reduction, chosen))
     size = scale_of(chosen.parameters, std, first_moments(reduced.names))
     nominal, limit = base.values(model.nominal), options.identifiable_relative_std
     # What the file has as zero is related to what was found, so that it can be identifiable at all.
     stated = np.where(nominal == 0, size, np.abs(nominal))
     identifiable = std / stated <= limit
-    quantile, status = norm.ppf(0.5 + 0.5 * options.confidence), chosen.status
-    # A first moment may be known to a share of its vector, and yet not be told from zero.
-    zero = reach >= np.abs(chosen.parameters)
-    half = np.where(zero, np.inf, reach / size)
+    zero = physical >= np.abs(chosen.parameters)
+    half = physical / np.maximum(np.abs(chosen.parameters), np.finfo(float).tiny)
     told = _undetermined(reduced.names, zero, ~zero & (half > quantile * limit), limit)
     return Estimate(
         names=tuple(reduced.names),
@@ -166,8 +168,8 @@ def _estimate(
         units=tuple(reduced.units),
         nominal=nominal,
         value=chosen.parameters,
-        lower=chosen.parameters - reach,
-        upper=chosen.parameters + reach,
+        lower=chosen.parameters - physical,
+        upper=chosen.parameters + physical,
         covariance=covariance,
         degrees_of_freedom=freedom,
         confidence=options.confidence,
@@ -181,7 +183,23 @@ def _estimate(
         undetermined=told,
         status=status,
         advice="" if status == "converged" else _unsettled(name),
+        effective_value=chosen.parameters,
+        effective_lower=chosen.parameters - reach,
+        effective_upper=chosen.parameters + reach,
     )
+
+
+def torque_constant_std(robot: Robot, reduction: Reduction, estimate: Regression) -> FloatArray:
+    """Returns how far parameters (n_param,) may be off because motors' torque constants are, standard deviations.
+
+    A torque that is by a share `d_j` too large moves the parameters by `(W' V W)^-1 W_j' V_j y_j d_j`, with the weights
+    V; currents have no constant that could be off.
+    """
+    std = np.array([joint.nuisance_std.torque_relative_std for joint in robot.joints])
+    _, inverse, _ = solve_factor(reduction.weighted(estimate.weights))
+    factors = reduction.factors
+    moves = np.einsum("jra,jr->ja", factors[:, :, :-1], factors[:, :, -1]) * estimate.weights[:, None] @ inverse
+    return np.asarray(np.sqrt(((std[:, None] * moves) ** 2).sum(axis=0)))
 
 
 def _undetermined(names: Sequence[str], zero: BoolArray, wide: BoolArray, limit: float) -> tuple[str, ...]:

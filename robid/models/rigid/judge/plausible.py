@@ -11,6 +11,7 @@ from robid.models.conclusions import graded_alone
 from robid.models.rigid.fit.options import RigidFitOptions
 from robid.models.rigid.fit.solution import RigidSolution, Travel
 from robid.models.rigid.judge.motors import EXPECTED_ERROR_LIMIT, MOTOR_ERROR_LIMIT, Motors, motors_of
+from robid.models.rigid.judge.trials import Trial
 from robid.results.estimate import Estimate
 from robid.results.finding import Finding, two_digits
 from robid.results.grade import Grade
@@ -34,7 +35,9 @@ _POOR_CONDITION = 200.0
 _BIASED = 0.1
 
 
-def parameter_findings(robot: Robot, solution: RigidSolution, motors: Motors) -> tuple[Finding, ...]:
+def parameter_findings(
+    robot: Robot, solution: RigidSolution, motors: Motors, tried: Sequence[Trial] = ()
+) -> tuple[Finding, ...]:
     """Returns what of a rigid fit cannot be or is hardly known, decisive findings first."""
     found = [
         *_estimators(solution, motors.names),
@@ -42,7 +45,7 @@ def parameter_findings(robot: Robot, solution: RigidSolution, motors: Motors) ->
         *_signs(robot, solution, motors.names),
         *file_findings(robot, solution, motors.names),
         *_unfelt_rotors(solution),
-        *_unexplained(solution, motors),
+        *_unexplained(solution, motors, tried),
         *_negative(solution.estimate),
         *_excitation(solution, motors),
         *_bodies(solution),
@@ -57,9 +60,10 @@ def _estimators(solution: RigidSolution, names: Sequence[str]) -> Iterator[Findi
     if checks.instruments_differ and solution.chosen != "instruments":
         yield Finding("filters", told, decisive=True, strength=2.0)
     elif checks.huber_differs and checks.instrument_variation is None:
-        # What is hardly told from zero decides nothing.
+        # What is hardly told from zero decides nothing, nor what other rows hardly suffer from.
         varies = checks.huber_variation[solution.estimate.identified] > _BIASED
-        yield Finding("filters", told, decisive=bool(varies.any()), strength=2.0)
+        off = np.nanmax(np.append(solution.expected.left_out, solution.expected.residual))
+        yield Finding("filters", told, bool(varies.any() and off > EXPECTED_ERROR_LIMIT), 2.0)
     elif checks.huber_differs and not checks.instruments_differ:
         # The instruments agree: what moves Huber's estimate is no noise of the positions.
         told = f"{solution.estimate.names[int(np.argmax(checks.huber_variation))]} depends on large residuals"
@@ -193,16 +197,25 @@ def _places(travel: Travel, names: Sequence[str]) -> Iterator[Finding]:
         yield Finding(cause, told, bool(share[worst] > _FAR_BEYOND), float(share[worst] / _BEYOND))
 
 
-def _unexplained(solution: RigidSolution, motors: Motors) -> Iterator[Finding]:
-    error = solution.residuals.total_error
-    if error > TOTAL_ERROR_LIMIT:
-        told = f"the fit leaves {error:.0%} of its own torques, limit {TOTAL_ERROR_LIMIT:.0%}"
-        yield Finding("model", told, decisive=True, strength=error / TOTAL_ERROR_LIMIT)
+def is_unexplained(robot: Robot, solution: RigidSolution, options: RigidFitOptions) -> bool:
+    """Whether a fit leaves more of its own torques than it may."""
+    return any(True for _ in _unexplained(solution, motors_in(robot, solution, options), ()))
+
+
+def _unexplained(solution: RigidSolution, motors: Motors, tried: Sequence[Trial]) -> Iterator[Finding]:
+    """Torques that the fit leaves, all together or of one motor, with the cause that explains most where one does."""
+    whole, (name, index, own) = solution.residuals.total_error, motors.worst(solution.expected.residual)
+    if whole > TOTAL_ERROR_LIMIT:
+        told, strength = f"{whole:.0%} of its own torques, limit {TOTAL_ERROR_LIMIT:.0%}", whole / TOTAL_ERROR_LIMIT
+    elif own > MOTOR_ERROR_LIMIT:
+        off = motors.off(solution, index, own)
+        told, strength = f"of {name}'s torque {off}, limit {MOTOR_ERROR_LIMIT:.0%}", own / MOTOR_ERROR_LIMIT
+    else:
         return
-    name, index, error = motors.worst(solution.expected.residual)
-    if error > MOTOR_ERROR_LIMIT:
-        told = f"the fit leaves {motors.off(solution, index, error)} of {name}'s torque, limit {MOTOR_ERROR_LIMIT:.0%}"
-        yield Finding("model", told, decisive=True, strength=error / MOTOR_ERROR_LIMIT)
+    gains = "".join(f"; {trial.sentence}" for trial in tried)
+    # A change that was tried and helps is better evidence than whatever else a bad fit shows.
+    cause, strength = (tried[0].cause, _TO_BLAME) if tried else ("model", strength)
+    yield Finding(cause, f"the fit leaves {told}{gains}", decisive=True, strength=strength)
 
 
 def _negative(estimate: Estimate) -> Iterator[Finding]:
@@ -250,9 +263,18 @@ def _bodies(solution: RigidSolution) -> Iterator[Finding]:
         yield Finding("masses", told, decisive=False, strength=abs(float(standard.moved[worst])) / _MOVED)
 
 
+def motors_in(robot: Robot, solution: RigidSolution, options: RigidFitOptions) -> Motors:
+    """Returns the motors of a fit, those that its options ask to be judged among them."""
+    return motors_of(solution, [joint.name for joint in robot.joints], options.judge)
+
+
 def assess_rigid(
-    robot: Robot, solution: RigidSolution, options: RigidFitOptions, scales: Sequence[Finding] = ()
+    robot: Robot,
+    solution: RigidSolution,
+    options: RigidFitOptions,
+    scales: Sequence[Finding] = (),
+    tried: Sequence[Trial] = (),
 ) -> Grade:
     """Grades a rigid fit by itself: it predicts at best. Beside wrong scales nothing else is looked for."""
-    motors = motors_of(solution, [joint.name for joint in robot.joints], options.judge)
-    return graded_alone(scales or parameter_findings(robot, solution, motors), solution.estimate.status)
+    motors = motors_in(robot, solution, options)
+    return graded_alone(scales or parameter_findings(robot, solution, motors, tried), solution.estimate.status)

@@ -18,8 +18,8 @@ from robid.models.rigid.fit.rows import Reading
 from robid.models.rigid.fit.shots import Shot, motion_of, repeats
 from robid.models.rigid.fit.sizes import LEAST_SHARE
 from robid.models.rigid.fit.solution import RigidSolution
-from robid.models.rigid.judge.motors import MOTOR_ERROR_LIMIT, Motors, motors_of
-from robid.models.rigid.judge.plausible import TOTAL_ERROR_LIMIT, file_findings
+from robid.models.rigid.judge.motors import MOTOR_ERROR_LIMIT, Motors
+from robid.models.rigid.judge.plausible import TOTAL_ERROR_LIMIT, file_findings, motors_in
 from robid.results.finding import Finding, two_digits
 from robid.results.outcome import Outcome
 from robid.robot.description import Robot
@@ -143,7 +143,7 @@ def validate_rigid(
         raise DataError(message, where="validation", remedy="validate on a record of the same quantity")
     own = np.sqrt(np.nanmean(solution.residuals.residual**2, axis=0))
     ratio = prediction.deviation / np.maximum(own, 1e-300)
-    motors = motors_of(solution, [joint.name for joint in robot.joints], options.judge)
+    motors = motors_in(robot, solution, options)
     off = _error(prediction, solution)
     failures = _failures(prediction, solution, motors, off)
     same = any(repeats(solution.travel, robot, shot) for shot in shots)
