@@ -8,7 +8,7 @@ from itertools import groupby
 from statistics import median
 
 from robid.report.numbers import MISSING, Scale, percent, scale_for, significant
-from robid.robot.parameters import FRICTION_KIND, NUISANCE_KIND, PARAMETER_KINDS
+from robid.robot.parameters import FRICTION_KIND, INTEGRATOR_KIND, NUISANCE_KIND, PARAMETER_KINDS
 
 
 @dataclass(frozen=True)
@@ -188,8 +188,11 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
 
 
 def _relative_half_width(row: ParameterRow) -> float:
-    """Half the interval over the value it is of, or as it is for what the robot file's value is the zero of."""
-    size = 1.0 if row.kind == FRICTION_KIND else abs(row.middle)
+    """Half the interval over the value it is of, or as it is for what the robot file's value is the zero of.
+
+    It is not a number where the value is as good as zero.
+    """
+    size = 1.0 if row.kind == FRICTION_KIND else 0.0 if row.kind == INTEGRATOR_KIND else abs(row.middle)
     return (row.upper - row.lower) / 2 / size if size else float("nan")
 
 
@@ -244,6 +247,8 @@ def _note(row: ParameterRow, threshold: float | None) -> str:
 
 
 def _reason(row: ParameterRow, threshold: float | None) -> str:
+    if row.kind == INTEGRATOR_KIND:
+        return "an integrator"
     limit = 0.0 if threshold is None else threshold
     if row.identifiable:
         if row.identified:
