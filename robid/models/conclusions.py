@@ -12,7 +12,7 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.results.estimate import Estimate
 from robid.results.finding import Finding
-from robid.results.grade import Grade, forbidding, grade_alone, grade_held, ordered, weakening
+from robid.results.grade import Grade, forbidding, grade_alone, grade_held, ordered, undetermined_names, weakening
 from robid.results.outcome import Outcome, recover
 
 _LEAST_DAMPING = 0.05
@@ -118,7 +118,8 @@ def outcome_of(
 ) -> Outcome:
     """Grades a fit that was held against data that it never saw; findings are first to blame first."""
     every = ordered(findings)
-    grade = grade_held((*forbidding(every, estimate.status), *failures), weakening(every), every)
+    unusable = (*forbidding(every, estimate.status), *failures)
+    grade = grade_held(unusable, weakening(every), every, undetermined_names(estimate))
     return Outcome(ok=not failures, verdict=verdict, grade=grade, recovery=recover(estimate, truth or {}))
 
 

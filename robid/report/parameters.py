@@ -91,7 +91,7 @@ class ParameterLine:
     upper: str
     truth: str
     covered: bool | None
-    identifiable: bool
+    identified: bool
     note: str
     assumed: bool = False
     nominal: str = ""
@@ -159,7 +159,7 @@ def bootstrap_sentence(estimates: Estimates) -> str:
 
 
 def parameter_line(row: ParameterRow, threshold: float | None = None) -> ParameterLine:
-    """Writes a parameter; a row that is not identifiable says why."""
+    """Writes a parameter; a row that is not identified says why."""
     if row.kind == FRICTION_KIND:
         return _nuisance_line(row, threshold)
     scale, predicts = scale_for(row.estimate or row.nominal, row.unit, row.near), ""
@@ -179,7 +179,7 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
         off_truth=percent(row.estimate / row.truth - 1, signed=True) if row.truth else MISSING,
         covered=row.covered,
         assumed=row.assumed,
-        identifiable=row.identifiable,
+        identified=row.identified,
         note=_note(row, threshold),
         bootstrap=f"{scale.text(row.bootstrap[0])} … {scale.text(row.bootstrap[1])}" if row.bootstrap else "",
         predicts=predicts,
@@ -215,7 +215,7 @@ def _nuisance_line(row: ParameterRow, threshold: float | None) -> ParameterLine:
         upper=text(row.upper),
         truth=text(row.truth),
         covered=row.covered,
-        identifiable=row.identifiable,
+        identified=row.identified,
         note=_note(row, threshold),
     )
 
@@ -250,9 +250,9 @@ def _reason(row: ParameterRow, threshold: float | None) -> str:
     if row.kind == INTEGRATOR_KIND:
         return "an integrator"
     limit = 0.0 if threshold is None else threshold
+    if row.identified:
+        return ""
     if row.identifiable:
-        if row.identified:
-            return ""
         return f"not identified: the interval came out at ±{percent(_relative_half_width(row))}"
     decided = row.relative_std if row.predicted_relative_std is None else row.predicted_relative_std
     if decided > limit > 0:

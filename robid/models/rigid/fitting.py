@@ -77,10 +77,10 @@ def phrase_of_model(model: Artifact) -> str:
     """Says how the fit ended, in a phrase, from its artifact."""
     solution = solution_from_artifact(model)
     estimate = solution.estimate
-    known = int(np.sum(estimate.identifiable))
+    known = int(np.sum(estimate.identified))
     return (
-        f"{estimate.status}, {known} of {len(estimate.names)} base parameters identifiable, torques to "
-        f"{100 * solution.residuals.total_error:.3g} % of their size"
+        f"{estimate.status}, {known} of {len(estimate.names)} base parameters identified, residual "
+        f"{100 * solution.residuals.total_error:.3g} % of the torques' size"
     )
 
 

@@ -207,12 +207,16 @@ def report(shown: Shown) -> FitReport:
         estimate,
         estimates,
         None if validation is None else validation.outcome,
-        found=f"{count} transfer function{'s' if count > 1 else ''}, {int(estimate.identified.sum())} of"
-        f" {len(estimate.names)} parameters are identified.",
+        found=f"{count} transfer function{'s' if count > 1 else ''}{_alone(solution)}",
         numbers=_key_numbers(solution, validation),
         sections=sections(solution, estimates, data, options),
         summary=_summary(solution, validation),
     )
+
+
+def _alone(solution: ExternalSolution) -> str:
+    single = solution.recordings.size > 0 and int(solution.recordings.max()) == 1
+    return " of one recording, which cannot show what differs from day to day" if single else ""
 
 
 def with_differences(estimates: Estimates, solution: ExternalSolution) -> Estimates:
@@ -241,10 +245,7 @@ def _worst(label: str, every: Sequence[Agreement]) -> KeyNumber:
 
 
 def _summary(solution: ExternalSolution, validation: ExternalValidation | None) -> dict[str, float]:
-    found = {
-        "identifiable": float(solution.estimate.identifiable.sum()),
-        "decoupled_up_to_hz": solution.coupling.overall_hz,
-    }
+    found = {"decoupled_up_to_hz": solution.coupling.overall_hz}
     if solution.recordings.size:
         found["recordings"] = float(solution.recordings.min())
     for row, name in enumerate(solution.quality.output_names):
