@@ -121,6 +121,10 @@ PARAMETER_KINDS = {
         "Preload of counterbalances", "motor", "N", "N", "counterbalance.preload_n", "counterbalance.preload_n",
     ),
     "gain": ParameterKind("Static gains of transfer functions", "component", "1", "1"),
+    "gain_per_second": ParameterKind("Gains of integrators, per second", "component", "1/s", "1/s"),
+    "integrator": ParameterKind(
+        "Integrators: poles slower than their records show, as rates", "component", "rad/s", "rad/s",
+    ),
     "pole": ParameterKind("Real poles, as rates", "component", "rad/s", "rad/s"),
     "pole_frequency": ParameterKind("Natural frequencies of pole pairs", "component", "rad/s", "rad/s"),
     "pole_damping": ParameterKind("Damping ratios of pole pairs", "component", "1", "1"),
@@ -147,6 +151,8 @@ RESPONSE_NUISANCE = tuple(kind for kind in DIRECT if kind not in LOGARITHMIC)
 NUISANCE_KIND = (
     "doubt"  # Kind of the parameters that a user has estimated because the robot file may be wrong; its key in files
 )
+INTEGRATOR_KIND = "integrator"
+"""Poles that cannot be told from zero: their values mean no more than that."""
 FRICTION_KIND = "friction"
 """Errors of the torques that were subtracted, which a fit estimates only to get them out of the way."""
 
