@@ -98,7 +98,7 @@ def cut_off_tasks(run: Run, _earlier: Earlier) -> list[Task]:
     study = study_of(run.loaded, RoughStudy)
     if study.cutoffs is None:
         return []
-    shared = {name: plain_settings(getattr(study, name)) for name in ("true", "file", "logs", "period_s", "harmonics")}
+    shared = {name: plain_settings(getattr(study, name)) for name in ("drawn", "file", "logs", "period_s", "harmonics")}
     grid = {"cut_hz": list(study.cutoffs.cut_hz), "band_hz": study.band_hz}
     tasks = []
     for kind, decides in zip(*kinds(run), strict=True):
@@ -141,7 +141,7 @@ def compare(one: Simulated | Recorded) -> Content:
 def _simulated(one: Simulated) -> Halves:
     """An arm that moves richly, every second motion in the other half."""
     kind, study = one.kind, one.study
-    true = drawn_robot(kind.robot, kind.arm, study.true, one.seed, balanced=False)
+    true = drawn_robot(kind.robot, kind.arm, study.drawn, one.seed, balanced=False)
     file, rated = rough_file(true, study.file, one.seed), rated_torque_nm(true, study.rated_share)
     noise = one.noise.torque_noise * rated
     rig = rig_of(kind, true, one.noise.encoder_counts, noise, study.logs.resolver_error_rad)

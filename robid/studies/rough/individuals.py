@@ -86,12 +86,12 @@ def individual_tasks(run: Run, earlier: Earlier) -> list[Task]:
     made = sum(map(len, earlier))
     if made and enough(study, populations(one for results in earlier for one in results)):
         return []
-    parts = ("true", "file", "logs", "validated", "one_motion", "new_motions", "period_s", "harmonics", "rated_share")
+    parts = ("drawn", "file", "logs", "validated", "one_motion", "new_motions", "period_s", "harmonics", "rated_share")
     shared = {name: plain_settings(getattr(study, name)) for name in (*parts, "band_hz")}
     tasks = []
     for number in range(made, made + (study.added if earlier else study.count)):
         turn, seed = number % len(known), study.chosen.first + number
-        balanced = number // len(known) % study.true.balanced_each == 0
+        balanced = number // len(known) % study.drawn.balanced_each == 0
         one = Individual(known[turn], seed, balanced, study)
         decided = {**shared, **decides[turn], "seed": seed, "balanced": balanced}
         tasks.append(Task(f"{one.kind.name}_{seed}", decided, (one,)))
@@ -125,7 +125,7 @@ _MOTIONS, _LOG = 11, 12  # keep these draws apart from those of the robot
 def identify(one: Individual) -> Content:
     """Draws a robot, logs its motions, fits them by its rough file, and measures the fits on new motions."""
     study, kind = one.study, one.kind
-    true = drawn_robot(kind.robot, kind.arm, study.true, one.seed, balanced=one.balanced)
+    true = drawn_robot(kind.robot, kind.arm, study.drawn, one.seed, balanced=one.balanced)
     rated = rated_torque_nm(true, study.rated_share)
     file = with_rated(rough_file(true, study.file, one.seed), rated)
     generator = np.random.default_rng([one.seed, _MOTIONS])
