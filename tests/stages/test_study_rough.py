@@ -14,12 +14,11 @@ _ROOT = _HERE.parents[1]
 
 
 @pytest.fixture
-def study(shop, monkeypatch):
+def study(shop):
     shutil.copy(_HERE / "rough.yaml", shop.folder)
     emps = (_ROOT / "configs/emps.yaml").read_text()
     (shop.folder / "emps.yaml").write_text(emps.replace("robots/emps.yaml", f"{_ROOT}/configs/robots/emps.yaml"))
     object.__setattr__(shop, "runs", shop.folder / "runs" / "rough")
-    monkeypatch.setenv("ROBID_DATA", str(shop.folder / "nowhere"))
     return shop
 
 
@@ -28,7 +27,8 @@ def tasks(study):
     return {folder.name: sorted(path.name.split(".")[0] for path in folder.glob("*.h5")) for folder in folders}
 
 
-def test_a_robot_is_drawn_fitted_twice_and_held_against_new_motions(study):
+def test_a_robot_is_drawn_fitted_twice_and_held_against_new_motions(study, monkeypatch):
+    monkeypatch.setenv("ROBID_DATA", str(study.folder / "nowhere"))
     for old, new in (("robots: 2", "robots: 1"), ("added: 1", "added: 0"), ("{high: {encoder", "{} # {high: {encoder")):
         study.change(old, new, "rough.yaml")
     answer = study.robid("study", "rough.yaml", "--json")
@@ -44,8 +44,8 @@ def test_a_robot_is_drawn_fitted_twice_and_held_against_new_motions(study):
 
 
 @pytest.mark.slow
-def test_robots_are_added_while_fits_are_too_few_and_cut_offs_are_compared(study, data_folder, monkeypatch):
-    monkeypatch.setenv("ROBID_DATA", str(data_folder("emps").parent))
+def test_robots_are_added_while_fits_are_too_few_and_cut_offs_are_compared(study, data_folder):
+    data_folder("emps")
     answer = study.robid("study", "rough.yaml", "--json")
     assert answer.code == 0, answer.err
     summary = answer.json["summary"]
