@@ -37,6 +37,9 @@ from robid.studies.oliveira2019.arm import ARM, POSITION_LOOP
 from robid.studies.oliveira2019.plants import PLANTS
 from robid.studies.oliveira2019.seeds import COVERAGE_PART, RANDOM_PLANTS
 from robid.studies.page import Conclusion, table
+from robid.studies.rough import cutoffs, individuals
+from robid.studies.rough import report as rough_report
+from robid.studies.settings.rough import ROUNDS
 from robid.studies.settings.study import FrfStudy
 from robid.studies.simulated import measure, measure_or_refuse
 from robid.studies.study import Earlier, Procedure, Step, joined, made_provenance, run_tasks, seconds_of
@@ -98,6 +101,15 @@ PROCEDURES: Mapping[str, Procedure] = {
         ),
         trust_report.conclude,
         trust.further,
+    ),
+    "rough": Procedure(
+        lambda _loaded: (),
+        (
+            *(Step(f"robots_{1 + at}", individuals.individual_tasks, individuals.identify) for at in range(1 + ROUNDS)),
+            Step("cutoffs", cutoffs.cut_off_tasks, cutoffs.compare),
+        ),
+        rough_report.conclude,
+        cutoffs.further,
     ),
     "fleet": joined(
         (LOGS, WHOLE, SPEED, SCHEDULER), "faults are found in a large fleet, and cores are used", require_packages

@@ -13,6 +13,7 @@ from robid.errors import DataError
 from robid.models.family import Data, Work
 from robid.models.rigid.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.rigid.fit.fitting import Simulate, fit_rigid
+from robid.models.rigid.fit.options import RigidFitOptions
 from robid.models.rigid.fit.shots import Shot, refuse_unusable, shots_of
 from robid.models.rigid.judge.plausible import assess_rigid, is_unexplained
 from robid.models.rigid.judge.scales import motions_of, rigid_scale_findings, sum_findings
@@ -135,9 +136,12 @@ def values_in(loaded: LoadedExperiment, name: str, true: TrueRobot) -> dict[str,
 
     Parameters that a motion cannot tell apart are regrouped by the fit: these have no value here.
     """
-    options = rigid_fit(loaded.experiment, name).options()
     robot = loaded.robot.to_robot(loaded_campaign(loaded, name).payload_kg)
-    nominal = build_rigid_model(robot, options.model)
-    base = find_base_parameters(nominal, options.base)
-    values = base.values(build_rigid_model(true.robot, options.model).nominal)
+    return true_base_values(robot, true.robot, rigid_fit(loaded.experiment, name).options())
+
+
+def true_base_values(robot: Robot, true: Robot, options: RigidFitOptions) -> dict[str, float]:
+    """Returns the base parameters of a true robot by the names that they have in the model of a robot file's."""
+    base = find_base_parameters(build_rigid_model(robot, options.model), options.base)
+    values = base.values(build_rigid_model(true, options.model).nominal)
     return dict(zip(base.base_names, values.tolist(), strict=True))

@@ -17,14 +17,13 @@ from robid.models.rigid.fit.fitting import fit_rigid
 from robid.models.rigid.fit.options import RigidFitOptions
 from robid.models.rigid.fit.shots import shots_of
 from robid.models.rigid.fit.solution import RigidSolution
+from robid.models.rigid.fitting import true_base_values
 from robid.models.rigid.settings import rigid_fit
 from robid.pipeline.configurations import configurations_of
 from robid.pipeline.graph import Run
 from robid.report.numbers import percent, significant
 from robid.report.section import Section, Table
 from robid.robot.description import Robot
-from robid.robot.regressor.base import find_base_parameters
-from robid.robot.regressor.model import build_rigid_model
 from robid.settings.robot_parts import plain_settings, require_controller, robot_settings
 from robid.settings.yaml import load_yaml
 from robid.simulate.experiment import SimulatedExperiment, simulate
@@ -287,9 +286,7 @@ def _identify(one: Robots, seed: int) -> tuple[tuple[str, ...], list[float], lis
     record = simulate(experiment, np.array(one.configuration), 0)
     shots = shots_of(record, one.robot, late_samples=one.controller.delay_samples)
     found = fit_rigid(one.robot, shots, one.options).estimate
-    base = find_base_parameters(build_rigid_model(one.robot, one.options.model), one.options.base)
-    values = base.values(build_rigid_model(true, one.options.model).nominal)
-    known = dict(zip(base.base_names, values.tolist(), strict=True))
+    known = true_base_values(one.robot, true, one.options)
     truth = np.array([known[name] for name in found.names])
     # Torque constants are exact here: the interval that residuals give is the one to count.
     lower, upper = found.effective_interval

@@ -26,6 +26,7 @@ from robid.settings.yaml import FieldPath
 from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, entry, name_problems, unknown
 from robid.studies.settings import parts
 from robid.studies.settings.defects import MistakesStudy, TrustStudy, check_mistakes, check_trust
+from robid.studies.settings.rough import RoughStudy, check_rough
 
 
 @dataclass(frozen=True)
@@ -326,6 +327,7 @@ Study: TypeAlias = Annotated[
     | parts.OliveiraStudy
     | parts.TurkStudy
     | TrustStudy
+    | RoughStudy
     | FleetStudy,
     Field(discriminator="kind"),
 ]
@@ -340,6 +342,7 @@ _CHECKS: Mapping[str, Callable[[Any, Experiment, RobotFile | None], Problems]] =
     "oliveira2019": parts.check_oliveira2019,
     "turk2018": parts.check_turk2018,
     "trust": check_trust,
+    "rough": check_rough,
     "fleet": check_fleet,
 }
 
