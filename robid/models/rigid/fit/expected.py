@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.models.rigid.fit.sizes import RatedTorques
 from robid.models.rigid.fit.solution import Travel
 from robid.results.estimate import Estimate
 from robid.robot.description import Robot
@@ -13,7 +12,8 @@ from robid.robot.regressor.model import RigidModel
 
 _MOTIONS, _MOMENTS, _DRAWS = 24, 40, 200
 _HARMONICS = 4
-_SHARE_OF_RANGE = (0.3, 0.9)
+_BEYOND = (0.0, 0.3)  # of what lies between the record's range and the limits, that a motion may go beyond the record
+_SHARE_OF_RANGE = (0.4, 0.9)  # of all that, which a motion covers
 _SHARE_OF_LIMIT = 0.5  # of a motor's highest speed
 _LEVEL = 0.95
 _SEED = 0
@@ -21,36 +21,29 @@ _FASTEST_HZ = 0.5  # of the fundamental
 
 
 def expected_error(
-    robot: Robot,
-    model: RigidModel,
-    estimate: Estimate,
-    travel: Travel,
-    residual: FloatArray,
-    rated: RatedTorques,
+    robot: Robot, model: RigidModel, estimate: Estimate, travel: Travel, own: FloatArray, size: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Expected errors (n_joint,) on other motions and their 95 % bounds, each over the motor's size.
+    """Expected errors (n_joint,) on other motions and their 95 % bounds, over what a motor's error is related to.
 
-    Parameters are drawn from their covariance and predict torques along random motions of the robot; what the fit left
-    of its own torques is added, as no model of this kind explains it.
+    Parameters are drawn from their covariance and predict torques along random motions of the robot. What they leave
+    of torques that they never saw, along the fit's own motion, is added: it is nothing that the covariance knows of.
 
     Args:
         robot: The robot.
         model: The model with the estimated parameters.
         estimate: What the fit found.
         travel: Where the arm was.
-        residual (n_joint,): Root mean square of what the fit left of each motor's torque [N m, or N].
-        rated: Rated torques.
+        own (n_joint,): Root mean square of the torques' errors on left-out pieces of the fit's own log [N m, or N].
+        size (n_joint,): What a motor's error is related to [N m, or N].
 
     Source:
         Ljung (1999), sec. 9.4: `cov(tau) = W cov(x) W'`; docs/methods, sec. 7.
     """
     generator = np.random.default_rng(_SEED)
     paths = [random_motion(robot, travel, generator) for _ in range(_MOTIONS)]
-    joined = [np.concatenate(parts) for parts in zip(*paths, strict=True)]
-    columns = _columns(model, estimate.value, joined[0], joined[1], joined[2])
+    position, velocity, acceleration = (np.concatenate(parts) for parts in zip(*paths, strict=True))
+    columns = _columns(model, estimate.value, position, velocity, acceleration)
     columns = columns.reshape(_MOTIONS, _MOMENTS, *columns.shape[1:])
-    torque = columns @ estimate.value
-    size = rated.size(np.sqrt((torque**2).mean(axis=1)))
     # Errors of the parameters: normal with their covariance, wider by Student's degrees of freedom.
     variance, axes = np.linalg.eigh(estimate.covariance)
     root = axes * np.sqrt(np.maximum(variance, 0.0))
@@ -58,7 +51,7 @@ def expected_error(
     freedom = float(np.min(estimate.degrees_of_freedom))
     if np.isfinite(freedom):
         drawn *= np.sqrt(freedom / generator.chisquare(freedom, _DRAWS))
-    error = np.sqrt(((columns @ drawn) ** 2).mean(axis=1) + residual[:, None] ** 2) / size[..., None]
+    error = np.sqrt(((columns @ drawn) ** 2).mean(axis=1) + own[:, None] ** 2) / size[:, None]
     whole = error.transpose(1, 0, 2).reshape(error.shape[1], -1)
     return np.sqrt((whole**2).mean(axis=1)), np.quantile(whole, _LEVEL, axis=1)
 
@@ -68,10 +61,10 @@ def random_motion(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Positions, speeds and accelerations (n_moment, n_joint) of the motors along a random motion within the limits.
 
-    A sum of harmonics, each joint over a part of its range, as fast as half the speed limit allows, or, where none is
+    A sum of harmonics about where the record was and beyond, as fast as half the speed limit allows, or, where none is
     known, as the fastest joint of the record was.
     """
-    lower, upper = _range(robot, travel)
+    lower, upper = _range(robot, travel, generator.uniform(*_BEYOND))
     share = generator.uniform(*_SHARE_OF_RANGE, len(lower))
     centre = lower + (upper - lower) * (share / 2 + (1 - share) * generator.uniform(size=len(lower)))
     order = np.arange(1, _HARMONICS + 1)[:, None, None]
@@ -92,14 +85,17 @@ def random_motion(
     return (waves[0] + centre) @ turns, rate * waves[1] @ turns, rate**2 * waves[2] @ turns
 
 
-def _range(robot: Robot, travel: Travel) -> tuple[FloatArray, FloatArray]:
-    """Ends (n_joint,) of where the arm may be; a turn about, or what the record covered, where nobody says."""
+def _range(robot: Robot, travel: Travel, beyond: float) -> tuple[FloatArray, FloatArray]:
+    """Ends (n_joint,) of a motion: the record's, and beyond them a share of what is left to the joints' limits.
+
+    Where nobody states limits, a joint may turn by half a turn either way, and slides as in the record.
+    """
     turns = np.array([joint.type == "revolute" for joint in robot.joints])
-    middle = (travel.lowest + travel.highest) / 2
-    lower = np.where(turns, middle - np.pi, travel.lowest)
-    upper = np.where(turns, middle + np.pi, travel.highest)
-    known = np.isfinite(robot.lower) & np.isfinite(robot.upper)
-    return np.where(known, robot.lower, lower), np.where(known, robot.upper, upper)
+    middle, known = (travel.lowest + travel.highest) / 2, np.isfinite(robot.lower) & np.isfinite(robot.upper)
+    lower = np.where(known, robot.lower, np.where(turns, middle - np.pi, travel.lowest))
+    upper = np.where(known, robot.upper, np.where(turns, middle + np.pi, travel.highest))
+    lower, upper = np.minimum(lower, travel.lowest), np.maximum(upper, travel.highest)
+    return travel.lowest + beyond * (lower - travel.lowest), travel.highest + beyond * (upper - travel.highest)
 
 
 def _speeds(robot: Robot, travel: Travel) -> FloatArray:

@@ -262,12 +262,14 @@ def _expected(
     """Errors of the torques that the covariance and the residuals promise on other motions."""
     rms = np.sqrt(np.nanmean(found.torque**2, axis=0))
     left = np.sqrt(np.nanmean(found.conclusion.residual**2, axis=0))
-    # In the band of the motion, where that is known: noise beyond it is no error of the model.
-    left = np.where(np.isnan(choice.residual), left, choice.residual)
     rated = rated_torques(reduced.robot, rms)
-    error, bound = expected_error(reduced.robot, reduced, estimate, travel, left, rated)
     size = rated.size(rms)
-    return ExpectedError(error, bound, choice.left_out / size, left / size, rated.torque_nm, rated.stated)
+    # What is left on pieces that the parameters never saw; noise of the fit's own rows, whose band may be wider, too.
+    unseen = np.fmax(choice.left_out, left)
+    error, bound = expected_error(reduced.robot, reduced, estimate, travel, unseen, size)
+    # In the band of the motion, where that is known: noise beyond it is no error of the model.
+    residual = np.where(np.isnan(choice.residual), left, choice.residual)
+    return ExpectedError(error, bound, choice.left_out / size, residual / size, rated.torque_nm, rated.stated)
 
 
 def _standard(

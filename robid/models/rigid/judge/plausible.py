@@ -24,7 +24,7 @@ TOTAL_ERROR_LIMIT = 0.15
 
 _POSITIVE = ("viscous", "coulomb", "motor_inertia")
 _MATTERS = 0.05  # of a motor's torque
-_FAR, _TOO_FAR = 2.0, 5.0  # times the robot file's
+_FAR, _TOO_FAR = 2.0, 8.0  # times the robot file's
 _ALIKE, _TURNED = 0.8, -0.5  # correlation with the robot file's
 _TO_BLAME = 100.0
 _VISIBLE, _BESIDE = 0.1, 1.5  # of a motor's torque, and over what the fit leaves
@@ -86,39 +86,42 @@ def _estimators(solution: RigidSolution, names: Sequence[str]) -> Iterator[Findi
 
 
 def _signs(robot: Robot, solution: RigidSolution, names: Sequence[str]) -> Iterator[Finding]:
-    """Torques of the links that go against those of the robot file, and friction and rotors that drive."""
+    """Torques with the wrong sign: gravity and inertia against the robot file's, friction and rotors that drive.
+
+    A rough file, as of a payload's centre, turns around what the links of a motor do; but no file makes friction drive.
+    """
     visible, likeness = _visible(solution), solution.against_nominal.likeness
     turned = visible & (np.nan_to_num(likeness) < _TURNED)
-    if turned.any() and (turned == visible).all():
-        told = f"what the links do is the robot file's with the other sign (correlation {likeness[turned].max():.2g})"
-        yield Finding("torque_sign", f"all motors: {told}", decisive=True, strength=_TO_BLAME)
+    against, found = [*(_driving(robot, solution, joint) for joint in range(len(names)))], []
+    for joint, (negative, positive) in enumerate(against):
+        if positive or not (negative or turned[joint]):
+            continue
+        links = f"its links' torque is the robot file's with the other sign (correlation {likeness[joint]:.2g})"
+        found.append((names[joint], [*([links] if turned[joint] else []), *negative[:1]]))
+    if len(found) == len(names) > 1:
+        told = f"all motors, as {found[0][0]}: {' and '.join(found[0][1])}"
+        yield Finding("torque_sign", told, decisive=True, strength=_TO_BLAME)
         return
-    for joint in range(len(names)):
-        against = [*_driving(robot, solution, joint)]
-        if turned[joint]:
-            against.insert(0, f"its links' torque is the robot file's with the other sign ({likeness[joint]:.2g})")
-        if against:
-            # What a wrong sign leaves unexplained is its doing, so it is to blame first.
-            told = f"{names[joint]}: {' and '.join(against)}"
-            yield Finding("torque_sign", told, decisive=True, strength=_TO_BLAME)
+    for name, evidence in found:
+        # What a wrong sign leaves unexplained is its doing, so it is to blame first.
+        yield Finding("torque_sign", f"{name}: {' and '.join(evidence)}", decisive=True, strength=_TO_BLAME)
 
 
-def _driving(robot: Robot, solution: RigidSolution, joint: int) -> Iterator[str]:
-    """Terms of a motor that are negative by twice their intervals and matter, where no other term contradicts."""
+def _driving(robot: Robot, solution: RigidSolution, joint: int) -> tuple[list[str], bool]:
+    """Terms of a motor that are clearly negative and matter, and whether one is as clearly positive."""
     estimate, own = solution.estimate, robot.joints[joint]
     speed = abs(own.motor.gear_ratio) * solution.travel.fastest[joint]
     least = _MATTERS * float(np.sqrt(np.nanmean(solution.residuals.torque[:, joint] ** 2)))
-    found = []
+    negative, positive = [], False
     for index, (name, kind) in enumerate(zip(estimate.names, estimate.kinds, strict=True)):
         if name.rpartition(".")[0] != own.name or kind not in _POSITIVE:
             continue
-        value, half = estimate.value[index], estimate.upper[index] - estimate.value[index]
-        if value > 2 * half:
-            return
+        value, half = float(estimate.value[index]), float(estimate.upper[index] - estimate.value[index])
         size = {"viscous": abs(value) * speed, "coulomb": abs(value)}.get(kind, np.inf)
-        if value < -2 * half and size > least:
-            found.append(f"{name} comes out negative ({value:.3g})")
-    yield from found[:1]
+        if abs(value) > 2 * half and size > least:
+            positive |= value > 0
+            negative += [f"{name} comes out negative ({value:.3g})"] if value < 0 else []
+    return negative, positive
 
 
 def _visible(solution: RigidSolution) -> BoolArray:
@@ -133,7 +136,7 @@ def _visible(solution: RigidSolution) -> BoolArray:
 def file_findings(robot: Robot, solution: RigidSolution, names: Sequence[str]) -> Iterator[Finding]:
     """Yields where torques of links are nothing like the robot file's, whose links are often drawn, not weighed.
 
-    It says that the file is rough, or the log's scale or a gear ratio off: what is off by a factor of 5 is not to be
+    It says that the file is rough, or the log's scale or a gear ratio off: what is off by a factor of 8 is not to be
     used before a new motion was predicted, unless the file says itself what it lacks.
     """
     found, visible = solution.against_nominal, _visible(solution)
@@ -235,8 +238,9 @@ def _excitation(solution: RigidSolution, motors: Motors) -> Iterator[Finding]:
     expected, estimate = solution.expected, solution.estimate
     poor = [name for name, known in zip(estimate.names, estimate.identified.tolist(), strict=True) if not known]
     listed = ", ".join(poor[:5]) + (f" and {len(poor) - 5} more" if len(poor) > 5 else "")
-    # What the covariance of the parameters adds to the residual, which the fit's own log shows as well.
-    name, index, error = motors.worst(np.sqrt(np.maximum(expected.error**2 - expected.residual**2, 0.0)))
+    # What the covariance of the parameters adds to what is left of the fit's own log, which `_unexplained` judges.
+    own = np.fmax(expected.left_out, expected.residual)
+    name, index, error = motors.worst(np.sqrt(np.maximum(expected.error**2 - own**2, 0.0)))
     if error > EXPECTED_ERROR_LIMIT:
         told = (
             f"the motion is too poor: on others the torque of {name} is to be expected off by "
