@@ -39,8 +39,9 @@ def fit_report(
     sections: tuple[Section, ...],
     summary: Mapping[str, float],
     terminal: Estimates | None = None,
+    unknown: str = "",
 ) -> FitReport:
-    """Lays out a fit for page, terminal and summary."""
+    """Lays out a fit for page, terminal and summary; `unknown` is a sentence on what its data cannot show."""
     grade = grade_from_artifact(shown.model) if outcome is None else outcome.grade
     if outcome is None:
         named = shown.data.settings.validate_on is not None
@@ -60,7 +61,7 @@ def fit_report(
             status=estimate.status.replace("_", " "),
             advice=estimate.advice,
         ),
-        verdict=" ".join(text for text in (grade.sentence, _told(found, estimates, grade), held) if text),
+        verdict=" ".join(text for text in (grade.sentence, _told(found, estimates, grade), unknown, held) if text),
         grade=grade.value,
         sections=sections,
         parameters=estimates.rows,

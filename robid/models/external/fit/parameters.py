@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -105,6 +105,7 @@ def integrators_of(model: TransferMatrix, root: FloatArray, longest_s: float, co
 
 
 _NONE = Integrators()
+_UNRESOLVED = 0.5  # of one over a shot's length, the deviation that leaves twice as much in an interval
 
 
 def block_parameters(
@@ -144,8 +145,11 @@ def _rows_of_roots(
     for number, one in enumerate(found, start=1):
         is_real, reachable, name = one.place.imag == 0, bool(abs(one.place) < nyquist), f"{owner}.{kind}{number}"
         if left > 0:
-            # How far from zero it may be is related to the slowest that a shot shows.
-            slowest, parts = 1 / integrators.longest_s, [("" if is_real else ".real", -one.place.real, -one.moves.real)]
+            # How far from zero it may be is related to the lowest line that a shot has.
+            slowest, parts = (
+                2 * np.pi / integrators.longest_s,
+                [("" if is_real else ".real", -one.place.real, -one.moves.real)],
+            )
             parts += [] if is_real else [(".imaginary", one.place.imag, one.moves.imag)]
             rows += [
                 Row(f"{name}{end}", INTEGRATOR_KIND, "rad/s", value, slowest, moves) for end, value, moves in parts
@@ -154,6 +158,21 @@ def _rows_of_roots(
         else:
             rows += root_rows(name, kind, one.place, one.moves, is_real=is_real, reachable=reachable)
     return rows
+
+
+def as_unresolved(rows: Sequence[Row], integrators: Integrators) -> list[Row]:
+    """Widens integrators to what their shots leave open: near zero the residual alone tells nothing of a rate.
+
+    To first order a rate that is held at zero, where stable poles end, cannot move; a shot does not tell any below one
+    over its length from zero.
+    """
+    least = _UNRESOLVED / integrators.longest_s
+    return [
+        replace(row, moves=np.append(row.moves[:-1], np.hypot(row.moves[-1], least)))
+        if row.kind == INTEGRATOR_KIND and row.moves.size
+        else row
+        for row in rows
+    ]
 
 
 def gain_unit(output: str, command: str, integrators: int = 0) -> str:

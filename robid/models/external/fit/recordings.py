@@ -54,9 +54,9 @@ class Recordings:
         return np.where(self.untested, np.nan, self.std)
 
     def sentence(self, parameters: Sequence[str]) -> str:
-        """Says what the recordings show of their differences, of parameters by name."""
+        """Says what several recordings show of their differences, of parameters by name; empty of one."""
         if len(self.names) < 2:
-            return f"its data are one recording, and {_ALONE}; further recordings in `from` would"
+            return ""
         worst = [index for index in np.argsort(-self.std, kind="stable").tolist() if self.std[index] > 0]
         listed = ", ".join(f"{parameters[index]} by {100 * self.std[index]:.2g} %" for index in worst[:_MOST])
         more = f" and {len(worst) - _MOST} more" if len(worst) > _MOST else ""

@@ -20,6 +20,7 @@ from robid.models.external.fit.output_error import BlockFit
 from robid.models.external.fit.parameters import (
     Findings,
     Integrators,
+    as_unresolved,
     block_parameters,
     estimate_of,
     find_findings,
@@ -130,7 +131,7 @@ def _estimate(
     ]
     freedom = [one.recordings.freedom(rows) for one, rows in zip(found, parameters, strict=True)]
     return estimate_of(
-        parameters,
+        [as_unresolved(rows, one.integrators) for one, rows in zip(found, parameters, strict=True)],
         options,
         undetermined,
         status,
@@ -279,7 +280,8 @@ def _remarks(one: FittedBlock, found: Sequence[Findings], rows: Sequence[Row]) -
     if one.fit.reflected:
         told.append("poles in the right half plane were met on the way and kept in the left one (`stable`)")
     told += [one.integrators.sentence] if one.integrators.count else []
-    told += [one.recordings.sentence([row.name for row in rows])]
+    differ = one.recordings.sentence([row.name for row in rows])
+    told += [differ] if differ else []
     return [f"{one.block.name}: {sentence}" for sentence in dict.fromkeys([*told, *one.choice.messages])]
 
 

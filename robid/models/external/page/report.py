@@ -153,12 +153,17 @@ def _responses(solution: ExternalSolution) -> Section:
 
 
 def _dynamics(solution: ExternalSolution) -> Section:
-    steps, confidence = solution.steps, solution.estimate.confidence
+    steps, confidence, transfers = solution.steps, solution.estimate.confidence, solution.transfers
     options: list[tuple[str, tuple[Part, ...]]] = []
     for channel, name in enumerate(solution.transfers.names):
         step = step_figure(steps, channel, _final(solution, channel), confidence)
         options.append((name, (Beside((locus_figure(solution, channel), step), 2),)))
-    columns = (steps.undershoot.tolist(), steps.overshoot.tolist(), steps.rise_s.tolist(), _own(solution))
+    # What integrates has no final value that these could be related to.
+    rests = [
+        own and not solution.integrators(int(block))
+        for own, block in zip(_own(solution), transfers.block_of, strict=True)
+    ]
+    columns = (steps.undershoot.tolist(), steps.overshoot.tolist(), steps.rise_s.tolist(), rests)
     rows = tuple(
         (name, percent(under), percent(over), duration(rise) if np.isfinite(rise) else MISSING)
         for name, under, over, rise, own in zip(solution.transfers.names, *columns, strict=True)
@@ -207,16 +212,19 @@ def report(shown: Shown) -> FitReport:
         estimate,
         estimates,
         None if validation is None else validation.outcome,
-        found=f"{count} transfer function{'s' if count > 1 else ''}{_alone(solution)}",
+        found=f"{count} transfer function{'s' if count > 1 else ''}",
+        unknown=_unknown(solution),
         numbers=_key_numbers(solution, validation),
         sections=sections(solution, estimates, data, options),
         summary=_summary(solution, validation),
     )
 
 
-def _alone(solution: ExternalSolution) -> str:
+def _unknown(solution: ExternalSolution) -> str:
+    """Says what no interval of a fit of single recordings holds."""
     single = solution.recordings.size > 0 and int(solution.recordings.max()) == 1
-    return " of one recording, which cannot show what differs from day to day" if single else ""
+    told = "All is of one recording: nothing shows what differs from day to day, as several in `from` would."
+    return told if single else ""
 
 
 def with_differences(estimates: Estimates, solution: ExternalSolution) -> Estimates:

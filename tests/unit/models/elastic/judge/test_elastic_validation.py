@@ -131,7 +131,7 @@ def test_phase_and_resonances_have_limits_of_their_own(nominal, solution, fresh,
 
 def test_a_right_model_can_be_trusted(validation):
     assert (validation.outcome.grade.value, validation.outcome.grade.reasons) == (2, ())
-    assert validation.outcome.grade.sentence == "Trust."
+    assert validation.outcome.grade.sentence.startswith("Trust")
 
 
 def test_three_places_are_not_trusted_until_the_remedy_is_followed(nominal, true_arm, fresh, validation):
@@ -141,7 +141,7 @@ def test_three_places_are_not_trusted_until_the_remedy_is_followed(nominal, true
     assert grade.value == PREDICTS
     assert "all was measured in 3 clusters of configurations" in grade.sentence
     assert grade.sentence.endswith("measure 1 more configuration.")
-    assert validation.outcome.grade.sentence == "Trust."  # it is of the same configurations and one more
+    assert validation.outcome.grade.sentence.startswith("Trust")  # it is of the same configurations and one more
     assert {"payload.mass", "gear_1.load_stiffness"} <= {*few.doubts.names}  # what was carried along is told
     assert (few.doubts.half_width > 0).all()
 

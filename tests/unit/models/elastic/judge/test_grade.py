@@ -65,7 +65,7 @@ def test_a_fit_of_fewer_than_four_clusters_is_not_trusted_and_says_how_many_are_
     grade = grade_validation(replace(sound, responses=measured), (), ())
     assert grade.value == (1 if told else 2)
     assert told in grade.sentence
-    missing = {1: "measure 3 more configurations", 3: "measure 1 more configuration.", 4: "Trust."}
+    missing = {1: "measure 3 more configurations", 3: "measure 1 more configuration.", 4: "Trust"}
     assert missing[clusters] in grade.sentence
 
 
