@@ -149,6 +149,7 @@ def arm_parameters():
                     relative_std=relative,
                     truth=truth,
                     identifiable=relative < 0.2,
+                    identified=relative < 0.2,
                     covered=bool(lower <= truth <= upper),
                     assumed=kind == "damping" or index > 2,
                 )
@@ -160,7 +161,9 @@ def arm_parameters():
     for name, unit, estimate, half in (("level", "", 0.0321, 0.0012), ("lag", "samples", -0.25, 0.06)):
         interval = estimate - half, estimate + half
         rows.append(ParameterRow(f"axis_1.{name}", "friction", unit, 0.0, estimate, *interval, half / 2, 0.031))
-    open_row = ParameterRow("axis_1.shape", "friction", "", 0.0, 0.4, -0.5, 1.3, 0.46, identifiable=False)
+    open_row = ParameterRow(
+        "axis_1.shape", "friction", "", 0.0, 0.4, -0.5, 1.3, 0.46, identifiable=False, identified=False
+    )
     rows.append(open_row)
     rows.append(ParameterRow("delay", "delay", "s", 1.0e-3, 1.0021e-3, 1.0012e-3, 1.003e-3, 5e-4, 1.0e-3, True, False))
     return tuple(rows)
@@ -290,6 +293,7 @@ def bench_report():
             float("inf"),
             float("inf"),
             identifiable=False,
+            identified=False,
             note="no effect <here>",
         ),
     )

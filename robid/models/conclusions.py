@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.stats import norm, t
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.results.estimate import Estimate
 from robid.results.finding import Finding
-from robid.results.grade import Grade, forbidding, grade_alone, grade_held, ordered, weakening
+from robid.results.grade import Grade, forbidding, grade_alone, grade_held, ordered, undetermined_names, weakening
 from robid.results.outcome import Outcome, recover
 
 _LEAST_DAMPING = 0.05
@@ -62,13 +62,20 @@ def estimate_of_rows(
     confidence: float,
     identifiable_relative_std: float,
     undetermined: Sequence[str] = (),
+    degrees_of_freedom: FloatArray | None = None,
 ) -> Estimate:
-    """Puts parameters together with normal intervals by their covariance (n_param, n_param); none was known before."""
+    """Puts parameters together with intervals by their covariance (n_param, n_param); none was known before.
+
+    These are normal, or Student's where its `degrees_of_freedom` (n_param,) are finite.
+    """
     value, scale = (np.array([getattr(row, key) for row in rows], float) for key in ("value", "scale"))
-    std, half = np.sqrt(np.maximum(np.diag(covariance), 0)), norm.ppf(0.5 + 0.5 * confidence)
+    nowhere = np.full(len(rows), np.inf)
+    freedom = nowhere if degrees_of_freedom is None else degrees_of_freedom
+    tail = 0.5 + 0.5 * confidence
+    std, half = np.sqrt(np.maximum(np.diag(covariance), 0)), np.full(len(rows), norm.ppf(tail))
+    half[np.isfinite(freedom)] = t.ppf(tail, freedom[np.isfinite(freedom)])
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.where(scale > 0, std / scale, np.inf)
-    nowhere = np.full(len(rows), np.inf)
     return Estimate(
         names=tuple(row.name for row in rows),
         kinds=tuple(row.kind for row in rows),
@@ -78,7 +85,7 @@ def estimate_of_rows(
         lower=value - half * std,
         upper=value + half * std,
         covariance=covariance,
-        degrees_of_freedom=nowhere,
+        degrees_of_freedom=freedom,
         confidence=confidence,
         interval_rule=rule,
         relative_std=relative,
@@ -111,7 +118,8 @@ def outcome_of(
 ) -> Outcome:
     """Grades a fit that was held against data that it never saw; findings are first to blame first."""
     every = ordered(findings)
-    grade = grade_held((*forbidding(every, estimate.status), *failures), weakening(every), every)
+    unusable = (*forbidding(every, estimate.status), *failures)
+    grade = grade_held(unusable, weakening(every), every, undetermined_names(estimate))
     return Outcome(ok=not failures, verdict=verdict, grade=grade, recovery=recover(estimate, truth or {}))
 
 

@@ -11,10 +11,11 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.artifacts.results import grade_from_artifact
 from robid.report.page import FitReport, Headline, KeyNumber
-from robid.report.parameter_section import parameter_numbers, parameter_table
+from robid.report.parameter_section import count_identified, identified_phrase, parameter_numbers, parameter_table
 from robid.report.parameters import Estimates, ParameterRow
 from robid.report.section import Curve, Section
 from robid.results.estimate import Estimate
+from robid.results.grade import Grade
 from robid.results.outcome import Outcome
 from robid.robot.parameters import PARAMETER_KINDS, name_of, owner_of
 
@@ -46,7 +47,11 @@ def fit_report(
         held = "Not validated." if named else "Not validated: no campaign was named to hold it against."
     else:
         held = f"The model {outcome.verdict}." if outcome.ok else ""
-    common = {"grade": float(grade.value), "converged": float(estimate.status == "converged")}
+    common = {
+        "grade": float(grade.value),
+        "converged": float(estimate.status == "converged"),
+        "identified": float(count_identified(estimates.rows)),
+    }
     return FitReport(
         headline=Headline(
             name=shown.data.name,
@@ -55,13 +60,20 @@ def fit_report(
             status=estimate.status.replace("_", " "),
             advice=estimate.advice,
         ),
-        verdict=" ".join(text for text in (grade.sentence, found, held) if text),
+        verdict=" ".join(text for text in (grade.sentence, _told(found, estimates, grade), held) if text),
         grade=grade.value,
         sections=sections,
         parameters=estimates.rows,
         summary={**common, **summary, **parameter_summary(estimates.rows)},
         terminal=(parameter_table(estimates if terminal is None else terminal),),
     )
+
+
+def _told(found: str, estimates: Estimates, grade: Grade) -> str:
+    """Says what was found, and how many of the parameters are identified."""
+    counted = identified_phrase(estimates, usable=grade.value > 0) if estimates.rows else ""
+    told = ", ".join(text for text in (found, counted) if text)
+    return f"{told}." if told else ""
 
 
 def estimates_of(

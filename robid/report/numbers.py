@@ -13,6 +13,7 @@ MISSING = "\N{EN DASH}"
 MINUS = "\N{MINUS SIGN}"
 _TIMES = "\N{MULTIPLICATION SIGN}"
 MAX_DIGITS = 6
+_NOTHING = 1e3  # times smaller than its half width, a number is as good as zero
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,12 @@ class Scale:
 
 
 def scale_for(value: float, unit: str = "", half_width: float | None = None) -> Scale:
-    """Chooses the scale of a number in SI units: its half width gets two digits; without it the number gets four."""
+    """Chooses the scale of a number in SI units: its half width gets two digits; without it the number gets four.
+
+    A number that is next to nothing beside its half width is written in the scale of that.
+    """
+    if half_width is not None and math.isfinite(half_width) and half_width > _NOTHING * abs(value) > 0:
+        value = half_width
     if not math.isfinite(value) or value == 0:
         return Scale(0, pretty_unit(unit), 3)
     digits = 4

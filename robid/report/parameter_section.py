@@ -50,7 +50,7 @@ def parameter_section(estimates: Estimates, conventions: str = "") -> tuple[Sect
     sentences = (
         conventions,
         ratio_sentence(estimates.torque_unit),
-        f"± is half the interval relative to the {'physical value' if estimates.with_effective else 'estimate'}.",
+        f"± is half the interval relative to the {'physical value' if estimates.with_physical else 'estimate'}.",
         effective_sentence(estimates),
         rule_sentence(estimates),
         "Grey rows are not determined by the data: use no more of them than was known beforehand.",
@@ -95,7 +95,7 @@ def _ratio(row: ParameterRow) -> Ratio:
         lower=row.lower / row.nominal,
         upper=row.upper / row.nominal,
         truth=None if row.truth is None else row.truth / row.nominal,
-        identifiable=row.identifiable,
+        identifiable=row.identified,
         text=engineering(row.middle, row.unit, row.near),
     )
 
@@ -109,7 +109,7 @@ def _table(estimates: Estimates, groups: Groups, caption: str, *, nuisances: boo
         (True, "Parameter", "name", lambda line: line.name),
         (True, "Estimate", "strong", lambda line: line.estimate),
         (both, "Predicts ±", "number", lambda line: line.predicts),
-        (both, "Physical", "number", lambda line: line.physical),
+        (both and estimates.with_physical, "Physical", "number", lambda line: line.physical),
         (True, f"{percent(estimates.level)} interval", "number", lambda line: f"{line.lower} … {line.upper}"),
         (repeated, "Bootstrap", "number", lambda line: line.bootstrap),
         (True, "Unit", "text", lambda line: line.unit),
@@ -123,7 +123,7 @@ def _table(estimates: Estimates, groups: Groups, caption: str, *, nuisances: boo
     )
     shown = [column for column in every if column[0]]
     rows = tuple(
-        Row(tuple(cell(line) for *_, cell in shown), faint=not line.identifiable, group=title)
+        Row(tuple(cell(line) for *_, cell in shown), faint=not line.identified, group=title)
         for title, lines in groups
         for line in lines
     )
@@ -131,12 +131,17 @@ def _table(estimates: Estimates, groups: Groups, caption: str, *, nuisances: boo
     return Table(heads, rows, caption=caption, styles=tuple(style for *_, style, _ in shown))
 
 
+def count_identified(rows: Sequence[ParameterRow]) -> int:
+    """Counts the parameters that are identified: the only count that page, terminal and summary give."""
+    return sum(row.identified for row in rows)
+
+
 def parameter_numbers(estimates: Estimates, *, usable: bool = True) -> Iterator[KeyNumber]:
     """Yields what says how well the parameters are known; none of a fit that is of no use counts as identified."""
     rows, springs = estimates.rows, _springs(estimates.rows)
     chosen = springs or list(rows)
     if usable and rows:
-        found, every = (sum(row.identifiable and row.identified for row in some) for some in (chosen, rows))
+        found, every = count_identified(chosen), count_identified(rows)
         detail = "" if len(chosen) == len(rows) else f"{every} of {len(rows)} parameters"
         what = "Springs identified" if springs else "Parameters identified"
         yield KeyNumber(what, f"{found} of {len(chosen)}", detail)
@@ -158,7 +163,7 @@ def identified_phrase(estimates: Estimates, *, usable: bool = True) -> str:
     noun = ("spring" if springs else "parameter") + ("" if len(chosen) == 1 else "s")
     if not usable:
         return f"{len(chosen)} {noun} {'was' if len(chosen) == 1 else 'were'} fitted"
-    found = sum(row.identifiable and row.identified for row in chosen)
+    found = count_identified(chosen)
     text = f"{found} of {len(chosen)} {noun} identified"
     half_width = _median_half_width(springs)
     if half_width is None:
@@ -177,11 +182,12 @@ def _median_half_width(springs: list[ParameterRow]) -> float | None:
 
 
 def parameter_table(estimates: Estimates) -> Group:
-    """Lays out parameters, those not identifiable dim, with intervals, nominal values and the truth where known."""
+    """Lays out parameters, those not identified dim, with intervals, nominal values and the truth where known."""
     rows = estimates.shown
     with_truth = any(row.truth is not None for row in rows)
     table = open_table("parameter")
-    both = ("predicts ±", "physical") if estimates.with_effective else ()
+    physical = ("physical",) if estimates.with_physical else ()
+    both = ("predicts ±", *physical) if estimates.with_effective else ()
     for header in ("estimate", *both, f"{100 * estimates.level:g} % interval"):
         table.add_column(header, justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
@@ -196,8 +202,8 @@ def parameter_table(estimates: Estimates) -> Group:
         for row in rows:
             if row.kind == kind:
                 line = parameter_line(row, estimates.identifiable_relative_std)
-                cells = _cells(line, with_both=bool(both), with_nominal=estimates.with_nominal, with_truth=with_truth)
-                table.add_row(*cells, style=None if row.identifiable else "dim")
+                cells = _cells(line, n_both=len(both), with_nominal=estimates.with_nominal, with_truth=with_truth)
+                table.add_row(*cells, style=None if row.identified else "dim")
                 footnotes += [f"{title}, {line.name}: {line.note}"] if line.note else []
     footnotes += [bootstrap_sentence(estimates), *(f"{sentence}." for sentence in estimates.undetermined)]
     nuisances = len(estimates.rows) - len(rows)
@@ -218,11 +224,11 @@ def open_table(first: str) -> rich_table.Table:
     return table
 
 
-def _cells(line: ParameterLine, *, with_both: bool, with_nominal: bool, with_truth: bool) -> list[Text]:
+def _cells(line: ParameterLine, *, n_both: int, with_nominal: bool, with_truth: bool) -> list[Text]:
     cells = [
         Text(f"  {line.name}"),
-        Text(line.estimate, style="bold" if line.identifiable else ""),
-        *((Text(line.predicts), Text(line.physical)) if with_both else ()),
+        Text(line.estimate, style="bold" if line.identified else ""),
+        *(Text(line.predicts), Text(line.physical))[:n_both],
         Text(f"{line.lower} … {line.upper}"),
         Text(line.unit),
         Text(line.half_width),
@@ -230,7 +236,7 @@ def _cells(line: ParameterLine, *, with_both: bool, with_nominal: bool, with_tru
     if with_nominal:
         cells.append(Text(("a " if line.assumed else "") + line.nominal))
     if with_truth:
-        outside = line.covered is False and line.identifiable
+        outside = line.covered is False and line.identified
         off_truth = Text(f"{line.off_truth} outside", style="yellow") if outside else Text(line.off_truth)
         cells += [Text(line.truth), off_truth]
     return cells

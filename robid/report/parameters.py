@@ -8,7 +8,7 @@ from itertools import groupby
 from statistics import median
 
 from robid.report.numbers import MISSING, Scale, percent, scale_for, significant
-from robid.robot.parameters import FRICTION_KIND, NUISANCE_KIND, PARAMETER_KINDS
+from robid.robot.parameters import FRICTION_KIND, INTEGRATOR_KIND, NUISANCE_KIND, PARAMETER_KINDS
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,11 @@ class Estimates:
         return any(math.isfinite(row.nominal) for row in self.rows)
 
     @property
+    def with_physical(self) -> bool:
+        """Whether a parameter has a value of its own beside that which predicts."""
+        return any(row.physical is not None for row in self.rows)
+
+    @property
     def with_effective(self) -> bool:
         """Whether what predicts is told from what is there."""
         return any(row.effective is not None for row in self.rows)
@@ -91,7 +96,7 @@ class ParameterLine:
     upper: str
     truth: str
     covered: bool | None
-    identifiable: bool
+    identified: bool
     note: str
     assumed: bool = False
     nominal: str = ""
@@ -127,6 +132,11 @@ def effective_sentence(estimates: Estimates) -> str:
     """Says what the two intervals of a parameter are; empty where there is one."""
     if not estimates.with_effective:
         return ""
+    if not estimates.with_physical:
+        return (
+            "“Predicts ±” is how closely the residuals know what predicts; the interval is the parameter's own, which "
+            "also holds what the robot file may have wrong, as its motors' torque constants."
+        )
     return (
         "“Predicts ±” is that of what infinitely many configurations of this robot would give; “physical” is the "
         "parameter itself, whose interval holds what the robot file may have wrong."
@@ -159,7 +169,7 @@ def bootstrap_sentence(estimates: Estimates) -> str:
 
 
 def parameter_line(row: ParameterRow, threshold: float | None = None) -> ParameterLine:
-    """Writes a parameter; a row that is not identifiable says why."""
+    """Writes a parameter; a row that is not identified says why."""
     if row.kind == FRICTION_KIND:
         return _nuisance_line(row, threshold)
     scale, predicts = scale_for(row.estimate or row.nominal, row.unit, row.near), ""
@@ -179,7 +189,7 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
         off_truth=percent(row.estimate / row.truth - 1, signed=True) if row.truth else MISSING,
         covered=row.covered,
         assumed=row.assumed,
-        identifiable=row.identifiable,
+        identified=row.identified,
         note=_note(row, threshold),
         bootstrap=f"{scale.text(row.bootstrap[0])} … {scale.text(row.bootstrap[1])}" if row.bootstrap else "",
         predicts=predicts,
@@ -188,8 +198,11 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
 
 
 def _relative_half_width(row: ParameterRow) -> float:
-    """Half the interval over the value it is of, or as it is for what the robot file's value is the zero of."""
-    size = 1.0 if row.kind == FRICTION_KIND else abs(row.middle)
+    """Half the interval over the value it is of, or as it is for what the robot file's value is the zero of.
+
+    It is not a number where the value is as good as zero.
+    """
+    size = 1.0 if row.kind == FRICTION_KIND else 0.0 if row.kind == INTEGRATOR_KIND else abs(row.middle)
     return (row.upper - row.lower) / 2 / size if size else float("nan")
 
 
@@ -212,7 +225,7 @@ def _nuisance_line(row: ParameterRow, threshold: float | None) -> ParameterLine:
         upper=text(row.upper),
         truth=text(row.truth),
         covered=row.covered,
-        identifiable=row.identifiable,
+        identified=row.identified,
         note=_note(row, threshold),
     )
 
@@ -244,10 +257,12 @@ def _note(row: ParameterRow, threshold: float | None) -> str:
 
 
 def _reason(row: ParameterRow, threshold: float | None) -> str:
+    if row.kind == INTEGRATOR_KIND:
+        return "an integrator"
     limit = 0.0 if threshold is None else threshold
+    if row.identified:
+        return ""
     if row.identifiable:
-        if row.identified:
-            return ""
         return f"not identified: the interval came out at ±{percent(_relative_half_width(row))}"
     decided = row.relative_std if row.predicted_relative_std is None else row.predicted_relative_std
     if decided > limit > 0:

@@ -12,6 +12,9 @@ from scipy.stats import norm
 from robid.arrays import BoolArray, FloatArray, Quantity
 from robid.robot.parameters import NUISANCE_KIND
 
+_ADDED = 0.5
+"""Share of what was known beforehand below which a standard deviation is the data's doing."""
+
 
 @dataclass(frozen=True)
 class Tied:
@@ -64,7 +67,7 @@ class Estimate:
         FloatArray, Quantity("1", "parameter", "What was known beforehand, as predicted_relative_std")
     ]
     relative_half_width: Annotated[FloatArray, Quantity("1", "parameter", "Half width of the interval over the value")]
-    # Whether the data determine it, decided before the fit
+    # Whether the data were to determine it, predicted before the fit: a statement about the design
     identifiable: Annotated[BoolArray, Quantity("1", "parameter", "Whether the prediction was small enough")]
     identifiable_relative_std: float  # Predicted deviation up to which a parameter counts as identifiable
     undetermined: Annotated[tuple[str, ...], Quantity("1", "combination", "What the data do not determine")]
@@ -86,9 +89,14 @@ class Estimate:
 
     @property
     def identified(self) -> BoolArray:
-        """Which parameters (n_param,) were identifiable beforehand and have an interval that bears it out."""
+        """Which parameters (n_param,) the data determine, by their intervals, whatever the robot file says.
+
+        What was known as well beforehand counts where the data have added to it.
+        """
         allowed = norm.ppf(0.5 + 0.5 * self.confidence) * self.identifiable_relative_std
-        return np.asarray(self.identifiable & (self.relative_half_width <= allowed))
+        known = self.prior_relative_std <= self.identifiable_relative_std
+        added = ~known | self.identifiable | (self.relative_std < _ADDED * self.prior_relative_std)
+        return np.asarray((self.relative_half_width <= allowed) & added)
 
     @property
     def known_beforehand(self) -> BoolArray:
@@ -98,7 +106,7 @@ class Estimate:
         """
         of_file = np.array([kind == NUISANCE_KIND for kind in self.kinds], bool)
         known = self.prior_relative_std <= self.identifiable_relative_std
-        return np.asarray(~self.identifiable & known & ~of_file)
+        return np.asarray(~self.identifiable & ~self.identified & known & ~of_file)
 
     @property
     def middle(self) -> FloatArray:

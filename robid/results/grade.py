@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, Quantity
+from robid.results.estimate import Estimate
 from robid.results.finding import CAUSES, Finding
 from robid.results.scale import Scale
+from robid.robot.parameters import FRICTION_KIND, INTEGRATOR_KIND
 
+_MOST = 4
 TRUST, PREDICTS, DO_NOT_USE = 2, 1, 0
 WORDS = {TRUST: "trust", PREDICTS: "predicts, but single parameters may be off", DO_NOT_USE: "do not use"}
 
@@ -59,11 +62,28 @@ def grade_alone(unusable: Sequence[str], doubtful: Sequence[str], findings: Sequ
     return _made(PREDICTS, ("it was not held against data that the fit never saw", *doubtful), findings)
 
 
-def grade_held(unusable: Sequence[str], doubtful: Sequence[str], findings: Sequence[Finding]) -> Grade:
-    """Grades a fit that was held against data that it never saw; arguments as of `grade_alone`."""
+def grade_held(
+    unusable: Sequence[str], doubtful: Sequence[str], findings: Sequence[Finding], left_out: Sequence[str] = ()
+) -> Grade:
+    """Grades a fit that was held against data that it never saw.
+
+    Arguments are as of `grade_alone`; the parameters `left_out` of a trusted fit, by name, are none to trust.
+    """
     if unusable:
         return _made(DO_NOT_USE, unusable, findings)
-    return _made(PREDICTS if doubtful else TRUST, doubtful, findings)
+    grade = _made(PREDICTS if doubtful else TRUST, doubtful, findings)
+    if grade.value < TRUST or not left_out:
+        return grade
+    named = ", ".join(left_out[:_MOST])
+    more = f" and {len(left_out) - _MOST} more" if len(left_out) > _MOST else ""
+    return replace(grade, sentence=f"{_upper(WORDS[TRUST])}, but for {named}{more}, which the data do not determine.")
+
+
+def undetermined_names(estimate: Estimate) -> list[str]:
+    """Names the parameters that the data do not determine and that nobody knew well enough beforehand."""
+    relied = estimate.identified | estimate.known_beforehand
+    rows = zip(estimate.names, estimate.kinds, relied.tolist(), strict=True)
+    return [name for name, kind, known in rows if not known and kind not in (FRICTION_KIND, INTEGRATOR_KIND)]
 
 
 def forbidding(findings: Sequence[Finding], status: str) -> tuple[str, ...]:
@@ -100,9 +120,13 @@ def _made(value: int, reasons: Sequence[str], findings: Sequence[Finding]) -> Gr
     )
 
 
+def _upper(words: str) -> str:
+    return f"{words[0].upper()}{words[1:]}"
+
+
 def _sentence(value: int, reasons: Sequence[str], findings: Sequence[Finding]) -> str:
     words = WORDS[value]
-    told = f"{words[0].upper()}{words[1:]}{': ' if reasons else ''}{'; '.join(reasons)}."
+    told = f"{_upper(words)}{': ' if reasons else ''}{'; '.join(reasons)}."
     if value == TRUST or not findings:
         return told
     first = findings[0]

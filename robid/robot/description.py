@@ -43,6 +43,7 @@ class Motor:
     ripple_phase_rad: float = 0.0  # Phase `p` of the torque `ripple_nm sin(ripple_order q_m + p)` [rad]
     inertia_relative_std: float = 0.05
     torque_constant_nm_a: float | None = None  # Torque per ampere, None where it is unknown [N m/A]
+    rated_torque_nm: float | None = None  # Torque that it can give for ever, None where it is unknown [N m]
 
     @property
     def torque_law(self) -> TorqueLaw:

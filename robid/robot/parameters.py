@@ -17,7 +17,8 @@ ElasticKind = Literal[
     "stiffness", "damping", "viscous", "arm_viscous", "motor_inertia", "link_inertia", "delay", "cubic", "location",
 ]  # fmt: skip
 RigidKind = Literal[
-    "inertia", "first_moment", "mass", "motor_inertia", "viscous", "coulomb", "load_friction", "torque_offset",
+    "inertia", "first_moment", "mass", "motor_inertia", "viscous", "coulomb", "load_friction", "quadratic_viscous",
+    "torque_offset",
     "coupling_inertia", "coupling_viscous", "coupling_coulomb",
     "counterbalance", "counterbalance_stiffness", "counterbalance_preload",
 ]  # fmt: skip
@@ -102,6 +103,9 @@ PARAMETER_KINDS = {
         "Coulomb friction", "component", "N m", "N m", "motor.friction.coulomb_nm", "motor.friction.coulomb_nm",
     ),
     "load_friction": ParameterKind("Friction per motor torque", "motor", "1", "1"),
+    "quadratic_viscous": ParameterKind(
+        "Friction with the square of the speed", "motor", "N m s^2/rad^2", "N m s^2/rad^2",
+    ),
     "torque_offset": ParameterKind("Torque offsets", "motor", "N m", "N m"),
     "coupling_inertia": ParameterKind("Inertias of coupled gears, arm side", "motor", "kg m^2", "kg"),
     "coupling_viscous": ParameterKind("Viscous friction of coupled gears, arm side", "motor", "N m s/rad", "N s/m"),
@@ -117,6 +121,10 @@ PARAMETER_KINDS = {
         "Preload of counterbalances", "motor", "N", "N", "counterbalance.preload_n", "counterbalance.preload_n",
     ),
     "gain": ParameterKind("Static gains of transfer functions", "component", "1", "1"),
+    "gain_per_second": ParameterKind("Gains of integrators, per second", "component", "1/s", "1/s"),
+    "integrator": ParameterKind(
+        "Integrators: poles slower than their records show, as rates", "component", "rad/s", "rad/s",
+    ),
     "pole": ParameterKind("Real poles, as rates", "component", "rad/s", "rad/s"),
     "pole_frequency": ParameterKind("Natural frequencies of pole pairs", "component", "rad/s", "rad/s"),
     "pole_damping": ParameterKind("Damping ratios of pole pairs", "component", "1", "1"),
@@ -143,6 +151,8 @@ RESPONSE_NUISANCE = tuple(kind for kind in DIRECT if kind not in LOGARITHMIC)
 NUISANCE_KIND = (
     "doubt"  # Kind of the parameters that a user has estimated because the robot file may be wrong; its key in files
 )
+INTEGRATOR_KIND = "integrator"
+"""Poles that cannot be told from zero: their values mean no more than that."""
 FRICTION_KIND = "friction"
 """Errors of the torques that were subtracted, which a fit estimates only to get them out of the way."""
 

@@ -13,7 +13,10 @@ from robid.robot.friction import Friction, with_level
 from robid.robot.inertia import about_origin, remove
 from robid.robot.regressor.links import COMPONENTS, PAYLOAD
 
-_HOMELESS = ("torque_offset", "load_friction", "coupling_inertia", "coupling_viscous", "coupling_coulomb")
+_HOMELESS = (
+    *("torque_offset", "load_friction", "quadratic_viscous"),
+    *("coupling_inertia", "coupling_viscous", "coupling_coulomb"),
+)
 _NO_PAYLOAD = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
 _LEAST_INERTIA = 1e-12  # a motor has some
 

@@ -34,6 +34,7 @@ Part: TypeAlias = Literal[
     "friction_std",
     "inertia_std",
     "torque_constant",
+    "rated_torque",
     "doubts",
     "timing",
     "controller",
@@ -44,10 +45,11 @@ Part: TypeAlias = Literal[
 _MOTOR: dict[str, Part] = {
     **dict.fromkeys(("inertia_kgm2", "gear_ratio", "gear_ratio_rad_m"), "mechanics"),
     **{"inertia_relative_std": "inertia_std", "torque_constant_nm_a": "torque_constant"},
+    "rated_torque_nm": "rated_torque",
     **dict.fromkeys(("max_speed_rad_s", "max_torque_nm"), "motor_limits"),
     **dict.fromkeys(("ripple_nm", "ripple_order"), "friction"),
 }
-_ONLY_STATED = ("torque_constant_nm_a",)
+_ONLY_STATED = ("torque_constant_nm_a", "rated_torque_nm")
 """What is left out where no file states it, so that what was made before it could be stated stays fresh."""
 
 _FRICTION: dict[str, Part] = {

@@ -85,6 +85,11 @@ class MotorSection(Assumed):
         "Torque per ampere, where it is known: logs are told from it whose currents are read as torques [N m/A].",
         gt=0,
     )
+    rated_torque_nm: float | None = option(
+        None,
+        "Rated (continuous) torque; a tenth of it is the least that errors of the motor's torque are related to [N m].",
+        gt=0,
+    )
     friction: FrictionSection = group(FrictionSection, "Nominal friction.")
     ripple_nm: float = option(0.0, "Amplitude of the torque ripple [N m].", ge=0)
     ripple_order: int = option(6, "Ripple periods per motor turn.", ge=1)
@@ -111,6 +116,7 @@ class MotorSection(Assumed):
             ripple_order=self.ripple_order,
             inertia_relative_std=self.inertia_relative_std,
             torque_constant_nm_a=self.torque_constant_nm_a,
+            rated_torque_nm=self.rated_torque_nm,
         )
 
 

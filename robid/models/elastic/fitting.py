@@ -91,9 +91,9 @@ def phrase_of_model(model: Artifact) -> str:
     best = int(np.sum(solution.starts.minimum == 0))
     estimate = solution.estimate
     count = _counted(len(estimate.names), "parameter")
-    identifiable = f"{int(np.sum(estimate.identifiable))} of {count} identifiable"
+    identified = f"{int(np.sum(estimate.identified))} of {count} identified"
     known = int(np.sum(estimate.known_beforehand))
-    identifiable += f" ({known} more known beforehand)" if known else ""
+    identified += f" ({known} more known beforehand)" if known else ""
     expected = float(solution.costs.expected.sum())
     ratio = (
         f", {solution.costs.configuration.sum() / expected:.3g} times what noise alone gives" if expected > 0 else ""
@@ -103,7 +103,7 @@ def phrase_of_model(model: Artifact) -> str:
     if solution.starts.cap_share:
         effort += f", {solution.starts.cap_share:.0%} at the iteration limit"
     return (
-        f"{estimate.status}, {identifiable},"
+        f"{estimate.status}, {identified},"
         f" cost {solution.costs.total:.4g}{ratio},"
         f" {best} of {_counted(len(solution.starts.cost), 'start')} at the best minimum{effort}"
     )

@@ -251,7 +251,7 @@ def report(shown: Shown) -> FitReport:
         solution.estimate,
         estimates,
         None if validation is None else validation.outcome,
-        found=f"{solution.core.n_state} states at {len(points)} positions, {left} blocks.",
+        found=f"{solution.core.n_state} states at {len(points)} positions, {left} blocks",
         numbers=[_error("Beyond noise, own data", solution.own), *new, blocks],
         sections=(
             _responses(solution, validation, notes),

@@ -15,8 +15,9 @@ from robid.models.rigid.files import model_of, solution_from_artifact, validatio
 from robid.models.rigid.fit.fitting import Simulate, fit_rigid
 from robid.models.rigid.fit.options import RigidFitOptions
 from robid.models.rigid.fit.shots import Shot, refuse_unusable, shots_of
-from robid.models.rigid.judge.plausible import assess_rigid
+from robid.models.rigid.judge.plausible import assess_rigid, is_unexplained
 from robid.models.rigid.judge.scales import motions_of, rigid_scale_findings, sum_findings
+from robid.models.rigid.judge.trials import try_causes
 from robid.models.rigid.judge.validating import validate_rigid
 from robid.models.rigid.settings import loaded_campaign, rigid_fit
 from robid.results.finding import blamed
@@ -45,7 +46,10 @@ def fit(data: Data, work: Work) -> Artifact:
     except DataError as error:
         raise blamed(error, scales) from error
     work.progress.advance()
-    return model_of(solution, assess_rigid(solution, scales))
+    options = settings.options()
+    bad = not scales and is_unexplained(robot, solution, options)
+    tried = try_causes(robot, shots, solution, options) if bad else ()
+    return model_of(solution, assess_rigid(robot, solution, options, scales, tried))
 
 
 def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
@@ -78,10 +82,10 @@ def phrase_of_model(model: Artifact) -> str:
     """Says how the fit ended, in a phrase, from its artifact."""
     solution = solution_from_artifact(model)
     estimate = solution.estimate
-    known = int(np.sum(estimate.identifiable))
+    known = int(np.sum(estimate.identified))
     return (
-        f"{estimate.status}, {known} of {len(estimate.names)} base parameters identifiable, torques to "
-        f"{100 * solution.residuals.total_error:.3g} % of their size"
+        f"{estimate.status}, {known} of {len(estimate.names)} base parameters identified, residual "
+        f"{100 * solution.residuals.total_error:.3g} % of the torques"
     )
 
 

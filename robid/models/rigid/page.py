@@ -7,20 +7,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from robid.arrays import FloatArray
 from robid.models.family import Shown
-from robid.models.parameters import curve, estimates_of, fit_report, thinned
+from robid.models.parameters import curve, estimates_of, fit_report
+from robid.models.rigid.courses import course, motors_section, new_joins, own_joins, thinned_rows, torques
 from robid.models.rigid.files import solution_from_artifact, validation_from_artifact
 from robid.models.rigid.fit.solution import Checks, Filtered, RigidSolution, RowResiduals
-from robid.models.rigid.judge.validating import Prediction, RigidValidation
+from robid.models.rigid.judge.validating import RigidValidation
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import FitReport, KeyNumber
 from robid.report.parameter_section import parameter_section
 from robid.report.parameters import Estimates
-from robid.report.section import Beside, Curve, Figure, Folded, Notes, Part, Section, Table
+from robid.report.section import Beside, Curve, Figure, Folded, Line, Notes, Part, Section, Table
+from robid.signals.record import Record
 
 _BINS = 40
-_OUTLIER = 3.0
 
 
 def histogram(found: RowResiduals, joint: int, name: str, unit: str) -> Figure:
@@ -38,25 +38,12 @@ def histogram(found: RowResiduals, joint: int, name: str, unit: str) -> Figure:
 
 def weights(found: RowResiduals, joint: int, name: str, unit: str) -> Figure:
     """Huber's weight of each row over its residual."""
-    residual, weight = _thinned(found.residual[:, joint], found.weight[:, joint])
+    residual, weight = thinned_rows(found.residual[:, joint], found.weight[:, joint])
     order = np.argsort(residual)
     shown = Curve("weight", tuple(residual[order].tolist()), tuple(weight[order].tolist()), points=True)
     return Figure(
         name, f"Residual [{unit}]", "Weight", (shown,), log_x=False, log_y=False, y_range=(0.0, 1.05), height=260
     )
-
-
-def course(found: RowResiduals, joint: int, name: str, unit: str) -> Figure:
-    """One motor's residuals over time, with three deviations on either side."""
-    deviation = float(np.nanstd(found.residual[:, joint]))
-    time, residual = _thinned(found.time_s, found.residual[:, joint])
-    ends = np.array([time[0], time[-1]])
-    curves = (
-        curve("residual", time, residual),
-        curve("3 deviations", ends, np.full(2, _OUTLIER * deviation)),
-        curve("-3 deviations", ends, np.full(2, -_OUTLIER * deviation)),
-    )
-    return Figure(name, "Time [s]", f"Residual [{unit}]", curves, log_x=False, log_y=False, height=260)
 
 
 def correlations(checks: Checks, names: Sequence[str]) -> Figure:
@@ -69,28 +56,15 @@ def correlations(checks: Checks, names: Sequence[str]) -> Figure:
 
 
 def trials(filtered: Filtered) -> Figure:
-    """What each cut-off that was tried leaves correlated."""
-    worst = filtered.trial_correlation.max(axis=1)
-    tried = curve("worst motor", filtered.trial_hz, worst)
-    return Figure(
-        "Choice of the cut-off", "Cut-off [Hz]", "Largest autocorrelation", (tried,), log_y=False, legend=False
+    """Error on left-out pieces of the log by each cut-off that was tried, and the smallest with its standard error."""
+    best = int(np.argmin(filtered.trial_error))
+    beyond = np.sqrt(filtered.trial_error[best] ** 2 + filtered.trial_deviation)
+    curves = (
+        curve("error on left-out pieces", filtered.trial_hz, filtered.trial_error),
+        curve("smallest and one standard error", filtered.trial_hz, beyond),
     )
-
-
-def torques(found: Prediction, joint: int, name: str, unit: str) -> Figure:
-    """One motor's measured and predicted torque over time."""
-    time, measured = _thinned(found.time_s, found.measured[:, joint])
-    again, predicted = _thinned(found.time_s, found.predicted[:, joint])
-    rest, error = _thinned(found.time_s, found.measured[:, joint] - found.predicted[:, joint])
-    curves = (curve("measured", time, measured), curve("predicted", again, predicted), curve("error", rest, error))
-    quantity = "Force" if unit == "N" else "Torque"
-    return Figure(name, "Time [s]", f"{quantity} [{unit}]", curves, log_x=False, log_y=False)
-
-
-def _thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Rows that count, no more than a page can draw."""
-    known = np.isfinite(x) & np.isfinite(y)
-    return thinned(x[known], y[known])
+    label = f"Error over torque, below {significant(filtered.band_hz, 2)} Hz"
+    return Figure("Choice of the cut-off", "Cut-off [Hz]", label, curves)
 
 
 _TITLES = {
@@ -108,8 +82,12 @@ def sections(
     validation: RigidValidation | None,
     sensed: Sequence[str] = (),
     pushed: Sequence[str] = (),
+    new: Sequence[Record] = (),
 ) -> tuple[Section, ...]:
-    """Lays out a rigid fit; what is pushed, of the joints without a motor, slides, and its torque is a force."""
+    """Lays out a rigid fit, with the records of its validation.
+
+    What is pushed, of the joints without a motor, slides, and its torque is a force.
+    """
     units = [estimates.torque_unit if name not in pushed else "N" for name in joints]
     trust: list[Part] = [_estimator_table(solution), _test_table(solution, joints)]
     if solution.estimators.bends.size:
@@ -118,12 +96,13 @@ def sections(
         bent = Table(heads, tuple(zip(solution.estimate.names, *columns, strict=True)))
         trust.append(Folded("Other bends of Huber's estimator", (bent,)))
     found = [
+        motors_section(solution, joints, units, validation),
         *_parameters(solution, estimates, sensed),
         Section("Is least squares to be trusted?", solution.checks.sentence, tuple(trust), "verdict"),
         _residuals(solution, joints, units),
     ]
     if validation is not None:
-        found.append(_prediction(validation, joints, units))
+        found.append(_prediction(validation, joints, units, new_joins(validation.prediction, new)))
     return tuple(found)
 
 
@@ -189,55 +168,54 @@ def _estimator_table(solution: RigidSolution) -> Table:
 
 
 def _test_table(solution: RigidSolution, joints: Sequence[str]) -> Table:
-    checks, error = solution.checks, solution.residuals.relative_error
+    checks = solution.checks
     largest, odd = (
         np.abs(checks.correlation).max(axis=1),
         (checks.skewness, checks.excess_kurtosis, checks.outlier_share),
     )
-    columns = (each.tolist() for each in (error, *odd, largest))
+    columns = (each.tolist() for each in (*odd, largest))
     rows = tuple(
-        (name, percent(left), f"{skewness:.2f}", f"{kurtosis:.2f}", percent(outliers), f"{correlation:.2f}")
-        for name, left, skewness, kurtosis, outliers, correlation in zip(joints, *columns, strict=True)
+        (name, f"{skewness:.2f}", f"{kurtosis:.2f}", percent(outliers), f"{correlation:.2f}")
+        for name, skewness, kurtosis, outliers, correlation in zip(joints, *columns, strict=True)
     )
-    heads = ("Motor", "Residual", "Skewness", "Excess kurtosis", "Beyond 3 deviations", "Correlation")
-    caption = (
-        "Residuals of weighted least squares over the torque's size. Of a Gaussian 0.27 % lie beyond 3 deviations."
-    )
+    heads = ("Motor", "Skewness", "Excess kurtosis", "Beyond 3 deviations", "Correlation")
+    caption = "Residuals of weighted least squares. Of a Gaussian 0.27 % lie beyond 3 deviations."
     return Table(heads, rows, title="Residuals", caption=caption)
 
 
 def _residuals(solution: RigidSolution, joints: Sequence[str], units: Sequence[str]) -> Section:
-    found, every = solution.residuals, range(len(joints))
+    found, every, joins = solution.residuals, range(len(joints)), own_joins(solution)
     parts: list[Part] = [
         Beside(tuple(histogram(found, joint, joints[joint], units[joint]) for joint in every)),
         Beside(tuple(weights(found, joint, joints[joint], units[joint]) for joint in every)),
-        Beside(tuple(course(found, joint, joints[joint], units[joint]) for joint in every)),
+        Beside(tuple(course(found, joint, joints[joint], units[joint], joins) for joint in every)),
         correlations(solution.checks, joints),
     ]
     filtered = solution.filtered
-    if filtered.trial_hz.size:
+    if filtered.trial_hz.size > 1:
         parts.append(trials(filtered))
-    chosen = "chosen from the data" if filtered.trial_hz.size else "as stated"
+    chosen = "chosen by left-out pieces of the log" if filtered.trial_hz.size > 1 else "as stated"
     lead = (
-        f"Positions are low-passed at {significant(filtered.cut_hz, 3)} Hz ({chosen}; the motion ends at"
-        f" {significant(float(filtered.excited_hz.max()), 3)} Hz), and every {filtered.decimation}th row is kept. Each"
-        " motor's residuals: against a Gaussian, with Huber's weights, and over time with three deviations."
+        f"Positions are low-passed at {significant(filtered.cut_hz, 3)} Hz ({chosen}; 99 % of the speed lies"
+        f" below {significant(float(filtered.motion_hz.max()), 3)} Hz), and every {filtered.decimation}th row is kept."
+        " Each motor's residuals: against a Gaussian, with Huber's weights, and over time with three deviations."
     )
     return Section("Residuals", lead, tuple(parts), "residuals")
 
 
-def _prediction(validation: RigidValidation, joints: Sequence[str], units: Sequence[str]) -> Section:
+def _prediction(
+    validation: RigidValidation, joints: Sequence[str], units: Sequence[str], joins: tuple[Line, ...]
+) -> Section:
     forward = validation.forward_error
     simulated = [MISSING] * len(joints) if forward is None else [percent(each) for each in forward.tolist()]
-    figures = validation.relative_error.tolist(), validation.error_ratio.tolist(), simulated
-    rows = tuple(
-        (name, percent(error), significant(ratio, 3), off)
-        for name, error, ratio, off in zip(joints, *figures, strict=True)
-    )
-    heads = ("Motor", "Error over torque", "Error over the fit's own", "Simulated position off")
+    figures = validation.error_ratio.tolist(), simulated
+    rows = tuple((name, significant(ratio, 3), off) for name, ratio, off in zip(joints, *figures, strict=True))
+    heads = ("Motor", "Error over the fit's own", "Simulated position off")
     caption = "Positions are simulated in the robot's loop under the recorded commands, where these are known."
     table = Table(heads, rows, caption=caption)
-    curves = tuple(torques(validation.prediction, joint, name, units[joint]) for joint, name in enumerate(joints))
+    curves = tuple(
+        torques(validation.prediction, joint, name, units[joint], joins) for joint, name in enumerate(joints)
+    )
     lead = f"The model {validation.outcome.verdict}."
     return Section("Predicted torques", lead, (table, *curves), "prediction")
 
@@ -250,14 +228,15 @@ def report(shown: Shown) -> FitReport:
     estimates = estimates_of(shown, estimate, robot.to_robot(0.0).assumed, solution.torque_unit)
     joints, sensed = tuple(joint.name for joint in robot.joints), robot.without_motor
     pushed = tuple(joint.name for joint in robot.joints if joint.slides and joint.name in sensed)
+    new = () if shown.new is None else shown.new.records
     return fit_report(
         shown,
         estimate,
         estimates,
         None if validation is None else validation.outcome,
-        found=f"{int(estimate.identified.sum())} of {len(estimate.names)} base parameters are identified.",
+        found="",
         numbers=_key_numbers(solution, validation),
-        sections=sections(solution, estimates, joints, validation, sensed, pushed),
+        sections=sections(solution, estimates, joints, validation, sensed, pushed, new),
         summary=_summary(solution, estimates, validation),
         # What is not identified is told in one sentence.
         terminal=replace(estimates, rows=tuple(row for row in estimates.rows if row.identified)),
@@ -265,9 +244,9 @@ def report(shown: Shown) -> FitReport:
 
 
 def _key_numbers(solution: RigidSolution, validation: RigidValidation | None) -> Iterator[KeyNumber]:
-    yield KeyNumber("Torques explained to", percent(solution.residuals.total_error), "of their size, own motion")
+    yield KeyNumber("Torque residual", percent(solution.residuals.total_error), "of the torques' size, own motion")
     if validation is not None:
-        yield KeyNumber("Torques predicted to", percent(validation.total_error), "of their size, another motion")
+        yield KeyNumber("Torque error", percent(validation.total_error), "of the torques' size, another motion")
     yield KeyNumber("Condition number", significant(solution.base.condition, 3), "of the scaled columns")
 
 
@@ -280,7 +259,6 @@ def _summary(solution: RigidSolution, estimates: Estimates, validation: RigidVal
         "relative_error": solution.residuals.total_error,
         "largest_variation_from_huber": float(checks.huber_variation.max()),
         "cut_hz": solution.filtered.cut_hz,
-        "identifiable": float(solution.estimate.identifiable.sum()),
     }
     if checks.instrument_variation is not None:
         found["largest_variation_from_instruments"] = float(checks.instrument_variation.max())

@@ -15,7 +15,7 @@ from robid.settings.experiment import Campaign, Experiment, heaviest, payload_kg
 from robid.settings.fits import FitSettings, HandedOn, fit_of, part
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
-from robid.settings.robot_parts import robot_settings
+from robid.settings.robot_parts import Part, robot_settings
 from robid.settings.yaml import FieldPath
 
 _Found: TypeAlias = Iterator[tuple[FieldPath, str]]
@@ -73,6 +73,9 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     if fit.model.friction == "load" and fit.estimator == "instruments":
         message = "S087 friction that grows with the measured torque has no instrument: take another `estimator`"
         yield ("estimator",), message
+    for index, joint in enumerate(fit.judge):
+        if joint not in (known := [each.name for each in robot.joints]):
+            yield ("judge", index), f"S440 is no joint of the robot: there are {', '.join(known)}"
     yield from _payloads(experiment, fit, robot)
     yield from _cut_off(experiment, fit, robot)
 
@@ -121,11 +124,17 @@ def _payloads(experiment: Experiment, fit: RigidFit, robot: RobotFile) -> _Found
         yield ("validate_on",), message
 
 
+_PARTS: tuple[Part, ...] = (
+    *("mechanics", "rigid", "range", "friction", "torque_constant", "rated_torque", "motor_limits"),
+    *("controller", "timing"),
+)
+"""Parts of the robot file that decide a rigid model, and what is said of it."""
+
+
 def model_settings(loaded: LoadedExperiment, campaign: str) -> dict[str, Any]:
     """Returns what the rigid model of a campaign is made of."""
     used = loaded.experiment.campaigns[campaign]
-    parts = robot_settings(loaded, "mechanics", "rigid", "torque_constant", "friction", "range", "controller", "timing")
-    return {f"campaigns.{campaign}.payload_kg": used.payload_kg, **parts}
+    return {f"campaigns.{campaign}.payload_kg": used.payload_kg, **robot_settings(loaded, *_PARTS)}
 
 
 def loaded_campaign(loaded: LoadedExperiment, name: str) -> Campaign:

@@ -17,7 +17,7 @@ from robid.arrays import FloatArray, option
 from robid.robot.description import HarmonicBalance, Joint, Robot, SpringBalance
 from robid.robot.parameters import PARAMETER_KINDS, RigidKind
 
-FrictionForm = Literal["none", "viscous", "coulomb", "asymmetric", "load"]
+FrictionForm = Literal["none", "viscous", "coulomb", "asymmetric", "load", "quadratic"]
 PayloadForm = Literal["link", "body"]
 
 
@@ -28,7 +28,8 @@ class RigidOptions:
     friction: FrictionForm = option(
         "coulomb",
         "Friction of each motor: `none`, `viscous`, `coulomb` (viscous and Coulomb), `asymmetric` (both for either"
-        " direction), `load` (viscous, and Coulomb that grows with the motor's torque).",
+        " direction), `load` (viscous, and Coulomb that grows with the motor's torque), `quadratic` (viscous, Coulomb,"
+        " and what grows with the square of the speed).",
     )
     offsets: bool = option(True, "Whether each motor's torque has an offset.")
     motor_inertias: bool = option(True, "Whether rotors have inertia.")
@@ -56,7 +57,11 @@ class BaseOptions:
     seed: int = option(0, "Seed of the random configurations.", ge=0)
 
 
-_FORCES = {"N m": "N", "N m s/rad": "N s/m"}  # Units of what acts on a motor, where a slide's force is measured instead
+_FORCES = {
+    "N m": "N",
+    "N m s/rad": "N s/m",
+    "N m s^2/rad^2": "N s^2/m^2",
+}  # Units of what acts on a motor, where a slide's force is measured instead
 
 
 @dataclass(frozen=True)
@@ -141,6 +146,8 @@ def _friction(joint: Joint, row: FloatArray, options: RigidOptions) -> Iterator[
             yield _term(joint, row, "coulomb", law.coulomb_nm, _sense)
         if form == "load":
             yield _term(joint, row, "load_friction", 0.0, _load)
+        elif form == "quadratic":
+            yield _term(joint, row, "quadratic_viscous", 0.0, _square)
 
 
 def _coupling(joint: Joint, row: FloatArray, options: RigidOptions) -> Iterator[DriveTerm]:
@@ -173,6 +180,10 @@ def _one(motion: DriveMotion) -> FloatArray:
 
 def _load(motion: DriveMotion) -> FloatArray:
     return np.asarray(np.abs(motion.torque) * motion.sense)
+
+
+def _square(motion: DriveMotion) -> FloatArray:
+    return np.asarray(np.abs(motion.velocity) * motion.velocity)
 
 
 def _one_way(effect: Callable[[DriveMotion], FloatArray], sense: float, motion: DriveMotion) -> FloatArray:

@@ -274,6 +274,8 @@ def add_inertial_columns(
     Source:
         Janot et al. (2009), eq. 2; Newton and Euler about each frame's origin, projected on each coordinate's screw.
     """
+    if not any(wanted):
+        return
     states: list[FloatArray] = []
     for start in range(0, position.shape[1], _BLOCK):
         block = slice(start, start + _BLOCK)

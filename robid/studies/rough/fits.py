@@ -80,22 +80,16 @@ def motor_errors(
     return np.asarray(found.deviation / np.maximum(size, RATED_SHARE * rated_nm))
 
 
-def expected_bound(solution: RigidSolution) -> FloatArray:
-    """Returns the 95 % bound (n_joint,) that a fit states of its motors' errors on other motions; NaN without one."""
-    expected = getattr(solution, "expected", None)
-    return np.full(solution.travel.lowest.shape, np.nan) if expected is None else np.asarray(expected.bound, float)
-
-
 def judged(judge: Judge, fitted: Sequence[Shot], validation: Sequence[Shot] = ()) -> Said:
     """Fits to motions, validates on further ones where there are any, and holds both against the truth."""
     try:
         solution = fit_rigid(judge.robot, fitted, OPTIONS)
         scales = rigid_scale_findings(judge.robot, fitted, judge.channels, OPTIONS)
-        grade = assess_rigid(solution, scales or sum_findings(judge.robot, fitted, OPTIONS))
+        grade = assess_rigid(judge.robot, solution, OPTIONS, scales or sum_findings(judge.robot, fitted, OPTIONS))
         if validation:
             grade = validate_rigid(judge.robot, solution, validation, OPTIONS, grade.findings).outcome.grade
     except DataError as refusal:
         nowhere = np.full(len(judge.robot.joints), np.nan)
         return Said(DO_NOT_USE, str(refusal), nowhere, nowhere, np.nan, np.nan)
-    bound, found = expected_bound(solution), judge.error(solution)
+    bound, found = solution.expected.bound, judge.error(solution)
     return Said(grade.value, grade.sentence, found, bound, solution.filtered.cut_hz, solution.base.condition)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
 from robid.arrays import FloatArray
 from robid.design.excitation.options import TrajectoryOptions
 from robid.pipeline.design_excitation import base_model
-from robid.robot.description import HarmonicBalance, Inertial, Joint, Motor, Robot
+from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot
 from robid.simulate.options import Truth
 from robid.simulate.truth import true_robot
 from robid.studies.mistakes.unit_logs import Factors
@@ -101,10 +101,8 @@ def rated_torque_nm(robot: Robot, share: float) -> FloatArray:
 
 def with_rated(robot: Robot, rated_nm: FloatArray) -> Robot:
     """Returns a robot whose file states rated torques (n_joint,) of its motors [N m]."""
-    if "rated_torque_nm" not in {each.name for each in fields(Motor)}:
-        return robot
     joints = (
-        replace(joint, motor=replace(joint.motor, **{"rated_torque_nm": rated}))
+        replace(joint, motor=replace(joint.motor, rated_torque_nm=rated))
         for joint, rated in zip(robot.joints, rated_nm.tolist(), strict=True)
     )
     return replace(robot, joints=tuple(joints))

@@ -277,10 +277,11 @@ def test_key_numbers_count_what_the_rows_say(arm, bench):
 
 
 @pytest.mark.parametrize(("row", "words"), [
-    ({"identifiable": False, "predicted_relative_std": 0.35}, "not identifiable: predicted deviation 35 %, above 20 %"),
-    ({"identifiable": False, "predicted_relative_std": 0.04, "known_relative_std": 0.05},
+    ({"identifiable": False, "identified": False, "predicted_relative_std": 0.35},
+     "not identifiable: predicted deviation 35 %, above 20 %"),
+    ({"identifiable": False, "identified": False, "predicted_relative_std": 0.04, "known_relative_std": 0.05},
      "known beforehand to 5.0 %, and the data were predicted to leave 4.0 %"),
-    ({"identifiable": False, "predicted_relative_std": 0.15, "known_relative_std": 0.23},
+    ({"identifiable": False, "identified": False, "predicted_relative_std": 0.15, "known_relative_std": 0.23},
      "not identifiable: known beforehand to 23 %, and the data were predicted to leave 15 %"),
     ({"predicted_relative_std": 0.019, "identified": False}, "not identified: the interval came out at ±50 %"),
     ({"predicted_relative_std": 0.019}, ""),

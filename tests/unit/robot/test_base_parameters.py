@@ -82,7 +82,7 @@ def test_the_wrist_of_the_tx40_has_61_with_friction_offsets_and_coupling(data_fo
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("form", ["coulomb", "asymmetric", "load"])
+@pytest.mark.parametrize("form", ["coulomb", "asymmetric", "load", "quadratic"])
 def test_base_parameters_give_the_torques_of_the_standard_ones(seed, form):
     robot = with_gears(random_chain(seed))
     model = build_rigid_model(robot, RigidOptions(friction=form, payload="body"))

@@ -20,7 +20,7 @@ def close(found, wanted, tolerance=IDENTITY):
 
 
 @pytest.mark.parametrize("rotor", ["spong", "on_link"])
-@pytest.mark.parametrize("form", ["coulomb", "asymmetric", "load"])
+@pytest.mark.parametrize("form", ["coulomb", "asymmetric", "load", "quadratic"])
 def test_forward_dynamics_undoes_the_inverse(rotor, form):
     robot = replace(with_gears(random_chain(12)), rotor=rotor)
     spring = SpringBalance(np.array([-0.2, 0.5, 0.1]), np.array([0.3, -0.1, 0.4]), 0.35, 4e3, 120.0)

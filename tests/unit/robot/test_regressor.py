@@ -156,6 +156,14 @@ def test_columns_are_the_same_however_many_samples_come_at_once():
                 "load_friction": np.abs(torque) * sense,
             },
         ),
+        (
+            "quadratic",
+            lambda _torque, sense, speed: {
+                "viscous": speed,
+                "coulomb": sense,
+                "quadratic_viscous": speed**2 * np.sign(speed),
+            },
+        ),
     ],
 )
 @pytest.mark.parametrize("by_instrument", [False, True])

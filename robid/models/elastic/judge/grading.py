@@ -15,7 +15,7 @@ from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.judge.extrema import resonance_shifts
 from robid.models.elastic.judge.fitted import FittedModel
 from robid.results.finding import Finding, two_digits
-from robid.results.grade import Grade, grade_alone, grade_held
+from robid.results.grade import Grade, grade_alone, grade_held, undetermined_names
 
 COST_RATIO_LIMIT = 1.5
 _MEDIAN_LIMIT_DB = 1.0
@@ -159,7 +159,8 @@ def grade_fit(solution: ElasticSolution, findings: Sequence[Finding], failures: 
 
 def grade_validation(solution: ElasticSolution, findings: Sequence[Finding], failures: Sequence[str]) -> Grade:
     """Grades a fit that was held against data that it never saw; arguments as of `grade_fit`."""
-    return grade_held((*_unusable(solution, findings), *failures), _doubtful(solution, findings), findings)
+    unusable = (*_unusable(solution, findings), *failures)
+    return grade_held(unusable, _doubtful(solution, findings), findings, undetermined_names(solution.estimate))
 
 
 def _unusable(solution: ElasticSolution, findings: Sequence[Finding]) -> tuple[str, ...]:

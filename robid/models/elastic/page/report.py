@@ -33,7 +33,13 @@ from robid.report.costs import (
 )
 from robid.report.numbers import MINUS, MISSING, percent
 from robid.report.page import FitReport, Headline
-from robid.report.parameter_section import identified_phrase, parameter_numbers, parameter_section, parameter_table
+from robid.report.parameter_section import (
+    count_identified,
+    identified_phrase,
+    parameter_numbers,
+    parameter_section,
+    parameter_table,
+)
 from robid.report.parameters import misfit_sentence
 from robid.report.section import Folded, Notes, Part, Section, Table
 from robid.results.outcome import recovery_sentence
@@ -240,7 +246,7 @@ def _modes(fit: FitContent) -> dict[str, float]:
 
 
 def _recovery(fit: FitContent) -> dict[str, float]:
-    found: dict[str, float] = {"identifiable": sum(row.identifiable for row in fit.estimates.rows)}
+    found: dict[str, float] = {"identified": float(count_identified(fit.estimates.rows))}
     springs = [row for row in fit.estimates.rows if row.kind == "stiffness"]
     widths = [(row.upper - row.lower) / 2 / abs(row.middle) for row in springs if row.identifiable and row.middle]
     if widths:

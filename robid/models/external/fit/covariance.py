@@ -39,18 +39,25 @@ class Spread:
     n_taken: FloatArray  # (n_shot, n_out): degrees of freedom that the fit took from each residual
 
 
-def find_spread(problem: Problem, point: Point, noise: FloatArray, unseen: float = np.pi) -> Spread:
+def find_spread(
+    problem: Problem,
+    point: Point,
+    noise: FloatArray,
+    unseen: float = np.pi,
+    apart: Sequence[Sequence[int]] = (),
+) -> Spread:
     """Computes residuals and the coefficients' covariance.
 
     For white residuals it is `sigma^2 (J'J)^-1`; where any is coloured, its smoothed spectrum takes the place of
     `sigma^2`, which keeps intervals honest when the model leaves something over. The deviations `noise` (n_shot, n_out)
-    weight residuals; from `unseen` per sample on, samples do not tell the fastest pole from an immediate answer.
+    weight residuals; from `unseen` per sample on, samples do not tell the fastest pole from an immediate answer. Groups
+    of shots that stand `apart`, by their indices, may have parameters of their own: what these explain is no noise.
 
     Source:
         White (1980), "A heteroskedasticity-consistent covariance matrix estimator"; Ljung (1999), eq. 9.42.
     """
     experiments, sought, period = problem.experiments, problem.sought, problem.period
-    rows = [_time_rows(each, point, period, problem.structure.hold) for each in experiments]
+    rows = [time_rows(each, point, period, problem.structure.hold) for each in experiments]
     ends = np.cumsum([0, *(each.n_sample for each in experiments)]).tolist()
     spans = [slice(first, last) for first, last in pairwise(ends)]
     # The Jacobian of all outputs in two parts: what is linear in numerators and free responses belongs to one output
@@ -64,16 +71,27 @@ def find_spread(problem: Problem, point: Point, noise: FloatArray, unseen: float
         own = projected[output * ends[-1] : (output + 1) * ends[-1]]
         pulls = np.concatenate([part.within, own], axis=1)
         meat = np.zeros((pulls.shape[1], pulls.shape[1]))
+        by_noise = _by_noise(part.residual, pulls, [[spans[index] for index in group] for group in apart])
         for index, (each, span) in enumerate(zip(experiments, spans, strict=True)):
             residuals[index][:, output] = part.residual[span] * noise[index, output]
             # The pulls are orthonormal over all shots: their squares in one are the degrees of freedom that it gave.
-            excited, left = excited_lines(each), part.residual[span]
-            taken[index, output] = np.sum(pulls[span] ** 2) + each.offset
-            chances[index, output] = whiteness(left, excited, taken[index, output] - each.offset)
-            white = bool(chances[index, output] >= WHITE)
-            meat += _meat(left, pulls[span], excited, taken[index, output], white=white)
+            excited, left, n_pull = excited_lines(each), by_noise[span], float(np.sum(pulls[span] ** 2))
+            taken[index, output] = n_pull + each.offset
+            chances[index, output] = whiteness(part.residual[span], excited, n_pull)
+            white = whiteness(left, excited, n_pull) >= WHITE if apart else chances[index, output] >= WHITE
+            meat += meat_of(left, pulls[span], excited, taken[index, output], white=bool(white))
         meats.append(meat)
     return Spread(tuple(residuals), _root(linear, triangle, meats, point, sought), chances, taken)
+
+
+def _by_noise(residual: FloatArray, pulls: FloatArray, apart: Sequence[Sequence[slice]]) -> FloatArray:
+    """What is left of a residual (n_row,) once each group of rows has followed its own pulls (n_row, n_pull)."""
+    left = residual.copy()
+    for group in apart:
+        rows = np.concatenate([np.arange(span.start, span.stop) for span in group])
+        own = pulls[rows]
+        left[rows] -= own @ np.linalg.lstsq(own, residual[rows], rcond=None)[0]
+    return left
 
 
 @dataclass(frozen=True)
@@ -87,8 +105,8 @@ class _LinearPart:
     residual: FloatArray
 
 
-def _time_rows(experiment: Experiment, point: Point, period: float, hold: Hold) -> Reduced:
-    """The shot's states and outputs over time, in the form of their factor."""
+def time_rows(experiment: Experiment, point: Point, period: float, hold: Hold) -> Reduced:
+    """Returns a shot's states and outputs over time, in the form of their factor."""
     states = states_of(experiment, point.basis.double, period, hold)
     columns = np.concatenate([states.reshape(-1, experiment.n_sample), experiment.outputs]).T
     return Reduced(experiment.moved, columns, states.shape[1], experiment.start == "free")
@@ -110,7 +128,7 @@ def _linear_part(
     return _LinearPart(within, to_weights, along, slope - within @ along, right - within @ (within.T @ right))
 
 
-def _meat(residual: FloatArray, pull: FloatArray, excited: BoolArray, n_taken: float, *, white: bool) -> FloatArray:
+def meat_of(residual: FloatArray, pull: FloatArray, excited: BoolArray, n_taken: float, *, white: bool) -> FloatArray:
     """Covariance (n_pull, n_pull) of the pulls (n_sample, n_pull) of noise that looks like the residual (n_sample,)."""
     n_sample = len(residual)
     # Residuals are smaller than the noise by what the fit took of it.
@@ -137,7 +155,7 @@ def _root(
     size[size == 0] = 1.0
     # A noise e moves the poles by R^-1 Q^T e, where Q R is what they do beyond numerators and free responses.
     poles = np.linalg.pinv(triangle / size, rcond=1e-13) / size[:, None]
-    to_numerators = [_to_numerators(point, sought, output) for output in range(len(linear))]
+    to_numerators = [numerators_of(point, sought, output) for output in range(len(linear))]
     n_each = point.weights.shape[1] * point.weights.shape[2]
     columns = []
     for own, meat in zip(linear, meats, strict=True):
@@ -185,8 +203,8 @@ def _orthogonal(tilts: FloatArray, point: Point, period: float, unseen: float) -
     return projected, triangle[:, back] / sizes
 
 
-def _to_numerators(point: Point, sought: Numerators, output: int) -> tuple[FloatArray, FloatArray]:
-    """What an output's sought weights, and the poles' directions, change in its numerators' coefficients."""
+def numerators_of(point: Point, sought: Numerators, output: int) -> tuple[FloatArray, FloatArray]:
+    """Returns what an output's sought weights, and the poles' directions, change in its numerators' coefficients."""
     n_in, n_weight = point.weights.shape[1:]
     numerators = point.basis.single.numerators
     above = numerators[-n_weight:, -n_weight:]

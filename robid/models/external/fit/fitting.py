@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
+from robid.models.conclusions import Row
 from robid.models.external.fit.checks import (
     Block,
     ChannelFinding,
@@ -25,9 +26,11 @@ from robid.models.external.fit.data import Shot, refuse_unlike
 from robid.models.external.fit.etfe import estimate_etfe, floors
 from robid.models.external.fit.options import CouplingOptions, ExternalOptions
 from robid.models.external.fit.output_error import BlockFit, fit_block
-from robid.models.external.fit.result import FittedBlock, make_solution
+from robid.models.external.fit.parameters import block_parameters, integrators_of
+from robid.models.external.fit.recordings import pool_recordings
+from robid.models.external.fit.result import FittedBlock, channel_texts, make_solution
 from robid.models.external.fit.solution import ExternalSolution, Ports
-from robid.models.external.fit.transfer import Hold
+from robid.models.external.fit.transfer import Hold, TransferMatrix
 from robid.signals.quantities import Channel, channel_names
 
 _NO_BETTER = 0.1  # of the criterion, of which 10 are strong evidence
@@ -116,7 +119,17 @@ def _fitted(
     if fit.status == "stalled":
         again = fit_block(used, block.inputs, block.outputs, choice.structure, fit.model, names=names)
         fit = settled(fit, again)
-    return FittedBlock(block, used, choice, fit)
+    longest_s = max(len(shot.outputs) * shot.sampling_period_s for shot in used)
+    integrators = integrators_of(fit.model, fit.covariance_root, longest_s, options.confidence)
+    texts, every = channel_texts(block, ports, integrators), np.eye(len(fit.parameters))
+
+    def parameters_of(model: TransferMatrix) -> list[Row]:
+        return block_parameters(block.name, *texts, model, every, integrators)
+
+    fit, recordings = pool_recordings(used, block.inputs, block.outputs, fit, parameters_of)
+    # What differs between recordings moves all that follows from the coefficients, responses and predictions too.
+    root = np.concatenate([recordings.noise_root, recordings.root], axis=1)
+    return FittedBlock(block, used, choice, replace(fit, covariance_root=root), integrators, recordings)
 
 
 def settled(fit: BlockFit, again: BlockFit) -> BlockFit:

@@ -113,6 +113,7 @@ _SETTLED = 0.02
 _TIME_CONSTANTS = 7.0
 _MARGIN = 1.25
 _NUDGE = 1e-6
+_SAMPLES = 100  # that the step response of nothing but integrators is shown for
 _BELOW = 0.3  # of the lowest excited frequency
 
 
@@ -124,6 +125,7 @@ class Fitted:
     # (n_coefficient, n_root): a root of the covariance of its numerators, channel by channel, then of its denominator
     # without the first.
     root: FloatArray
+    integrators: int = 0  # how many of its poles, the slowest, are integrators
 
     @property
     def coefficients(self) -> FloatArray:
@@ -168,9 +170,10 @@ def step_responses(fitted: Sequence[Fitted]) -> StepResponses:
     times, values, deviations, finals = [], [], [], []
     for one in fitted:
         n_out, n_in = one.model.numerator.shape[:2]
-        finals += one.model.static_gain.ravel().tolist()
+        # What integrates comes to rest nowhere.
+        finals += np.where(one.integrators > 0, np.inf, one.model.static_gain).ravel().tolist()
         for place in range(n_out * n_in):
-            time = _times(one.model, place)
+            time = _times(one, place)
             value = _step(one.model, time, place)
             slopes = np.array([(_step(other, time, place) - value) / step for other, step in one.nudged()])
             times.append(time)
@@ -192,7 +195,7 @@ def root_loci(fitted: Sequence[Fitted]) -> RootLoci:
         for place in np.ndindex(one.model.numerator.shape[:2]):
             numerator = one.model.numerator[place]
             # Closed-loop poles are the roots of A(s) + k B(s); the gain is counted in those of static loop gain one.
-            each = gain / _size(numerator, one.model.denominator)
+            each = gain / _size(numerator, one.model.denominator, one.integrators)
             paths.append([_padded(np.roots(np.polyadd(one.model.denominator, k * numerator)), n_pole) for k in each])
             zeros.append(_places(zeros_of(one.model, one.root, *place), n_zero))
             poles.append(own)
@@ -210,11 +213,11 @@ def _places(found: Sequence[Root], count: int) -> tuple[ComplexArray, ComplexArr
     return _padded(np.array(places, complex), count), _padded(np.array(deviations, complex), count)
 
 
-def _size(numerator: FloatArray, denominator: FloatArray) -> float:
+def _size(numerator: FloatArray, denominator: FloatArray, integrators: int) -> float:
     """Static gain; of a channel that has none, or an endless one, the gain amid its poles."""
     with np.errstate(divide="ignore", invalid="ignore"):
         static = float(numerator[-1] / denominator[-1])
-    if np.isfinite(static) and abs(static) > _NUDGE * np.abs(numerator).max():
+    if not integrators and np.isfinite(static) and abs(static) > _NUDGE * np.abs(numerator).max():
         return static
     s = 1j * np.abs(np.roots(denominator)).max()
     return float(abs(np.polyval(numerator, s) / np.polyval(denominator, s))) or 1.0
@@ -233,17 +236,23 @@ def _step(model: TransferMatrix, time: FloatArray, place: int) -> FloatArray:
     return np.asarray(model.step(time).reshape(len(time), -1)[:, place])
 
 
-def _times(model: TransferMatrix, place: int) -> FloatArray:
-    """Times (n_time,) [s] until a channel has settled; of one that rings for long, its first turns."""
+def _times(fitted: Fitted, place: int) -> FloatArray:
+    """Times (n_time,) [s] until a channel has settled, but for its integrators; of one that rings long, first turns."""
+    model = fitted.model
     delay_s = model.delay_samples * model.sampling_period_s
-    rates = np.abs(model.poles.real)
-    fastest = np.abs(model.poles).max()
+    poles = model.poles[np.argsort(np.abs(model.poles))][fitted.integrators :]
+    if not poles.size:
+        return np.linspace(0, delay_s + _SAMPLES * model.sampling_period_s, _TIMES)
+    rates = np.abs(poles.real)
+    fastest = np.abs(poles).max()
     slowest = rates[rates > _NUDGE * fastest].min(initial=fastest)
     long = np.linspace(0, delay_s + _TIME_CONSTANTS / slowest, 10 * _TIMES)
     value = _step(model, long, place)
+    if fitted.integrators:
+        return long[::10]
     away = np.flatnonzero(np.abs(value - value[-1]) > _SETTLED * np.abs(value).max())
     end = long[min(away[-1] + 1, len(long) - 1)] if away.size else long[-1]
-    turning = np.abs(model.poles.imag)
+    turning = np.abs(poles.imag)
     ringing = turning[(turning > rates) & (rates * end < _RINGS_FOR)]
     if ringing.size:
         end = min(end, delay_s + 2 * np.pi * _TURNS / ringing.max())

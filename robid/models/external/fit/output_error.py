@@ -83,7 +83,7 @@ def conclude(
     unseen = slowest_unseen(problem, point, noise)
     spread = find_spread(problem, point, noise, unseen)
     model = model_of(problem, point, names)
-    powers = _powers(problem, len(names[1]))
+    powers = powers_of(problem, len(names[1]))
     parameters = np.concatenate([model.numerator.ravel(), model.denominator[1:]])
     squares = np.array([np.sum(each**2, axis=0) for each in spread.residuals])
     return BlockFit(
@@ -108,7 +108,7 @@ def model_of(problem: Problem, point: Point, names: tuple[tuple[str, ...], tuple
     """Returns the transfer functions of a point in powers of rad/s."""
     structure, n_weight = problem.structure, problem.structure.zeros + 1
     numerators = point.weights @ point.basis.single.numerators[-n_weight:, -n_weight:]
-    powers = _powers(problem, len(names[1]))
+    powers = powers_of(problem, len(names[1]))
     return TransferMatrix(
         inputs=names[0],
         outputs=names[1],
@@ -121,8 +121,8 @@ def model_of(problem: Problem, point: Point, names: tuple[tuple[str, ...], tuple
     )
 
 
-def _powers(problem: Problem, n_out: int) -> FloatArray:
-    """What each coefficient (n_param,) in powers of s over the reference frequency is multiplied with."""
+def powers_of(problem: Problem, n_out: int) -> FloatArray:
+    """Returns what each coefficient (n_param,) in powers of s over the reference frequency is multiplied with."""
     structure = problem.structure
     above = problem.scale ** (structure.poles - np.arange(structure.zeros, -1.0, -1.0))
     below = problem.scale ** np.arange(1.0, structure.poles + 1)

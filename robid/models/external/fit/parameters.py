@@ -14,6 +14,7 @@ from robid.models.conclusions import Row, estimate_of_rows, root_rows
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.transfer import TransferMatrix
 from robid.results.estimate import Estimate
+from robid.robot.parameters import INTEGRATOR_KIND
 
 
 @dataclass(frozen=True)
@@ -74,50 +75,122 @@ def _roots(polynomial: FloatArray, root: FloatArray) -> tuple[Root, ...]:
     return tuple(Root(place, np.asarray(move, dtype=complex)) for place, move in zip(upper, moves, strict=True))
 
 
+@dataclass(frozen=True)
+class Integrators:
+    """The poles of a block that cannot be told from zero: what they drive goes on as long as it is commanded."""
+
+    count: int = 0  # how many, the slowest of all poles
+    longest_s: float = float("inf")  # how long the longest shot lasts [s]
+
+    @property
+    def sentence(self) -> str:
+        """Says what they are."""
+        told = "its slowest pole is an integrator" if self.count == 1 else f"{self.count} poles are integrators"
+        return f"{told}: shots of {self.longest_s:.3g} s do not tell it from zero"
+
+
+def integrators_of(model: TransferMatrix, root: FloatArray, longest_s: float, confidence: float) -> Integrators:
+    """Counts poles whose time constants are longer than any shot, or that may be zero and turn less than once in one.
+
+    Below 2 pi over its length no shot has a line, so nothing tells where such a pole lies, only what it adds to faster
+    motions: those of an integrator. `root` is as in `block_parameters`.
+    """
+    half, count = norm.ppf(0.5 + 0.5 * confidence), 0
+    for one in poles_of(model, root):
+        maybe_zero = bool(abs(one.place.real) <= half * one.real_std) and abs(one.place) * longest_s < 2 * np.pi
+        if not (abs(one.place) * longest_s < 1 or (one.place.imag == 0 and maybe_zero)):
+            break
+        count += 1 + (one.place.imag != 0)
+    return Integrators(count, longest_s)
+
+
+_NONE = Integrators()
+
+
 def block_parameters(
-    name: str, channels: Sequence[str], units: Sequence[str], model: TransferMatrix, root: FloatArray
+    name: str,
+    channels: Sequence[str],
+    units: Sequence[str],
+    model: TransferMatrix,
+    root: FloatArray,
+    integrators: Integrators = _NONE,
 ) -> list[Row]:
     """Turns the coefficients of a block into poles, zeros and static gains.
 
     A real root is given as its rate, positive in the left half plane, a pair as natural frequency and damping ratio.
-    Channels are named output by output. `root` (n_coefficient, n_root) is one of the covariance of numerators, then of
-    the denominator without its first.
+    Integrators have gains per second in place of static ones. Channels are named output by output. `root`
+    (n_coefficient, n_root) is one of the covariance of numerators, then of the denominator without its first.
     """
-    nyquist = np.pi / model.sampling_period_s
-    rows = _rows_of_roots(name, "pole", poles_of(model, root), nyquist)
+    nyquist, count = np.pi / model.sampling_period_s, integrators.count
+    rows = _rows_of_roots(name, "pole", poles_of(model, root), nyquist, integrators)
     for channel, unit, place in zip(channels, units, np.ndindex(model.numerator.shape[:2]), strict=True):
         last = (int(np.ravel_multi_index(place, model.numerator.shape[:2])) + 1) * model.numerator.shape[2] - 1
         with np.errstate(divide="ignore", invalid="ignore"):
-            # G(0) = b_0 / a_0, so that dG(0) = (db_0 - G(0) da_0) / a_0.
-            gain = model.numerator[place][-1] / model.denominator[-1]
-            slope = np.asarray((root[last] - gain * root[-1]) / model.denominator[-1])
-        rows.append(Row(f"{channel}.gain", "gain", unit, float(gain), abs(float(gain)), slope))
+            # Of n integrators K = b_0 / a_n, the static gain without any: dK = (db_0 - K da_n) / a_n.
+            below = model.denominator[-1 - count]
+            gain = model.numerator[place][-1] / below
+            moved = root[-1 - count] if count < len(model.denominator) - 1 else np.zeros(root.shape[1])
+            slope = np.asarray((root[last] - gain * moved) / below)
+        kind = "gain_per_second" if count else "gain"
+        rows.append(Row(f"{channel}.{kind}", kind, unit, float(gain), abs(float(gain)), slope))
         rows += _rows_of_roots(channel, "zero", zeros_of(model, root, *place), nyquist)
     return rows
 
 
-def _rows_of_roots(owner: str, kind: str, found: Sequence[Root], nyquist: float) -> list[Row]:
-    rows = []
+def _rows_of_roots(
+    owner: str, kind: str, found: Sequence[Root], nyquist: float, integrators: Integrators = _NONE
+) -> list[Row]:
+    rows, left = [], integrators.count
     for number, one in enumerate(found, start=1):
-        is_real, reachable = one.place.imag == 0, bool(abs(one.place) < nyquist)
-        rows += root_rows(f"{owner}.{kind}{number}", kind, one.place, one.moves, is_real=is_real, reachable=reachable)
+        is_real, reachable, name = one.place.imag == 0, bool(abs(one.place) < nyquist), f"{owner}.{kind}{number}"
+        if left > 0:
+            # How far from zero it may be is related to the slowest that a shot shows.
+            slowest, parts = 1 / integrators.longest_s, [("" if is_real else ".real", -one.place.real, -one.moves.real)]
+            parts += [] if is_real else [(".imaginary", one.place.imag, one.moves.imag)]
+            rows += [
+                Row(f"{name}{end}", INTEGRATOR_KIND, "rad/s", value, slowest, moves) for end, value, moves in parts
+            ]
+            left -= 1 + (not is_real)
+        else:
+            rows += root_rows(name, kind, one.place, one.moves, is_real=is_real, reachable=reachable)
     return rows
 
 
+def gain_unit(output: str, command: str, integrators: int = 0) -> str:
+    """Writes the unit of a gain from a command to an output, per second for each integrator."""
+    each = {0: "", 1: "/s"}.get(integrators, f"/s^{integrators}")
+    if f"{output}{each}" == command:
+        return "1"
+    if output == command:
+        return f"1{each}"
+    return f"{output}{each}/({command})" if "/" in command else f"{output}{each}/{command}"
+
+
 def estimate_of(
-    blocks: Sequence[Sequence[Row]], options: ExternalOptions, undetermined: Sequence[str], status: str, advice: str
+    blocks: Sequence[Sequence[Row]],
+    options: ExternalOptions,
+    undetermined: Sequence[str],
+    status: str,
+    advice: str,
+    *,
+    rule: str = "the residual, as coloured as it is",
+    degrees_of_freedom: FloatArray | None = None,
 ) -> Estimate:
-    """Puts the parameters of all blocks together; blocks are independent of each other."""
+    """Puts the parameters of all blocks together; blocks are independent of each other.
+
+    Intervals are those of Student's distribution where its `degrees_of_freedom` (n_param,) are given.
+    """
     roots = [np.array([row.moves for row in rows]) for rows in blocks]
     return estimate_of_rows(
         [row for rows in blocks for row in rows],
         block_diag(*(root @ root.T for root in roots)),
-        "the residual, as coloured as it is",
+        rule,
         status,
         advice,
         confidence=options.confidence,
         identifiable_relative_std=options.identifiable_relative_std,
         undetermined=undetermined,
+        degrees_of_freedom=degrees_of_freedom,
     )
 
 
@@ -146,16 +219,17 @@ def find_findings(
     *,
     confidence: float = 0.95,
     largest_relative_std: float = 0.2,
+    integrators: int = 0,
 ) -> Findings:
     """Looks through the poles and zeros of one channel.
 
     `root` (n_param, n_root) is as in `block_parameters`; poles and zeros of a larger relative deviation than
-    `largest_relative_std` count as undetermined.
+    `largest_relative_std` count as undetermined, but for the slowest poles where they are integrators.
     """
     poles, zeros = poles_of(model, root), zeros_of(model, root, output, input)
     nyquist = np.pi / model.sampling_period_s
     undetermined = [
-        *_undetermined("pole", poles, nyquist, largest_relative_std),
+        *_undetermined("pole", _without_slowest(poles, integrators), nyquist, largest_relative_std),
         *_undetermined("zero", zeros, nyquist, largest_relative_std),
     ]
     cancelling = _cancelling(poles, zeros, float(np.sqrt(chi2.ppf(confidence, 2))))
@@ -171,6 +245,15 @@ def find_findings(
         ),
         significant=tuple(significant),
     )
+
+
+def _without_slowest(poles: Sequence[Root], count: int) -> Sequence[Root]:
+    """Leaves out so many poles, both of a pair counted, the slowest first."""
+    for index, one in enumerate(poles):
+        if count <= 0:
+            return poles[index:]
+        count -= 1 + (one.place.imag != 0)
+    return ()
 
 
 def _undetermined(word: str, roots: Sequence[Root], nyquist: float, largest: float) -> list[str]:

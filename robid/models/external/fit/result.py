@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.models.conclusions import Row
 from robid.models.external.fit.checks import Block, ChannelFinding, is_own, pair_name
 from robid.models.external.fit.choice import Choice
 from robid.models.external.fit.coupling import CouplingMap
@@ -16,8 +17,17 @@ from robid.models.external.fit.etfe import Etfe, Excitation, OwnChannel, show_ex
 from robid.models.external.fit.graphs import Fitted, frequency_responses, root_loci, step_responses
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.output_error import BlockFit
-from robid.models.external.fit.parameters import Findings, block_parameters, estimate_of, find_findings
+from robid.models.external.fit.parameters import (
+    Findings,
+    Integrators,
+    block_parameters,
+    estimate_of,
+    find_findings,
+    gain_unit,
+)
+from robid.models.external.fit.recordings import Recordings, width_rule
 from robid.models.external.fit.solution import ExternalSolution, FitQuality, Ports, Traces, Transfers, Tried
+from robid.results.estimate import Estimate
 
 _REMEDIES = {
     "iteration_limit": "fix the number of poles, or excite a wider band",
@@ -32,7 +42,9 @@ class FittedBlock:
     block: Block
     shots: tuple[Shot, ...]
     choice: Choice
-    fit: BlockFit
+    fit: BlockFit  # the covariance of its coefficients holds what differs between recordings
+    integrators: Integrators
+    recordings: Recordings
 
     @property
     def measured(self) -> list[FloatArray]:
@@ -43,7 +55,7 @@ class FittedBlock:
     @property
     def fitted(self) -> Fitted:
         """The model with its uncertainty."""
-        return Fitted(self.fit.model, self.fit.covariance_root)
+        return Fitted(self.fit.model, self.fit.covariance_root, self.integrators.count)
 
 
 def make_solution(
@@ -71,26 +83,19 @@ def make_solution(
     parameters = [
         block_parameters(
             one.block.name,
-            [transfers.names[channel] for channel in transfers.channels_of(index)],
-            [_gain_unit(transfers, ports, channel) for channel in transfers.channels_of(index).tolist()],
+            *channel_texts(one.block, ports, one.integrators),
             one.fit.model,
             one.fit.covariance_root,
+            one.integrators,
         )
-        for index, one in enumerate(found)
+        for one in found
     ]
-    ended = [one.fit.status for one in found]
-    status = next((status for status in ("stalled", "iteration_limit") if status in ended), "converged")
     told = [_findings(one, options) for one in found]
-    undetermined = [
-        f"{one.block.name}: {sentence}"
-        for one, those in zip(found, told, strict=True)
-        for sentence in dict.fromkeys(text for each in those for text in (*each.undetermined, *each.cancelling))
-    ]
     fitted = [one.fitted for one in found]
     # What tells something of any block; one line alone has no band.
     lowest_hz = float(np.nanmin(np.append(quality.lowest_hz, 0.01 / ports.sampling_period_s)))
     return ExternalSolution(
-        estimate=estimate_of(parameters, options, undetermined, status, _REMEDIES.get(status, "")),
+        estimate=_estimate(found, parameters, told, options),
         ports=ports,
         transfers=transfers,
         quality=quality,
@@ -103,9 +108,45 @@ def make_solution(
         loci=root_loci(fitted),
         traces=_traces(found),
         findings=tuple(findings),
-        remarks=tuple(text for one, those in zip(found, told, strict=True) for text in _remarks(one, those)),
+        remarks=tuple(text for each in zip(found, told, parameters, strict=True) for text in _remarks(*each)),
         excitation=_excitation(found, transfers, ports),
+        between_std=np.concatenate([one.recordings.between_std for one in found]),
+        recordings=np.array([len(one.recordings.names) for one in found]),
     )
+
+
+def _estimate(
+    found: Sequence[FittedBlock],
+    parameters: Sequence[Sequence[Row]],
+    told: Sequence[Sequence[Findings]],
+    options: ExternalOptions,
+) -> Estimate:
+    ended = [one.fit.status for one in found]
+    status = next((status for status in ("stalled", "iteration_limit") if status in ended), "converged")
+    undetermined = [
+        f"{one.block.name}: {sentence}"
+        for one, those in zip(found, told, strict=True)
+        for sentence in dict.fromkeys(text for each in those for text in (*each.undetermined, *each.cancelling))
+    ]
+    freedom = [one.recordings.freedom(rows) for one, rows in zip(found, parameters, strict=True)]
+    return estimate_of(
+        parameters,
+        options,
+        undetermined,
+        status,
+        _REMEDIES.get(status, ""),
+        rule=width_rule([one.recordings for one in found]),
+        degrees_of_freedom=np.concatenate(freedom),
+    )
+
+
+def channel_texts(block: Block, ports: Ports, integrators: Integrators) -> tuple[list[str], list[str]]:
+    """Returns names and units of gain of a block's channels, output by output."""
+    pairs = [(output, command) for output in block.outputs for command in block.inputs]
+    # A single channel has its block's name, those of a matrix that of output and command.
+    names = [block.name if block.is_single else pair_name(ports.inputs[one], ports.outputs[out]) for out, one in pairs]
+    units = [gain_unit(ports.output_units[out], ports.input_units[one], integrators.count) for out, one in pairs]
+    return names, units
 
 
 def _excitation(found: Sequence[FittedBlock], transfers: Transfers, ports: Ports) -> Excitation:
@@ -127,13 +168,7 @@ def _transfers(found: Sequence[FittedBlock], ports: Ports, options: ExternalOpti
         for output in one.block.outputs
         for command in one.block.inputs
     ]
-    # A single channel has its block's name, those of a matrix that of output and command.
-    names = [
-        found[index].block.name
-        if found[index].block.is_single
-        else pair_name(ports.inputs[command], ports.outputs[output])
-        for index, output, command in places
-    ]
+    names = [name for one in found for name in channel_texts(one.block, ports, one.integrators)[0]]
     models = [one.fit.model for one in found]
     n_power = max(len(model.denominator) for model in models)
     numerators = [each for model in models for each in model.numerator.reshape(-1, model.numerator.shape[2])]
@@ -234,12 +269,7 @@ def _traces(found: Sequence[FittedBlock]) -> Traces:
     return Traces(output.astype(int), shots.astype(int), tuple(names), time, measured, simulated)
 
 
-def _gain_unit(transfers: Transfers, ports: Ports, channel: int) -> str:
-    output, command = ports.output_units[transfers.outputs[channel]], ports.input_units[transfers.inputs[channel]]
-    return "1" if output == command else f"{output}/({command})" if "/" in command else f"{output}/{command}"
-
-
-def _remarks(one: FittedBlock, found: Sequence[Findings]) -> list[str]:
+def _remarks(one: FittedBlock, found: Sequence[Findings], rows: Sequence[Row]) -> list[str]:
     told = [
         sentence
         for each in found
@@ -248,6 +278,8 @@ def _remarks(one: FittedBlock, found: Sequence[Findings]) -> list[str]:
     ]
     if one.fit.reflected:
         told.append("poles in the right half plane were met on the way and kept in the left one (`stable`)")
+    told += [one.integrators.sentence] if one.integrators.count else []
+    told += [one.recordings.sentence([row.name for row in rows])]
     return [f"{one.block.name}: {sentence}" for sentence in dict.fromkeys([*told, *one.choice.messages])]
 
 
@@ -259,6 +291,7 @@ def _findings(one: FittedBlock, options: ExternalOptions) -> list[Findings]:
             *place,
             confidence=options.confidence,
             largest_relative_std=options.identifiable_relative_std,
+            integrators=one.integrators.count,
         )
         for place in np.ndindex(one.fit.model.numerator.shape[:2])
     ]

@@ -166,14 +166,14 @@ def search(
     soft = np.maximum(noise, _SOFT * np.array([output_size(each) for each in problem.experiments]))
     candidates = [*starts, *(linear_starts(problem, soft) if linear else [])]
     first = _cheapest(problem, candidates, soft)[:tried]
-    tries = [_descend(problem, each.basis.denominator, noise, 0.1, 15) for each in first]
+    tries = [descend_from(problem, each.basis.denominator, noise, 0.1, 15) for each in first]
     best = min(tries, key=lambda descent: descent.point.cost)
     if is_hopeless is not None and is_hopeless(best, noise):
         return best, residual_noise(problem.experiments, best.point, noise)
     # Weights are inverse variances of residuals, and residuals depend on weights: to the fixed point, as of maximum
     # likelihood with an unknown variance of each output.
     for _ in range(_WEIGHT_PASSES):
-        best = _descend(problem, best.point.basis.denominator, noise, tolerance, reflected=best.reflected)
+        best = descend_from(problem, best.point.basis.denominator, noise, tolerance, reflected=best.reflected)
         before, noise = noise, residual_noise(problem.experiments, best.point, noise)
         if np.abs(np.log(noise / before)).max() < _WEIGHT_TOLERANCE:
             break
@@ -199,8 +199,8 @@ def settle(problem: Problem, found: Descent, noise: FloatArray) -> Descent:
     fastest = found.point.basis.single.stages[0]
     if abs(fastest.pole) * problem.period <= np.pi:
         return found
-    here = _descend(problem, found.point.basis.denominator, noise, 1e-3, reflected=found.reflected)
-    trial = _descend(problem, _with_fastest(here.point, problem.limit), noise, 1e-3, reflected=found.reflected)
+    here = descend_from(problem, found.point.basis.denominator, noise, 1e-3, reflected=found.reflected)
+    trial = descend_from(problem, _with_fastest(here.point, problem.limit), noise, 1e-3, reflected=found.reflected)
     worse = (trial.point.cost - here.point.cost) / here.point.cost * problem.n_sample
     return trial if worse <= _ALIKE else here
 
@@ -229,7 +229,7 @@ def _with_fastest(point: Point, size: float) -> FloatArray:
     return np.real(np.poly(whole))
 
 
-def _descend(
+def descend_from(
     problem: Problem,
     denominator: FloatArray,
     noise: FloatArray,
@@ -238,6 +238,11 @@ def _descend(
     *,
     reflected: bool = False,
 ) -> Descent:
+    """Searches the poles from a denominator (n_pole + 1,), residuals weighted by deviations `noise` (n_shot, n_out).
+
+    Raises:
+        FloatingPointError: If it cannot be simulated there.
+    """
     first = problem.evaluate(denominator, noise)
     if first is None:
         raise FloatingPointError

@@ -14,6 +14,7 @@ from robid.models.external.fit.data import Agreement
 from robid.models.external.fit.etfe import Etfe, Excitation
 from robid.models.external.fit.transfer import TransferMatrix
 from robid.results.estimate import Estimate
+from robid.robot.parameters import INTEGRATOR_KIND
 
 _INPUT = "as in input_units"
 _OUTPUT = "as of the output"
@@ -177,6 +178,20 @@ class ExternalSolution:
     homes: Annotated[FloatArray, Quantity("rad; m", "home joint", "Configurations of the fit's records")] = field(
         default_factory=lambda: np.zeros((0, 0))
     )
+    # Deviation of each parameter between recordings, relative; 0 where noise explains what differs, NaN where only one
+    # recording tells it.
+    between_std: Annotated[FloatArray, Quantity("1", "parameter", "Deviation between recordings, relative")] = field(
+        default_factory=lambda: np.zeros(0)
+    )
+    recordings: Annotated[IntArray, Quantity("1", "block", "Recordings that each block was fitted to")] = field(
+        default_factory=lambda: np.zeros(0, int)
+    )
+
+    def integrators(self, block: int) -> int:
+        """How many of a block's poles are integrators."""
+        own = f"{self.transfers.blocks[block]}.pole"
+        pairs = zip(self.estimate.names, self.estimate.kinds, strict=True)
+        return sum(kind == INTEGRATOR_KIND and name.startswith(own) for name, kind in pairs)
 
     def transfer(self, block: int) -> TransferMatrix:
         """Returns the transfer functions of one block."""

@@ -99,7 +99,10 @@ def _gains(solution: ExternalSolution) -> Iterator[Finding]:
     own, ports = solution.transfers, solution.ports
     for channel, name in enumerate(own.names):
         one, other = int(own.inputs[channel]), int(own.outputs[channel])
-        index = solution.estimate.names.index(f"{name}.gain")
+        gained = f"{name}.gain"
+        if gained not in solution.estimate.names:  # an integrator, which comes to rest nowhere
+            continue
+        index = solution.estimate.names.index(gained)
         known = bool(solution.estimate.identifiable[index])
         if (
             ports.inputs[one] != ports.outputs[other]
@@ -199,11 +202,12 @@ def _drifting(solution: ExternalSolution) -> Iterator[Finding]:
     longest_s = float(solution.traces.time_s.max())
     for channel, name in enumerate(own.names):
         one, other = int(own.inputs[channel]), int(own.outputs[channel])
-        poles = solution.transfer(int(own.block_of[channel])).poles
-        slowest = np.abs(poles[poles.imag == 0].real).min(initial=np.inf)
-        gain = abs(float(solution.estimate.value[solution.estimate.names.index(f"{name}.gain")]))
+        model = solution.transfer(int(own.block_of[channel]))
+        slowest = np.abs(model.poles[model.poles.imag == 0].real).min(initial=np.inf)
+        gain = abs(float(own.numerator[channel, -1] / model.denominator[-1])) if model.denominator[-1] else np.inf
         alike = ports.inputs[one] == ports.outputs[other] and ports.input_units[one] == ports.output_units[other]
-        if alike and slowest * longest_s < _RINGING and not 1 / _TOO_FAR < gain < _TOO_FAR:
+        slow = slowest * longest_s < _RINGING or solution.integrators(int(own.block_of[channel])) > 0
+        if alike and slow and not 1 / _TOO_FAR < gain < _TOO_FAR:
             told = f"{name} has a pole that is too slow for its data, as of a log that drifts or has not settled"
             yield Finding("model", told, decisive=True, strength=2.0)
 

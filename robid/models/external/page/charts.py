@@ -13,6 +13,7 @@ from robid.models.external.fit.solution import ExternalSolution, StepResponses
 from robid.models.parameters import ERROR, GREY, MEASURED, MODEL, MOST_POINTS, curve, quantile, thinned
 from robid.report.section import Curve, Figure, Line
 
+_HIDES = 0.5  # of what curves span, bounds reach beyond them
 _BEYOND = 4.0  # times the highest excited frequency
 _READABLE = {"m": (1e3, "mm"), "rad": (180 / np.pi, "°"), "m/s": (1e3, "mm/s"), "rad/s": (180 / np.pi, "°/s")}
 
@@ -77,11 +78,12 @@ def response_figures(solution: ExternalSolution, channel: int) -> tuple[Figure, 
 def step_figure(found: StepResponses, channel: int, final: float, confidence: float) -> Figure:
     """One channel's response to a unit step, with its bounds and its final value."""
     time, value = found.time_s[:, channel], found.value[:, channel]
-    course = replace(curve("output", time, value, MODEL, quantile(confidence) * found.std[:, channel]), dashed=False)
+    half = quantile(confidence) * found.std[:, channel]
+    course = replace(curve("output", time, value, MODEL, half), dashed=False)
     lines = (Line("y", 0.0), Line("y", final)) if np.isfinite(final) else (Line("y", 0.0),)
-    return Figure(
-        "Step response", "Time [s]", "Output per step", (course,), log_x=False, log_y=False, height=380, lines=lines
-    )
+    kept = _data_range(half, value, np.array([line.at for line in lines]))
+    title, axes = "Step response", ("Time [s]", "Output per step")
+    return Figure(title, *axes, (course,), log_x=False, log_y=False, height=380, lines=lines, y_range=kept)
 
 
 def locus_figure(solution: ExternalSolution, channel: int) -> Figure:
@@ -137,10 +139,20 @@ def trace_figures(trace: Trace, unit: str) -> tuple[Figure, Figure]:
     both = (curve("measured", time, measured, MEASURED), curve("simulated", time, simulated, MODEL, half))
     left = curve("measured less simulated", time, measured - simulated, ERROR)
     limits = [] if half is None else [curve("bounds", time, 0 * half, GREY, half)]
+    reach, apart = _data_range(half, measured, simulated), _data_range(half, measured - simulated)
     return (
-        Figure(trace.name, "Time [s]", f"[{shown}]", both, log_x=False, log_y=False),
-        Figure("Difference", "Time [s]", f"[{shown}]", (left, *limits), log_x=False, log_y=False),
+        Figure(trace.name, "Time [s]", f"[{shown}]", both, log_x=False, log_y=False, y_range=reach),
+        Figure("Difference", "Time [s]", f"[{shown}]", (left, *limits), log_x=False, log_y=False, y_range=apart),
     )
+
+
+def _data_range(half: FloatArray | None, *curves: FloatArray) -> tuple[float, float] | None:
+    """Ends of an axis that follows curves (n_row,) where bounds of half widths (n_row,) would hide them; None else."""
+    every = np.concatenate(curves)
+    low, high = float(every.min()), float(every.max())
+    if half is None or not high > low or not np.nanmax(half, initial=0.0) > _HIDES * (high - low):
+        return None
+    return low - _HIDES * (high - low), high + _HIDES * (high - low)
 
 
 def _roots(name: str, roots: ComplexArray, shade: int) -> Curve:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,6 +32,11 @@ def transfer_text(numerator: FloatArray, denominator: FloatArray) -> str:
     """Writes a transfer function, coefficients highest power first, as `(0.2 s + 3) / (s² + 4 s + 3)`."""
     above, below = polynomial_text(numerator), polynomial_text(denominator)
     return f"{_wrapped(above)} / {_wrapped(below)}"
+
+
+def without_rates(denominator: FloatArray, integrators: int) -> FloatArray:
+    """Returns a denominator (n_power,) as it is with its integrators at zero, where nothing tells them from it."""
+    return np.concatenate([denominator[: len(denominator) - integrators], np.zeros(integrators)])
 
 
 def polynomial_text(coefficients: FloatArray) -> str:
@@ -83,7 +89,8 @@ def _transfers(solution: ExternalSolution) -> Section:
         block = int(transfers.block_of[channel])
         samples = int(transfers.delay_samples[block])
         delay = f"{samples} ({duration(samples * ports.sampling_period_s)})" if samples else "0"
-        text = transfer_text(transfers.numerator[channel], transfers.denominator[block])
+        below = without_rates(transfers.denominator[block], solution.integrators(block))
+        text = transfer_text(transfers.numerator[channel], below)
         rows.append((name, f"{transfers.zeros[block]} / {transfers.poles[block]}", delay, text))
     sampled = f"Sampled every {duration(ports.sampling_period_s)}, commands {_HELD.get(ports.hold, ports.hold)}"
     averaged = f", averaged over {transfers.moving_average} samples" if transfers.moving_average > 1 else ""
@@ -167,10 +174,11 @@ def _dynamics(solution: ExternalSolution) -> Section:
 
 
 def _final(solution: ExternalSolution, channel: int) -> float:
-    """Static gain of a channel, where it is stable."""
-    names, found = solution.estimate.names, solution.transfers.names[channel]
-    stable = bool((solution.loci.poles[channel].real[np.isfinite(solution.loci.poles[channel])] < 0).all())
-    return float(solution.estimate.value[names.index(f"{found}.gain")]) if stable else float("nan")
+    """Static gain of a channel, where it comes to rest."""
+    block = int(solution.transfers.block_of[channel])
+    model, place = solution.transfer(block), solution.transfers.channels_of(block).tolist().index(channel)
+    rests = model.is_stable and not solution.integrators(block)
+    return float(model.static_gain.ravel()[place]) if rests else float("nan")
 
 
 def _excitation(solution: ExternalSolution) -> Section:
@@ -191,7 +199,7 @@ def report(shown: Shown) -> FitReport:
     solution = solution_from_artifact(shown.model)
     estimate, count = solution.estimate, len(solution.transfers.names)
     validation = None if shown.validation is None else validation_from_artifact(shown.validation)
-    estimates = estimates_of(shown, estimate)
+    estimates = with_differences(estimates_of(shown, estimate), solution)
     data = own_section(solution) if validation is None else new_section(solution, validation)
     options = external_fit(shown.data.loaded.experiment, shown.data.name).coupling
     return fit_report(
@@ -199,12 +207,28 @@ def report(shown: Shown) -> FitReport:
         estimate,
         estimates,
         None if validation is None else validation.outcome,
-        found=f"{count} transfer function{'s' if count > 1 else ''}, {int(estimate.identified.sum())} of"
-        f" {len(estimate.names)} parameters are identified.",
+        found=f"{count} transfer function{'s' if count > 1 else ''}{_alone(solution)}",
         numbers=_key_numbers(solution, validation),
         sections=sections(solution, estimates, data, options),
         summary=_summary(solution, validation),
     )
+
+
+def _alone(solution: ExternalSolution) -> str:
+    single = solution.recordings.size > 0 and int(solution.recordings.max()) == 1
+    return " of one recording, which cannot show what differs from day to day" if single else ""
+
+
+def with_differences(estimates: Estimates, solution: ExternalSolution) -> Estimates:
+    """Notes beside each parameter how much it differs from recording to recording, where that is more than noise."""
+    notes = [
+        f"differs by {percent(std)} between recordings" if np.isfinite(std) and std > 0 else ""
+        for std in solution.between_std.tolist()
+    ]
+    if not notes:
+        return estimates
+    rows = zip(estimates.rows, notes, strict=True)
+    return replace(estimates, rows=tuple(replace(row, note=note) if note else row for row, note in rows))
 
 
 def _key_numbers(solution: ExternalSolution, validation: ExternalValidation | None) -> Iterator[KeyNumber]:
@@ -221,10 +245,9 @@ def _worst(label: str, every: Sequence[Agreement]) -> KeyNumber:
 
 
 def _summary(solution: ExternalSolution, validation: ExternalValidation | None) -> dict[str, float]:
-    found = {
-        "identifiable": float(solution.estimate.identifiable.sum()),
-        "decoupled_up_to_hz": solution.coupling.overall_hz,
-    }
+    found = {"decoupled_up_to_hz": solution.coupling.overall_hz}
+    if solution.recordings.size:
+        found["recordings"] = float(solution.recordings.min())
     for row, name in enumerate(solution.quality.output_names):
         found[f"{name}.nrmse"] = float(solution.quality.nrmse[row])
     transfers = solution.transfers

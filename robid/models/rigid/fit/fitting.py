@@ -12,6 +12,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.models.rigid.fit.conclusion import conclude, instrumental_variables
+from robid.models.rigid.fit.cut_off import CutOffChoice, choose_cut_off, fewest_rows, row_count, unchosen
 from robid.models.rigid.fit.options import ConclusionOptions, PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.regression import (
     Regression,
@@ -20,15 +21,7 @@ from robid.models.rigid.fit.regression import (
     sweep_bend,
     weighted_least_squares,
 )
-from robid.models.rigid.fit.residuals import (
-    FEWEST_TESTED,
-    CutOffChoice,
-    Influence,
-    choose_cut_off,
-    excited_band,
-    fewest_rows,
-    row_count,
-)
+from robid.models.rigid.fit.residuals import FEWEST_TESTED, Influence
 from robid.models.rigid.fit.result import Found, first_moments, make_solution
 from robid.models.rigid.fit.rows import Motion, Reading, Remembered, RowSource
 from robid.models.rigid.fit.shots import Shot, motion_of, refuse_unusable, travel_of
@@ -142,17 +135,20 @@ def _instrumented(problem: _Problem, positions: Sequence[FloatArray]) -> RowSour
 def _filters(
     shots: Sequence[Shot], model: RigidModel, options: RigidFitOptions
 ) -> tuple[PreprocessingOptions, CutOffChoice]:
-    """The filters, their cut-off chosen from the first shot where none is stated."""
-    first, stated = shots[0], options.filters
-    # One shot cannot tell a payload from the link that it is on.
-    model = model.only([index for index, name in enumerate(model.names) if not name.startswith(f"{PAYLOAD}.")])
+    """The filters, their cut-off chosen where none is stated."""
+    stated = options.filters
+    if len({shot.loaded for shot in shots}) < 2:
+        # Without both kinds of records nothing tells a payload from the link that it is on.
+        model = model.only([index for index, name in enumerate(model.names) if not name.startswith(f"{PAYLOAD}.")])
     if stated.position_cut_hz is not None:
-        band = excited_band(first.position, first.sampling_period_s)
-        return stated, CutOffChoice(stated.position_cut_hz, False, band, ())
+        try:
+            return stated, choose_cut_off(shots, model, stated, (stated.position_cut_hz,))
+        except ValueError:  # too short to leave out a piece of it
+            return stated, unchosen(shots, stated.position_cut_hz)
     try:
-        choice = choose_cut_off(first.position, first.torque, first.sampling_period_s, model, stated, held=first.held)
+        choice = choose_cut_off(shots, model, stated)
     except ValueError as error:
-        message = "D183 the first record is too short, or its motion too poor, to choose a cut-off from it"
+        message = "D183 the record is too short, or its motion too poor, to choose a cut-off from it"
         raise DataError(message, where="record", remedy="state `filters.position_cut_hz`, or record longer") from error
     return replace(stated, position_cut_hz=choice.cut_hz), choice
 

@@ -124,6 +124,9 @@ class RigidFitOptions:
     )
     consistency: ConsistencyOptions = group(ConsistencyOptions, "How bodies are made real.")
     verdict: VerdictOptions = group(VerdictOptions, "When the verdict speaks against least squares.")
+    judge: tuple[str, ...] = option(
+        (), "Joints whose motors alone are graded; when not given all whose torques are more than noise and friction."
+    )
     confidence: float = option(0.95, "Level of the intervals.", gt=0, lt=1)
     identifiable_relative_std: float = option(
         0.2, "Predicted relative standard deviation up to which a parameter counts as identifiable.", gt=0

@@ -14,7 +14,7 @@ from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.models.rigid.fit.options import HuberOptions
 from robid.models.rigid.fit.rows import Rows, RowSource
 
-_PASSES = 20
+_PASSES = 200
 _TOLERANCE = 1e-6
 
 

@@ -8,16 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm, t
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.models.rigid.fit.conclusion import HUBER, INSTRUMENTS, LEAST_SQUARES, Conclusion, Verdict, scale_of
 from robid.models.rigid.fit.consistency import against_nominal, make_consistent, parameter_scale, pseudo_inertia
+from robid.models.rigid.fit.cut_off import CutOffChoice
+from robid.models.rigid.fit.expected import expected_error
 from robid.models.rigid.fit.options import EstimatorName, PreprocessingOptions, RigidFitOptions
-from robid.models.rigid.fit.regression import HuberRegression, Regression, huber_weights
-from robid.models.rigid.fit.residuals import CutOffChoice
+from robid.models.rigid.fit.regression import HuberRegression, Reduction, Regression, huber_weights, solve_factor
+from robid.models.rigid.fit.sizes import rated_torques
 from robid.models.rigid.fit.solution import (
     Base,
     Checks,
     Estimators,
+    ExpectedError,
     Filtered,
     RigidSolution,
     RowResiduals,
@@ -25,6 +28,7 @@ from robid.models.rigid.fit.solution import (
     Travel,
 )
 from robid.results.estimate import Estimate
+from robid.robot.description import Robot
 from robid.robot.regressor.base import BaseParameters
 from robid.robot.regressor.model import RigidModel
 
@@ -97,12 +101,11 @@ def make_solution(
             cut_hz=choice.cut_hz,
             decimation=decimation,
             sampling_period_s=found.sampling_period_s,
-            excited_hz=choice.excited_hz,
-            trial_hz=np.array([trial.cut_hz for trial in choice.trials]),
-            trial_correlation=np.array([trial.correlation for trial in choice.trials]).reshape(
-                -1, len(choice.excited_hz)
-            ),
-            white=choice.white,
+            motion_hz=choice.motion_hz,
+            band_hz=choice.band_hz,
+            trial_hz=choice.trial_hz,
+            trial_error=choice.error,
+            trial_deviation=choice.deviation,
         ),
         residuals=RowResiduals(
             time_s=np.arange(len(found.torque)) * decimation * found.sampling_period_s,
@@ -112,6 +115,7 @@ def make_solution(
         ),
         against_nominal=against_nominal(model, base, estimate, reduction),
         travel=travel,
+        expected=_expected(reduced, found, estimate, travel, choice),
         standard=standard,
         chosen=name,
     )
@@ -147,23 +151,25 @@ def _estimate(
     std = np.sqrt(np.diag(covariance))
     freedom = np.full(std.size, float(found.conclusion.long_run.freedom))
     reach = t.ppf(0.5 + 0.5 * options.confidence, freedom) * std
+    quantile, status = norm.ppf(0.5 + 0.5 * options.confidence), chosen.status
+    # What predicts is known by the residuals; masses and friction no better than the constants of the motors' torques.
+    physical = np.hypot(reach, quantile * torque_constant_std(reduced.robot, found.conclusion.reduction, chosen))
     size = scale_of(chosen.parameters, std, first_moments(reduced.names))
     nominal, limit = base.values(model.nominal), options.identifiable_relative_std
     # What the file has as zero is related to what was found, so that it can be identifiable at all.
     stated = np.where(nominal == 0, size, np.abs(nominal))
     identifiable = std / stated <= limit
-    quantile, status = norm.ppf(0.5 + 0.5 * options.confidence), chosen.status
-    known = identifiable & (reach / size <= quantile * limit)
-    poor = ", ".join(name for name, is_known in zip(reduced.names, known.tolist(), strict=True) if not is_known)
-    told = (f"Known to no better than {limit:.0%}, or not told from zero: {poor}",)
+    zero = physical >= np.abs(chosen.parameters)
+    half = physical / np.maximum(np.abs(chosen.parameters), np.finfo(float).tiny)
+    told = _undetermined(reduced.names, zero, ~zero & (half > quantile * limit), limit)
     return Estimate(
         names=tuple(reduced.names),
         kinds=tuple(reduced.kinds),
         units=tuple(reduced.units),
         nominal=nominal,
         value=chosen.parameters,
-        lower=chosen.parameters - reach,
-        upper=chosen.parameters + reach,
+        lower=chosen.parameters - physical,
+        upper=chosen.parameters + physical,
         covariance=covariance,
         degrees_of_freedom=freedom,
         confidence=options.confidence,
@@ -171,13 +177,46 @@ def _estimate(
         relative_std=std / size,
         predicted_relative_std=std / stated,
         prior_relative_std=np.full(std.size, np.inf),
-        relative_half_width=reach / size,
+        relative_half_width=half,
         identifiable=identifiable,
         identifiable_relative_std=limit,
-        undetermined=told if poor else (),
+        undetermined=told,
         status=status,
-        advice="" if status == "converged" else f"{name} least squares has not converged: raise its iteration limit",
+        advice="" if status == "converged" else _unsettled(name),
+        effective_value=chosen.parameters,
+        effective_lower=chosen.parameters - reach,
+        effective_upper=chosen.parameters + reach,
     )
+
+
+def torque_constant_std(robot: Robot, reduction: Reduction, estimate: Regression) -> FloatArray:
+    """Returns how far parameters (n_param,) may be off because motors' torque constants are, standard deviations.
+
+    A torque that is by a share `d_j` too large moves the parameters by `(W' V W)^-1 W_j' V_j y_j d_j`, with the weights
+    V; currents have no constant that could be off.
+    """
+    std = np.array([joint.nuisance_std.torque_relative_std for joint in robot.joints])
+    _, inverse, _ = solve_factor(reduction.weighted(estimate.weights))
+    factors = reduction.factors
+    moves = np.einsum("jra,jr->ja", factors[:, :, :-1], factors[:, :, -1]) * estimate.weights[:, None] @ inverse
+    return np.asarray(np.sqrt(((std[:, None] * moves) ** 2).sum(axis=0)))
+
+
+def _undetermined(names: Sequence[str], zero: BoolArray, wide: BoolArray, limit: float) -> tuple[str, ...]:
+    """Which parameters (n_param,) are not told from zero, and which are hardly known."""
+    rows = ((f"Known to no better than {limit:.0%}", wide), ("Not told from zero", zero))
+    listed = (
+        (told, [name for name, is_so in zip(names, which.tolist(), strict=True) if is_so]) for told, which in rows
+    )
+    return tuple(f"{told}: {', '.join(found)}" for told, found in listed if found)
+
+
+def _unsettled(name: EstimatorName) -> str:
+    """What to try where an estimator has not converged."""
+    if name in ("ordinary", "weighted"):
+        return "the motors' weights have not settled: the motion is too poor, record a richer one"
+    setting = "huber" if name == "huber" else "convergence"
+    return f"the {name} estimate has not converged: raise `{setting}.iteration_limit`, or record a richer motion"
 
 
 def _estimators(found: Found, bends: Sequence[float]) -> Estimators:
@@ -215,6 +254,20 @@ def _checks(verdict: Verdict) -> Checks:
         instruments_differ=against is not None and against.alarm,
         untested=verdict.untested,
     )
+
+
+def _expected(
+    reduced: RigidModel, found: Found, estimate: Estimate, travel: Travel, choice: CutOffChoice
+) -> ExpectedError:
+    """Errors of the torques that the covariance and the residuals promise on other motions."""
+    rms = np.sqrt(np.nanmean(found.torque**2, axis=0))
+    left = np.sqrt(np.nanmean(found.conclusion.residual**2, axis=0))
+    # In the band of the motion, where that is known: noise beyond it is no error of the model.
+    left = np.where(np.isnan(choice.residual), left, choice.residual)
+    rated = rated_torques(reduced.robot, rms)
+    error, bound = expected_error(reduced.robot, reduced, estimate, travel, left, rated)
+    size = rated.size(rms)
+    return ExpectedError(error, bound, choice.left_out / size, left / size, rated.torque_nm, rated.stated)
 
 
 def _standard(

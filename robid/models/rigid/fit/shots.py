@@ -207,6 +207,7 @@ def _commands(record: Record, robot: Robot) -> list[Command | None]:
 
 
 _MOMENTS = 64  # of each shot
+_SPEED_OVER_S = 0.02
 _SAME = 0.02  # of a joint's range of motion
 _ENOUGH = 0.5  # of the moments, and of each joint's range among them
 
@@ -216,6 +217,7 @@ def travel_of(robot: Robot, shots: Sequence[Shot]) -> Travel:
     turns = robot.arm_per_motor.T
     index = [np.linspace(0, len(shot.position) - 1, _MOMENTS).round().astype(int) for shot in shots]
     courses = [shot.position @ turns for shot in shots]
+    pairs = list(zip(courses, shots, strict=True))
     extremes = np.array([np.stack([course.min(axis=0), course.max(axis=0)], axis=1) for course in courses])
     return Travel(
         shot=np.repeat(np.arange(len(shots)), _MOMENTS),
@@ -223,9 +225,16 @@ def travel_of(robot: Robot, shots: Sequence[Shot]) -> Travel:
         position=np.concatenate([shot.position[own] @ turns for own, shot in zip(index, shots, strict=True)]),
         lowest=extremes[..., 0].min(axis=0),
         highest=extremes[..., 1].max(axis=0),
+        fastest=np.max([_fastest(course, shot.sampling_period_s) for course, shot in pairs], axis=0),
         lower_limit=robot.lower,
         upper_limit=robot.upper,
     )
+
+
+def _fastest(course: FloatArray, sampling_period_s: float) -> FloatArray:
+    """Highest speeds (n_joint,) of a course, over some time so that the encoder's noise counts for nothing."""
+    step = min(max(1, round(_SPEED_OVER_S / sampling_period_s)), len(course) - 1)
+    return np.asarray(np.abs(course[step:] - course[:-step]).max(axis=0) / (step * sampling_period_s))
 
 
 def repeats(travel: Travel, robot: Robot, shot: Shot) -> bool:

@@ -77,12 +77,14 @@ class Filtered:
     cut_hz: float  # cut-off of the positions' low pass [Hz]
     decimation: int  # samples per row
     sampling_period_s: float  # period of the samples [s]
-    excited_hz: Annotated[FloatArray, Quantity("Hz", "joint", "Below it lies 99 % of the acceleration")]
+    motion_hz: Annotated[FloatArray, Quantity("Hz", "joint", "Below it lies 99 % of the power of the speed")]
+    band_hz: float  # band of positions and torques in which cut-offs were compared; NaN where none were [Hz]
     trial_hz: Annotated[FloatArray, Quantity("Hz", "trial", "Cut-offs that were tried")]
-    trial_correlation: Annotated[
-        FloatArray, Quantity("1", "trial joint", "Correlation of the residuals that each left")
+    trial_error: Annotated[
+        FloatArray, Quantity("1", "trial", "Error on left-out pieces over the torque, all motors alike (RMS)")
     ]
-    white: bool  # whether the chosen one leaves white residuals
+    # Standard error of the difference of its square from the smallest one's.
+    trial_deviation: Annotated[FloatArray, Quantity("1", "trial", "Standard error of its square")]
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,19 @@ class NominalTorques:
 
 
 @dataclass(frozen=True)
+class ExpectedError:
+    """Errors of torques on other motions, each motor's over max(its RMS torque, a tenth of its rated torque)."""
+
+    error: Annotated[FloatArray, Quantity("1", "joint", "Expected error on other motions of the robot, RMS")]
+    bound: Annotated[FloatArray, Quantity("1", "joint", "What 95 % of these errors stay below")]
+    # By pieces of the fit's own log that were left out; NaN where it is too short for that.
+    left_out: Annotated[FloatArray, Quantity("1", "joint", "Error on left-out pieces of the fit's own log")]
+    residual: Annotated[FloatArray, Quantity("1", "joint", "Residual of the fit's own log")]
+    rated: Annotated[FloatArray, Quantity(_TORQUE, "joint", "Rated torque")]
+    stated: Annotated[BoolArray, Quantity("1", "joint", "Whether the robot file states it")]
+
+
+@dataclass(frozen=True)
 class Travel:
     """Where the arm was during the fit's record, and where it may be."""
 
@@ -125,6 +140,7 @@ class Travel:
     position: Annotated[FloatArray, Quantity("rad, or m", "moment joint", "Arm positions at some moments")]
     lowest: Annotated[FloatArray, Quantity("rad, or m", "joint", "Lowest arm position of the record")]
     highest: Annotated[FloatArray, Quantity("rad, or m", "joint", "Highest one")]
+    fastest: Annotated[FloatArray, Quantity("rad/s, or m/s", "joint", "Highest arm speed of the record")]
     lower_limit: Annotated[FloatArray, Quantity("rad, or m", "joint", "The robot file's limit below")]
     upper_limit: Annotated[FloatArray, Quantity("rad, or m", "joint", "The same above")]
 
@@ -155,6 +171,7 @@ class RigidSolution:
     residuals: RowResiduals  # torques and residuals row by row
     against_nominal: NominalTorques  # torques of the links beside those of the robot file's
     travel: Travel  # where the arm was
+    expected: ExpectedError  # errors of torques to be expected on other motions
     # The standard parameters of real bodies that are handed on; None where none were found.
     standard: StandardSet | None
     chosen: str  # name of the estimator whose result it is

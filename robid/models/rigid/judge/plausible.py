@@ -6,21 +6,28 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from robid.arrays import BoolArray
 from robid.models.conclusions import graded_alone
+from robid.models.rigid.fit.options import RigidFitOptions
 from robid.models.rigid.fit.solution import RigidSolution, Travel
+from robid.models.rigid.judge.motors import EXPECTED_ERROR_LIMIT, MOTOR_ERROR_LIMIT, Motors, motors_of
+from robid.models.rigid.judge.trials import Trial
 from robid.results.estimate import Estimate
 from robid.results.finding import Finding, two_digits
 from robid.results.grade import Grade
+from robid.robot.description import Robot
 
 _FRICTION = ("viscous", "coulomb", "load_friction", "coupling_viscous", "coupling_coulomb")
 _INERTIAL = ("inertia", "first_moment", "mass", "motor_inertia", "coupling_inertia")
 TOTAL_ERROR_LIMIT = 0.15
 """Share of the torques that a model may leave, on its own motion and on another."""
 
+_POSITIVE = ("viscous", "coulomb", "motor_inertia")
+_MATTERS = 0.05  # of a motor's torque
 _FAR, _TOO_FAR = 2.0, 5.0  # times the robot file's
-_ALIKE, _UNLIKE = 0.8, 0.5  # correlation with the robot file's
+_ALIKE, _TURNED = 0.8, -0.5  # correlation with the robot file's
 _TO_BLAME = 100.0
-_VISIBLE = 0.1  # of a motor's torque
+_VISIBLE, _BESIDE = 0.1, 1.5  # of a motor's torque, and over what the fit leaves
 _TOLD, _UNFELT = 0.1, 0.3  # of a rotor's inertia: its deviation where it is told, and what is none
 _BEYOND, _FAR_BEYOND = 0.05, 1.0  # of a joint's range
 _MOVED = 3.0  # deviations
@@ -28,31 +35,35 @@ _POOR_CONDITION = 200.0
 _BIASED = 0.1
 
 
-def parameter_findings(solution: RigidSolution) -> tuple[Finding, ...]:
+def parameter_findings(
+    robot: Robot, solution: RigidSolution, motors: Motors, tried: Sequence[Trial] = ()
+) -> tuple[Finding, ...]:
     """Returns what of a rigid fit cannot be or is hardly known, decisive findings first."""
     found = [
-        *_estimators(solution),
-        *_places(solution.travel),
-        *_sizes(solution),
+        *_estimators(solution, motors.names),
+        *_places(solution.travel, motors.names),
+        *_signs(robot, solution, motors.names),
+        *file_findings(robot, solution, motors.names),
         *_unfelt_rotors(solution),
-        *_unexplained(solution),
+        *_unexplained(solution, motors, tried),
         *_negative(solution.estimate),
-        *_excitation(solution),
+        *_excitation(solution, motors),
         *_bodies(solution),
     ]
     return tuple(sorted(found, key=lambda finding: (not finding.decisive, -finding.strength)))
 
 
-def _estimators(solution: RigidSolution) -> Iterator[Finding]:
+def _estimators(solution: RigidSolution, names: Sequence[str]) -> Iterator[Finding]:
     """What the verdict on least squares says of the result, which may be another estimator's."""
     checks, told = solution.checks, solution.checks.sentence.rstrip(".")
     told = told[0].lower() + told[1:]
     if checks.instruments_differ and solution.chosen != "instruments":
         yield Finding("filters", told, decisive=True, strength=2.0)
     elif checks.huber_differs and checks.instrument_variation is None:
-        # What is hardly told from zero decides nothing.
+        # What is hardly told from zero decides nothing, nor what other rows hardly suffer from.
         varies = checks.huber_variation[solution.estimate.identified] > _BIASED
-        yield Finding("filters", told, decisive=bool(varies.any()), strength=2.0)
+        off = np.nanmax(np.append(solution.expected.left_out, solution.expected.residual))
+        yield Finding("filters", told, bool(varies.any() and off > EXPECTED_ERROR_LIMIT), 2.0)
     elif checks.huber_differs and not checks.instruments_differ:
         # The instruments agree: what moves Huber's estimate is no noise of the positions.
         told = f"{solution.estimate.names[int(np.argmax(checks.huber_variation))]} depends on large residuals"
@@ -66,7 +77,7 @@ def _estimators(solution: RigidSolution) -> Iterator[Finding]:
     if checks.coloured:
         worst = int(np.argmax(np.abs(checks.correlation).max(axis=1)))
         size = float(np.abs(checks.correlation[worst]).max())
-        told = f"the residuals of joint {worst + 1} are correlated in time by {size:.2g} beyond their filter"
+        told = f"the residuals of {names[worst]} are correlated in time by {size:.2g} beyond their filter"
         yield Finding("friction", told, decisive=False, strength=1 + size)
     if checks.odd and not checks.huber_differs:
         share = float(np.max(checks.outlier_share))
@@ -74,26 +85,84 @@ def _estimators(solution: RigidSolution) -> Iterator[Finding]:
         yield Finding("friction", told, decisive=False, strength=1.5)
 
 
-def _sizes(solution: RigidSolution) -> Iterator[Finding]:
-    """Torques of links that are nothing like the robot file's, whose links are often drawn, not weighed."""
-    if solution.torque_unit == "A":
-        return  # ratios to a torque constant that nobody knows
+def _signs(robot: Robot, solution: RigidSolution, names: Sequence[str]) -> Iterator[Finding]:
+    """Torques of the links that go against those of the robot file, and friction and rotors that drive."""
+    visible, likeness = _visible(solution), solution.against_nominal.likeness
+    turned = visible & (np.nan_to_num(likeness) < _TURNED)
+    if turned.any() and (turned == visible).all():
+        told = f"what the links do is the robot file's with the other sign (correlation {likeness[turned].max():.2g})"
+        yield Finding("torque_sign", f"all motors: {told}", decisive=True, strength=_TO_BLAME)
+        return
+    for joint in range(len(names)):
+        against = [*_driving(robot, solution, joint)]
+        if turned[joint]:
+            against.insert(0, f"its links' torque is the robot file's with the other sign ({likeness[joint]:.2g})")
+        if against:
+            # What a wrong sign leaves unexplained is its doing, so it is to blame first.
+            told = f"{names[joint]}: {' and '.join(against)}"
+            yield Finding("torque_sign", told, decisive=True, strength=_TO_BLAME)
+
+
+def _driving(robot: Robot, solution: RigidSolution, joint: int) -> Iterator[str]:
+    """Terms of a motor that are negative by twice their intervals and matter, where no other term contradicts."""
+    estimate, own = solution.estimate, robot.joints[joint]
+    speed = abs(own.motor.gear_ratio) * solution.travel.fastest[joint]
+    least = _MATTERS * float(np.sqrt(np.nanmean(solution.residuals.torque[:, joint] ** 2)))
+    found = []
+    for index, (name, kind) in enumerate(zip(estimate.names, estimate.kinds, strict=True)):
+        if name.rpartition(".")[0] != own.name or kind not in _POSITIVE:
+            continue
+        value, half = estimate.value[index], estimate.upper[index] - estimate.value[index]
+        if value > 2 * half:
+            return
+        size = {"viscous": abs(value) * speed, "coulomb": abs(value)}.get(kind, np.inf)
+        if value < -2 * half and size > least:
+            found.append(f"{name} comes out negative ({value:.3g})")
+    yield from found[:1]
+
+
+def _visible(solution: RigidSolution) -> BoolArray:
+    """Motors (n_joint,) whose links' torque, estimated or the robot file's, stands out of what the fit leaves."""
     found = solution.against_nominal
-    visible = np.nan_to_num(np.maximum(found.share, found.share / found.ratio)) > _VISIBLE
-    size = np.where(visible, np.abs(np.log(found.ratio)), 0.0)
-    worst = int(np.argmax(size))
+    size = np.nan_to_num(np.maximum(found.share, found.share / found.ratio))
+    return np.asarray(
+        (solution.torque_unit != "A") & (size > np.maximum(_VISIBLE, _BESIDE * solution.residuals.relative_error))
+    )
+
+
+def file_findings(robot: Robot, solution: RigidSolution, names: Sequence[str]) -> Iterator[Finding]:
+    """Yields where torques of links are nothing like the robot file's, whose links are often drawn, not weighed.
+
+    It says that the file is rough, or the log's scale or a gear ratio off: what is off by a factor of 5 is not to be
+    used before a new motion was predicted, unless the file says itself what it lacks.
+    """
+    found, visible = solution.against_nominal, _visible(solution)
+    size = np.where(visible & np.isfinite(found.ratio), np.abs(np.log(found.ratio)), 0.0)
+    worst, cause = int(np.argmax(size)), _likely_missing(robot)
     if size[worst] > np.log(_FAR):
-        ratio = float(found.ratio[worst])
-        told = f"the links that joint {worst + 1} moves come out {two_digits(ratio)} times the robot file's"
-        yield Finding("masses", told, bool(size[worst] > np.log(_TOO_FAR)), float(size[worst] / np.log(_FAR)))
+        times = two_digits(float(found.ratio[worst]))
+        told = f"the links that {names[worst]} moves come out {times} times the robot file's"
+        decisive = bool(size[worst] > np.log(_TOO_FAR)) and not cause[1]
+        yield Finding(cause[0], f"{told}{cause[1]}", decisive, float(size[worst] / np.log(_FAR)))
     unlike = int(np.argmin(np.where(visible, found.likeness, 1.0)))
     likeness = float(found.likeness[unlike])
-    if visible[unlike] and likeness < _ALIKE:
+    if visible[unlike] and abs(likeness) < _ALIKE:
         told = (
-            f"what the links do to joint {unlike + 1} along this motion is not what the robot file's would do "
-            f"(correlation {likeness:.2g})"
+            f"what the links do to {names[unlike]} along this motion is not what the robot file's would do "
+            f"(correlation {likeness:.2g}){cause[1]}"
         )
-        yield Finding("masses", told, likeness < _UNLIKE, 1 + _ALIKE - likeness)
+        yield Finding(cause[0], told, decisive=False, strength=1 + _ALIKE - likeness)
+
+
+def _likely_missing(robot: Robot) -> tuple[str, str]:
+    """What of the robot file is known to be unsure, a cause with a clause: its notes and what it assumes come first."""
+    for note in robot.notes:
+        if "counterbalance" in note.lower():
+            return "counterbalance", f"; the robot file notes: {note.rstrip('.')}"
+    assumed = [name for name in robot.assumed if name.startswith("payload.")]
+    if assumed:
+        return "payload", f"; the robot file assumes {', '.join(assumed)}"
+    return "masses", ""
 
 
 def _unfelt_rotors(solution: RigidSolution) -> Iterator[Finding]:
@@ -112,7 +181,7 @@ def _unfelt_rotors(solution: RigidSolution) -> Iterator[Finding]:
         yield Finding("torque_sensor", message, decisive=True, strength=_TO_BLAME)
 
 
-def _places(travel: Travel) -> Iterator[Finding]:
+def _places(travel: Travel, names: Sequence[str]) -> Iterator[Finding]:
     """Positions beyond the joints' limits: a zero, or, where more was moved over than there is, a gear ratio."""
     reach = travel.upper_limit - travel.lower_limit
     beyond = np.maximum(travel.lower_limit - travel.lowest, travel.highest - travel.upper_limit)
@@ -120,7 +189,7 @@ def _places(travel: Travel) -> Iterator[Finding]:
     worst = int(np.argmax(share))
     if share[worst] > _BEYOND:
         told = (
-            f"joint {worst + 1} would have moved from {travel.lowest[worst]:.3g} to {travel.highest[worst]:.3g}, but "
+            f"{names[worst]} would have moved from {travel.lowest[worst]:.3g} to {travel.highest[worst]:.3g}, but "
             f"its limits are {travel.lower_limit[worst]:.3g} and {travel.upper_limit[worst]:.3g} (rad, or m)"
         )
         wider = bool((travel.highest - travel.lowest)[worst] > (1 + _FAR_BEYOND) * reach[worst])
@@ -128,11 +197,25 @@ def _places(travel: Travel) -> Iterator[Finding]:
         yield Finding(cause, told, bool(share[worst] > _FAR_BEYOND), float(share[worst] / _BEYOND))
 
 
-def _unexplained(solution: RigidSolution) -> Iterator[Finding]:
-    error = solution.residuals.total_error
-    if error > TOTAL_ERROR_LIMIT:
-        told = f"the fit leaves {error:.0%} of its own torques, limit {TOTAL_ERROR_LIMIT:.0%}"
-        yield Finding("model", told, decisive=True, strength=error / TOTAL_ERROR_LIMIT)
+def is_unexplained(robot: Robot, solution: RigidSolution, options: RigidFitOptions) -> bool:
+    """Whether a fit leaves more of its own torques than it may."""
+    return any(True for _ in _unexplained(solution, motors_in(robot, solution, options), ()))
+
+
+def _unexplained(solution: RigidSolution, motors: Motors, tried: Sequence[Trial]) -> Iterator[Finding]:
+    """Torques that the fit leaves, all together or of one motor, with the cause that explains most where one does."""
+    whole, (name, index, own) = solution.residuals.total_error, motors.worst(solution.expected.residual)
+    if whole > TOTAL_ERROR_LIMIT:
+        told, strength = f"{whole:.0%} of its own torques, limit {TOTAL_ERROR_LIMIT:.0%}", whole / TOTAL_ERROR_LIMIT
+    elif own > MOTOR_ERROR_LIMIT:
+        off = motors.off(solution, index, own)
+        told, strength = f"of {name}'s torque {off}, limit {MOTOR_ERROR_LIMIT:.0%}", own / MOTOR_ERROR_LIMIT
+    else:
+        return
+    gains = "".join(f"; {trial.sentence}" for trial in tried)
+    # A change that was tried and helps is better evidence than whatever else a bad fit shows.
+    cause, strength = (tried[0].cause, _TO_BLAME) if tried else ("model", strength)
+    yield Finding(cause, f"the fit leaves {told}{gains}", decisive=True, strength=strength)
 
 
 def _negative(estimate: Estimate) -> Iterator[Finding]:
@@ -143,22 +226,26 @@ def _negative(estimate: Estimate) -> Iterator[Finding]:
         # A combination of the robot file's own bodies may be negative as well.
         if upper >= 0 or nominal < 0 or not (kind in _FRICTION or kind in ("motor_inertia", "coupling_inertia") or own):
             continue
-        inertial = kind in _INERTIAL
-        told = f"{name} comes out negative ({value:.3g})"
-        decisive = kind in ("motor_inertia", "coulomb", "viscous")
-        cause = "torque_sign" if decisive else ("masses" if inertial else "friction")
-        # What a wrong sign leaves unexplained is its doing, so it is to blame first.
-        yield Finding(cause, told, decisive, _TO_BLAME if decisive else 1.5)
+        cause = "masses" if kind in _INERTIAL else "friction"
+        yield Finding(cause, f"{name} comes out negative ({value:.3g})", decisive=False, strength=1.5)
 
 
-def _excitation(solution: RigidSolution) -> Iterator[Finding]:
-    poor = [
-        name
-        for name, share in zip(solution.estimate.names, solution.estimate.relative_std.tolist(), strict=True)
-        if share > solution.estimate.identifiable_relative_std
-    ]
-    if poor and solution.base.condition > _POOR_CONDITION:
-        listed = ", ".join(poor[:5]) + (f" and {len(poor) - 5} more" if len(poor) > 5 else "")
+def _excitation(solution: RigidSolution, motors: Motors) -> Iterator[Finding]:
+    """A motion that is too poor: by the errors that it lets expect on others, or by its condition."""
+    expected, estimate = solution.expected, solution.estimate
+    poor = [name for name, known in zip(estimate.names, estimate.identified.tolist(), strict=True) if not known]
+    listed = ", ".join(poor[:5]) + (f" and {len(poor) - 5} more" if len(poor) > 5 else "")
+    # What the covariance of the parameters adds to the residual, which the fit's own log shows as well.
+    name, index, error = motors.worst(np.sqrt(np.maximum(expected.error**2 - expected.residual**2, 0.0)))
+    if error > EXPECTED_ERROR_LIMIT:
+        told = (
+            f"the motion is too poor: on others the torque of {name} is to be expected off by "
+            f"{motors.off(solution, index, float(expected.error[index]))}, where the fit leaves "
+            f"{expected.residual[index]:.0%}; it determines {len(estimate.names) - len(poor)} of "
+            f"{len(estimate.names)} parameters (not {listed}); record larger, faster or longer motions of all joints"
+        )
+        yield Finding("excitation", told, decisive=True, strength=error / EXPECTED_ERROR_LIMIT)
+    elif poor and solution.base.condition > _POOR_CONDITION:
         told = f"the motion has a condition number of {solution.base.condition:.3g}: {listed} suffer"
         yield Finding("excitation", told, decisive=False, strength=solution.base.condition / _POOR_CONDITION)
 
@@ -176,6 +263,18 @@ def _bodies(solution: RigidSolution) -> Iterator[Finding]:
         yield Finding("masses", told, decisive=False, strength=abs(float(standard.moved[worst])) / _MOVED)
 
 
-def assess_rigid(solution: RigidSolution, scales: Sequence[Finding] = ()) -> Grade:
+def motors_in(robot: Robot, solution: RigidSolution, options: RigidFitOptions) -> Motors:
+    """Returns the motors of a fit, those that its options ask to be judged among them."""
+    return motors_of(solution, [joint.name for joint in robot.joints], options.judge)
+
+
+def assess_rigid(
+    robot: Robot,
+    solution: RigidSolution,
+    options: RigidFitOptions,
+    scales: Sequence[Finding] = (),
+    tried: Sequence[Trial] = (),
+) -> Grade:
     """Grades a rigid fit by itself: it predicts at best. Beside wrong scales nothing else is looked for."""
-    return graded_alone(scales or parameter_findings(solution), solution.estimate.status)
+    motors = motors_in(robot, solution, options)
+    return graded_alone(scales or parameter_findings(robot, solution, motors, tried), solution.estimate.status)

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
+from robid.models.rigid.fit.cut_off import motion_band
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
-from robid.models.rigid.fit.residuals import excited_band
 from robid.models.rigid.fit.rows import prepare
 from robid.models.rigid.fit.shots import Shot, positions_of
 from robid.results.finding import Finding, two_digits
@@ -213,7 +213,7 @@ def _filtered(shot: Shot, options: PreprocessingOptions) -> tuple[FloatArray, Fl
     The cut-off is that of the fit, or, where a wrong time makes nonsense of it, some times the motion's band.
     """
     period = shot.sampling_period_s
-    band_hz = min(_WIDER * float(excited_band(shot.position, period).max()), _HIGHEST / period)
+    band_hz = min(_WIDER * float(motion_band([shot], derivative=2).max()), _HIGHEST / period)
     cut_hz = band_hz if options.position_cut_hz is None else options.position_cut_hz
     for one in (cut_hz, band_hz):
         if not 0 < one <= _HIGHEST / period:

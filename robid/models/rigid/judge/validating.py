@@ -16,9 +16,11 @@ from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.residuals import FEWEST_TESTED
 from robid.models.rigid.fit.rows import Reading
 from robid.models.rigid.fit.shots import Shot, motion_of, repeats
+from robid.models.rigid.fit.sizes import LEAST_SHARE
 from robid.models.rigid.fit.solution import RigidSolution
-from robid.models.rigid.judge.plausible import TOTAL_ERROR_LIMIT
-from robid.results.finding import Finding
+from robid.models.rigid.judge.motors import MOTOR_ERROR_LIMIT, Motors
+from robid.models.rigid.judge.plausible import TOTAL_ERROR_LIMIT, file_findings, motors_in
+from robid.results.finding import Finding, two_digits
 from robid.results.outcome import Outcome
 from robid.robot.description import Robot
 from robid.robot.regressor.model import RigidModel, build_rigid_model
@@ -79,7 +81,7 @@ def predict(
     return Prediction(time_s, whole, np.concatenate(predicted))
 
 
-MOTOR_ERROR_LIMIT = 0.3
+_REFUTED = ("masses", "payload", "counterbalance", "filters", "model", "friction", "excitation")
 _WORSE = 2.0  # times what the fit left
 _MATTERS = 0.05  # of the torque
 
@@ -90,7 +92,9 @@ class RigidValidation:
 
     outcome: Outcome  # whether it holds, its grade, and its parameters against the truth
     prediction: Prediction  # measured and predicted torques
-    relative_error: Annotated[FloatArray, Quantity("1", "joint", "Norm of the error over that of the torque")]
+    relative_error: Annotated[
+        FloatArray, Quantity("1", "joint", "RMS of the error over max(that of the torque, a tenth of the rated one)")
+    ]
     total_error: float  # the same of all joints together
     error_ratio: Annotated[FloatArray, Quantity("1", "joint", "Error over what the fit left")]
     same_motion: bool  # whether the fit has seen this motion already
@@ -113,8 +117,9 @@ def validate_rigid(
 ) -> RigidValidation:
     """Validates a rigid model on another motion.
 
-    The limits are absolute: torques may be off by 15 % of their size, those of a single motor by 30 %. A motor whose
-    torque is off by more than 5 % and twice what the fit left is a reason for doubt.
+    The limits are absolute: torques may be off by 15 % of their size, those of a single motor by 30 % of max(its RMS
+    torque, a tenth of its rated torque). A motor whose torque is off by more than 5 % and twice what the fit left is a
+    reason for doubt. What holds is not condemned by a robot file, nor by what its own log let expect.
 
     Raises:
         DataError: If a shot is too short for the fit's filters.
@@ -138,13 +143,16 @@ def validate_rigid(
         raise DataError(message, where="validation", remedy="validate on a record of the same quantity")
     own = np.sqrt(np.nanmean(solution.residuals.residual**2, axis=0))
     ratio = prediction.deviation / np.maximum(own, 1e-300)
-    failures = _failures(robot, prediction)
+    motors = motors_in(robot, solution, options)
+    off = _error(prediction, solution)
+    failures = _failures(prediction, solution, motors, off)
     same = any(repeats(solution.travel, robot, shot) for shot in shots)
-    every = [*findings, *_doubts(robot, prediction, ratio, same=same)]
+    kept = findings if failures or same else _refuted(findings, robot, solution, motors)
+    every = [*kept, *_doubts(motors, prediction, ratio, off, same=same)]
     return RigidValidation(
         outcome=outcome_of(solution.estimate, every, failures, _verdict(prediction, ratio, failures, same=same), truth),
         prediction=prediction,
-        relative_error=prediction.relative_error,
+        relative_error=off,
         total_error=prediction.total_error,
         error_ratio=ratio,
         same_motion=same,
@@ -159,29 +167,49 @@ def _forward(simulated: Sequence[FloatArray], shots: Sequence[Shot]) -> FloatArr
     return np.asarray(np.sqrt(np.mean(error**2, axis=0) / np.mean(moved**2, axis=0)))
 
 
-def _failures(robot: Robot, prediction: Prediction) -> tuple[str, ...]:
-    error = np.nan_to_num(prediction.relative_error)
-    worst, found = int(np.argmax(error)), []
-    if error[worst] > MOTOR_ERROR_LIMIT:
-        name = robot.joints[worst].name
-        found.append(f"the torque of {name} is off by {error[worst]:.0%} of its size, limit {MOTOR_ERROR_LIMIT:.0%}")
+def _error(prediction: Prediction, solution: RigidSolution) -> FloatArray:
+    """Errors (n_joint,) over what a motor's error is related to."""
+    rms = prediction.deviation / np.where(prediction.relative_error > 0, prediction.relative_error, np.nan)
+    size = np.maximum(np.nan_to_num(rms), LEAST_SHARE * solution.expected.rated)
+    return np.asarray(prediction.deviation / np.maximum(size, np.finfo(float).tiny))
+
+
+def _failures(prediction: Prediction, solution: RigidSolution, motors: Motors, error: FloatArray) -> tuple[str, ...]:
+    (name, index, worst), found = motors.worst(error), []
+    if worst > MOTOR_ERROR_LIMIT:
+        off = f"{worst:.0%} of its size ({two_digits(float(prediction.deviation[index]))} {solution.torque_unit})"
+        found.append(f"the torque of {name} is off by {off}, limit {MOTOR_ERROR_LIMIT:.0%}")
     if prediction.total_error > TOTAL_ERROR_LIMIT:
         found.append(f"torques are off by {prediction.total_error:.0%} of their size, limit {TOTAL_ERROR_LIMIT:.0%}")
     return tuple(found)
 
 
-def _doubts(robot: Robot, prediction: Prediction, ratio: FloatArray, *, same: bool) -> Iterator[Finding]:
+def _refuted(findings: Sequence[Finding], robot: Robot, solution: RigidSolution, motors: Motors) -> Iterator[Finding]:
+    """Yields findings of the fit as they stand where the model has predicted a new motion.
+
+    What speaks of bias, of a poor motion or of what the model lacks is weaker evidence than that; that the robot file
+    has other links is no fault of the fit.
+    """
+    of_file = {each.message for each in file_findings(robot, solution, motors.names)}
+    for each in findings:
+        weak = not each.scales and each.cause in _REFUTED
+        strength = min(each.strength, 1.0) if each.message in of_file else each.strength
+        yield replace(each, decisive=each.decisive and not weak, strength=strength)
+
+
+def _doubts(
+    motors: Motors, prediction: Prediction, ratio: FloatArray, error: FloatArray, *, same: bool
+) -> Iterator[Finding]:
     """Yields what is doubtful: a motion seen already, a torque predicted much worse than there, too few rows."""
     if same:
         told = "the validation repeats the motion of the fit: it says nothing of other motions"
         yield Finding("same_motion", told, decisive=False, strength=2.0)
-    telling = np.nan_to_num(np.where(prediction.relative_error > _MATTERS, ratio, 0.0))
-    worst = int(np.argmax(telling))
-    if telling[worst] > _WORSE:
-        told = f"the torque of {robot.joints[worst].name} is off by {telling[worst]:.2g} times what the fit left"
-        yield Finding("model", told, decisive=False, strength=float(telling[worst]) / _WORSE)
-    counts = zip(robot.joints, prediction.n_row.tolist(), strict=True)
-    few = [joint.name for joint, count in counts if count < FEWEST_TESTED]
+    telling = np.nan_to_num(np.where(error > _MATTERS, ratio, 0.0))
+    name, _, worst = motors.worst(telling)
+    if worst > _WORSE:
+        told = f"the torque of {name} is off by {worst:.2g} times what the fit left"
+        yield Finding("model", told, decisive=False, strength=worst / _WORSE)
+    few = [name for name, count in zip(motors.names, prediction.n_row.tolist(), strict=True) if count < FEWEST_TESTED]
     if few:
         told = f"the validation leaves fewer than {FEWEST_TESTED} rows of {', '.join(few)}, too few to tell anything"
         yield Finding("excitation", told, decisive=False, strength=2.0)

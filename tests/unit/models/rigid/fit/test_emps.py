@@ -1,14 +1,19 @@
 """The EMPS axis, measured: the published least squares, and what asymmetric friction leaves."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.io import loadmat
 
 from rigid_models import Slide, stacked
+from robid.models.rigid.fit.cut_off import choose_cut_off
 from robid.models.rigid.fit.options import PreprocessingOptions
 from robid.models.rigid.fit.regression import huber, ordinary_least_squares, reduce_rows
-from robid.models.rigid.fit.residuals import choose_cut_off
 from robid.models.rigid.fit.rows import Reading, prepare
+from robid.models.rigid.fit.shots import Shot
+from robid.robot.regressor.model import build_rigid_model
+from robid.settings.load import load_robot
 
 OPTIONS = PreprocessingOptions(position_cut_hz=100.0, decimation=10)
 PERIOD_S = 1e-3
@@ -51,7 +56,11 @@ def test_huber_stays_near(measured):
 
 
 def test_a_cut_off_is_found_above_what_the_axis_moves_at(measured):
-    choice = choose_cut_off(*measured, PERIOD_S, Slide(), OPTIONS)
-    assert 1 < choice.excited_hz[0] < 60
-    assert choice.cut_hz > choice.excited_hz[0]
-    assert not choice.white  # the friction is not all that the model says
+    robot = load_robot(Path(__file__).parents[5] / "configs/robots/emps.yaml").to_robot(0.0)
+    position, force = measured
+    ratio = robot.gear_ratio
+    choice = choose_cut_off(
+        [Shot(position * ratio, force / ratio, PERIOD_S, held=False)], build_rigid_model(robot), PreprocessingOptions()
+    )
+    assert 1 < choice.motion_hz[0] < choice.cut_hz < 60
+    assert choice.error[choice.trial_hz == choice.cut_hz] < 1.05 * choice.error.min()

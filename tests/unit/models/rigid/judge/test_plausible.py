@@ -22,6 +22,7 @@ from robid.signals.record import Record
 
 OPTIONS = RigidFitOptions(filters=PreprocessingOptions(position_cut_hz=10.0), physical=False)
 N_SAMPLE = 5000
+_OF_SIZE = ("masses", "gear_ratio", "zero", "torque_sign")
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +43,7 @@ def _with_gear(robot, joint, factor):
 
 
 def _finding(robot, shots, options=OPTIONS):
-    return assess_rigid(fit_rigid(robot, shots, options)).findings
+    return assess_rigid(robot, fit_rigid(robot, shots, options), options).findings
 
 
 def _record(robot, shot):
@@ -65,7 +66,7 @@ def _units(robot, shot):
 
 
 def _sizes(robot, shots):
-    return [finding for finding in _finding(robot, shots) if finding.cause in ("masses", "gear_ratio", "zero")]
+    return [finding for finding in _finding(robot, shots) if finding.cause in _OF_SIZE]
 
 
 @pytest.mark.parametrize("factors", [(1, 1, 1), (1.3, 0.7, 1.3), (0.7, 0.7, 0.7), (1.3, 1.3, 0.7)])
@@ -115,13 +116,17 @@ def test_currents_say_nothing_of_sizes(robot, shot):
 def test_a_motion_that_excites_too_little_names_what_suffers(robot):
     poor = shot_along(robot, fourier_motion(robot, N_SAMPLE, share=0.01))
     solution = fit_rigid(robot, [poor], OPTIONS)
-    finding = next(one for one in assess_rigid(solution).findings if one.cause == "excitation")
-    lost = [
-        name for name, known in zip(solution.estimate.names, solution.estimate.identifiable, strict=True) if not known
-    ]
-    assert lost
-    assert "joint_0.ZZ, joint_0.MX" in finding.message
-    assert any("not told from zero: joint_0.ZZ" in told for told in solution.estimate.undetermined)
+    finding = next(one for one in assess_rigid(robot, solution, OPTIONS).findings if one.cause == "excitation")
+    known = dict(zip(solution.estimate.names, solution.estimate.identified.tolist(), strict=True))
+    assert finding.decisive
+    assert not known["joint_0.ZZ"]
+    assert "joint_0.ZZ" in finding.message
+    assert any("joint_0.ZZ" in told for told in solution.estimate.undetermined)
+    # Torques on another motion show that it is right.
+    motion = fourier_motion(robot, N_SAMPLE, seed=8)
+    held = validate_rigid(robot, solution, [shot_along(robot, motion)], OPTIONS)
+    assert held.relative_error.max() > 0.15
+    assert held.outcome.grade.value == 0
 
 
 def test_motors_that_stand_still_and_torques_that_never_change_are_refused(robot, shot):

@@ -1,0 +1,69 @@
+"""What a rigid fit is worth motor by motor: which are determined, which are judged, and how far each is off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import BoolArray, FloatArray
+from robid.models.rigid.fit.sizes import LEAST_SHARE
+from robid.models.rigid.fit.solution import RigidSolution
+from robid.results.finding import two_digits
+
+MOTOR_ERROR_LIMIT = 0.3
+"""Error of a motor's torque over its size from which it must not be used."""
+
+EXPECTED_ERROR_LIMIT = 0.15
+"""Error that is expected on other motions from which a fit that was held against none must not be used."""
+
+_BESIDE = 3.0  # times the residual that links' torque is at least, to be told beside it
+_ROUGH = 3.0  # factor by which a robot file's links may be off
+
+
+@dataclass(frozen=True)
+class Motors:
+    """The motors of a fit."""
+
+    names: tuple[str, ...]
+    determined: BoolArray  # (n_joint,): whether its torque holds more of its links than noise and misfit leave
+    judged: BoolArray  # (n_joint,): whether the grade counts it
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Motors that the grade does not count because nothing determines them."""
+        rows = zip(self.names, self.judged.tolist(), self.determined.tolist(), strict=True)
+        return tuple(name for name, is_judged, told in rows if not is_judged and not told)
+
+    def worst(self, error: FloatArray) -> tuple[str, int, float]:
+        """The judged motor with the largest error (n_joint,): its name, index and error."""
+        counted = np.where(self.judged, np.nan_to_num(error), -1.0)
+        index = int(np.argmax(counted))
+        return self.names[index], index, float(counted[index])
+
+    def off(self, solution: RigidSolution, joint: int, error: float) -> str:
+        """Says an error over the size of a motor's torque in the fit's own log, and what it is."""
+        rms = float(np.sqrt(np.nanmean(solution.residuals.torque[:, joint] ** 2)))
+        size = max(rms, LEAST_SHARE * float(solution.expected.rated[joint]))
+        return f"{error:.0%} of its size ({two_digits(error * size)} {solution.torque_unit})"
+
+
+def motors_of(solution: RigidSolution, names: Sequence[str], judge: Sequence[str] = ()) -> Motors:
+    """Says which motors of a fit count.
+
+    A motor is not determined where its torque is mostly noise, resolution or friction: what its links do along this
+    motion, estimated and by the robot file, is lost in what the fit leaves, which is more than may be left. A robot
+    file whose links are large beside it speaks of a misfit instead, which is the motor's fault.
+
+    Args:
+        solution: The fit.
+        names: The joints.
+        judge: Joints that alone are judged; empty for all that are determined.
+    """
+    found, error = solution.against_nominal, solution.residuals.relative_error
+    stated = np.nan_to_num(found.share / found.ratio, nan=0.0)
+    hidden = (found.share < _BESIDE * error) & (stated < _ROUGH * error)
+    determined = ~(hidden & (solution.expected.residual > MOTOR_ERROR_LIMIT))
+    named = np.isin(np.array(names), np.array(judge, dtype=str)) if judge else np.ones(len(names), bool)
+    return Motors(tuple(names), determined, named & (determined | bool(judge)))
