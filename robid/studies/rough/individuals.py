@@ -89,7 +89,7 @@ def individual_tasks(run: Run, earlier: Earlier) -> list[Task]:
     parts = ("drawn", "file", "logs", "validated", "one_motion", "new_motions", "period_s", "harmonics", "rated_share")
     shared = {name: plain_settings(getattr(study, name)) for name in (*parts, "band_hz")}
     tasks = []
-    for number in range(made, made + (study.added if earlier else study.count)):
+    for number in range(made, made + (study.further if earlier else study.count)):
         turn, seed = number % len(known), study.chosen.first + number
         balanced = number // len(known) % study.drawn.balanced_each == 0
         one = Individual(known[turn], seed, balanced, study)

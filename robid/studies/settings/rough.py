@@ -122,6 +122,11 @@ class RoughStudy(Section):
         """Robots of the first round."""
         return self.robots if self.chosen.robots is None else min(self.robots, self.chosen.robots)
 
+    @property
+    def further(self) -> int:
+        """Robots of each further round; none where the seeds limit their number."""
+        return self.added if self.chosen.robots is None else 0
+
 
 ROUNDS = 3
 """How often robots are added at most."""
