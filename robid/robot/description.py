@@ -9,6 +9,9 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
+from robid.robot.balances import Counterbalance
+from robid.robot.balances import HarmonicBalance as HarmonicBalance
+from robid.robot.balances import SpringBalance as SpringBalance
 from robid.robot.friction import Friction, TorqueLaw
 from robid.robot.nuisance import NuisanceStd
 from robid.signals.quantities import METRES, RADIANS, shown
@@ -58,37 +61,6 @@ def no_motor() -> Motor:
 
 
 @dataclass(frozen=True)
-class HarmonicBalance:
-    """A counterbalance whose torque on the arm is `sum_k sine_k sin(k q) + cosine_k cos(k q)` of the joint's angle."""
-
-    sine_nm: FloatArray  # (n_harmonic,) Sine coefficients, the first one of the angle itself [N m]
-    cosine_nm: FloatArray  # (n_harmonic,) Cosine coefficients [N m]
-
-    def torque_nm(self, angle: float) -> float:
-        """Returns the torque on the arm at an angle of the joint [rad]."""
-        # Harmonics of the joint's angle, the first one of gravity on the balanced link.
-        orders = np.arange(1, len(self.sine_nm) + 1) * angle
-        return float(self.sine_nm @ np.sin(orders) + self.cosine_nm @ np.cos(orders))
-
-    def slope_nm_rad(self, angle: float) -> float:
-        """Returns the torque's derivative by the angle [N m/rad]."""
-        orders = np.arange(1, len(self.sine_nm) + 1)
-        cosines, sines = np.cos(orders * angle), np.sin(orders * angle)
-        return float(orders @ (self.sine_nm * cosines - self.cosine_nm * sines))
-
-
-@dataclass(frozen=True)
-class SpringBalance:
-    """A counterbalance by a spring or cylinder between two points."""
-
-    carrier_point_m: FloatArray  # (3,) Its end on what carries the joint, in the joint frame at zero position [m]
-    link_point_m: FloatArray  # (3,) Its end on the link, in the joint frame [m]
-    free_length_m: float  # Length at which it pulls with `preload_n` [m]
-    stiffness_n_m: float  # Stiffness [N/m]
-    preload_n: float = 0.0  # Pull at the free length; negative where it pushes [N]
-
-
-@dataclass(frozen=True)
 class Joint:
     """A joint about or along the z axis of its frame, the link it moves and the motor that moves it."""
 
@@ -103,7 +75,7 @@ class Joint:
     couplings: Mapping[str, float] = field(default_factory=dict)
     type: JointType = "revolute"  # Whether the arm turns about the axis or slides along it
     # What takes gravity off the motor; only the rigid model and the simulated truth know it
-    counterbalance: HarmonicBalance | SpringBalance | None = None
+    counterbalance: Counterbalance | None = None
     # Viscous friction between the link and what carries it: of bearings, seals, a carriage, a load motor; arm side,
     # where the motor's acts before the transmission [N m s/rad, or N s/m]
     arm_viscous: float = 0.0

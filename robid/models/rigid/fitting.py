@@ -14,6 +14,7 @@ from robid.models.family import Data, Work
 from robid.models.rigid.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.rigid.fit.fitting import Simulate, fit_rigid
 from robid.models.rigid.fit.shots import Shot, refuse_unusable, shots_of
+from robid.models.rigid.judge.balances import balance_findings
 from robid.models.rigid.judge.plausible import assess_rigid
 from robid.models.rigid.judge.scales import motions_of, rigid_scale_findings, sum_findings
 from robid.models.rigid.judge.validating import validate_rigid
@@ -44,7 +45,8 @@ def fit(data: Data, work: Work) -> Artifact:
     except DataError as error:
         raise blamed(error, scales) from error
     work.progress.advance()
-    return model_of(solution, assess_rigid(solution, scales))
+    further = () if scales else tuple(balance_findings(robot, shots, solution, settings.options()))
+    return model_of(solution, assess_rigid(solution, scales, further))
 
 
 def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:

@@ -40,7 +40,11 @@ def parameter_findings(solution: RigidSolution) -> tuple[Finding, ...]:
         *_excitation(solution),
         *_bodies(solution),
     ]
-    return tuple(sorted(found, key=lambda finding: (not finding.decisive, -finding.strength)))
+    return tuple(sorted(found, key=_rank))
+
+
+def _rank(finding: Finding) -> tuple[bool, float]:
+    return not finding.decisive, -finding.strength
 
 
 def _estimators(solution: RigidSolution) -> Iterator[Finding]:
@@ -176,6 +180,13 @@ def _bodies(solution: RigidSolution) -> Iterator[Finding]:
         yield Finding("masses", told, decisive=False, strength=abs(float(standard.moved[worst])) / _MOVED)
 
 
-def assess_rigid(solution: RigidSolution, scales: Sequence[Finding] = ()) -> Grade:
-    """Grades a rigid fit by itself: it predicts at best. Beside wrong scales nothing else is looked for."""
-    return graded_alone(scales or parameter_findings(solution), solution.estimate.status)
+def assess_rigid(solution: RigidSolution, scales: Sequence[Finding] = (), further: Sequence[Finding] = ()) -> Grade:
+    """Grades a rigid fit by itself: it predicts at best. Beside wrong scales nothing else is looked for.
+
+    Args:
+        solution: What the fit found.
+        scales: Wrong scales that were seen in its data.
+        further: What else speaks against it, seen in its rows.
+    """
+    found = scales or sorted((*parameter_findings(solution), *further), key=_rank)
+    return graded_alone(found, solution.estimate.status)
