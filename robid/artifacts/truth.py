@@ -32,7 +32,8 @@ Instance = TypeVar("Instance", bound="DataclassInstance")
 def to_plain(value: object) -> Any:  # noqa: ANN401
     """Turns a dataclass, arrays and containers of them included, into values that JSON knows."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: to_plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        physical = (field.name for field in dataclasses.fields(value) if field.metadata.get("physical", True))
+        return {name: to_plain(getattr(value, name)) for name in physical}
     if isinstance(value, np.ndarray | np.generic):
         return to_plain(value.tolist())
     if isinstance(value, Mapping):

@@ -169,6 +169,14 @@ class Sensor:
 
 
 @dataclass(frozen=True)
+class FileFrames:
+    """In which frames a robot file states its bodies: what is told of a centre of mass is told in them."""
+
+    links: tuple[FloatArray, ...]  # (3, 3) of each joint: orientation of its link's frame in the joint frame
+    payload: FloatArray  # (3, 3) Orientation of the payload's frame in the last joint's frame
+
+
+@dataclass(frozen=True)
 class Robot:
     """An elastic robot with its payload."""
 
@@ -186,6 +194,17 @@ class Robot:
     loop_links: tuple[LoopLink, ...] = ()  # Links beside the chain, after what carries them; the rigid model's alone
     # How far what is stated of the payload and the base may be off
     nuisance_std: NuisanceStd = field(default_factory=NuisanceStd)
+    # The frames of its file; None where they are the joints' own. No part of what the robot is
+    file_frames: FileFrames | None = field(default=None, metadata={"physical": False})
+
+    def link_axes(self, joint: int) -> FloatArray:
+        """Returns the axes (3, 3) of the frame that a joint's link is stated in, as columns in the joint frame."""
+        return np.eye(3) if self.file_frames is None else self.file_frames.links[joint]
+
+    @property
+    def payload_axes(self) -> FloatArray:
+        """The same of the payload, in the last joint's frame."""
+        return np.eye(3) if self.file_frames is None else self.file_frames.payload
 
     @property
     def gear_ratio(self) -> FloatArray:
