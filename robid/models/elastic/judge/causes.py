@@ -14,11 +14,12 @@ from robid.models.elastic.fit.gear_motion import swings_known
 from robid.models.elastic.fit.nuisance.kinds import list_nuisances
 from robid.models.elastic.fit.nuisance.moves import FurtherSpring, further_springs
 from robid.models.elastic.fit.nuisance.off_robot import carry_over, extend_options, extend_problem
-from robid.models.elastic.fit.nuisance.wording import as_set, free_with, remedy
+from robid.models.elastic.fit.nuisance.wording import free_with, remedy
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.solution import ElasticSolution
+from robid.models.elastic.judge.amounts import as_set
 from robid.models.elastic.judge.fitted import FittedModel
 from robid.models.elastic.judge.ratios import (
     CHANCE,
