@@ -32,7 +32,8 @@ Instance = TypeVar("Instance", bound="DataclassInstance")
 def to_plain(value: object) -> Any:  # noqa: ANN401
     """Turns a dataclass, arrays and containers of them included, into values that JSON knows."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: to_plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        physical = (field.name for field in dataclasses.fields(value) if field.metadata.get("physical", True))
+        return {name: to_plain(getattr(value, name)) for name in physical}
     if isinstance(value, np.ndarray | np.generic):
         return to_plain(value.tolist())
     if isinstance(value, Mapping):
@@ -64,7 +65,7 @@ def _value(hint: Any, content: Any) -> Any:  # noqa: ANN401
     if origin in (Union, types.UnionType):
         if content is None:
             return None
-        return _value(next(member for member in get_args(hint) if member is not types.NoneType), content)
+        return _value(_member([each for each in get_args(hint) if each is not types.NoneType], content), content)
     if origin is np.ndarray:
         return np.array(content, dtype=float)
     if origin is tuple:
@@ -72,6 +73,18 @@ def _value(hint: Any, content: Any) -> Any:  # noqa: ANN401
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         return from_plain(hint, content)
     return float(content) if hint is float else content
+
+
+def _member(hints: list[Any], content: Any) -> Any:  # noqa: ANN401
+    """The member of a union that the content is one of: of several dataclasses the one with all of its fields."""
+    return next(
+        (
+            each
+            for each in hints
+            if dataclasses.is_dataclass(each) and {*content} <= {field.name for field in dataclasses.fields(each)}
+        ),
+        hints[0],
+    )
 
 
 _MAKER = "robid simulate-or-acquire EXPERIMENT.yaml"

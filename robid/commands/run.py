@@ -71,7 +71,7 @@ def run_stage(
     """Runs a stage unless its output is fresh; returns the exit code."""
     node = choose_node(run, stage.name, owner)
     shell = make_shell(run, as_json=as_json)
-    inputs = require_inputs(run, node, named)
+    inputs = require_inputs(run, node, named, goes_on=not stage.takes_what_is_there)
     target = output or run.path(node.output)
     check_outputs(run.loaded, node.stage, node.plan, inputs, target)
     outcome, text = "fresh", "nothing to do"

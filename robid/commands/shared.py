@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -130,15 +130,18 @@ def choose_node(run: Run, stage_name: str, owner: str | None, option: str = "") 
     )
 
 
-def require_inputs(run: Run, node: Node, named: list[Path]) -> dict[str, Path]:
+def require_inputs(run: Run, node: Node, named: list[Path], *, goes_on: bool = False) -> dict[str, Path]:
     """Returns where a node's inputs lie: in the run folder, or named artifacts in the place of those of their kinds.
+
+    What was made from named artifacts does for a stage that goes on from it (`goes_on`); what else is said of the run
+    folder needs all of it to belong together.
 
     Raises:
         ArtifactError: If one is missing or stale, with the command that makes it.
         SettingsError: If a named one is of a kind that the node does not read.
     """
-    instead = {_slot(node, path): path for path in named}
     nodes = graph(run.loaded)
+    instead = {slot: path for path in named for slot in _slots(nodes, node, path)}
     states = examine(run, nodes)
     makers = {path: other for other in nodes for path in other.plan.outputs}
     for other in needed_for(nodes, [path for name, path in node.plan.inputs.items() if name not in instead]):
@@ -154,7 +157,7 @@ def require_inputs(run: Run, node: Node, named: list[Path]) -> dict[str, Path]:
         state = states[maker]
         if state.blocked and node.stage.takes_what_is_there:
             continue
-        if state.status != "fresh":
+        if state.status != "fresh" and not (goes_on and state.named):
             why = f" ({state.why})" if state.why else ""
             there = state.status == "stale" and run.path(maker.output).exists()
             remedy = f"`{run.command(maker)}{' --force' * there}` makes it"
@@ -165,13 +168,41 @@ def require_inputs(run: Run, node: Node, named: list[Path]) -> dict[str, Path]:
     return inputs
 
 
-def _slot(node: Node, path: Path) -> str:
-    name = "truth" if path.suffix == ".json" else read_header(path).kind
-    if name not in node.plan.inputs:
-        what = f"S008 `{node.stage.name}` reads no {name}"
-        remedy = f"it reads: {', '.join(node.plan.inputs) or 'no artifact'}"
+def _slots(nodes: tuple[Node, ...], node: Node, path: Path) -> list[str]:
+    """Names of the inputs of a node that an artifact is: all that lie in one place of the run folder.
+
+    Of several places that hold its kind it takes the one whose campaign, design or fit it says that it was made for,
+    else that of the input which is called as the kind is.
+    """
+    makers = {output: maker for maker in nodes for output in maker.plan.outputs}
+    header = None if path.suffix == ".json" else read_header(path)
+    kind = "truth" if header is None else header.kind
+    inputs = node.plan.inputs.items()
+    places = dict.fromkeys(place for _, place in inputs if _kind_at(makers[place], place) == kind)
+    if not places:
+        what = f"S008 `{node.stage.name}` reads no {kind}"
+        remedy = f"it reads: {', '.join(dict.fromkeys(place for _, place in inputs)) or 'no artifact'}"
         raise SettingsError(what, where=f"--input {path}", remedy=remedy)
-    return name
+    settings = () if header is None else header.provenance.settings
+    own = [place for place in places if _is_of(makers[place], settings)] or [*places]
+    first = [place for place in own if node.plan.inputs.get(kind) == place]
+    if len(own) > 1 and not first:
+        what = f"S513 `{node.stage.name}` reads several of kind {kind}, and this one is of none of them"
+        remedy = f"name one that was made for the campaign, design or fit of {' or '.join(own)}"
+        raise SettingsError(what, where=f"--input {path}", remedy=remedy)
+    chosen = own[0] if len(own) == 1 else first[0]
+    return [name for name, place in inputs if place == chosen]
+
+
+def _kind_at(maker: Node, place: str) -> str:
+    """Kind of what a node writes at a place of the run folder."""
+    return Path(place).stem if place != maker.output or maker.stage.kind is None else maker.stage.kind.name
+
+
+def _is_of(maker: Node, settings: Collection[str]) -> bool:
+    """Whether an artifact that was made by some settings, by their dotted names, is one of a node's owner."""
+    section = f"{maker.stage.owned_by}s.{maker.owner}"
+    return any(name == section or name.startswith(f"{section}.") for name in settings)
 
 
 def fresh_at(node: Node, inputs: Mapping[str, Path], output: Path) -> State:

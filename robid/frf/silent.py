@@ -17,7 +17,8 @@ from robid.frf.spectra import Blocks, record_blocks
 from robid.robot.friction import COORDINATES, EXCESS, LAWS, LEVEL, SINE, STRIBECK, WIDTH, TorqueLaw
 from robid.signals.record import Record
 
-_MIN_LINES = 14  # two for each coefficient
+MIN_LINES = 14
+"""Silent lines that it takes to determine a law: two for each coefficient."""
 _MIN_EXCITED = 4
 _CONDITION_LIMIT = 1e8
 _ITERATIONS = 12
@@ -130,10 +131,10 @@ def _silent(record: Record, laws: Sequence[TorqueLaw], delay_s: float, oversampl
     record = record.realizations(_REALIZATIONS)
     lines = np.arange(record.excited_lines[0], record.excited_lines[-1] + 1)
     excited = np.isin(lines, record.excited_lines)
-    telling = int(np.sum(_telling(lines, excited)))
-    if telling < _MIN_LINES or np.sum(excited) < _MIN_EXCITED:
+    telling = telling_count(record.excited_lines)
+    if telling < MIN_LINES or np.sum(excited) < _MIN_EXCITED:
         raise DataError(
-            f"D024 only {telling} lines of the excited band are silent and can show friction, fewer than {_MIN_LINES}",
+            f"D024 only {telling} lines of the excited band are silent and can show friction, fewer than {MIN_LINES}",
             where="compensation: silent_lines",
             remedy="use `grid: odd` and fewer excited lines, a longer period, or `compensation: nominal`",
         )
@@ -164,6 +165,12 @@ def _torque_peak(record: Record) -> FloatArray:
     """Largest torque (n_in,) of all periods, the mean of each experiment taken off."""
     torque = record.inputs[0]
     return np.asarray(np.abs(torque - torque.mean(axis=(2, 3), keepdims=True)).max(axis=(0, 1, 2, 3)))
+
+
+def telling_count(excited: IntArray) -> int:
+    """Counts the silent lines between the first and the last of the excited ones (n_line,) that can show friction."""
+    lines = np.arange(excited[0], excited[-1] + 1)
+    return int(np.sum(_telling(lines, np.isin(lines, excited))))
 
 
 def _telling(lines: IntArray, excited: BoolArray) -> BoolArray:

@@ -55,6 +55,9 @@ class State:
     problem: str = ""  # what went wrong numerically in a fresh output
     blocked: bool = False  # whether a numerical problem further up keeps it from being made
     unreadable: ArtifactError | None = None  # why the output cannot be read, if so
+    # Whether it is stale for no other reason than that it, or what it was made from, was made from inputs that the
+    # command line named: single stages go on from it, a run makes it again
+    named: bool = False
 
 
 def state_of_output(stage: Stage, plan: Plan, folder: Path, above: Mapping[str, State]) -> State:
@@ -69,17 +72,11 @@ def state_of_output(stage: Stage, plan: Plan, folder: Path, above: Mapping[str, 
     missing = [path for path in plan.outputs if not (folder / path).exists()]
     if missing:
         return State("missing", f"{missing[0]} is not there")
-    reasons = []
-    if made.settings_hash != canonical_hash(plan.settings):
-        reasons.append(f"settings changed: {', '.join(changed(made.settings, plan.settings)) or 'unknown'}")
-    waiting = [path for path, state in above.items() if state.status != "fresh"]
-    if waiting:
-        reasons.append(f"input {waiting[0]} will be made again")
-    else:
-        used = {name: folder / path for name, path in plan.inputs.items() if path in above}
-        reasons += [f"input {plan.inputs.get(name, name)} changed" for name in _differing(made, plan, used)]
+    reasons, told = _why_stale(made, plan, folder, above)
     if reasons:
         return State("stale", "; ".join(reasons))
+    if told:
+        return State("stale", "; ".join(told), problem=stage.problem(output), named=True)
     try:
         unsaid = stage.vouched([folder / path for path in plan.outputs])
     except ArtifactError as error:
@@ -87,6 +84,27 @@ def state_of_output(stage: Stage, plan: Plan, folder: Path, above: Mapping[str, 
     if unsaid:
         return State("stale", unsaid)
     return State("fresh", problem=stage.problem(output))
+
+
+def _why_stale(made: Provenance, plan: Plan, folder: Path, above: Mapping[str, State]) -> tuple[list[str], list[str]]:
+    """Why an output is not what its stage would make now, and what it owes to inputs that the command line named."""
+    reasons = []
+    if made.settings_hash != canonical_hash(plan.settings):
+        reasons.append(f"settings changed: {', '.join(changed(made.settings, plan.settings)) or 'unknown'}")
+    inputs = {name: path for name, path in plan.inputs.items() if path in above}
+    settled = {name for name, path in inputs.items() if above[path].status == "fresh" or above[path].named}
+    there = {name for name in made.named if name in inputs and above[inputs[name]].unreadable is None}
+    differing = _differing(made, plan, {name: folder / inputs[name] for name in inputs if name in settled | there})
+    # What was named stands for the run folder's own input, in whatever state that is, unless it is the same.
+    named = {name for name in differing if name in made.named}
+    waiting = [path for name, path in inputs.items() if name not in settled | named]
+    if waiting:
+        reasons.append(f"input {waiting[0]} will be made again")
+    else:
+        reasons += [f"input {plan.inputs.get(name, name)} changed" for name in differing if name not in named]
+    told = [f"made from another {plan.inputs.get(name, name)}, which was named" for name in differing if name in named]
+    told += [f"input {path} was made from what was named" for path in inputs.values() if above[path].named]
+    return reasons, list(dict.fromkeys(told))
 
 
 def _unreadable(error: ArtifactError) -> State:

@@ -233,11 +233,17 @@ def execute(
         map=parallel_map,
         threads=run.workers if run.backend == "serial" else 1,
         progress=progress,
+        named=tuple(name for name, path in inputs.items() if not _is_own(run, node, name, path)),
     )
     try:
         return node.stage.run(job)
     except (SettingsError, DataError) as error:
         raise _placed(error, run, node) from error
+
+
+def _is_own(run: Run, node: Node, name: str, path: Path) -> bool:
+    """Whether an input is the run folder's own."""
+    return path.resolve() == run.path(node.plan.inputs[name]).resolve()
 
 
 def _placed(error: RobidError, run: Run, node: Node) -> RobidError:

@@ -134,7 +134,7 @@ def excitation_plan(loaded: LoadedExperiment, owner: str) -> Plan:
     if played_by_others(campaign) is None:
         settings |= {f"{section}.{key}": plain[key] for key in _READ_OF_EXCITATION}
         settings |= {f"{section}.source.{key}": value for key, value in transient_periods(campaign).items()}
-        settings |= robot_settings(loaded, "mechanics", "range", "motor_limits", "controller")
+        settings |= robot_settings(loaded, "mechanics", "range", "motor_limits", "controller", *_balances(loaded))
         if campaign.moves_poses:
             settings |= robot_settings(loaded, "mechanics", "rigid", "range", "motor_limits", "friction", "pose")
         elif campaign.is_trajectory:
@@ -144,6 +144,11 @@ def excitation_plan(loaded: LoadedExperiment, owner: str) -> Plan:
         settings |= log_sampling_settings(owner, campaign)
         settings |= robot_settings(loaded, "range")
     return Plan((f"{owner}/excitation.h5",), settings, design_inputs(campaign))
+
+
+def _balances(loaded: LoadedExperiment) -> tuple[Part, ...]:
+    """What holds a robot's counterbalances; nothing where it has none, so that what was made of such robots stays."""
+    return ("rigid",) if any(joint.counterbalance is not None for joint in loaded.robot.joints) else ()
 
 
 def played_by_others(campaign: Campaign) -> Acquire | None:
@@ -182,7 +187,8 @@ def record_plan(loaded: LoadedExperiment, owner: str) -> Plan:
     if simulated is None or simulated.steps_per_sample is None:
         settings["steps_per_sample"] = dict(STEP_LIMITS)
     recorded: Part = "pose" if campaign.moves_poses else "sensors"
-    settings |= robot_settings(loaded, "mechanics", "motor_limits", "friction", "controller", recorded)
+    known: tuple[Part, ...] = ("mechanics", "motor_limits", "friction", "controller", recorded)
+    settings |= robot_settings(loaded, *known, *_balances(loaded))
     return Plan((record, f"{owner}/truth.json"), settings, inputs, needed_bytes=_needed_bytes(loaded, campaign))
 
 

@@ -48,6 +48,7 @@ class Job:
     threads: int  # threads that a single task may use
     progress: Progress  # where to tell how far it is
     started_utc: str = field(default_factory=utc_now)  # when it began
+    named: tuple[str, ...] = ()  # inputs that the command line named in place of the run folder's
 
     @property
     def campaign(self) -> Campaign:
@@ -66,6 +67,7 @@ class Job:
             settings=self.settings,
             settings_hash=canonical_hash(self.settings),
             inputs=self.input_hashes,
+            named=list(self.named),
             seed=seed,
             versions=package_versions(),
             git_commit=_commit(),

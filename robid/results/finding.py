@@ -30,6 +30,7 @@ CAUSES = {
     "payload": "a payload that is off (F014)",
     "masses": "masses or centres of mass that are off (F015)",
     "counterbalance": "a counterbalance that the robot file lacks (F016)",
+    "counterbalance_law": "a counterbalance that pulls by another law than stated (F041)",
     "torque_sensor": "torques of sensors behind the gears, of joints that need `torque_measured_at: joint` (F017)",
     "rotor_inertia": "rotor inertias that are off (F018)",
     "held_spring": "springs or dampers that are off and not estimated (F019)",

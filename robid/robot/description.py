@@ -9,6 +9,9 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
+from robid.robot.balances import Counterbalance
+from robid.robot.balances import HarmonicBalance as HarmonicBalance
+from robid.robot.balances import SpringBalance as SpringBalance
 from robid.robot.friction import Friction, TorqueLaw
 from robid.robot.nuisance import NuisanceStd
 from robid.signals.quantities import METRES, RADIANS, shown
@@ -59,37 +62,6 @@ def no_motor() -> Motor:
 
 
 @dataclass(frozen=True)
-class HarmonicBalance:
-    """A counterbalance whose torque on the arm is `sum_k sine_k sin(k q) + cosine_k cos(k q)` of the joint's angle."""
-
-    sine_nm: FloatArray  # (n_harmonic,) Sine coefficients, the first one of the angle itself [N m]
-    cosine_nm: FloatArray  # (n_harmonic,) Cosine coefficients [N m]
-
-    def torque_nm(self, angle: float) -> float:
-        """Returns the torque on the arm at an angle of the joint [rad]."""
-        # Harmonics of the joint's angle, the first one of gravity on the balanced link.
-        orders = np.arange(1, len(self.sine_nm) + 1) * angle
-        return float(self.sine_nm @ np.sin(orders) + self.cosine_nm @ np.cos(orders))
-
-    def slope_nm_rad(self, angle: float) -> float:
-        """Returns the torque's derivative by the angle [N m/rad]."""
-        orders = np.arange(1, len(self.sine_nm) + 1)
-        cosines, sines = np.cos(orders * angle), np.sin(orders * angle)
-        return float(orders @ (self.sine_nm * cosines - self.cosine_nm * sines))
-
-
-@dataclass(frozen=True)
-class SpringBalance:
-    """A counterbalance by a spring or cylinder between two points."""
-
-    carrier_point_m: FloatArray  # (3,) Its end on what carries the joint, in the joint frame at zero position [m]
-    link_point_m: FloatArray  # (3,) Its end on the link, in the joint frame [m]
-    free_length_m: float  # Length at which it pulls with `preload_n` [m]
-    stiffness_n_m: float  # Stiffness [N/m]
-    preload_n: float = 0.0  # Pull at the free length; negative where it pushes [N]
-
-
-@dataclass(frozen=True)
 class Joint:
     """A joint about or along the z axis of its frame, the link it moves and the motor that moves it."""
 
@@ -104,7 +76,7 @@ class Joint:
     couplings: Mapping[str, float] = field(default_factory=dict)
     type: JointType = "revolute"  # Whether the arm turns about the axis or slides along it
     # What takes gravity off the motor; only the rigid model and the simulated truth know it
-    counterbalance: HarmonicBalance | SpringBalance | None = None
+    counterbalance: Counterbalance | None = None
     # Viscous friction between the link and what carries it: of bearings, seals, a carriage, a load motor; arm side,
     # where the motor's acts before the transmission [N m s/rad, or N s/m]
     arm_viscous: float = 0.0
@@ -198,6 +170,14 @@ class Sensor:
 
 
 @dataclass(frozen=True)
+class FileFrames:
+    """In which frames a robot file states its bodies: what is told of a centre of mass is told in them."""
+
+    links: tuple[FloatArray, ...]  # (3, 3) of each joint: orientation of its link's frame in the joint frame
+    payload: FloatArray  # (3, 3) Orientation of the payload's frame in the last joint's frame
+
+
+@dataclass(frozen=True)
 class Robot:
     """An elastic robot with its payload."""
 
@@ -215,6 +195,17 @@ class Robot:
     loop_links: tuple[LoopLink, ...] = ()  # Links beside the chain, after what carries them; the rigid model's alone
     # How far what is stated of the payload and the base may be off
     nuisance_std: NuisanceStd = field(default_factory=NuisanceStd)
+    # The frames of its file; None where they are the joints' own. No part of what the robot is
+    file_frames: FileFrames | None = field(default=None, metadata={"physical": False})
+
+    def link_axes(self, joint: int) -> FloatArray:
+        """Returns the axes (3, 3) of the frame that a joint's link is stated in, as columns in the joint frame."""
+        return np.eye(3) if self.file_frames is None else self.file_frames.links[joint]
+
+    @property
+    def payload_axes(self) -> FloatArray:
+        """The same of the payload, in the last joint's frame."""
+        return np.eye(3) if self.file_frames is None else self.file_frames.payload
 
     @property
     def gear_ratio(self) -> FloatArray:

@@ -9,7 +9,8 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
-from robid.robot.description import HarmonicBalance, Sensor
+from robid.robot.balances import balance_slope, balance_torque
+from robid.robot.description import Sensor
 from robid.robot.model import ElasticModel, site_name
 from robid.robot.rest import MatrixSlopes, Rest
 from robid.robot.spring_laws import GearEffects
@@ -192,8 +193,9 @@ def gravity_torque(model: ElasticModel, positions: FloatArray) -> FloatArray:
 def unload(model: ElasticModel, position: FloatArray, torque: FloatArray) -> None:
     """Takes what counterbalances carry at a position (n_dof,) off the torques (n_dof,) that it asks for, in place."""
     for joint, arm in zip(model.robot.joints, model.arm, strict=True):
-        if isinstance(joint.counterbalance, HarmonicBalance):
-            torque[arm] -= joint.counterbalance.torque_nm(float(position[arm]))
+        if joint.counterbalance is not None:
+            slides = joint.type == "prismatic"
+            torque[arm] -= balance_torque(joint.counterbalance, position[arm], slides=slides)
 
 
 def _settle(
@@ -276,8 +278,9 @@ def gravity_gradient(model: ElasticModel, data: mujoco.MjData, position: FloatAr
     later = -(_cross(model.mujoco.opt.gravity, axis) * turns) @ moment.T * model.carries
     gradient = later + np.triu(later, 1).T
     for own, arm in zip(model.robot.joints, model.arm, strict=True):
-        if isinstance(own.counterbalance, HarmonicBalance):
-            gradient[arm, arm] -= own.counterbalance.slope_nm_rad(float(position[arm]))
+        if own.counterbalance is not None:
+            slides = own.type == "prismatic"
+            gradient[arm, arm] -= balance_slope(own.counterbalance, position[arm], slides=slides)
     return np.asarray(gradient)
 
 

@@ -128,7 +128,8 @@ def build_model(
         bristles: The same of single transmissions, by their names.
         timestep_s: Integration step [s].
         sensors: Adds MuJoCo sensors for those of the robot; their sites are always there.
-        balanced: Takes counterbalances by harmonics, which act in the engine, in statics and linearization.
+        balanced: Takes counterbalances, which act in statics and linearization; those by harmonics in the engine too,
+            those between two points where a simulation applies them.
 
     Raises:
         ValueError: If rotors ride on the links and a joint is rigid.
@@ -178,9 +179,8 @@ def build_model(
 
 def _check_known(robot: Robot, *, balanced: bool) -> None:
     pairs = list(zip(robot.joints, robot.rigid, strict=True))
-    taken = (HarmonicBalance, type(None)) if balanced else (type(None),)
     unknown = [
-        f"the counterbalance of `{joint.name}`" for joint, _ in pairs if not isinstance(joint.counterbalance, taken)
+        f"the counterbalance of `{joint.name}`" for joint in robot.joints if joint.counterbalance and not balanced
     ]
     unknown += [
         f"the motors that move the rigid joint `{joint.name}`"

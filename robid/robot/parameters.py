@@ -20,7 +20,7 @@ RigidKind = Literal[
     "inertia", "first_moment", "mass", "motor_inertia", "viscous", "coulomb", "load_friction", "quadratic_viscous",
     "torque_offset",
     "coupling_inertia", "coupling_viscous", "coupling_coulomb",
-    "counterbalance", "counterbalance_stiffness", "counterbalance_preload",
+    "counterbalance", "counterbalance_stiffness", "counterbalance_preload", "counterbalance_pressure",
 ]  # fmt: skip
 Owner = Literal["spring", "transmission", "point", "motor", "link", "drives", "torque", "component"]
 
@@ -119,6 +119,10 @@ PARAMETER_KINDS = {
     ),
     "counterbalance_preload": ParameterKind(
         "Preload of counterbalances", "motor", "N", "N", "counterbalance.preload_n", "counterbalance.preload_n",
+    ),
+    "counterbalance_pressure": ParameterKind(
+        "Rest pressure of counterbalances", "motor", "Pa", "Pa",
+        "counterbalance.rest_pressure_pa", "counterbalance.rest_pressure_pa",
     ),
     "gain": ParameterKind("Static gains of transfer functions", "component", "1", "1"),
     "gain_per_second": ParameterKind("Gains of integrators, per second", "component", "1/s", "1/s"),

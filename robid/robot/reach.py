@@ -148,7 +148,7 @@ def points(robot: Robot, configurations: FloatArray) -> FloatArray:
         robot: The robot.
         configurations (n_conf, n_joint): Arm-side joint angles [rad].
     """
-    model = build_model(robot)
+    model = build_model(robot, balanced=True)
     moved = [body for body in range(1, model.mujoco.nbody) if model.mujoco.body_jntnum[body]]
     rotors = np.setdiff1d(model.motor, model.arm)
     links = [body for body in moved if model.mujoco.body_jntadr[body] not in rotors]
@@ -172,7 +172,7 @@ def mirror(robot: Robot, configurations: FloatArray) -> FloatArray:
     Source:
         Zimmermann et al. (2023), sec. V-B.
     """
-    model = build_model(robot)
+    model = build_model(robot, balanced=True)
     at_zero = next(_poses(model, np.zeros((1, len(robot.joints)))))
     axes, anchors = at_zero.xaxis[model.arm].copy(), at_zero.xanchor[model.arm].copy()
     # A mirror image keeps turns about axes across the plane and reverses those within it; of slides the other way

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Spring, SpringBalance
+from robid.robot.balances import Counterbalance, GasBalance, HarmonicBalance, SpringBalance
+from robid.robot.description import Inertial, Joint, Robot, Spring
 from robid.robot.friction import Friction, with_level
 from robid.robot.inertia import about_origin, remove
 from robid.robot.regressor.links import COMPONENTS, PAYLOAD
@@ -162,7 +163,7 @@ def _mean(name: str, kind: str, values: Mapping[str, float], stated: float) -> f
     return max(0.0, 0.5 * (forward + backward))
 
 
-def _counterbalance(joint: Joint, values: Mapping[str, float]) -> HarmonicBalance | SpringBalance | None:
+def _counterbalance(joint: Joint, values: Mapping[str, float]) -> Counterbalance | None:
     balance = joint.counterbalance
     if isinstance(balance, SpringBalance):
         return replace(
@@ -170,6 +171,9 @@ def _counterbalance(joint: Joint, values: Mapping[str, float]) -> HarmonicBalanc
             stiffness_n_m=values.get(f"{joint.name}.counterbalance_stiffness", balance.stiffness_n_m),
             preload_n=values.get(f"{joint.name}.counterbalance_preload", balance.preload_n),
         )
+    if isinstance(balance, GasBalance):
+        pressure = values.get(f"{joint.name}.counterbalance_pressure", balance.rest_pressure_pa)
+        return replace(balance, rest_pressure_pa=pressure)
     if isinstance(balance, HarmonicBalance):
         stated = (("sin", balance.sine_nm), ("cos", balance.cosine_nm))
         found = [

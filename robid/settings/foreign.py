@@ -226,7 +226,9 @@ def _merge(
     update = {"joints": joints, "springs": tuple(springs), "sensors": tuple(sensors), "payload": payload}
     update["loop_links"] = tuple(_loop_link(link, bodies) for link in robot.loop_links)
     update["notes"] = (*robot.notes, *model.notes)
-    return robot.model_copy(update=update)
+    merged = robot.model_copy(update=update)
+    merged.state_axes([*(bodies[found.name][1] for found in chain), turned])
+    return merged
 
 
 def _joint(section: JointSection, found: ForeignJoint, model: ForeignModel) -> JointSection:

@@ -9,7 +9,8 @@ import numpy as np
 from pydantic import Field
 
 from robid.arrays import FloatArray, option
-from robid.robot.description import HarmonicBalance, SpringBalance, StiffnessLaw
+from robid.robot.balances import Counterbalance, GasBalance, HarmonicBalance, SpringBalance
+from robid.robot.description import StiffnessLaw
 from robid.robot.inertia import turn_about
 from robid.robot.nuisance import NuisanceStd
 from robid.robot.parameters import PARAMETER_KINDS
@@ -19,34 +20,61 @@ if TYPE_CHECKING:
     from robid.settings.robot_sections import JointSection
 
 
-SPRING_KEYS = ("carrier_point_m", "link_point_m", "free_length_m", "stiffness_n_m")
+_POINT_KEYS = ("carrier_point_m", "link_point_m", "free_length_m")
+SPRING_KEYS = (*_POINT_KEYS, "stiffness_n_m")
+GAS_ALONE = ("area_m2", "rest_pressure_pa", "rest_volume_m3", "exponent")
+GAS_KEYS = (*_POINT_KEYS, *GAS_ALONE)
 HARMONIC_KEYS = ("sine_nm", "cosine_nm")
 
 
 class CounterbalanceSection(Assumed):
-    """What takes gravity off a motor: harmonics of the joint's angle, or a spring or cylinder between two points."""
+    """What takes gravity off a motor: harmonics of the joint's angle, a spring or a gas cylinder between points."""
 
     sine_nm: tuple[float, ...] = option(
         (), "Torque on the arm per sine of the joint's angle, of twice the angle and so on [N m]."
     )
     cosine_nm: tuple[float, ...] = option((), "The same per cosine [N m].")
     carrier_point_m: Vector | None = option(
-        None, "End of the spring on what carries the joint, in the link's frame as it is at zero position [m]."
+        None, "End of spring or cylinder on what carries the joint, in the link's frame as it is at zero position [m]."
     )
-    link_point_m: Vector | None = option(None, "End of the spring on the link, in the link's frame [m].")
-    free_length_m: float | None = option(None, "Length at which the spring pulls with `preload_n` [m].", ge=0)
+    link_point_m: Vector | None = option(None, "Its end on the link, in the link's frame [m].")
+    free_length_m: float | None = option(
+        None,
+        "Length at which the spring pulls with `preload_n`, or the gas has its rest pressure and volume [m].",
+        ge=0,
+    )
     stiffness_n_m: float | None = option(None, "Stiffness of the spring [N/m].", ge=0)
     preload_n: float = option(0.0, "Pull of the spring at its free length; negative where it pushes [N].")
+    area_m2: float | None = option(
+        None,
+        "Of a gas cylinder: area on which the gas presses as it is squeezed by drawing the cylinder out; negative where"
+        " it pushes the ends apart [m^2].",
+    )
+    rest_pressure_pa: float | None = option(
+        None, "Of a gas cylinder: pressure of the gas at the free length, over that of the surroundings [Pa].", gt=0
+    )
+    rest_volume_m3: float | None = option(
+        None, "Of a gas cylinder: volume of the gas at the free length, accumulators included [m^3].", gt=0
+    )
+    exponent: float | None = option(
+        None,
+        "Of a gas cylinder: polytropic exponent, 1 where the gas stays as warm as it is, 1.4 where it gives off no"
+        " heat, between them for most.",
+        ge=1,
+        le=2,
+    )
 
-    def counterbalance(self, position: FloatArray, rotation: FloatArray) -> HarmonicBalance | SpringBalance:
+    def counterbalance(self, position: FloatArray, rotation: FloatArray) -> Counterbalance:
         """Returns the plain description, by origin (3,) [m] and orientation (3, 3) of the link in the joint frame."""
-        ends, length, stiffness = (self.carrier_point_m, self.link_point_m), self.free_length_m, self.stiffness_n_m
-        if ends[0] is None or ends[1] is None or length is None or stiffness is None:
+        if self.carrier_point_m is None or self.link_point_m is None or self.free_length_m is None:
             n_harmonic = max(len(self.sine_nm), len(self.cosine_nm))
             levels = [np.pad(level, (0, n_harmonic - len(level))) for level in (self.sine_nm, self.cosine_nm)]
             return HarmonicBalance(np.asarray(levels[0], float), np.asarray(levels[1], float))
-        carrier, link = (position + rotation @ np.array(end) for end in ends)
-        return SpringBalance(carrier, link, length, stiffness, self.preload_n)
+        carrier, link = (position + rotation @ np.array(end) for end in (self.carrier_point_m, self.link_point_m))
+        area, pressure, volume, exponent = self.area_m2, self.rest_pressure_pa, self.rest_volume_m3, self.exponent
+        if area is None or pressure is None or volume is None or exponent is None:
+            return SpringBalance(carrier, link, self.free_length_m, self.stiffness_n_m or 0.0, self.preload_n)
+        return GasBalance(carrier, link, self.free_length_m, area, pressure, volume, exponent)
 
 
 _FOR_ALL = "in place of the robot's; 0 takes it for granted"

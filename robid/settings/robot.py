@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 
 from robid.arrays import FloatArray, group, option
 from robid.errors import DataError, SettingsError
-from robid.robot.description import Inertial, Joint, LoopLink, Pin, Robot
+from robid.robot.description import FileFrames, Inertial, Joint, LoopLink, Pin, Robot
 from robid.robot.inertia import roll_pitch_yaw
 from robid.robot.nuisance import NuisanceStd
 from robid.settings.base import DATA_VARIABLE, Assumed, Name, Section, Vector, data_path
@@ -122,6 +122,9 @@ class RobotFile(Assumed):
         NuisanceStd, "How far the file may be off in what no data sheet states; 0 for what is sure."
     )
 
+    # Axes of the frames that a `model` states links in, and the payload's after them, in those of the joints
+    _model_axes: list[list[list[float]]] | None = PrivateAttr(None)
+
     @property
     def output_names(self) -> tuple[str, ...]:
         """Names of everything that can be measured: motors, link encoders, sensors."""
@@ -202,6 +205,7 @@ class RobotFile(Assumed):
             assumed=assumed_names(self),
             notes=self.notes,
             nuisance_std=self.doubts,
+            file_frames=self._file_frames(),
             loop_links=tuple(
                 link.loop_link(self.joints, roll_pitch_yaw(self.base_rpy_deg)) for link in self.loop_links
             ),
@@ -245,6 +249,17 @@ class RobotFile(Assumed):
             )
             joints.append(joint)
         return tuple(joints)
+
+    def state_axes(self, axes: Sequence[FloatArray]) -> None:
+        """Notes the axes (3, 3) of the frames that a `model` states links in, and last the payload's."""
+        self._model_axes = [one.tolist() for one in axes]
+
+    def _file_frames(self) -> FileFrames:
+        links = tuple(section.geometry.link_frame()[1] for section in self.joints)
+        if self._model_axes is None:
+            return FileFrames(links, links[-1])
+        *links_of_model, payload = (np.array(axes) for axes in self._model_axes)
+        return FileFrames(tuple(links_of_model), payload)
 
     def _payload(self, payload_kg: float | None) -> Inertial:
         if self.payload is None or self.payload.mass_kg == 0:

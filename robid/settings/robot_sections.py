@@ -146,7 +146,7 @@ class JointSection(Assumed):
     motor: MotorSection | None = option(None, "The motor and its gear; needed but with `torque_measured_at: joint`.")
     gear: GearSection | None = option(None, "The transmission; or an entry among `springs`.")
     counterbalance: CounterbalanceSection | None = option(
-        None, "What takes gravity off the motor; only rigid models know it."
+        None, "What takes gravity off the motor; rigid models and simulations know it."
     )
     arm_viscous_nms_rad: float = option(
         0.0,

@@ -10,7 +10,8 @@ import numpy as np
 from pydantic import BaseModel
 from ruamel.yaml import YAML
 
-from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, SpringBalance
+from robid.robot.balances import GasBalance, HarmonicBalance, SpringBalance
+from robid.robot.description import Inertial, Joint, Robot
 from robid.settings.base import Assumed
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import Body, InertiaTensor, JointSection, MotorSection, SpringSection, moved
@@ -79,6 +80,9 @@ def _joint(section: JointSection, joint: Joint) -> JointSection:
     elif balance is not None and isinstance(joint.counterbalance, SpringBalance):
         spring = {key: getattr(joint.counterbalance, key) for key in ("stiffness_n_m", "preload_n")}
         update["counterbalance"] = _known(balance, balance.model_copy(update=spring))
+    elif balance is not None and isinstance(joint.counterbalance, GasBalance):
+        pressure = {"rest_pressure_pa": joint.counterbalance.rest_pressure_pa}
+        update["counterbalance"] = _known(balance, balance.model_copy(update=pressure))
     return _known(section, section.model_copy(update=update))
 
 

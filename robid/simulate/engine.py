@@ -14,6 +14,7 @@ from mujoco.batch import Batch
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.robot.actuators import friction_rows
+from robid.robot.balances import PointBalance, balance_torque
 from robid.robot.description import Robot
 from robid.robot.friction import LAWS, SIGN_SHARE, FrictionLaw, Ramps
 from robid.robot.model import ElasticModel, build_model, quiet_warnings
@@ -134,6 +135,28 @@ class VaryingStiffness:
         return np.asarray((0.5 * self._linear + 0.25 * self._cubic * square) * square)
 
 
+class PointBalances:
+    """Applies springs and gas cylinders that serve as counterbalances before the steps of a sample.
+
+    Their torques are held over the sample at their values in its middle, where the speed carries the joint, as varying
+    stiffness is; harmonics act inside the integrator.
+    """
+
+    def __init__(self, model: ElasticModel, batch: Batch, period_s: float) -> None:
+        self._qpos, self._qvel, self._load, self._half_s = batch.qpos, batch.qvel, batch.qfrc_applied, 0.5 * period_s
+        self._balances = [
+            (arm, joint.counterbalance, joint.type == "prismatic")
+            for joint, arm in zip(model.robot.joints, model.arm.tolist(), strict=True)
+            if isinstance(joint.counterbalance, PointBalance)
+        ]
+
+    def follow(self) -> None:
+        """Moves every torque on to the middle of the coming sample."""
+        for arm, balance, slides in self._balances:
+            ahead = self._qpos[:, arm] + self._half_s * self._qvel[:, arm]
+            self._load[:, arm] += balance_torque(balance, ahead, slides=slides)
+
+
 class LoadEffects:
     """Rewrites levels of friction and dampers of each simulation before the steps of a sample.
 
@@ -215,9 +238,15 @@ class Followers:
 
     def __init__(self, model: ElasticModel, batch: Batch, controller: Controller, flaws: Imperfections) -> None:
         period_s = controller.sampling_period_s
-        self._parts = VaryingStiffness(model, batch, period_s), LoadEffects(model, batch, flaws, period_s)
+        self._parts = (
+            VaryingStiffness(model, batch, period_s),
+            PointBalances(model, batch, period_s),
+            LoadEffects(model, batch, flaws, period_s),
+        )
+        self._load = batch.qfrc_applied
 
     def follow(self) -> None:
         """Moves everything on to the coming sample."""
+        self._load[:] = 0.0
         for part in self._parts:
             part.follow()

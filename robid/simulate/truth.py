@@ -75,7 +75,7 @@ def bare(robot: Robot) -> Robot:
         )
         for joint in robot.joints
     )
-    return replace(robot, name="", assumed=(), notes=(), joints=joints, nuisance_std=NuisanceStd())
+    return replace(robot, name="", assumed=(), notes=(), joints=joints, nuisance_std=NuisanceStd(), file_frames=None)
 
 
 def recorded_torque_factor(robot: Robot, truth: Truth) -> FloatArray:

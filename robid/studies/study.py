@@ -142,8 +142,16 @@ def is_done(folder: Path, task: Task) -> bool:
 
 def made_provenance(settings: dict[str, Any], started: str, inputs: dict[str, str] | None = None) -> Provenance:
     """Returns how a result of a study comes about that is finished now."""
-    decided = settings, canonical_hash(settings), inputs or {}
-    return Provenance("study", *decided, None, package_versions(), git_commit(), started, utc_now())
+    return Provenance(
+        stage="study",
+        settings=settings,
+        settings_hash=canonical_hash(settings),
+        inputs=inputs or {},
+        versions=package_versions(),
+        git_commit=git_commit(),
+        started_utc=started,
+        finished_utc=utc_now(),
+    )
 
 
 def _do(work: _Work) -> None:

@@ -125,7 +125,7 @@ def nominal_loop(
     robot: Robot, controller: Controller, configurations: FloatArray, frequency_hz: FloatArray
 ) -> NominalLoop:
     """Linearises the nominal robot in each configuration (n_conf, n_joint) [rad] and closes the loop (n_freq,) [Hz]."""
-    period_s, model = controller.sampling_period_s, build_model(robot)
+    period_s, model = controller.sampling_period_s, build_model(robot, balanced=True)
     delay_s, rest = controller.delay_samples * period_s, solve_statics(model, configurations)
     linear = linearize(model, rest)
     sampled = response(linear, nominal_parameters(robot, linear, delay_s), frequency_hz, period_s).sampled

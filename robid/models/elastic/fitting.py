@@ -199,8 +199,10 @@ def _nuisances(nominal: Robot, robot: Robot) -> dict[str, float]:
         for name, (stated, own) in bodies.items()
         if stated.mass_kg
     }
+    axes = {"payload": nominal.payload_axes}
+    axes |= {joint.name: nominal.link_axes(index) for index, joint in enumerate(nominal.joints)}
     for name, (stated, own) in {"payload": (nominal.payload, robot.payload), **bodies}.items():
-        shift = 1e3 * (own.com_m - stated.com_m)
+        shift = 1e3 * axes[name].T @ (own.com_m - stated.com_m)
         values |= {f"{name}.com_{axis}": float(x) for axis, x in zip("xyz", shift.tolist(), strict=True)}
     return values
 

@@ -15,6 +15,7 @@ from robid.models.rigid.files import model_of, solution_from_artifact, validatio
 from robid.models.rigid.fit.fitting import Simulate, fit_rigid
 from robid.models.rigid.fit.options import RigidFitOptions
 from robid.models.rigid.fit.shots import Shot, refuse_unusable, shots_of
+from robid.models.rigid.judge.balances import balance_findings
 from robid.models.rigid.judge.plausible import assess_rigid, is_unexplained
 from robid.models.rigid.judge.scales import motions_of, rigid_scale_findings, sum_findings
 from robid.models.rigid.judge.trials import try_causes
@@ -47,9 +48,11 @@ def fit(data: Data, work: Work) -> Artifact:
         raise blamed(error, scales) from error
     work.progress.advance()
     options = settings.options()
-    bad = not scales and is_unexplained(robot, solution, options)
-    tried = try_causes(robot, shots, solution, options) if bad else ()
-    return model_of(solution, assess_rigid(robot, solution, options, scales, tried))
+    if scales:
+        return model_of(solution, assess_rigid(robot, solution, options, scales))
+    tried = try_causes(robot, shots, solution, options) if is_unexplained(robot, solution, options) else ()
+    further = tuple(balance_findings(robot, shots, solution, options))
+    return model_of(solution, assess_rigid(robot, solution, options, (), tried, further))
 
 
 def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:

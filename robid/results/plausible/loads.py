@@ -70,7 +70,7 @@ class LoadCause:
     """What may change the mean torques."""
 
     kind: str  # Of `CAUSES`
-    name: str  # Motor or link that it is about
+    name: str  # Motor or link that it is about; of a base that leans the world's axes about which it does
     columns: FloatArray  # (n_column, n_conf, n_motor) Change of the torque per unit of it [N m]
 
 
@@ -108,7 +108,8 @@ def load_causes(
     leans = np.array([held(other) - own for other in tilted]) / _TILT_RAD
     size = np.sqrt((leans**2).sum(axis=(1, 2)))
     # Out of the plane of a planar arm a lean does nothing to first order: what is left would ask for any angle.
-    causes.append(LoadCause("model", "", leans[size >= _FELT * size.max()]))
+    felt = size >= _FELT * size.max()
+    causes.append(LoadCause("model", "".join(np.array(["x", "y"])[felt]), leans[felt]))
     for index in likely_joints(robot, configurations):
         columns = wave_columns(robot, index, configurations)[:, :, motors] * usable
         causes.append(LoadCause(BALANCE, robot.joints[index].name, columns))
@@ -146,12 +147,19 @@ def finding_of(robot: Robot, cause: LoadCause, values: FloatArray, strength: flo
         told = f"mean torques {where} carry a payload of {stated + value:.3g} kg, the model has {stated:.3g} kg"
     elif cause.kind == "torque_constant":
         told = f"{cause.name}: its mean torques are {1 + value:.3g} times what holds the arm {where}"
+        if value > -1:
+            # Torques that are read too large ask for a constant that is smaller.
+            told += f" (correct its torque constant by {two_digits(-100 * value / (1 + value), '+')} %)"
         decisive = abs(value) > _GROSS_FACTOR
     elif cause.kind == "masses":
         told = f"mean torques {where} carry {1 + value:.3g} times the mass of {cause.name}'s link"
     elif cause.kind == BALANCE:
         told = balance_message(robot, cause.name, values, where)
     else:
-        lean = np.rad2deg(np.linalg.norm(values))
-        told = f"mean torques {where} are those of a base that leans by {lean:.2g} deg more than the model's"
+        lean, turns = np.rad2deg(np.linalg.norm(values)), np.rad2deg(values).tolist()
+        about = " and ".join(
+            f"{two_digits(turn, '+')} deg about the world's {axis}"
+            for axis, turn in zip(cause.name, turns, strict=True)
+        )
+        told = f"mean torques {where} are those of a base that leans by {lean:.2g} deg more than the model's ({about})"
     return Finding(cause.kind, told, decisive=decisive, strength=strength)

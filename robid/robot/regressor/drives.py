@@ -14,7 +14,8 @@ from typing import Literal
 import numpy as np
 
 from robid.arrays import FloatArray, option
-from robid.robot.description import HarmonicBalance, Joint, Robot, SpringBalance
+from robid.robot.balances import HarmonicBalance, PointBalance, SpringBalance, stretch
+from robid.robot.description import Joint, Robot
 from robid.robot.parameters import PARAMETER_KINDS, RigidKind
 
 FrictionForm = Literal["none", "viscous", "coulomb", "asymmetric", "load", "quadratic"]
@@ -167,11 +168,19 @@ def _counterbalance(joint: Joint, row: FloatArray) -> Iterator[DriveTerm]:
             for order, level in enumerate(levels.tolist(), start=1):
                 effect = partial(_harmonic, wave, order)
                 yield _term(joint, row, "counterbalance", level, effect, f"counterbalance_{name}{order}")
-    elif isinstance(balance, SpringBalance):
-        stretch = partial(_stretch, balance, joint.type == "prismatic")
-        yield _term(joint, row, "counterbalance_stiffness", balance.stiffness_n_m, stretch)
-        lever = partial(_lever, balance, joint.type == "prismatic")
-        yield _term(joint, row, "counterbalance_preload", balance.preload_n, lever)
+        return
+    if balance is None:
+        return
+    slides = joint.type == "prismatic"
+    if isinstance(balance, SpringBalance):
+        effect = partial(_between, balance, slides, lambda length: length - balance.free_length_m)
+        yield _term(joint, row, "counterbalance_stiffness", balance.stiffness_n_m, effect)
+        effect = partial(_between, balance, slides, np.ones_like)
+        yield _term(joint, row, "counterbalance_preload", balance.preload_n, effect)
+    else:
+        # Only the scale is linear: points, volume and exponent are taken as stated.
+        effect = partial(_between, balance, slides, balance.per_pressure)
+        yield _term(joint, row, "counterbalance_pressure", balance.rest_pressure_pa, effect)
 
 
 def _one(motion: DriveMotion) -> FloatArray:
@@ -195,25 +204,9 @@ def _harmonic(wave: Callable[[FloatArray], FloatArray], order: int, motion: Driv
     return -wave(order * motion.position)
 
 
-def _stretch(balance: SpringBalance, slides: bool, motion: DriveMotion) -> FloatArray:
-    length, lever = _length(balance, slides, motion.position)
-    return np.asarray((length - balance.free_length_m) * lever)
-
-
-def _lever(balance: SpringBalance, slides: bool, motion: DriveMotion) -> FloatArray:
-    return _length(balance, slides, motion.position)[1]
-
-
-def _length(balance: SpringBalance, slides: bool, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Length of a spring and its derivative by the joint's position (n_sample,) [m; m/rad, or 1]."""
-    x, y, z = balance.link_point_m
-    zero = np.zeros_like(position)
-    if slides:
-        point, moves = np.array([x + zero, y + zero, z + position]), np.array([zero, zero, zero + 1])
-    else:
-        cosine, sine = np.cos(position), np.sin(position)
-        point = np.array([cosine * x - sine * y, sine * x + cosine * y, z + zero])
-        moves = np.array([-point[1], point[0], zero])
-    apart = point - balance.carrier_point_m[:, None]
-    length = np.sqrt((apart**2).sum(axis=0))
-    return length, np.asarray((apart * moves).sum(axis=0) / length)
+def _between(
+    balance: PointBalance, slides: bool, pull: Callable[[FloatArray], FloatArray], motion: DriveMotion
+) -> FloatArray:
+    """What the motor does against a pull (n_sample,) that follows the distance of two points (n_sample,)."""
+    length, lever, _ = stretch(balance, motion.position, slides=slides)
+    return np.asarray(pull(length) * lever)

@@ -6,7 +6,15 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.later import later
-from robid.settings.joint_sections import HARMONIC_KEYS, SPRING_KEYS, StiffnessOver
+from robid.robot.balances import GasBalance, stretch
+from robid.settings.joint_sections import (
+    GAS_ALONE,
+    GAS_KEYS,
+    HARMONIC_KEYS,
+    SPRING_KEYS,
+    CounterbalanceSection,
+    StiffnessOver,
+)
 from robid.settings.problems import Found, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import JointSection, SpringSection
@@ -95,17 +103,45 @@ def check_counterbalances(robot: RobotFile) -> Found:
         balance, field = joint.counterbalance, ("joints", index, "counterbalance")
         if balance is None:
             continue
-        stated = [key for key in SPRING_KEYS if getattr(balance, key) is not None]
+        keys = GAS_KEYS if any(getattr(balance, key) is not None for key in GAS_ALONE) else SPRING_KEYS
+        stated = [key for key in keys if getattr(balance, key) is not None]
         harmonics = [key for key in HARMONIC_KEYS if getattr(balance, key)]
         if stated and harmonics:
             message = "S249 is a counterbalance of another kind than the spring: leave one of them out"
             yield (*field, harmonics[0]), message
         elif not stated and not harmonics:
-            yield field, f"S250 is empty: give {' or '.join(HARMONIC_KEYS)}, or a spring ({', '.join(SPRING_KEYS)})"
+            told = f"give {' or '.join(HARMONIC_KEYS)}, a spring ({', '.join(SPRING_KEYS)})"
+            yield field, f"S250 is empty: {told}, or a gas cylinder ({', '.join(GAS_KEYS)})"
         elif stated:
-            yield from (((*field, key), "is missing") for key in SPRING_KEYS if key not in stated)
+            yield from (((*field, key), "is missing") for key in keys if key not in stated)
+            if keys is GAS_KEYS:
+                yield from _gas(field, joint, balance)
         elif joint.slides:
             yield (*field, harmonics[0]), f"S251 belongs to a revolute joint: `{joint.name}` is prismatic"
+
+
+def _gas(field: FieldPath, joint: JointSection, section: CounterbalanceSection) -> Found:
+    """Yields what is wrong with a gas cylinder: a spring beside it, or no room for its gas somewhere."""
+    if section.stiffness_n_m is not None or section.preload_n:
+        name = "preload_n" if section.stiffness_n_m is None else "stiffness_n_m"
+        yield (*field, name), "S510 belongs to a spring, and this is a gas cylinder: leave it out"
+    if section.area_m2 == 0:
+        yield (*field, "area_m2"), "S511 must not be 0: nothing would pull"
+    limits = joint.stated_limits
+    if limits is None or not (joint.dh or joint.frame):
+        return
+    balance = section.counterbalance(*joint.geometry.link_frame())
+    if not isinstance(balance, GasBalance):
+        return
+    stated = np.linspace(limits[0], limits[1], _POINTS)
+    length = stretch(balance, stated if joint.slides else np.deg2rad(stated), slides=joint.slides)[0]
+    volume = balance.volume(length)
+    if volume.min() <= 0:
+        shown, drawn = float(stated[volume.argmin()]), float(length[volume.argmin()])
+        message = (
+            f"S512 leaves the gas no room at {shown:g} {joint.limits_unit} of `{joint.name}`, where the cylinder is"
+        )
+        yield (*field, "rest_volume_m3"), f"{message} {drawn:.4g} m long"
 
 
 def check_loop_links(robot: RobotFile) -> Found:

@@ -15,6 +15,7 @@ from robid.models.elastic.fit.problem import without_coefficients
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.judge.causes import misfit_findings
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model
+from robid.models.elastic.judge.friction import with_friction_remedies
 from robid.models.elastic.judge.grading import grade_fit, is_unexplained, measure
 from robid.models.elastic.judge.plausible_parameters import fitted_carrier, parameter_findings
 from robid.results.estimate import Estimate
@@ -169,7 +170,8 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     findings += uncoupled_findings(fitted)
     own = measure(fitted, fitted.problem.model_response(fitted.internal), options.weights.model_error)
     missed = own.findings("the fit's own data")
-    return grade_fit(solution, ordered([*findings, *seen, *read, *missed]), own.cost_failures("the fit's own data"))
+    every = ordered(with_friction_remedies([*findings, *seen, *read, *missed], frf))
+    return grade_fit(solution, every, own.cost_failures("the fit's own data"))
 
 
 def _parameter_findings(robot: Robot, estimate: Estimate, frf: Frf, options: ElasticOptions) -> tuple[Finding, ...]:

@@ -19,6 +19,7 @@ from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.solution import ElasticSolution
+from robid.models.elastic.judge.amounts import as_set
 from robid.models.elastic.judge.fitted import FittedModel
 from robid.models.elastic.judge.ratios import (
     CHANCE,
@@ -124,15 +125,13 @@ _MOST_OF_IT = 0.9  # of what all nuisances of a cause explain
 _MEGA = 1e-6
 
 
-def of_nuisances(
-    scores: Scores, group: list[int], options: ElasticOptions, *, swings_known: bool
-) -> Explanation | None:
+def of_nuisances(scores: Scores, group: list[int], fitted: FittedModel, *, swings_known: bool) -> Explanation | None:
     """The fewest nuisances of a cause that explain most of what all do; None where chance explains as much.
 
     Args:
         scores: All nuisances held against what the fit leaves.
         group: Those of the cause.
-        options: Options of the fit.
+        fitted: The fitted model.
         swings_known: Whether the response tells how far the gears swing.
     """
     whole, _ = gain(scores, group)
@@ -147,16 +146,18 @@ def of_nuisances(
     if fair <= 0:
         return None
     named = [scores.nuisances[index] for index in chosen]
+    pairs = zip(named, amounts.tolist(), strict=True)
+    titles, told, units, stated = zip(*(as_set(*pair, fitted.robot, fitted.parameters) for pair in pairs), strict=True)
     return Explanation(
         named[0].cause,
-        tuple(nuisance.title for nuisance in named),
-        amounts,
-        tuple(nuisance.unit for nuisance in named),
+        titles,
+        np.array(told),
+        units,
         fair / scores.cost,
         scores.follow[:, chosen] @ amounts,
-        tuple(nuisance.stated for nuisance in named),
+        stated,
         remedy(named, swings_known=swings_known),
-        tuple(nuisance.name for nuisance in named if nuisance.name in options.fixed),
+        tuple(nuisance.name for nuisance in named if nuisance.name in fitted.options.fixed),
     )
 
 
@@ -228,7 +229,7 @@ def explain(fitted: FittedModel) -> list[Explanation]:
         groups[nuisance.cause].append(index)
     ratios = groups.pop("gear_ratio", [])
     known = swings_known(fitted.problem.frf)
-    each_cause = (of_nuisances(scores, group, options, swings_known=known) for group in groups.values())
+    each_cause = (of_nuisances(scores, group, fitted, swings_known=known) for group in groups.values())
     found = [each for each in each_cause if each is not None]
     found += try_springs(fitted)[:1]
     found += _wrong_ratio(fitted, scores, ratios)

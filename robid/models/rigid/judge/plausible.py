@@ -50,7 +50,11 @@ def parameter_findings(
         *_excitation(solution, motors),
         *_bodies(solution),
     ]
-    return tuple(sorted(found, key=lambda finding: (not finding.decisive, -finding.strength)))
+    return tuple(sorted(found, key=_rank))
+
+
+def _rank(finding: Finding) -> tuple[bool, float]:
+    return not finding.decisive, -finding.strength
 
 
 def _estimators(solution: RigidSolution, names: Sequence[str]) -> Iterator[Finding]:
@@ -278,7 +282,18 @@ def assess_rigid(
     options: RigidFitOptions,
     scales: Sequence[Finding] = (),
     tried: Sequence[Trial] = (),
+    further: Sequence[Finding] = (),
 ) -> Grade:
-    """Grades a rigid fit by itself: it predicts at best. Beside wrong scales nothing else is looked for."""
+    """Grades a rigid fit by itself: it predicts at best. Beside wrong scales nothing else is looked for.
+
+    Args:
+        robot: The robot file's.
+        solution: What the fit found.
+        options: How.
+        scales: Wrong scales that were seen in its data.
+        tried: What a bad fit was tried with, and what that gained.
+        further: What else speaks against it, seen in its rows.
+    """
     motors = motors_in(robot, solution, options)
-    return graded_alone(scales or parameter_findings(robot, solution, motors, tried), solution.estimate.status)
+    found = scales or sorted((*parameter_findings(robot, solution, motors, tried), *further), key=_rank)
+    return graded_alone(found, solution.estimate.status)

@@ -315,19 +315,20 @@ def _unbalanced(robot: Robot) -> Iterator[Owner]:
                 yield owner
 
 
-def _link(robot: Robot, index: int) -> tuple[Inertial, Change]:
-    return robot.joints[index].link, partial(moves.with_link, index)
+def _link(robot: Robot, index: int) -> tuple[Inertial, Change, FloatArray]:
+    return robot.joints[index].link, partial(moves.with_link, index), robot.link_axes(index)
 
 
-def _base(robot: Robot) -> tuple[Inertial, Change]:
-    return robot.base or robot.payload, moves.with_base
+def _base(robot: Robot) -> tuple[Inertial, Change, FloatArray]:
+    return robot.base or robot.payload, moves.with_base, np.eye(3)
 
 
-def _payload(robot: Robot) -> tuple[Inertial, Change]:
-    return robot.payload, moves.with_payload
+def _payload(robot: Robot) -> tuple[Inertial, Change, FloatArray]:
+    return robot.payload, moves.with_payload, robot.payload_axes
 
 
-_Body: TypeAlias = Callable[..., tuple[Inertial, Change]]
+_Body: TypeAlias = Callable[..., tuple[Inertial, Change, FloatArray]]
+"""Returns a body, the change of it, and the axes (3, 3) of the frame that the file states it in."""
 
 
 def _heavier(body: _Body, robot: Robot, *at: int) -> Effect:
@@ -335,12 +336,13 @@ def _heavier(body: _Body, robot: Robot, *at: int) -> Effect:
 
 
 def _shift(body: _Body, axis: FloatArray, robot: Robot, *at: int) -> Effect | None:
-    own, change = body(robot, *at)
-    return RobotMove(partial(moves.shifted, change, axis), MM * _STEP_M) if own.mass_kg > 0 else None
+    own, change, axes = body(robot, *at)
+    # Along the axes of the file's own frame, so that an amount is what is to be added to the file.
+    return RobotMove(partial(moves.shifted, change, axes @ axis), MM * _STEP_M) if own.mass_kg > 0 else None
 
 
 def _more_inert(body: _Body, robot: Robot, *at: int) -> Effect | None:
-    own, change = body(robot, *at)
+    own, change, _ = body(robot, *at)
     return RobotMove(partial(moves.more_inert, change), PERCENT * _SHARE_STEP) if own.inertia_kgm2.any() else None
 
 

@@ -123,6 +123,7 @@ _SAME_M = 1e-3  # between axes that are one
 _UNKNOWN_NM_RAD = 1e6  # where no gear is stated
 _STIFFER = 3.0  # than the gear nearby: where a trial starts
 _RIGID_HZ = 30.0  # where a rotor would swing on a trial gear
+_SHOWN = 4  # digits of an axis
 _OUTBOARD = 0.6  # share of a link beyond a split
 
 
@@ -174,7 +175,8 @@ def further_springs(robot: Robot) -> Iterator[FurtherSpring]:
                     f"link_{joint.name}_{letter}", index, "split", axis, _STIFFER * stiffness[index + 1]
                 )
                 split = replace(split, outboard=_part(joint.link), point_m=_middle(robot.joints[index + 1], axis))
-                yield FurtherSpring(split, f"link of {joint.name} about its {letter} axis")
+                title = f"link of {joint.name} about its {letter} axis"
+                yield FurtherSpring(split, title + _in_file(robot.link_axes(index), axis))
             if (
                 index == last
                 and letter != "z"
@@ -182,7 +184,13 @@ def further_springs(robot: Robot) -> Iterator[FurtherSpring]:
                 and not _is_there(robot, "payload", last, axis)
             ):
                 spring = _trial_spring(f"payload_mount_{letter}", last, "payload", axis, stiff)
-                yield FurtherSpring(spring, f"payload mount about {letter}")
+                yield FurtherSpring(spring, f"payload mount about {letter}" + _in_file(robot.payload_axes, axis))
+
+
+def _in_file(axes: FloatArray, axis: FloatArray) -> str:
+    """How the file writes an axis (3,) of a joint frame, where its own axes (3, 3) are others."""
+    stated = (axes.T @ axis).round(_SHOWN) + 0.0
+    return "" if np.allclose(stated, axis) else f" (`axis: [{', '.join(f'{x:g}' for x in stated.tolist())}]` there)"
 
 
 def _middle(following: Joint, axis: FloatArray) -> FloatArray:

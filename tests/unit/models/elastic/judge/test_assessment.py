@@ -12,6 +12,7 @@ from robid.models.elastic.judge.assessment import assess_fit, validation_finding
 from robid.models.elastic.judge.grading import grade_validation
 from robid.models.elastic.judge.plausible_parameters import fitted_carrier
 from robid.results.finding import Finding
+from robid.robot.balances import balance_torque
 from robid.robot.description import HarmonicBalance
 from robid.robot.friction import Friction
 from robid.robot.linearize import solve_statics
@@ -144,7 +145,7 @@ def test_freeing_the_counterbalance_that_mean_torques_name_ends_their_finding(st
     grade = assess_fit(robot, estimated, frf, options, DELAY_S)
     assert (grade.value, grade.findings) == (1, ())
     fitted = fitted_carrier(robot, estimated.estimate)
-    assert fitted.found.robot.joints[0].counterbalance.torque_nm(0.7) == pytest.approx(
+    assert balance_torque(fitted.found.robot.joints[0].counterbalance, 0.7, slides=False) == pytest.approx(
         60 * np.sin(0.7) - 150 * np.cos(0.7), abs=9
     )
     assert fitted_carrier(robot, plain.estimate) is None

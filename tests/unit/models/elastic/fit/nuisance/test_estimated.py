@@ -20,6 +20,7 @@ from robid.models.elastic.fit.nuisance.wording import free_with
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import fitted_robot
 from robid.models.elastic.judge.fitted import fitted_model
+from robid.robot.balances import balance_torque
 from robid.robot.description import HarmonicBalance, Inertial
 from robid.robot.nuisance import NuisanceStd
 from robid.robot.parameters import FREE, NUISANCE_KIND
@@ -212,8 +213,8 @@ def test_a_counterbalance_that_the_file_lacks_returns_and_moves_the_robot(true_a
     np.testing.assert_allclose(estimate.value[rows], WAVES_NM, atol=5.0)
     assert solution.costs.total < 0.1 * wrong.costs.total
     found = fitted_robot(robot, estimate)
-    assert found.joints[0].counterbalance.torque_nm(0.4) == pytest.approx(
-        with_balance(robot, estimate.value[rows]).joints[0].counterbalance.torque_nm(0.4)
+    assert balance_torque(found.joints[0].counterbalance, 0.4, slides=False) == pytest.approx(
+        balance_torque(with_balance(robot, estimate.value[rows]).joints[0].counterbalance, 0.4, slides=False)
     )
     assert found.joints[1].counterbalance is None
     fitted = fitted_model(robot, solution, frf, options, DELAY_S)
