@@ -7,6 +7,7 @@ Schema history:
         2.2: that lies in `estimate/effective_*`; an elastic fit's `lower` and `upper` are those of the physical
             parameter, around `physical_value`, and its named nuisances lie in `elastic/doubts`.
         2.3: `grade/scales`, where a grade saw wrong scales.
+        2.4: elastic fits say in `elastic/gears` what gears alone may be.
     validation:
         3.2: `grade/scales`, where a grade saw wrong scales.
         3.1: elastic validations hold the resonances of their data in `elastic/new_resonances`.
@@ -32,7 +33,7 @@ with later(__name__):
     from robid.results.outcome import Outcome
     from robid.results.scale import read_scale
 
-MODEL = Kind("model", "2.3", "robid fit")
+MODEL = Kind("model", "2.4", "robid fit")
 VALIDATION = Kind("validation", "3.2", "robid validate")
 
 Parts: TypeAlias = tuple[Mapping[str, Dataset], Mapping[str, Attribute]]

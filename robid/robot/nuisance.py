@@ -45,3 +45,9 @@ class NuisanceStd:
     compliance: float = option(
         0.05, "Of the compliance of bearings and base that the file lacks, over that of the joint's gear.", ge=0
     )
+    chain_compliance: float = option(
+        0.12,
+        "Of the share of a gear's fitted compliance that is not its own, but of links, shafts and hinges in line with"
+        " it; no share is negative.",
+        ge=0,
+    )
