@@ -214,6 +214,7 @@ def _drives(nominal: Robot, true: TrueRobot) -> dict[str, float]:
             turn = joint.couplings.get(other.name, 0.0) - stated.couplings.get(other.name, 0.0)
             values[f"{joint.name}.coupling_{other.name}"] = 100 * turn * other.motor.gear_ratio
         factor = true.truth.torque_constant_factor.get(joint.name, 1.0)
+        values[f"{joint.name}.zero"] = true.truth.zero_deg.get(joint.name, 0.0)
         values[f"{joint.name}.torque_constant"] = -100 * float(np.log(factor))
         own = joint.counterbalance
         waves = (own.sine_nm[0], own.cosine_nm[0]) if isinstance(own, HarmonicBalance) else (0.0, 0.0)

@@ -11,7 +11,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.models.elastic.fit.gear_motion import swings_known
-from robid.models.elastic.fit.nuisance.kinds import list_nuisances
+from robid.models.elastic.fit.nuisance.kinds import ZERO, Nuisance, list_nuisances
 from robid.models.elastic.fit.nuisance.moves import FurtherSpring, further_springs
 from robid.models.elastic.fit.nuisance.off_robot import carry_over, extend_options, extend_problem
 from robid.models.elastic.fit.nuisance.wording import free_with, remedy
@@ -162,7 +162,16 @@ def of_nuisances(
         tuple(nuisance.stated for nuisance in named),
         remedy(named, swings_known=swings_known),
         tuple(nuisance.name for nuisance in named if nuisance.name in options.fixed),
+        tuple(_zero_setting(*each) for each in zip(named, amounts.tolist(), strict=True))
+        if named[0].cause == ZERO
+        else (),
     )
+
+
+def _zero_setting(zero: Nuisance, amount_deg: float) -> str:
+    """What to correct of a joint whose arm stands further than its encoder shows: the file's angle grows by that."""
+    joint = zero.name.rpartition(".")[0]
+    return f"`offset_deg` changed by {two_digits(amount_deg, '+')} for {joint} in the robot file"
 
 
 def of_ratio(robot: Robot, trial: RatioTrial) -> Explanation:

@@ -24,10 +24,13 @@ from robid.robot.nuisance import NuisanceStd
 
 PRIOR_FACTOR = 10.0
 """How many times as far off as a nuisance parameter is one expected to be that a user frees."""
+ZERO = "zero"
+"""Cause and end of the name of zeros that are off."""
 BALANCE, LOAD_DAMPING, HYSTERESIS, FIXED = "counterbalance", "load_damping", "hysteresis", "held_spring"
 """Causes, the first three of them the ends of the names that free them."""
 MICRO = 1e-6
-_SHARE_STEP, _STEP_M, _TURN_STEP, _STEP_NM = 1e-4, 1e-5, 1e-2, 1.0  # of differences
+_SHARE_STEP, _STEP_M, _TURN_STEP, _STEP_NM, _STEP_DEG = 1e-4, 1e-5, 1e-2, 1.0, 1e-3  # of differences
+_MOST_DEG = 20.0  # of a zero
 _WRIST, _WITH_WRIST = 3, 6  # joints of a wrist whose motors sit before it, and of an arm that has one
 _BALANCE_SHARE, _BALANCE_NM = 0.1, 100.0  # of the arm-side torque that the motor can give; where nobody says that
 _GROWTH, _SLIP_SHARE, _TORQUE_NM = 3.0, 0.005, 2e3  # of a damper up to that torque, of it, and where nobody says it
@@ -379,6 +382,11 @@ def _likely_slip(robot: Robot, index: int) -> float:
     return _SLIP_SHARE * _most_torque(robot.joints[robot.springs[index].joint], _TORQUE_NM)
 
 
+def _zero(robot: Robot, index: int) -> Effect | None:
+    slides = robot.joints[index].type == "prismatic"
+    return None if slides else RobotMove(partial(moves.with_zero, index), _STEP_DEG)
+
+
 def _fixed(kind: Literal["stiffness", "damping"], robot: Robot, index: int) -> Effect | None:
     return ValueOff(kind, index) if getattr(robot.springs[index], kind) > 0 else None
 
@@ -397,6 +405,9 @@ SHAFTS: Section = (_shafts, (Kind(
     "inertia", "inertia of shaft {}", "masses",
     lambda _, index: RobotMove(partial(moves.with_shaft_share, index), PERCENT * _SHARE_STEP),
     "inertia_relative_std", least=-1.0,
+),))
+ZEROS: Section = (_joints, (Kind(
+    ZERO, "zero of {}", ZERO, _zero, "zero_deg", 1.0, "deg", least=-_MOST_DEG, most=_MOST_DEG,
 ),))
 TORQUES: Section = (_joints, (Kind(
     "torque_constant", "torque constant of {}", "torque_constant", lambda _, index: TorqueScale(index),
@@ -488,11 +499,11 @@ GEAR_EFFECTS: Section = (_gears, (
 # fmt: on
 
 WIDENING: tuple[Section, ...] = (
-    *(PAYLOAD, LINKS, BASE, SHAFTS, TORQUES, DELAY, ROTORS, COUPLINGS, GEARS),
+    *(PAYLOAD, LINKS, BASE, SHAFTS, ZEROS, TORQUES, DELAY, ROTORS, COUPLINGS, GEARS),
     *(ARM_FRICTION, MOTOR_FRICTION, OTHER_FRICTION, FIXED_SPRINGS, MISSING_SPRINGS),
 )
 """What widens the intervals of every fit that does not estimate it."""
-ESTIMABLE: tuple[Section, ...] = (PAYLOAD, LINKS, BASE, SHAFTS, COUPLINGS, TORQUES, BALANCES, GEAR_EFFECTS)
+ESTIMABLE: tuple[Section, ...] = (PAYLOAD, LINKS, BASE, SHAFTS, ZEROS, COUPLINGS, TORQUES, BALANCES, GEAR_EFFECTS)
 """What a fit can estimate, in the order of its parameters; the last two only where one does."""
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.models.elastic.fit.options import ElasticOptions, spring_of
 from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Spring, SpringPlace
+from robid.robot.zeros import with_zeros
 
 Change: TypeAlias = Callable[[Robot, Callable[[Inertial], Inertial]], Robot]
 """Returns a robot one of whose bodies is another."""
@@ -99,6 +100,11 @@ def with_gear_ratio(index: int, robot: Robot, more: float) -> Robot:
     joint = robot.joints[index]
     motor = replace(joint.motor, gear_ratio=joint.motor.gear_ratio + more)
     return replace(robot, joints=_with(robot.joints, index, replace(joint, motor=motor)))
+
+
+def with_zero(index: int, robot: Robot, more_deg: float) -> Robot:
+    """The robot one of whose joints stands further about its axis than its encoder shows."""
+    return with_zeros(robot, {robot.joints[index].name: more_deg})
 
 
 def _with(parts: tuple[_Part, ...], index: int, part: _Part) -> tuple[_Part, ...]:
