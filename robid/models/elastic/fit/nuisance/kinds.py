@@ -31,6 +31,7 @@ BALANCE, LOAD_DAMPING, HYSTERESIS, FIXED = "counterbalance", "load_damping", "hy
 MICRO = 1e-6
 _SHARE_STEP, _STEP_M, _TURN_STEP, _STEP_NM, _STEP_DEG = 1e-4, 1e-5, 1e-2, 1.0, 1e-3  # of differences
 _MOST_DEG = 20.0  # of a zero
+_LATE_US = 500.0  # of a drive, where it matters
 _WRIST, _WITH_WRIST = 3, 6  # joints of a wrist whose motors sit before it, and of an arm that has one
 _BALANCE_SHARE, _BALANCE_NM = 0.1, 100.0  # of the arm-side torque that the motor can give; where nobody says that
 _GROWTH, _SLIP_SHARE, _TORQUE_NM = 3.0, 0.005, 2e3  # of a damper up to that torque, of it, and where nobody says it
@@ -74,6 +75,16 @@ class TorqueScale(Effect):
     def heavier(self) -> RobotMove:
         """The link that is heavier by as many percent."""
         return RobotMove(partial(moves.with_carried_share, self.joint), PERCENT * _SHARE_STEP)
+
+
+@dataclass(frozen=True)
+class LateDrive(Effect):
+    """A drive whose torque acts, or whose angle is read, later than those of the others; only where a fit frees it."""
+
+    put_in = False
+    joint: int  # Index of the motor
+    of: Literal["torque", "angle"]  # What is late
+    amount_s: float = MICRO  # How much later an amount of one is [s]
 
 
 @dataclass(frozen=True)
@@ -477,6 +488,13 @@ MISSING_SPRINGS: Section = (_missing, (Kind(
     "compliance", "{}", "missing_spring", lambda robot, index: Compliance(list(missing_springs(robot))[index]),
     "compliance", unit="% of its gear's compliance", least=0.0,
 ),))
+LATE_DRIVES: Section = (_joints, tuple(
+    Kind(
+        f"late_{of}", f"{of} of {{}} late by", "delay", lambda _, index, of=of: LateDrive(index, of),
+        size=_LATE_US, unit="us",
+    )
+    for of in ("torque", "angle")
+))
 BALANCES: Section = (_unbalanced, tuple(
     Kind(
         f"{BALANCE}_{wave}", f"{BALANCE} of {{}} by the {wave} of its angle", BALANCE,
@@ -503,8 +521,19 @@ WIDENING: tuple[Section, ...] = (
     *(ARM_FRICTION, MOTOR_FRICTION, OTHER_FRICTION, FIXED_SPRINGS, MISSING_SPRINGS),
 )
 """What widens the intervals of every fit that does not estimate it."""
-ESTIMABLE: tuple[Section, ...] = (PAYLOAD, LINKS, BASE, SHAFTS, ZEROS, COUPLINGS, TORQUES, BALANCES, GEAR_EFFECTS)
-"""What a fit can estimate, in the order of its parameters; the last two only where one does."""
+ESTIMABLE: tuple[Section, ...] = (
+    PAYLOAD,
+    LINKS,
+    BASE,
+    SHAFTS,
+    ZEROS,
+    COUPLINGS,
+    TORQUES,
+    LATE_DRIVES,
+    BALANCES,
+    GEAR_EFFECTS,
+)
+"""What a fit can estimate, in the order of its parameters; the last three only where one does."""
 
 
 def list_nuisances(robot: Robot, options: ElasticOptions, rigid: Sequence[PerturbedRobot] = ()) -> tuple[Nuisance, ...]:
@@ -601,6 +630,28 @@ def torque_slopes(nuisances: Sequence[Nuisance], n_joint: int) -> FloatArray:
         if isinstance(each.effect, TorqueScale):
             slopes[row, each.effect.joint] = each.effect.slope
     return slopes
+
+
+def late_slopes(
+    nuisances: Sequence[Nuisance], inputs: Sequence[str], outputs: Sequence[str]
+) -> tuple[FloatArray, FloatArray] | None:
+    """By how much later an amount of each makes torques (n_nuisance, n_in) and outputs (n_nuisance, n_out) [s].
+
+    Args:
+        nuisances: The nuisance parameters.
+        inputs: Names of the motors, joint by joint.
+        outputs: Names of the outputs.
+
+    Returns:
+        Both; None where none is of a late drive.
+    """
+    torque, angle = np.zeros((len(nuisances), len(inputs))), np.zeros((len(nuisances), len(outputs)))
+    for row, each in enumerate(nuisances):
+        if isinstance(each.effect, LateDrive) and each.effect.of == "torque":
+            torque[row, each.effect.joint] = each.effect.amount_s
+        elif isinstance(each.effect, LateDrive) and inputs[each.effect.joint] in outputs:
+            angle[row, outputs.index(inputs[each.effect.joint])] = each.effect.amount_s
+    return (torque, angle) if torque.any() or angle.any() else None
 
 
 def moved_robot(robot: Robot, nuisances: Sequence[Nuisance], amounts: FloatArray) -> Robot:
