@@ -8,6 +8,7 @@ Schema history:
             parameter, around `physical_value`, and its named nuisances lie in `elastic/doubts`.
         2.3: `grade/scales`, where a grade saw wrong scales.
         2.4: external fits say in `external/between_std` how much parameters differ between recordings.
+        2.5: elastic fits say in `elastic/gears` what gears alone may be.
     validation:
         3.2: `grade/scales`, where a grade saw wrong scales.
         3.1: elastic validations hold the resonances of their data in `elastic/new_resonances`.
@@ -33,7 +34,7 @@ with later(__name__):
     from robid.results.outcome import Outcome
     from robid.results.scale import read_scale
 
-MODEL = Kind("model", "2.4", "robid fit")
+MODEL = Kind("model", "2.5", "robid fit")
 VALIDATION = Kind("validation", "3.2", "robid validate")
 
 Parts: TypeAlias = tuple[Mapping[str, Dataset], Mapping[str, Attribute]]

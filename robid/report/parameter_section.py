@@ -49,6 +49,7 @@ def parameter_section(estimates: Estimates, conventions: str = "") -> tuple[Sect
     lead = f"Estimates with {percent(estimates.level)} intervals{nominal}{truth}."
     sentences = (
         conventions,
+        estimates.about,
         ratio_sentence(estimates.torque_unit),
         f"± is half the interval relative to the {'physical value' if estimates.with_physical else 'estimate'}.",
         effective_sentence(estimates),
@@ -194,7 +195,7 @@ def parameter_table(estimates: Estimates) -> Group:
     nominal = ("nominal",) if estimates.with_nominal else ()
     for header in ("±", *nominal, *(("truth", "off truth") if with_truth else ())):
         table.add_column(header, justify="right", no_wrap=True)
-    footnotes = [ratio_sentence(estimates.torque_unit), effective_sentence(estimates)]
+    footnotes = [estimates.about, ratio_sentence(estimates.torque_unit), effective_sentence(estimates)]
     footnotes += ["a: assumed, not published"] if any(row.assumed for row in rows) else []
     for kind in dict.fromkeys(row.kind for row in rows):
         title = kind_title(kind, estimates.torque_unit)

@@ -63,6 +63,7 @@ class Estimates:
     undetermined: tuple[str, ...] = ()  # combinations of parameters that the data do not determine, a sentence each
     identifiable_relative_std: float | None = None  # predicted deviation up to which a parameter counts as identifiable
     interval_rule: str = ""  # what set the width of the intervals, in words
+    about: str = ""  # what values are to be understood as, where that is no convention
 
     @property
     def with_nominal(self) -> bool:

@@ -12,7 +12,7 @@ from robid.robot.description import Robot
 from robid.robot.linearize import Equilibrium, LinearModel, Shifts, gravity_torque, linearize
 from robid.robot.model import ElasticModel, build_model
 from robid.robot.parameters import NUISANCE_KIND
-from robid.robot.response import ElasticParameters, Response, fast_limit, mass_matrix
+from robid.robot.response import ElasticParameters, Response, fast_limit, gain_slopes, mass_matrix
 from robid.robot.rest import MatrixSlopes, Moves, Springs, SpringSlopes, settle_springs, spring_slopes
 
 _STEP_RAD = 1e-3
@@ -58,7 +58,11 @@ def expand(
 
 
 def shifts_between(
-    pairs: Sequence[tuple[LinearModel, LinearModel]], width: FloatArray, amounts: FloatArray, torque: FloatArray
+    pairs: Sequence[tuple[LinearModel, LinearModel]],
+    width: FloatArray,
+    amounts: FloatArray,
+    torque: FloatArray,
+    late: tuple[FloatArray, FloatArray] | None = None,
 ) -> Shifts:
     """Returns how a linearised robot moves with nuisance parameters, by central differences.
 
@@ -67,8 +71,11 @@ def shifts_between(
         width (n_nuisance,): By how much each pair differs.
         amounts (n_nuisance,): Amounts in the middle.
         torque (n_nuisance, n_joint): As in `Shifts`.
+        late: Its `late_torque` and `late_output`; nothing is late when not given.
     """
-    return Shifts(amounts=amounts, torque=torque, **_slopes(pairs, width))
+    torques, outputs = (None, None) if late is None else late
+    moved = _slopes(pairs, width)
+    return Shifts(**moved, amounts=amounts, torque=torque, late_torque=torques, late_output=outputs)
 
 
 def _moved_spring(robot: Robot, element: int, by_m: float) -> Robot:
@@ -131,8 +138,9 @@ def jacobian(
         columns = [own if more is None else own + more for own, more in zip(columns, folded, strict=True)]
     if model.shifts is not None and NUISANCE_KIND in kinds:
         # Gains are exp(sum a t) of the motors' torques: the derivative of a logarithm is relative.
-        columns[kinds.index(NUISANCE_KIND)] += (result.sampled / result.gain)[..., None] * model.shifts.torque.T
-    return np.concatenate(columns, axis=-1) * result.gain[:, None]
+        relative = gain_slopes(model.shifts, np.real(result.omega))
+        columns[kinds.index(NUISANCE_KIND)] += (result.sampled / result.gain)[..., None] * relative
+    return np.concatenate(columns, axis=-1) * result.gain[..., None]
 
 
 def _all_columns(

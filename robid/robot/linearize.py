@@ -38,6 +38,9 @@ class Shifts(MatrixSlopes):
 
     amounts: FloatArray  # (n_nuisance,) With which the robot was linearised, zero where the file is right
     torque: FloatArray  # (n_nuisance, n_joint) Of the logarithm of the torque that a motor gives per torque recorded
+    # (n_nuisance, n_joint) By how much later than the others each motor's torque acts [s]; None for not at all
+    late_torque: FloatArray | None = None
+    late_output: FloatArray | None = None  # (n_nuisance, n_out) The same of outputs, later than the others [s]
 
 
 @dataclass(frozen=True)

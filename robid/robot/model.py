@@ -264,20 +264,25 @@ def _add_link(
     _add_arm(body, joint, rigid=bool(robot.rigid[index]))
     for spring in bearings if joint.type == "prismatic" else ():
         add_elastic_hinge(body, spring)
-    # A split link keeps what lies before the split; each part beyond hangs on its spring.
+    # A split link keeps what lies before the split; each part beyond hangs on its spring, from the joint outwards.
     whole = joint.link
     origin: FloatArray = np.zeros(3)
-    for spring in springs:
-        if spring.place == "split" and spring.outboard is not None:
-            _set_inertial(body, remove(whole, spring.outboard), origin)
-            body = body.add_body(name=f"{joint.name}_{spring.name}", pos=spring.point_m - origin)
-            add_elastic_hinge(body, spring)
-            whole, origin = spring.outboard, spring.point_m
+    for spring, outboard in _splits(springs):
+        _set_inertial(body, remove(whole, outboard), origin)
+        body = body.add_body(name=f"{joint.name}_{spring.name}", pos=spring.point_m - origin)
+        add_elastic_hinge(body, spring)
+        whole, origin = outboard, spring.point_m
     hangs = bool(_at(robot, "payload"))
     if is_last and robot.payload.mass_kg > 0 and not hangs:
         whole = combine(whole, robot.payload)
     _set_inertial(body, whole, origin)
     return body, origin
+
+
+def _splits(springs: list[Spring]) -> list[tuple[Spring, Inertial]]:
+    """Springs that split a link with what lies beyond each, the most first; where as much does, in their order."""
+    parts = [(spring, spring.outboard) for spring in springs if spring.place == "split" and spring.outboard is not None]
+    return sorted(parts, key=lambda part: -part[1].mass_kg)
 
 
 def _add_arm(body: mujoco.MjsBody, joint: Joint, *, rigid: bool) -> None:

@@ -45,3 +45,10 @@ class NuisanceStd:
     compliance: float = option(
         0.05, "Of the compliance of bearings and base that the file lacks, over that of the joint's gear.", ge=0
     )
+    zero_deg: float = option(0.5, "Of the zero of a joint that turns, what its encoder shows too little [deg].", ge=0)
+    chain_compliance: float = option(
+        0.12,
+        "Of the share of a gear's fitted compliance that is not its own, but of links, shafts and hinges in line with"
+        " it; no share is negative.",
+        ge=0,
+    )

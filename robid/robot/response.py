@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.robot.description import Robot
-from robid.robot.linearize import LinearModel
+from robid.robot.linearize import LinearModel, Shifts
 from robid.robot.rest import MatrixSlopes, Springs, SpringValues, settle_springs
 from robid.robot.sampling import Folding, hold_factor, make_folding
 
@@ -47,7 +47,9 @@ class Response:
     omega: FloatArray | ComplexArray  # (n_freq,) Angular frequency [rad/s]
     model: LinearModel
     springs: Springs
-    gain: FloatArray  # (n_in,) Torque of each motor per torque recorded, where that is a nuisance; in `sampled` only
+    # What is measured per what is there, where that is a nuisance; in `sampled` only: (n_in,) of each motor's torque,
+    # (n_freq, n_out, n_in) where a drive is late
+    gain: FloatArray | ComplexArray
     folding: Folding | None = None  # What sampling folds down from above; None in continuous time
     by_delay: Folding | None = None  # Its derivative by the delay
     images: Response | None = None  # The continuous response at the folding's own frequencies; None where it needs none
@@ -88,7 +90,8 @@ def response(
     """
     omega = 2 * np.pi * np.asarray(frequency_hz, float)
     model, springs = at_rest(model, parameters)
-    gain = np.ones(model.n_motor) if model.shifts is None else np.exp(parameters.doubt @ model.shifts.torque)
+    shifts = model.shifts
+    gain = np.ones(model.n_motor) if shifts is None else np.exp(gain_slopes(shifts, omega) @ parameters.doubt)
     whole = _continuous(model, parameters, springs, omega, gain)
     hold = hold_factor(omega, parameters.delay[0], sampling_period_s)
     sampled = hold[:, None, None] * whole.sampled
@@ -112,7 +115,7 @@ def _continuous(
     parameters: ElasticParameters,
     springs: Springs,
     omega: FloatArray | ComplexArray,
-    gain: FloatArray,
+    gain: FloatArray | ComplexArray,
 ) -> Response:
     """The response at rest without hold, delay and gain, at angular frequencies that may be complex."""
     stiffness = _dynamic_stiffness(model, parameters, springs, omega)
@@ -129,6 +132,23 @@ def _continuous(
     outputs = inputs if collocated else solved[..., n_motor:]
     continuous: ComplexArray = np.asarray(-(omega**2)[:, None, None] * (seen @ inputs), complex)
     return Response(continuous, inputs, outputs, np.ones(omega.size, complex), omega, model, springs, gain)
+
+
+def gain_slopes(shifts: Shifts, omega: FloatArray) -> FloatArray | ComplexArray:
+    """Derivatives of the logarithm of what is measured per what is there by the nuisance parameters.
+
+    Args:
+        shifts: How a linear model moves with these.
+        omega (n_freq,): Angular frequencies [rad/s].
+
+    Returns:
+        Slopes (n_in, n_nuisance), or (n_freq, n_out, n_in, n_nuisance) where a drive may be late.
+    """
+    if shifts.late_torque is None or shifts.late_output is None:
+        return shifts.torque.T
+    # What is later by t than the others is turned by exp(-j w t): a column by its torque, a row by its output.
+    late = shifts.late_torque.T + shifts.late_output.T[:, None]
+    return np.asarray(shifts.torque.T - 1j * omega[:, None, None, None] * late)
 
 
 def at_rest(model: LinearModel, parameters: ElasticParameters) -> tuple[LinearModel, Springs]:

@@ -103,6 +103,10 @@ class JointNuisanceStd(Section):
         None, f"Of the gear's stiffness over the range of its loads, {_FOR_ALL}.", ge=0
     )
     compliance: float | None = option(None, f"Of the compliance of bearings that the file lacks, {_FOR_ALL}.", ge=0)
+    zero_deg: float | None = option(None, f"Of the joint's zero, {_FOR_ALL} [deg].", ge=0)
+    chain_compliance: float | None = option(
+        None, f"Of the share of the gear's fitted compliance that is not its own, {_FOR_ALL}.", ge=0
+    )
 
     def over(self, robot: NuisanceStd) -> NuisanceStd:
         """Returns the robot's deviations with what is said of this joint."""

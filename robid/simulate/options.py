@@ -148,6 +148,10 @@ class Truth:
             " and the cosine of its angle are multiplied by [N m]."
         },
     )
+    zero_deg: dict[str, float] = field(
+        default_factory=dict,
+        metadata={"description": "True less shown angle of joints that turn, by joint: zeros that are off [deg]."},
+    )
     torque_constant_factor: dict[str, float] = field(
         default_factory=dict,
         metadata={"description": "True over assumed torque constant, by joint: recorded torques are divided by it."},

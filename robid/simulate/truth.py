@@ -10,6 +10,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Spring
 from robid.robot.nuisance import NuisanceStd
+from robid.robot.zeros import with_zeros
 from robid.simulate.options import Imperfections, Truth
 
 _MASS_DRAWS = 1  # keeps the draws of masses apart from those of springs
@@ -42,7 +43,8 @@ def true_robot(robot: Robot, truth: Truth, further: tuple[Spring, ...] = ()) -> 
 
     Returns:
         The robot with its springs, dampers, friction and masses multiplied by random factors, rotor inertias and masses
-        by stated ones, with further couplings and counterbalances, and with the further springs after its own.
+        by stated ones, with further couplings, counterbalances and zeros that are off, and with the further springs
+        after its own.
     """
     generator = np.random.default_rng(truth.seed)
     damper_factor = truth.spring_factor if truth.damper_factor is None else truth.damper_factor
@@ -115,7 +117,7 @@ def _deviating_masses(robot: Robot, truth: Truth) -> Robot:
 
 
 def _with_drives(robot: Robot, truth: Truth) -> Robot:
-    """Adds couplings and counterbalances that the robot file lacks."""
+    """Adds couplings, counterbalances and errors of zeros that the robot file lacks."""
 
     def driven(joint: Joint) -> Joint:
         couplings = {**joint.couplings}
@@ -125,7 +127,8 @@ def _with_drives(robot: Robot, truth: Truth) -> Robot:
         balance = joint.counterbalance if waves is None else HarmonicBalance(*(np.array([wave]) for wave in waves))
         return replace(joint, couplings=couplings, counterbalance=balance)
 
-    return replace(robot, joints=tuple(driven(joint) for joint in robot.joints))
+    driven_robot = replace(robot, joints=tuple(driven(joint) for joint in robot.joints))
+    return with_zeros(driven_robot, truth.zero_deg)
 
 
 def _reweighed(robot: Robot, truth: Truth) -> Robot:

@@ -20,6 +20,7 @@ from tolerances import MJCF
 FOLDER = "fits/elastic"
 COLUMNS = ["name", "kind", "unit", "nominal", "estimate", "effective_value", "effective_lower", "effective_upper"]
 COLUMNS += ["physical_value", "physical_lower", "physical_upper", "physical_relative_std", "identifiable"]
+GEARS = ["gear_alone_value", "gear_alone_lower", "gear_alone_upper"]
 FIELDS = ["nominal", "value", *COLUMNS[5:9], "lower", "upper", "relative_std", "identifiable"]
 
 
@@ -50,9 +51,25 @@ def test_json_is_read_back_equal(done):
 def test_csv_is_read_back_equal(done):
     with exported(done, "csv").open(newline="") as file:
         header, *rows = list(csv.reader(file))
-    assert header == COLUMNS
-    found = [(*row[:3], *map(float, row[3:-1]), row[-1] == "True") for row in rows]
+    assert header == [*COLUMNS, "meaning", *GEARS]
+    last = COLUMNS.index("identifiable")
+    found = [(*row[:3], *map(float, row[3:last]), row[last] == "True") for row in rows]
     assert found == wanted_rows(solution_of(done))
+
+
+def test_gears_are_told_from_what_lies_in_line_with_them(done):
+    gears = solution_of(done).gears
+    wanted = dict(zip(gears.names, zip(gears.value, gears.lower, gears.upper, strict=True), strict=True))
+    assert set(wanted) == {"gear_turn.stiffness", "gear_lift.stiffness"}
+    content = json.loads(exported(done, "json").read_text())["parameters"]
+    mat = loadmat(exported(done, "mat"), squeeze_me=True)
+    for row, meaning, *columns in zip(content, *(mat[name] for name in ("meaning", *GEARS)), strict=True):
+        assert bool(row["meaning"]) == bool(np.size(meaning)) == (row["name"] in wanted)
+        if row["name"] in wanted:
+            assert tuple(row[name] for name in GEARS) == wanted[row["name"]] == tuple(columns)
+        else:
+            assert all(row[name] is None for name in GEARS)
+            assert np.isnan(columns).all()
 
 
 def test_each_value_of_a_table_lies_within_its_own_interval(done):

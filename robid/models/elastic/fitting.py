@@ -26,6 +26,7 @@ from robid.results.finding import blamed
 from robid.results.outcome import recovery_sentence
 from robid.results.plausible.findings import data_findings
 from robid.robot.description import HarmonicBalance, Joint, Robot
+from robid.robot.in_line import with_chains
 from robid.robot.linearize import axial_inertia
 from robid.robot.model import build_model
 from robid.settings.experiment import Campaign, payload_kg
@@ -163,7 +164,8 @@ def _counted(number: int, noun: str) -> str:
 def true_values(nominal: Robot, true: TrueRobot) -> dict[str, float]:
     """Returns the true value of everything that an elastic fit may estimate, by the fit's own names.
 
-    What the robot file has no spring for is no value of a fit: the springs that it lacks are left out.
+    What the robot file has no spring for is no value of a fit: the springs that it lacks are left out. Where one lies
+    in line with a gear, the gear's value is that of both in series: no response tells them apart.
 
     Args:
         nominal: The robot as its file describes it, with the campaign's payload.
@@ -171,13 +173,12 @@ def true_values(nominal: Robot, true: TrueRobot) -> dict[str, float]:
     """
     known = [spring.name for spring in nominal.springs]
     values: dict[str, float] = {}
-    for spring in true.robot.springs:
-        if spring.name in known:
-            values[f"{spring.name}.stiffness"] = spring.stiffness
-            values[f"{spring.name}.damping"] = spring.damping
-            values[f"{spring.name}.cubic"] = spring.cubic
-            place = zip("xyz", spring.point_m.tolist(), strict=True)
-            values |= {f"{spring.name}.location_{axis}": x for axis, x in place}
+    for spring in with_chains(true.robot, nominal.springs):
+        values[f"{spring.name}.stiffness"] = spring.stiffness
+        values[f"{spring.name}.damping"] = spring.damping
+        values[f"{spring.name}.cubic"] = spring.cubic
+        place = zip("xyz", spring.point_m.tolist(), strict=True)
+        values |= {f"{spring.name}.location_{axis}": x for axis, x in place}
     axial = axial_inertia(build_model(true.without_springs(known), balanced=True))
     for joint, stated, inertia in zip(true.robot.joints, nominal.joints, axial.tolist(), strict=True):
         values[f"{joint.name}.viscous"] = joint.motor.friction.viscous_nms_rad
@@ -215,6 +216,7 @@ def _drives(nominal: Robot, true: TrueRobot) -> dict[str, float]:
             turn = joint.couplings.get(other.name, 0.0) - stated.couplings.get(other.name, 0.0)
             values[f"{joint.name}.coupling_{other.name}"] = 100 * turn * other.motor.gear_ratio
         factor = true.truth.torque_constant_factor.get(joint.name, 1.0)
+        values[f"{joint.name}.zero"] = true.truth.zero_deg.get(joint.name, 0.0)
         values[f"{joint.name}.torque_constant"] = -100 * float(np.log(factor))
         own = joint.counterbalance
         waves = (own.sine_nm[0], own.cosine_nm[0]) if isinstance(own, HarmonicBalance) else (0.0, 0.0)

@@ -14,6 +14,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError, SettingsError
 from robid.frf.frf import Frf
 from robid.models.elastic.files import solution_from_artifact
+from robid.models.elastic.fit.gears_alone import WITH_CHAIN
 from robid.models.elastic.fit.nuisance.kinds import HYSTERESIS, LOAD_DAMPING
 from robid.models.elastic.fit.solution import ElasticSolution, fitted_delay_s, fitted_robot
 from robid.models.elastic.fitting import nominal_robot
@@ -38,6 +39,8 @@ from robid.signals.quantities import readable, readable_units
 from robid.simulate.options import Imperfections, SimulateOptions
 from robid.simulate.steps import choose_steps
 
+_COLUMNS = (*PARAMETER_COLUMNS, "meaning", "gear_alone_value", "gear_alone_lower", "gear_alone_upper")
+"""Columns of elastic fits: what a stiffness is of where that is not its name alone, and what the gear alone may be."""
 _OF_PHYSICAL = {"physical_lower": "lower", "physical_upper": "upper", "physical_relative_std": "relative_std"}
 _VALUES = {name: {"estimate": "value", **_OF_PHYSICAL}.get(name, name) for name in PARAMETER_COLUMNS[3:]}
 """Fields of an estimate by column: its interval is that of the parameter itself."""
@@ -124,14 +127,15 @@ class FittedExport:
 
 
 def parameter_records(found: FittedExport) -> list[dict[str, object]]:
-    """Returns one mapping of `PARAMETER_COLUMNS` for each parameter, those that follow another one last."""
+    """Returns one mapping of the columns for each parameter, those that follow another one last."""
     estimate, tied = found.solution.estimate, found.solution.estimate.tied
-    columns = estimate.names, estimate.kinds, found.units, *(values.tolist() for values in _columns(estimate).values())
-    own = {str(row[0]): dict(zip(PARAMETER_COLUMNS, row, strict=True)) for row in zip(*columns, strict=True)}
+    every = (*_columns(estimate).values(), *_gears(found.solution).values())
+    columns = estimate.names, estimate.kinds, found.units, *(np.asarray(each).tolist() for each in every)
+    own = {str(row[0]): dict(zip(_COLUMNS, row, strict=True)) for row in zip(*columns, strict=True)}
     told = ("nominal", "estimate", "physical_lower", "physical_upper")
     values = (each.tolist() for each in (tied.nominal, tied.value, tied.lower, tied.upper))
     followers = zip(tied.names, tied.to, *values, strict=True)
-    unknown = dict.fromkeys(_VALUES, math.nan)
+    unknown = dict.fromkeys((*_VALUES, *_COLUMNS[-3:]), math.nan)
     more = [
         own[leader]
         | unknown
@@ -149,6 +153,18 @@ def _columns(estimate: Estimate) -> dict[str, FloatArray]:
     return {name: unknown if values is None else values for name, values in found.items()}
 
 
+def _gears(solution: ElasticSolution) -> dict[str, FloatArray | tuple[str, ...]]:
+    """The columns of what gears alone may be; NaN of what is no gear, or not told by an older model."""
+    names, gears = solution.estimate.names, solution.gears
+    told = () if gears is None else gears.names
+    rows = [names.index(name) for name in told]
+    columns = np.full((3, len(names)), np.nan)
+    if gears is not None:
+        columns[:, rows] = gears.value, gears.lower, gears.upper
+    meaning = tuple(WITH_CHAIN if name in told else "" for name in names)
+    return {"meaning": meaning, **dict(zip(_COLUMNS[-3:], columns, strict=True))}
+
+
 def arrays(found: FittedExport, rows: list[int]) -> Content:
     """Returns parameters with their covariance, and measured and modelled responses."""
     estimate, responses = found.solution.estimate, found.solution.responses
@@ -157,6 +173,7 @@ def arrays(found: FittedExport, rows: list[int]) -> Content:
         "names": estimate.names,
         "kinds": estimate.kinds,
         **_columns(estimate),
+        **_gears(found.solution),
         "units": found.units,
         "covariance": estimate.covariance,
         "degrees_of_freedom": estimate.degrees_of_freedom,
@@ -337,7 +354,7 @@ def write_json(task: ExportTask) -> bytes:
 
 def write_csv(task: ExportTask) -> bytes:
     """Writes the parameters as a table."""
-    return encode_csv(PARAMETER_COLUMNS, [list(record.values()) for record in parameter_records(_found(task))])
+    return encode_csv(_COLUMNS, [list(record.values()) for record in parameter_records(_found(task))])
 
 
 def write_mat(task: ExportTask) -> bytes:

@@ -63,7 +63,12 @@ def _drives(field: FieldPath, truth: TruthSettings, robot: RobotFile) -> Found:
                 yield (*field, "couplings", joint), f"S388 there is no joint `{name}`; {suggest(name, joints)}"
         if joint in others:
             yield (*field, "couplings", joint), "S137 a joint's own motor moves it by its gear ratio"
-    turning = [joint.name for joint in robot.joints if joint.type == "revolute" and joint.counterbalance is None]
+    revolute = [joint for joint in robot.joints if joint.type == "revolute"]
+    every = [joint.name for joint in revolute]
+    for name in truth.zero_deg:
+        if name not in every:
+            yield (*field, "zero_deg", name), f"S429 there is no revolute joint `{name}`; {suggest(name, every)}"
+    turning = [joint.name for joint in revolute if joint.counterbalance is None]
     for name in truth.counterbalance_nm:
         if name not in turning:
             message = f"S138 there is no revolute joint `{name}` without a counterbalance; {suggest(name, turning)}"

@@ -9,7 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 from rich.console import Console
 
+from robid.models.elastic.fit.gears_alone import WITH_CHAIN
 from robid.models.elastic.page.gather import RepeatRow
+from robid.models.elastic.page.gears import GearRow, gear_sentence
 from robid.models.elastic.page.report import element_sentence, fit_summary, fit_tables, sections
 from robid.models.elastic.page.resonances import interval_sentence, interval_text, resonance_section
 from robid.report.numbers import MISSING
@@ -96,3 +98,23 @@ def test_notes_that_the_page_warns_of_are_not_repeated():
     fit = bench_report().fit
     assert any(isinstance(part, Notes) for part in sections(fit)[0].parts)
     assert not any(isinstance(part, Notes) for part in sections(fit, fit.frf.notes)[0].parts)
+
+
+def test_terminal_and_page_say_that_a_gear_is_fitted_with_what_lies_in_line_and_what_it_alone_may_be():
+    rows = (
+        GearRow("gear_1", "N m/rad", (1.9e6, 2.1e6), 2.2e6, (1.9e6, 2.7e6), 0.235),
+        GearRow("gear_2", "N m/rad", (0.9e6, 1.1e6), 1.0e6, (0.9e6, 1.1e6), 0.0),
+    )
+    fit = bench_report().fit
+    told = replace(fit, gears=rows, estimates=replace(fit.estimates, about=gear_sentence(rows)))
+    shown = " ".join(printed(next(iter(fit_tables(told))), 400).split())
+    assert WITH_CHAIN in shown
+    assert "gear_1 1.90 … 2.70 MN m/rad" in shown
+    assert "gear_2 0.9" not in shown  # whose file takes the share for granted
+    (section,) = [each for each in sections(told) if each.anchor == "gears-alone"]
+    (table,) = section.parts
+    assert [row[0] for row in table.rows] == ["gear_1", "gear_2"]
+    assert table.rows[0][1:4] == ("1.90 … 2.10", "2.20", "1.90 … 2.70")
+    found = fit_summary(told, None)
+    assert (found["gears.gear_1.alone_lower"], found["gears.gear_1.alone_upper"]) == (1.9e6, 2.7e6)
+    assert not [each for each in sections(fit) if each.anchor == "gears-alone"]

@@ -79,6 +79,10 @@ def test_springs_that_the_robot_file_lacks_are_in_the_true_robot_alone(tmp_path)
         ("truth: {couplings: {lift: {tern: 0.001}}}", "no joint `tern`; did you mean `turn`?"),
         ("truth: {couplings: {lift: {lift: 0.001}}}", "S137"),
         ("truth: {counterbalance_nm: {lifd: [1, 2]}}", "no revolute joint `lifd` without a counterbalance"),
+        (
+            "truth: {zero_deg: {lifd: -1}}",
+            "zero_deg.lifd: S429 there is no revolute joint `lifd`; did you mean `lift`?",
+        ),
         ("imperfections: {load_friction: 0.1}", "S139"),
         ("truth: {torque_constant_factor: {turn: -1}}", "must be above 0"),
         ("truth: {torque_constant_factor: {axis: 1.1}}", "no joint `axis`"),

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from exact_systems import springs_everywhere, two_joint_robot, with_arm_friction
+from robid.models.elastic.fitting import true_values
 from robid.robot.balances import balance_torque
 from robid.robot.description import Spring
 from robid.robot.friction import Friction
 from robid.simulate.options import Imperfections, Truth
-from robid.simulate.truth import recorded_torque_factor, true_robot, with_imperfections
+from robid.simulate.truth import TrueRobot, recorded_torque_factor, true_robot, with_imperfections
 
 FRICTION = Friction(0.01, 0.5, 0.6, 2.0, 0.05, 0.1)
 
@@ -159,3 +160,13 @@ def test_couplings_and_counterbalances_that_the_file_lacks(robot):
     assert balance_torque(true.joints[0].counterbalance, 0.3, slides=False) == pytest.approx(
         5 * np.sin(0.3) - 7 * np.cos(0.3)
     )
+
+
+def test_a_zero_that_is_off_turns_the_arm_further(robot):
+    true = true_robot(robot, Truth(zero_deg={"elbow": -2.0}))
+    turned = robot.joints[1].rotation.T @ true.joints[1].rotation
+    assert np.rad2deg(np.arctan2(turned[1, 0], turned[0, 0])) == pytest.approx(-2.0)
+    np.testing.assert_array_equal(true.joints[0].rotation, robot.joints[0].rotation)
+    assert true_values(robot, TrueRobot(true, Truth(zero_deg={"elbow": -2.0}), Imperfections(), 0.0, 1, None))[
+        "elbow.zero"
+    ] == pytest.approx(-2.0)

@@ -24,6 +24,7 @@ from robid.models.elastic.fit.nuisance.kinds import (
     RobotMove,
     SlipTorque,
     estimated_nuisances,
+    late_slopes,
     moved_robot,
     torque_slopes,
 )
@@ -77,7 +78,8 @@ def rest_model(
         else:
             pairs.append((model, model))
     width = np.array([2 * _NUISANCE_STEP * each.common_std for each in estimated])
-    shifts = shifts_between(pairs, width, amounts, torque_slopes(estimated, len(robot.joints)))
+    late = late_slopes(estimated, frf.input_names, frf.output_names)
+    shifts = shifts_between(pairs, width, amounts, torque_slopes(estimated, len(robot.joints)), late)
     if not any(isinstance(each.effect, LoadDamping | SlipTorque) for each in estimated):
         return replace(model, shifts=shifts)
     now = replace(nominal_parameters(robot, model, delay_s), doubt=amounts) if values is None else values

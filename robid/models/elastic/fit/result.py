@@ -10,6 +10,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.clusters.evidence import group_clusters
+from robid.models.elastic.fit.gears_alone import gears_alone
 from robid.models.elastic.fit.intervals import FEWEST_CLUSTERS, Spreads, find_spreads
 from robid.models.elastic.fit.model_error import ModelError, estimate_model_error
 from robid.models.elastic.fit.nuisance.linear import Basis
@@ -169,6 +170,7 @@ def make_solution(
         model_error=error,
         effective=spreads.between,
         doubts=spreads.nuisances,
+        gears=None if basis is None else gears_alone(basis.robot, estimate),
         **_from_realizations(problem, options, internal, found, parallel_map),
     )
 

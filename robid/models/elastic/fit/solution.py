@@ -114,6 +114,21 @@ class NuisanceEstimates:
     half_width: Annotated[FloatArray, Quantity("as in units", "doubt", "Half width of its interval")]
 
 
+@dataclass(frozen=True)
+class GearsAlone:
+    """What gears alone may be: what lies in line with them is part of the value that a fit gives them.
+
+    No response tells the two apart, so this rests on what is known beforehand of the share of the compliance that is
+    not the gear's.
+    """
+
+    names: Annotated[tuple[str, ...], Quantity("1", "gear", "Parameters that are a gear with what lies in line")]
+    share_std: Annotated[FloatArray, Quantity("1", "gear", "Deviation of that share, known beforehand")]
+    value: Annotated[FloatArray, Quantity("as of estimate/units", "gear", "Stiffness of the gear alone")]
+    lower: Annotated[FloatArray, Quantity("as of estimate/units", "gear", "Lower end of its interval")]
+    upper: Annotated[FloatArray, Quantity("as of estimate/units", "gear", "Upper end of its interval")]
+
+
 LONGEST_STEP = 0.5
 """Of an internal parameter; beyond, nothing is linear, and what is known no better stays."""
 LEARNT_SHARE = 0.5
@@ -181,6 +196,8 @@ class ElasticSolution:
     effective: Between | None = None  # How clusters differ; None with fewer than four clusters, or without a covariance
     # What the data say of the robot file's nuisances; None where it has none, and in files of old
     doubts: NuisanceEstimates | None = None
+    # What gears alone may be; None without gears that the fit estimates, and in files of old
+    gears: GearsAlone | None = None
 
 
 _LEAST_FACTOR = 0.01

@@ -11,7 +11,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.models.elastic.fit.gear_motion import swings_known
-from robid.models.elastic.fit.nuisance.kinds import list_nuisances
+from robid.models.elastic.fit.nuisance.kinds import ZERO, Nuisance, list_nuisances
 from robid.models.elastic.fit.nuisance.moves import FurtherSpring, further_springs
 from robid.models.elastic.fit.nuisance.off_robot import carry_over, extend_options, extend_problem
 from robid.models.elastic.fit.nuisance.wording import free_with, remedy
@@ -48,8 +48,20 @@ def try_springs(fitted: FittedModel) -> list[Explanation]:
     Args:
         fitted: The fitted model in the configurations of the fit's own response.
     """
+    every = list(further_springs(fitted.robot))
+    begun = _begun([further for further in every if not further.after], fitted)[:_KEPT]
+    kept = {further.spring.name for _, _, further in begun}
+    begun += _begun([further for further in every if further.after in kept], fitted)
+    ends = [
+        (further, problem, optimise(problem, end.parameters, max_iterations=_STEPS)) for end, problem, further in begun
+    ]
+    return sorted((_of_spring(*end, fitted) for end in ends), key=lambda trial: -trial.share)
+
+
+def _begun(springs: Sequence[FurtherSpring], fitted: FittedModel) -> list[tuple[Minimum, Problem, FurtherSpring]]:
+    """Each spring put in place, and where a few steps of the fit lead from there, what fits best first."""
     robot, begun = fitted.robot, []
-    for further in further_springs(robot):
+    for further in springs:
         spring = further.spring
         try:
             more = replace(robot, springs=(*robot.springs, spring))
@@ -58,16 +70,9 @@ def try_springs(fitted: FittedModel) -> list[Explanation]:
         except DataError:  # a spring under which the robot finds no rest explains nothing
             continue
         starts = _starts(problem, spring, fitted)
-        first = min(
-            (optimise(problem, start, max_iterations=_FIRST_STEPS) for start in starts), key=lambda end: end.cost
-        )
-        begun.append((first, problem, further))
-    begun.sort(key=lambda each: each[0].cost)
-    ends = [
-        (further, problem, optimise(problem, end.parameters, max_iterations=_STEPS))
-        for end, problem, further in begun[:_KEPT]
-    ]
-    return sorted((_of_spring(*end, fitted) for end in ends), key=lambda trial: -trial.share)
+        ends = (optimise(problem, start, max_iterations=_FIRST_STEPS) for start in starts)
+        begun.append((min(ends, key=lambda end: end.cost), problem, further))
+    return sorted(begun, key=lambda each: each[0].cost)
 
 
 def _starts(problem: Problem, spring: Spring, fitted: FittedModel) -> Iterator[FloatArray]:
@@ -158,7 +163,16 @@ def of_nuisances(scores: Scores, group: list[int], fitted: FittedModel, *, swing
         stated,
         remedy(named, swings_known=swings_known),
         tuple(nuisance.name for nuisance in named if nuisance.name in fitted.options.fixed),
+        tuple(_zero_setting(*each) for each in zip(named, amounts.tolist(), strict=True))
+        if named[0].cause == ZERO
+        else (),
     )
+
+
+def _zero_setting(zero: Nuisance, amount_deg: float) -> str:
+    """What to correct of a joint whose arm stands further than its encoder shows: the file's angle grows by that."""
+    joint = zero.name.rpartition(".")[0]
+    return f"`offset_deg` changed by {two_digits(amount_deg, '+')} for {joint} in the robot file"
 
 
 def of_ratio(robot: Robot, trial: RatioTrial) -> Explanation:

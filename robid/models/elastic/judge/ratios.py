@@ -11,7 +11,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
-from robid.models.elastic.fit.nuisance.kinds import Effect, Nuisance, RobotMove
+from robid.models.elastic.fit.nuisance.kinds import Effect, LateDrive, Nuisance, RobotMove, estimable_nuisances
 from robid.models.elastic.fit.nuisance.moves import with_gear_ratio
 from robid.models.elastic.fit.nuisance.off_robot import problem_at
 from robid.models.elastic.fit.nuisance.response import Scene, column, nuisance_columns
@@ -141,9 +141,10 @@ _BACKLASH_STD, _MOST_BACKLASH = 0.1, 2.0  # mrad: a gear of good quality has som
 def candidates(robot: Robot, frf: Frf) -> tuple[Nuisance, ...]:
     """Lists explanations of a misfit that are no nuisances of a robot file.
 
-    They widen no interval: ratios are exact or plainly wrong, and backlash leaves no linear spring to estimate.
+    They widen no interval: ratios are exact or plainly wrong, so are drives, all in one clock or a sample late, and
+    backlash leaves no linear spring to estimate.
     """
-    return (*_gear_ratios(robot, frf), *_backlashes(robot))
+    return (*_gear_ratios(robot, frf), *_backlashes(robot), *_late_drives(robot, frf))
 
 
 def gear_ratio(robot: Robot, joint: int) -> Nuisance:
@@ -164,6 +165,17 @@ def gear_ratio(robot: Robot, joint: int) -> Nuisance:
         most,
         stated,
     )
+
+
+def _late_drives(robot: Robot, frf: Frf) -> Iterator[Nuisance]:
+    """Drives later than the others, in samples.
+
+    None is earlier: with the common delay, that is all others later, and of two motors nothing tells the two apart.
+    """
+    for each in estimable_nuisances(robot):
+        if isinstance(each.effect, LateDrive):
+            effect = replace(each.effect, amount_s=frf.sampling_period_s)
+            yield replace(each, unit="samples", common_std=1.0, natural=1.0, least=0.0, effect=effect)
 
 
 def _gear_ratios(robot: Robot, frf: Frf) -> Iterator[Nuisance]:

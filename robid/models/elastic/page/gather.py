@@ -22,6 +22,7 @@ from robid.models.elastic.fit.model_error import ModelError
 from robid.models.elastic.fit.nuisance.kinds import list_nuisances
 from robid.models.elastic.fit.solution import ElasticSolution, NuisanceEstimates, Starts
 from robid.models.elastic.judge.resonances import Measured, Repeat, ResonanceTable, pool_repeats
+from robid.models.elastic.page.gears import GearRow, gear_rows, gear_sentence
 from robid.models.elastic.settings import elastic_fit
 from robid.models.family import Shown
 from robid.models.parameters import parameter_rows
@@ -96,6 +97,7 @@ class FitContent:
     model_error: ModelError | None = None  # The residuals against their covariance, or None where there is none
     grade: Grade | None = None  # How far to trust it; None where that is unknown
     nuisance_rows: tuple[NuisanceRow, ...] = ()  # What the robot file may have wrong
+    gears: tuple[GearRow, ...] = ()  # What gears alone may be
     validation_campaign: str = ""  # Name of the validation campaign
     validation_frf: Frf | None = None  # Its frequency responses, or None
     validation_model: ComplexArray | None = None  # The model's responses there, or None
@@ -203,6 +205,7 @@ def fit_content(shown: Shown) -> FitContent:
         advice=estimate.advice,
         model_error=solution.model_error,
         nuisance_rows=() if solution.doubts is None else nuisance_rows(solution.doubts, limits, estimate.confidence),
+        gears=gear_rows(solution, frf.input_unit),
         grade=grade,
     )
     if validation is None or settings.validate_on is None or shown.new is None:
@@ -260,6 +263,7 @@ def _estimates(
         undetermined=found.undetermined,
         identifiable_relative_std=found.identifiable_relative_std,
         interval_rule=found.interval_rule,
+        about=gear_sentence(gear_rows(solution, torque_unit)),
     )
 
 

@@ -12,6 +12,7 @@ from rich.console import Group
 from robid.models.elastic.files import validation_from_artifact
 from robid.models.elastic.judge.validating import Validation
 from robid.models.elastic.page.gather import FitContent, NuisanceRow, fit_content
+from robid.models.elastic.page.gears import gear_section
 from robid.models.elastic.page.resonances import (
     repeat_summary,
     resonance_errors,
@@ -76,6 +77,7 @@ def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]
     return (
         _response(fit, told),
         *parameter_section(fit.estimates, _conventions(fit)),
+        *gear_section(fit.gears, fit.estimates.level),
         *nuisance_section(fit.nuisance_rows, fit.estimates.level),
         *resonance_section(fit.resonances, fit.frf, fit.estimates.level),
         *cost_section(fit.estimation_costs, fit.validation_costs, element_sentence(fit)),
@@ -221,6 +223,9 @@ def _fit(fit: FitContent) -> dict[str, float]:
         found |= {"resonances.median_relative_error": median(distances), "resonances.count": len(distances)}
     for row in fit.nuisance_rows:
         found |= {f"doubts.{row.name}.amount": row.amount, f"doubts.{row.name}.half_width": row.half_width}
+    for gear in fit.gears:
+        alone = dict(zip(("lower", "upper"), gear.alone, strict=True))
+        found |= {f"gears.{gear.name}.alone_{end}": value for end, value in alone.items()}
     return found | _modes(fit) | _recovery(fit)
 
 

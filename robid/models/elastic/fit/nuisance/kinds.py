@@ -24,10 +24,14 @@ from robid.robot.nuisance import NuisanceStd
 
 PRIOR_FACTOR = 10.0
 """How many times as far off as a nuisance parameter is one expected to be that a user frees."""
+ZERO = "zero"
+"""Cause and end of the name of zeros that are off."""
 BALANCE, LOAD_DAMPING, HYSTERESIS, FIXED = "counterbalance", "load_damping", "hysteresis", "held_spring"
 """Causes, the first three of them the ends of the names that free them."""
 MICRO = 1e-6
-_SHARE_STEP, _STEP_M, _TURN_STEP, _STEP_NM = 1e-4, 1e-5, 1e-2, 1.0  # of differences
+_SHARE_STEP, _STEP_M, _TURN_STEP, _STEP_NM, _STEP_DEG = 1e-4, 1e-5, 1e-2, 1.0, 1e-3  # of differences
+_MOST_DEG = 20.0  # of a zero
+_LATE_US = 500.0  # of a drive, where it matters
 _WRIST, _WITH_WRIST = 3, 6  # joints of a wrist whose motors sit before it, and of an arm that has one
 _BALANCE_SHARE, _BALANCE_NM = 0.1, 100.0  # of the arm-side torque that the motor can give; where nobody says that
 _GROWTH, _SLIP_SHARE, _TORQUE_NM = 3.0, 0.005, 2e3  # of a damper up to that torque, of it, and where nobody says it
@@ -71,6 +75,16 @@ class TorqueScale(Effect):
     def heavier(self) -> RobotMove:
         """The link that is heavier by as many percent."""
         return RobotMove(partial(moves.with_carried_share, self.joint), PERCENT * _SHARE_STEP)
+
+
+@dataclass(frozen=True)
+class LateDrive(Effect):
+    """A drive whose torque acts, or whose angle is read, later than those of the others; only where a fit frees it."""
+
+    put_in = False
+    joint: int  # Index of the motor
+    of: Literal["torque", "angle"]  # What is late
+    amount_s: float = MICRO  # How much later an amount of one is [s]
 
 
 @dataclass(frozen=True)
@@ -381,6 +395,11 @@ def _likely_slip(robot: Robot, index: int) -> float:
     return _SLIP_SHARE * _most_torque(robot.joints[robot.springs[index].joint], _TORQUE_NM)
 
 
+def _zero(robot: Robot, index: int) -> Effect | None:
+    slides = robot.joints[index].type == "prismatic"
+    return None if slides else RobotMove(partial(moves.with_zero, index), _STEP_DEG)
+
+
 def _fixed(kind: Literal["stiffness", "damping"], robot: Robot, index: int) -> Effect | None:
     return ValueOff(kind, index) if getattr(robot.springs[index], kind) > 0 else None
 
@@ -399,6 +418,9 @@ SHAFTS: Section = (_shafts, (Kind(
     "inertia", "inertia of shaft {}", "masses",
     lambda _, index: RobotMove(partial(moves.with_shaft_share, index), PERCENT * _SHARE_STEP),
     "inertia_relative_std", least=-1.0,
+),))
+ZEROS: Section = (_joints, (Kind(
+    ZERO, "zero of {}", ZERO, _zero, "zero_deg", 1.0, "deg", least=-_MOST_DEG, most=_MOST_DEG,
 ),))
 TORQUES: Section = (_joints, (Kind(
     "torque_constant", "torque constant of {}", "torque_constant", lambda _, index: TorqueScale(index),
@@ -468,6 +490,13 @@ MISSING_SPRINGS: Section = (_missing, (Kind(
     "compliance", "{}", "missing_spring", lambda robot, index: Compliance(list(missing_springs(robot))[index]),
     "compliance", unit="% of its gear's compliance", least=0.0,
 ),))
+LATE_DRIVES: Section = (_joints, tuple(
+    Kind(
+        f"late_{of}", f"{of} of {{}} late by", "delay", lambda _, index, of=of: LateDrive(index, of),
+        size=_LATE_US, unit="us",
+    )
+    for of in ("torque", "angle")
+))
 BALANCES: Section = (_unbalanced, tuple(
     Kind(
         f"{BALANCE}_{wave}", f"{BALANCE} of {{}} by the {wave} of its angle", BALANCE,
@@ -490,12 +519,23 @@ GEAR_EFFECTS: Section = (_gears, (
 # fmt: on
 
 WIDENING: tuple[Section, ...] = (
-    *(PAYLOAD, LINKS, BASE, SHAFTS, TORQUES, DELAY, ROTORS, COUPLINGS, GEARS),
+    *(PAYLOAD, LINKS, BASE, SHAFTS, ZEROS, TORQUES, DELAY, ROTORS, COUPLINGS, GEARS),
     *(ARM_FRICTION, MOTOR_FRICTION, OTHER_FRICTION, FIXED_SPRINGS, MISSING_SPRINGS),
 )
 """What widens the intervals of every fit that does not estimate it."""
-ESTIMABLE: tuple[Section, ...] = (PAYLOAD, LINKS, BASE, SHAFTS, COUPLINGS, TORQUES, BALANCES, GEAR_EFFECTS)
-"""What a fit can estimate, in the order of its parameters; the last two only where one does."""
+ESTIMABLE: tuple[Section, ...] = (
+    PAYLOAD,
+    LINKS,
+    BASE,
+    SHAFTS,
+    ZEROS,
+    COUPLINGS,
+    TORQUES,
+    LATE_DRIVES,
+    BALANCES,
+    GEAR_EFFECTS,
+)
+"""What a fit can estimate, in the order of its parameters; the last three only where one does."""
 
 
 def list_nuisances(robot: Robot, options: ElasticOptions, rigid: Sequence[PerturbedRobot] = ()) -> tuple[Nuisance, ...]:
@@ -592,6 +632,28 @@ def torque_slopes(nuisances: Sequence[Nuisance], n_joint: int) -> FloatArray:
         if isinstance(each.effect, TorqueScale):
             slopes[row, each.effect.joint] = each.effect.slope
     return slopes
+
+
+def late_slopes(
+    nuisances: Sequence[Nuisance], inputs: Sequence[str], outputs: Sequence[str]
+) -> tuple[FloatArray, FloatArray] | None:
+    """By how much later an amount of each makes torques (n_nuisance, n_in) and outputs (n_nuisance, n_out) [s].
+
+    Args:
+        nuisances: The nuisance parameters.
+        inputs: Names of the motors, joint by joint.
+        outputs: Names of the outputs.
+
+    Returns:
+        Both; None where none is of a late drive.
+    """
+    torque, angle = np.zeros((len(nuisances), len(inputs))), np.zeros((len(nuisances), len(outputs)))
+    for row, each in enumerate(nuisances):
+        if isinstance(each.effect, LateDrive) and each.effect.of == "torque":
+            torque[row, each.effect.joint] = each.effect.amount_s
+        elif isinstance(each.effect, LateDrive) and inputs[each.effect.joint] in outputs:
+            angle[row, outputs.index(inputs[each.effect.joint])] = each.effect.amount_s
+    return (torque, angle) if torque.any() or angle.any() else None
 
 
 def moved_robot(robot: Robot, nuisances: Sequence[Nuisance], amounts: FloatArray) -> Robot:

@@ -15,6 +15,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.models.elastic.fit.options import ElasticOptions, spring_of
 from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Spring, SpringPlace
+from robid.robot.zeros import with_zeros
 
 Change: TypeAlias = Callable[[Robot, Callable[[Inertial], Inertial]], Robot]
 """Returns a robot one of whose bodies is another."""
@@ -101,6 +102,11 @@ def with_gear_ratio(index: int, robot: Robot, more: float) -> Robot:
     return replace(robot, joints=_with(robot.joints, index, replace(joint, motor=motor)))
 
 
+def with_zero(index: int, robot: Robot, more_deg: float) -> Robot:
+    """The robot one of whose joints stands further about its axis than its encoder shows."""
+    return with_zeros(robot, {robot.joints[index].name: more_deg})
+
+
 def _with(parts: tuple[_Part, ...], index: int, part: _Part) -> tuple[_Part, ...]:
     return (*parts[:index], part, *parts[index + 1 :])
 
@@ -125,6 +131,7 @@ _STIFFER = 3.0  # than the gear nearby: where a trial starts
 _RIGID_HZ = 30.0  # where a rotor would swing on a trial gear
 _SHOWN = 4  # digits of an axis
 _OUTBOARD = 0.6  # share of a link beyond a split
+_BEFORE, _OTHERWISE = 30, (10, 50)  # percent of a link between gear and hinge: what is tried, and what then
 
 
 @dataclass(frozen=True)
@@ -133,6 +140,7 @@ class FurtherSpring:
 
     spring: Spring  # The spring, as stiff as a trial of it starts; its name frees it
     title: str  # What it is, for a sentence
+    after: str = ""  # Name of the one that must help before it is tried, for a search; empty for one tried at once
 
 
 def with_estimated_springs(robot: Robot, options: ElasticOptions) -> Robot:
@@ -164,6 +172,8 @@ def further_springs(robot: Robot) -> Iterator[FurtherSpring]:
             gear = (2 * np.pi * _RIGID_HZ) ** 2 * reflected
             spring = _trial_spring(f"gear_{joint.name}", index, "transmission", np.eye(3)[2], gear)
             yield FurtherSpring(spring, f"gear of {joint.name}")
+        if not robot.rigid[index] and joint.type == "revolute":
+            yield from _hinges(robot, index, stiff)
         for letter, axis in zip("xyz", np.eye(3), strict=True):
             if index == 0 and not _is_there(robot, "base", 0, axis):
                 yield FurtherSpring(_trial_spring(f"base_{letter}", 0, "base", axis, stiff), f"base about {letter}")
@@ -174,7 +184,9 @@ def further_springs(robot: Robot) -> Iterator[FurtherSpring]:
                 split = _trial_spring(
                     f"link_{joint.name}_{letter}", index, "split", axis, _STIFFER * stiffness[index + 1]
                 )
-                split = replace(split, outboard=_part(joint.link), point_m=_middle(robot.joints[index + 1], axis))
+                split = replace(
+                    split, outboard=_part(joint.link, _OUTBOARD), point_m=_middle(robot.joints[index + 1], axis)
+                )
                 title = f"link of {joint.name} about its {letter} axis"
                 yield FurtherSpring(split, title + _in_file(robot.link_axes(index), axis))
             if (
@@ -199,8 +211,27 @@ def _middle(following: Joint, axis: FloatArray) -> FloatArray:
     return following.position_m if along else np.zeros(3)
 
 
-def _part(link: Inertial) -> Inertial:
-    return Inertial(_OUTBOARD * link.mass_kg, link.com_m, _OUTBOARD * link.inertia_kgm2)
+def _hinges(robot: Robot, index: int, stiffness: float) -> Iterator[FurtherSpring]:
+    """Yields hinges in line with a gear, with some of the joint's link between: what lies there tells them apart.
+
+    A link without weight has nothing there, and one whose split says what lies beyond keeps at least that.
+    """
+    joint, name = robot.joints[index], f"hinge_{robot.joints[index].name}"
+    upright = np.array([0.0, 0.0, 1.0])
+    kept = [spring for spring in robot.springs if spring.joint == index and spring.place == "split"]
+    least = max((spring.outboard.mass_kg for spring in kept if spring.outboard is not None), default=0.0)
+    if joint.link.mass_kg <= 0 or any(abs(float(spring.axis @ upright)) > _ALONG for spring in kept):
+        return
+    for percent in (_BEFORE, *_OTHERWISE):
+        beyond = _part(joint.link, 1 - percent / PERCENT)
+        if beyond.mass_kg > least:
+            spring = replace(_trial_spring(f"{name}_{percent}", index, "split", upright, stiffness), outboard=beyond)
+            title = f"hinge in line with the gear of {joint.name}, {percent} % of the link before it"
+            yield FurtherSpring(spring, title, "" if percent == _BEFORE else f"{name}_{_BEFORE}")
+
+
+def _part(link: Inertial, share: float) -> Inertial:
+    return Inertial(share * link.mass_kg, link.com_m, share * link.inertia_kgm2)
 
 
 def missing_springs(robot: Robot) -> Iterator[Spring]:

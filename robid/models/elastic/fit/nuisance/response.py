@@ -18,6 +18,7 @@ from robid.models.elastic.fit.nuisance.kinds import (
     Compliance,
     Effect,
     Hysteresis,
+    LateDrive,
     LoadStiffness,
     MotorFriction,
     Nuisance,
@@ -196,6 +197,20 @@ def _(effect: TorqueScale, scene: Scene) -> ComplexArray:
     found = np.zeros(scene.problem.frf.response.shape, complex)
     found[..., effect.joint] = effect.slope
     return np.asarray(found - column(effect.heavier, scene)) if effect.shared else found
+
+
+@column.register
+def _(effect: LateDrive, scene: Scene) -> ComplexArray:
+    frf = scene.problem.frf
+    found = np.zeros(frf.response.shape, complex)
+    # Later by t: the response is turned by exp(-j w t), a column by its torque, a row by its output.
+    turned = -2j * np.pi * frf.frequency_hz[:, None] * effect.amount_s
+    name = frf.input_names[effect.joint]
+    if effect.of == "torque":
+        found[..., effect.joint] = turned
+    elif name in frf.output_names:
+        found[..., frf.output_names.index(name), :] = turned
+    return found
 
 
 @column.register

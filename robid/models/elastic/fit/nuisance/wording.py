@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from robid.models.elastic.fit.nuisance.kinds import (
     FIXED,
     HYSTERESIS,
+    LateDrive,
     Nuisance,
     RobotMove,
     TorqueScale,
@@ -83,10 +84,11 @@ def remedy(nuisances: Sequence[Nuisance], *, swings_known: bool) -> tuple[str, .
         nuisances: What would explain a misfit, the one that explains most first.
         swings_known: Whether the response tells how far the gears swing, without which no hysteresis can be estimated.
     """
-    cause = nuisances[0].cause
+    cause, effect = nuisances[0].cause, nuisances[0].effect
+    if isinstance(effect, LateDrive):
+        return tuple(nuisance.name for nuisance in nuisances if isinstance(nuisance.effect, LateDrive))
     if cause in _KINDS:
         return (_KINDS[cause],)
-    effect = nuisances[0].effect
     if isinstance(effect, ValueOff) and cause != FIXED:
         return (effect.kind,)
     if cause == FIXED:
