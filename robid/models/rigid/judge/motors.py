@@ -18,8 +18,7 @@ MOTOR_ERROR_LIMIT = 0.3
 EXPECTED_ERROR_LIMIT = 0.15
 """Error that is expected on other motions from which a fit that was held against none must not be used."""
 
-_BESIDE = 3.0  # times the residual that links' torque is at least, to be told beside it
-_ROUGH = 3.0  # factor by which a robot file's links may be off
+_BESIDE = 0.5  # of the residual: torque of links below it is lost in that
 
 
 @dataclass(frozen=True)
@@ -42,6 +41,11 @@ class Motors:
         index = int(np.argmax(counted))
         return self.names[index], index, float(counted[index])
 
+    def total(self, error: FloatArray, torque: FloatArray) -> float:
+        """Norm of the errors (n_row, n_joint) of all judged motors over that of their torques; 0 without any."""
+        square = [np.nansum(each[:, self.judged] ** 2) for each in (error, torque)]
+        return float(np.sqrt(square[0] / square[1])) if square[1] > 0 else 0.0
+
     def off(self, solution: RigidSolution, joint: int, error: float) -> str:
         """Says an error over the size of a motor's torque in the fit's own log, and what it is."""
         rms = float(np.sqrt(np.nanmean(solution.residuals.torque[:, joint] ** 2)))
@@ -63,7 +67,7 @@ def motors_of(solution: RigidSolution, names: Sequence[str], judge: Sequence[str
     """
     found, error = solution.against_nominal, solution.residuals.relative_error
     stated = np.nan_to_num(found.share / found.ratio, nan=0.0)
-    hidden = (found.share < _BESIDE * error) & (stated < _ROUGH * error)
+    hidden = (found.share < _BESIDE * error) & (stated < _BESIDE * error)
     determined = ~(hidden & (solution.expected.residual > MOTOR_ERROR_LIMIT))
     named = np.isin(np.array(names), np.array(judge, dtype=str)) if judge else np.ones(len(names), bool)
     return Motors(tuple(names), determined, named & (determined | bool(judge)))

@@ -211,7 +211,12 @@ def is_unexplained(robot: Robot, solution: RigidSolution, options: RigidFitOptio
 
 def _unexplained(solution: RigidSolution, motors: Motors, tried: Sequence[Trial]) -> Iterator[Finding]:
     """Torques that the fit leaves, all together or of one motor, with the cause that explains most where one does."""
-    whole, (name, index, own) = solution.residuals.total_error, motors.worst(solution.expected.residual)
+    if not motors.judged.any():
+        told = "no motor's torque holds more of its links than noise, friction and misfit leave"
+        yield Finding("excitation", told, decisive=True, strength=_TO_BLAME)
+        return
+    whole = motors.total(solution.residuals.residual, solution.residuals.torque)
+    name, index, own = motors.worst(solution.expected.residual)
     if whole > TOTAL_ERROR_LIMIT:
         told, strength = f"{whole:.0%} of its own torques, limit {TOTAL_ERROR_LIMIT:.0%}", whole / TOTAL_ERROR_LIMIT
     elif own > MOTOR_ERROR_LIMIT:

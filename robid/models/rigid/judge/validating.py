@@ -179,8 +179,9 @@ def _failures(prediction: Prediction, solution: RigidSolution, motors: Motors, e
     if worst > MOTOR_ERROR_LIMIT:
         off = f"{worst:.0%} of its size ({two_digits(float(prediction.deviation[index]))} {solution.torque_unit})"
         found.append(f"the torque of {name} is off by {off}, limit {MOTOR_ERROR_LIMIT:.0%}")
-    if prediction.total_error > TOTAL_ERROR_LIMIT:
-        found.append(f"torques are off by {prediction.total_error:.0%} of their size, limit {TOTAL_ERROR_LIMIT:.0%}")
+    whole = motors.total(prediction.measured - prediction.predicted, prediction.measured)
+    if whole > TOTAL_ERROR_LIMIT:
+        found.append(f"torques are off by {whole:.0%} of their size, limit {TOTAL_ERROR_LIMIT:.0%}")
     return tuple(found)
 
 

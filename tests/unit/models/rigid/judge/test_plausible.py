@@ -99,7 +99,7 @@ def test_units_that_are_off_are_named_and_nothing_is_to_be_used(robot, shot, cha
 
 @pytest.mark.parametrize(
     ("joint", "factor", "decisive"),
-    [(0, 10, True), (1, 10, True), (0, 0.1, True), (2, 0.1, True), (0, -1, True), (0, 2, False), (1, 0.5, False)],
+    [(0, 10, True), (1, 10, True), (0, 0.1, True), (2, 0.1, True), (0, -1, False), (0, 2, False), (1, 0.5, False)],
 )
 def test_a_gear_ratio_that_is_off_is_named(robot, shot, joint, factor, decisive):
     found = _sizes(_with_gear(robot, joint, factor), [shot])
