@@ -16,6 +16,9 @@ from robid.report.section import Cell, Curve, Figure, Section, Table
 
 _DIGITS = 5  # published values are asked for within a hundredth
 
+CHOOSING = "These seeds are for choosing thresholds: their shares flatter."
+"""What the reader must know of figures from the seeds that everything was chosen with."""
+
 
 @dataclass(frozen=True)
 class Conclusion:

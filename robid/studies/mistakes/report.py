@@ -17,7 +17,7 @@ from robid.report.section import Section
 from robid.studies.mistakes.cases import COVERED, GRADES, HALF_WIDTHS, SOUND, SPRING_ERROR
 from robid.studies.mistakes.unit_logs import is_named, said_of
 from robid.studies.mistakes.wrong_units import UnitSubject, unit_subjects
-from robid.studies.page import Asked, Conclusion, PartFound, concluded, table
+from robid.studies.page import CHOOSING, Asked, Conclusion, PartFound, concluded, table
 from robid.studies.settings.defects import MistakesStudy, UnitMistake
 from robid.studies.study import Earlier, study_of
 
@@ -91,7 +91,7 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
     summary = {**summarise(rows), **summarise_units(units)}
     sections = (*(_case_sections(rows) if rows else ()), *unit_sections(units))
     judged = study.use == "judge"
-    warnings = () if judged else ("These seeds are for choosing thresholds: their shares flatter.",)
+    warnings = () if judged else (CHOOSING,)
     asked = {name: limits for name, limits in ASKED.items() if name in summary} | unit_bars(units)
     found = concluded([PartFound(summary, asked, sections, warnings)], "mistakes are graded and named")
     return found if judged else replace(found, verdict=replace(found.verdict, level="warn"))

@@ -13,18 +13,18 @@ from robid.pipeline.graph import Run
 from robid.report.numbers import percent, significant
 from robid.report.section import Beside, Figure, Section
 from robid.results.grade import DO_NOT_USE
-from robid.studies.page import Asked, Conclusion, PartFound, by_name, concluded, curves, table
+from robid.studies.page import CHOOSING, Asked, Conclusion, PartFound, by_name, concluded, curves, table
 from robid.studies.rough.cutoffs import recordings
 from robid.studies.rough.individuals import BAD, FITS, GOOD, populations, worst_errors
 from robid.studies.settings.rough import RoughStudy
 from robid.studies.study import Earlier, Results, study_of, values_of
 
 ASKED = {
-    "rough.refused": Asked(upper=0.05, what="share of good validated fits that are *do not use*"),
+    "rough.refused": Asked(upper=0.05, what="share of good validated fits that are not to be used"),
     "rough.expected_error": Asked(0.9, 0.99, "share of motors of one-motion fits whose error is within its 95 % bound"),
     "rough.expected_width": Asked(upper=2.5, what="that bound over the error, median"),
-    "rough.let_through": Asked(upper=1, what="bad one-motion fits that are not *do not use*"),
-    "rough.one_motion_refused": Asked(upper=0.25, what="share of good one-motion fits that are *do not use*"),
+    "rough.let_through": Asked(upper=1, what="bad one-motion fits that may be used"),
+    "rough.one_motion_refused": Asked(upper=0.25, what="share of good one-motion fits that are not to be used"),
 }
 _LOSS = Asked(upper=1.2, what="held-out error of the automatic cut-off over that of the best constant one, at worst")
 
@@ -123,7 +123,9 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
     figures = {**grade_figures(fits), **{f"rough.{name}": count for name, count in counts.items()}}
     wanted = {"good": study.good, "bad": study.bad}
     asked = {f"rough.{name}.{which}": Asked(lower=least) for name in FITS for which, least in wanted.items()}
-    grades = PartFound(figures, {**ASKED, **asked}, (_populations(fits), _wrong(fits), _bounds(fits["one_motion"])))
+    flatter = () if study.use == "judge" else (CHOOSING,)
+    sections = (_populations(fits), _wrong(fits), _bounds(fits["one_motion"]))
+    grades = PartFound(figures, {**ASKED, **asked}, sections, flatter)
     lost = cut_off_figures(cutoffs)
     part = PartFound(lost, {"cutoff.loss": _LOSS} if lost else {}, _cut_offs(cutoffs, lost), recordings(run)[1])
     return concluded([grades, part], "grades of rigid fits hold where robot files are rough")
