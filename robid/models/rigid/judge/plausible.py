@@ -178,6 +178,8 @@ def _unfelt_rotors(solution: RigidSolution) -> Iterator[Finding]:
     usual = float(np.exp(np.nanmedian(np.log(ratio)))) if np.isfinite(ratio).any() else float("nan")
     if solution.torque_unit == "A" or not 1 / _FAR < usual < _FAR:
         return  # all is off alike
+    if solution.residuals.total_error > TOTAL_ERROR_LIMIT:
+        return  # noise in the columns hides rotors as well
     std = np.sqrt(np.diag(estimate.covariance))
     told = (np.array(estimate.kinds) == "motor_inertia") & (estimate.nominal > 0) & (std < _TOLD * estimate.nominal)
     size = (np.abs(estimate.value) + _MOVED * std) / np.where(told, estimate.nominal, np.inf)
