@@ -66,12 +66,13 @@ class Provenance:
     settings: dict[str, Any] = field(default_factory=dict)  # Resolved settings that the stage read; no absolute paths
     settings_hash: str = ""  # Their hash, see `robid.artifacts.artifact.canonical_hash`
     inputs: dict[str, str] = field(default_factory=dict)  # Content hash of each input artifact or file, by name
-    named: list[str] = field(default_factory=list)  # Those that the command line named in place of the run folder's
     seed: int | None = None
     versions: dict[str, str] = field(default_factory=dict)  # Version of each package that matters
     git_commit: str = ""  # Commit of the source tree, or ""
     started_utc: str = ""
     finished_utc: str = ""
+    # Inputs that the command line named in place of the run folder's
+    named: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)

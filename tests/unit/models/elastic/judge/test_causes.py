@@ -78,7 +78,8 @@ def test_a_torque_constant_that_is_off_is_measured(true_arm):
     column = np.where(np.arange(2) == 1, 1 / 1.08, 1.0)  # the elbow's torque was read 8 % too large
     solution, found = explained(two_joint_robot(), replace(frf, response=frf.response * column))
     assert (found[0].cause, found[0].names[0]) == ("torque_constant", "torque constant of elbow")
-    np.testing.assert_allclose(found[0].amounts[0], 8.0, rtol=0.1)
+    # What is told is to be added to the constant, which is too large.
+    np.testing.assert_allclose(found[0].amounts[0], 100 * (1 / 1.08 - 1), rtol=0.1)
     assert solution.model_error.share_above > 0.3
 
 
