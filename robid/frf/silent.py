@@ -131,7 +131,7 @@ def _silent(record: Record, laws: Sequence[TorqueLaw], delay_s: float, oversampl
     record = record.realizations(_REALIZATIONS)
     lines = np.arange(record.excited_lines[0], record.excited_lines[-1] + 1)
     excited = np.isin(lines, record.excited_lines)
-    telling = telling_count(record.excited_lines)
+    telling = telling_count(lines[~excited], lines[excited])
     if telling < MIN_LINES or np.sum(excited) < _MIN_EXCITED:
         raise DataError(
             f"D024 only {telling} lines of the excited band are silent and can show friction, fewer than {MIN_LINES}",
@@ -167,10 +167,10 @@ def _torque_peak(record: Record) -> FloatArray:
     return np.asarray(np.abs(torque - torque.mean(axis=(2, 3), keepdims=True)).max(axis=(0, 1, 2, 3)))
 
 
-def telling_count(excited: IntArray) -> int:
-    """Counts the silent lines between the first and the last of the excited ones (n_line,) that can show friction."""
-    lines = np.arange(excited[0], excited[-1] + 1)
-    return int(np.sum(_telling(lines, np.isin(lines, excited))))
+def telling_count(silent: IntArray, excited: IntArray) -> int:
+    """Counts the silent lines (n_silent,) that can show friction beside excited ones (n_line,)."""
+    lines = np.concatenate([silent, excited])
+    return int(np.sum(_telling(lines, np.arange(lines.size) >= silent.size)))
 
 
 def _telling(lines: IntArray, excited: BoolArray) -> BoolArray:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, Quantity
-from robid.results.estimate import Estimate
 from robid.results.finding import CAUSES, Finding
 from robid.results.scale import Scale
 from robid.robot.parameters import FRICTION_KIND, INTEGRATOR_KIND
+
+if TYPE_CHECKING:
+    from robid.results.estimate import Estimate
 
 _MOST = 4
 TRUST, PREDICTS, DO_NOT_USE = 2, 1, 0

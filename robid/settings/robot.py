@@ -257,7 +257,7 @@ class RobotFile(Assumed):
     def _file_frames(self) -> FileFrames:
         links = tuple(section.geometry.link_frame()[1] for section in self.joints)
         if self._model_axes is None:
-            return FileFrames(links, links[-1])
+            return FileFrames(links, links[-1] if links else np.eye(3))
         *links_of_model, payload = (np.array(axes) for axes in self._model_axes)
         return FileFrames(tuple(links_of_model), payload)
 

@@ -41,7 +41,7 @@ def friction_remedy(frf: Frf) -> str:
         return f"play a larger excitation, so that motors slide, or another one: {other}"
     if not frf.silent_lines.size:
         return f"play a periodic excitation that leaves lines silent, with `compensation: silent_lines`; or {other}"
-    telling = telling_count(frf.lines)
+    telling = telling_count(frf.silent_lines, frf.lines)
     if telling >= MIN_LINES:
         return "try `compensation: silent_lines` in the campaign's `estimate`"
     # In a period that is longer by a factor as many times more lines lie in the band, of which the excited ones stay.
