@@ -9,6 +9,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.models.parameters import curve, thinned
 from robid.models.rigid.fit.solution import RigidSolution, RowResiduals
+from robid.models.rigid.judge.motors import EXPECTED_ERROR_LIMIT, MOTOR_ERROR_LIMIT, Motors, added_error
 from robid.models.rigid.judge.validating import Prediction, RigidValidation
 from robid.report.numbers import percent, significant
 from robid.report.section import Figure, Line, Section, Table
@@ -70,21 +71,41 @@ def thinned_rows(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def motors_section(
-    solution: RigidSolution, joints: Sequence[str], units: Sequence[str], validation: RigidValidation | None
+    solution: RigidSolution, motors: Motors, units: Sequence[str], validation: RigidValidation | None
 ) -> Section:
-    """Tabulates what each motor's torques are off, on the fit's own motion and on another."""
-    own = solution.residuals
-    columns = [_sizes(own.torque, units), _sizes(own.residual, units), [percent(each) for each in own.relative_error]]
-    heads = ["Motor", "Torque", "Residual", "over torque"]
-    lead = "What the model leaves of each motor's torque, root mean square: the residual on the motion of the fit"
-    if validation is not None:
+    """Tabulates what each motor's torques are off: on the fit's own motion, on another, and what is to be expected."""
+    own, expected, identified = solution.residuals, solution.expected, solution.estimate.identified
+    resting = [identified[solution.base.rests_on == joint] for joint in range(len(motors.names))]
+    columns = [
+        _sizes(own.torque, units),
+        _sizes(own.residual, units),
+        *([percent(each) for each in figures] for figures in (expected.residual, expected.left_out)),
+    ]
+    heads = ["Motor", "Torque", "Residual", "over size", "on left-out pieces"]
+    lead = "Errors of each motor's torque, root mean square, over the larger of its torque and a tenth of its rated one"
+    if validation is None:
+        columns += [[percent(each) for each in figures] for figures in (expected.error, expected.bound)]
+        heads += ["Expected on other motions", "95 % stay below"]
+    else:
         new = validation.prediction
         error = [percent(each) for each in validation.relative_error]
         columns += [_sizes(new.measured, units), _sizes(new.measured - new.predicted, units), error]
-        heads += ["Torque, another motion", "Error", "over torque"]
-        lead += ", the error of prediction on another"
-    table = Table(tuple(heads), tuple(zip(joints, *columns, strict=True)))
+        heads += ["Torque, another motion", "Error", "over size"]
+    columns += [[f"{int(each.sum())} of {each.size}" for each in resting], _grades(solution, motors, validation)]
+    heads += ["Parameters that rest on it, identified", "Grade"]
+    table = Table(tuple(heads), tuple(zip(motors.names, *columns, strict=True)))
     return Section("Errors of each motor", f"{lead}.", (table,), "motors")
+
+
+def _grades(solution: RigidSolution, motors: Motors, validation: RigidValidation | None) -> list[str]:
+    """What each motor's torques are worth, by the limits of the grade."""
+    if validation is None:
+        bad = (solution.expected.residual > MOTOR_ERROR_LIMIT) | (added_error(solution) > EXPECTED_ERROR_LIMIT)
+    else:
+        bad = validation.relative_error > MOTOR_ERROR_LIMIT
+    words = {True: "do not use", False: "predicts" if validation is None else "holds"}
+    rows = zip(bad.tolist(), motors.determined.tolist(), strict=True)
+    return [words[is_bad] if told else "not determined" for is_bad, told in rows]
 
 
 def _sizes(values: FloatArray, units: Sequence[str]) -> list[str]:

@@ -12,7 +12,9 @@ from robid.models.parameters import curve, estimates_of, fit_report
 from robid.models.rigid.courses import course, motors_section, new_joins, own_joins, thinned_rows, torques
 from robid.models.rigid.files import solution_from_artifact, validation_from_artifact
 from robid.models.rigid.fit.solution import Checks, Filtered, RigidSolution, RowResiduals
+from robid.models.rigid.judge.motors import Motors, motors_of
 from robid.models.rigid.judge.validating import RigidValidation
+from robid.models.rigid.settings import rigid_fit
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import FitReport, KeyNumber
 from robid.report.parameter_section import parameter_section
@@ -78,7 +80,7 @@ _TITLES = {
 def sections(
     solution: RigidSolution,
     estimates: Estimates,
-    joints: Sequence[str],
+    motors: Motors,
     validation: RigidValidation | None,
     sensed: Sequence[str] = (),
     pushed: Sequence[str] = (),
@@ -88,6 +90,7 @@ def sections(
 
     What is pushed, of the joints without a motor, slides, and its torque is a force.
     """
+    joints = motors.names
     units = [estimates.torque_unit if name not in pushed else "N" for name in joints]
     trust: list[Part] = [_estimator_table(solution), _test_table(solution, joints)]
     if solution.estimators.bends.size:
@@ -96,7 +99,7 @@ def sections(
         bent = Table(heads, tuple(zip(solution.estimate.names, *columns, strict=True)))
         trust.append(Folded("Other bends of Huber's estimator", (bent,)))
     found = [
-        motors_section(solution, joints, units, validation),
+        motors_section(solution, motors, units, validation),
         *_parameters(solution, estimates, sensed),
         Section("Is least squares to be trusted?", solution.checks.sentence, tuple(trust), "verdict"),
         _residuals(solution, joints, units),
@@ -229,6 +232,7 @@ def report(shown: Shown) -> FitReport:
     joints, sensed = tuple(joint.name for joint in robot.joints), robot.without_motor
     pushed = tuple(joint.name for joint in robot.joints if joint.slides and joint.name in sensed)
     new = () if shown.new is None else shown.new.records
+    motors = motors_of(solution, joints, rigid_fit(shown.data.loaded.experiment, shown.data.name).judge)
     return fit_report(
         shown,
         estimate,
@@ -236,7 +240,7 @@ def report(shown: Shown) -> FitReport:
         None if validation is None else validation.outcome,
         found="",
         numbers=_key_numbers(solution, validation),
-        sections=sections(solution, estimates, joints, validation, sensed, pushed, new),
+        sections=sections(solution, estimates, motors, validation, sensed, pushed, new),
         summary=_summary(solution, estimates, validation),
         # What is not identified is told in one sentence.
         terminal=replace(estimates, rows=tuple(row for row in estimates.rows if row.identified)),

@@ -94,6 +94,7 @@ def make_solution(
             gap=base.gap,
             condition=found.conclusion.least_squares.condition,
             unscaled_condition=float(np.linalg.cond(triangle)),
+            rests_on=resting_on(reduction, found.by_name[name]),
         ),
         estimators=_estimators(found, options.sweep),
         checks=_checks(found.conclusion.verdict),
@@ -187,6 +188,17 @@ def _estimate(
         effective_lower=chosen.parameters - reach,
         effective_upper=chosen.parameters + reach,
     )
+
+
+def resting_on(reduction: Reduction, estimate: Regression) -> IntArray:
+    """Returns the index of the motor (n_param,) whose torque tells most of each parameter.
+
+    The covariance `C` of weighted least squares is `C (sum_j W_j' V_j W_j) C`, to which each motor adds its part.
+    """
+    _, inverse, _ = solve_factor(reduction.weighted(estimate.weights))
+    parts = reduction.factors[:, :, :-1] @ inverse
+    share = np.einsum("jra,jra->ja", parts, parts) * estimate.weights[:, None]
+    return np.asarray(np.argmax(share, axis=0))
 
 
 def torque_constant_std(robot: Robot, reduction: Reduction, estimate: Regression) -> FloatArray:

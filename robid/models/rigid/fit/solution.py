@@ -28,6 +28,7 @@ class Base:
     gap: float  # smallest singular value that counts over the largest one that does not, of the model alone
     condition: float  # condition number of the weighted rows' columns, each of norm 1
     unscaled_condition: float  # the same of the columns as they are
+    rests_on: Annotated[IntArray, Quantity("1", "parameter", "Index of the motor whose torque tells most of it")]
 
 
 @dataclass(frozen=True)

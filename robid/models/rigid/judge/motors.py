@@ -71,3 +71,10 @@ def motors_of(solution: RigidSolution, names: Sequence[str], judge: Sequence[str
     determined = ~(hidden & (solution.expected.residual > MOTOR_ERROR_LIMIT))
     named = np.isin(np.array(names), np.array(judge, dtype=str)) if judge else np.ones(len(names), bool)
     return Motors(tuple(names), determined, named & (determined | bool(judge)))
+
+
+def added_error(solution: RigidSolution) -> FloatArray:
+    """Returns what the covariance of the parameters adds (n_joint,) on other motions to what the own log shows."""
+    expected = solution.expected
+    own = np.fmax(expected.left_out, expected.residual)
+    return np.asarray(np.sqrt(np.maximum(expected.error**2 - own**2, 0.0)))

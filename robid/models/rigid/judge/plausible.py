@@ -10,7 +10,7 @@ from robid.arrays import BoolArray
 from robid.models.conclusions import graded_alone
 from robid.models.rigid.fit.options import RigidFitOptions
 from robid.models.rigid.fit.solution import RigidSolution, Travel
-from robid.models.rigid.judge.motors import EXPECTED_ERROR_LIMIT, MOTOR_ERROR_LIMIT, Motors, motors_of
+from robid.models.rigid.judge.motors import EXPECTED_ERROR_LIMIT, MOTOR_ERROR_LIMIT, Motors, added_error, motors_of
 from robid.models.rigid.judge.trials import Trial
 from robid.results.estimate import Estimate
 from robid.results.finding import Finding, two_digits
@@ -208,7 +208,7 @@ def _places(travel: Travel, names: Sequence[str]) -> Iterator[Finding]:
 
 def is_unexplained(robot: Robot, solution: RigidSolution, options: RigidFitOptions) -> bool:
     """Whether a fit leaves more of its own torques than it may."""
-    return any(True for _ in _unexplained(solution, motors_in(robot, solution, options), ()))
+    return any(each.decisive for each in _unexplained(solution, motors_in(robot, solution, options), ()))
 
 
 def _unexplained(solution: RigidSolution, motors: Motors, tried: Sequence[Trial]) -> Iterator[Finding]:
@@ -217,6 +217,9 @@ def _unexplained(solution: RigidSolution, motors: Motors, tried: Sequence[Trial]
         told = "no motor's torque holds more of its links than noise, friction and misfit leave"
         yield Finding("excitation", told, decisive=True, strength=_TO_BLAME)
         return
+    if motors.left_out:
+        told = f"{', '.join(motors.left_out)}: torque that is mostly noise, resolution or friction, not determined"
+        yield Finding("excitation", told, decisive=False, strength=1.5)
     whole = motors.total(solution.residuals.residual, solution.residuals.torque)
     name, index, own = motors.worst(solution.expected.residual)
     if whole > TOTAL_ERROR_LIMIT:
@@ -250,8 +253,7 @@ def _excitation(solution: RigidSolution, motors: Motors) -> Iterator[Finding]:
     poor = [name for name, known in zip(estimate.names, estimate.identified.tolist(), strict=True) if not known]
     listed = ", ".join(poor[:5]) + (f" and {len(poor) - 5} more" if len(poor) > 5 else "")
     # What the covariance of the parameters adds to what is left of the fit's own log, which `_unexplained` judges.
-    own = np.fmax(expected.left_out, expected.residual)
-    name, index, error = motors.worst(np.sqrt(np.maximum(expected.error**2 - own**2, 0.0)))
+    name, index, error = motors.worst(added_error(solution))
     if error > EXPECTED_ERROR_LIMIT:
         told = (
             f"the motion is too poor: on others the torque of {name} is to be expected off by "
