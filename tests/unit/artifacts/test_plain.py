@@ -32,6 +32,9 @@ def test_a_robot_comes_back_from_its_json(path):
     joint = robot.joints[0]
     unlimited = replace(joint, motor=replace(joint.motor, max_torque_nm=np.inf))
     robot = replace(robot, joints=(unlimited, *robot.joints[1:]))
+    # In which frames its file states bodies is no part of a robot.
+    assert "file_frames" not in to_plain(robot)
+    robot = replace(robot, file_frames=None)
     again = from_plain(Robot, json.loads(json_text(to_plain(robot))))
     assert again.joints[0].motor.max_torque_nm == np.inf
     assert same(asdict(again), asdict(robot))
