@@ -63,6 +63,7 @@ def shifts_between(
     amounts: FloatArray,
     torque: FloatArray,
     late: tuple[FloatArray, FloatArray] | None = None,
+    drift: FloatArray | None = None,
 ) -> Shifts:
     """Returns how a linearised robot moves with nuisance parameters, by central differences.
 
@@ -72,10 +73,11 @@ def shifts_between(
         amounts (n_nuisance,): Amounts in the middle.
         torque (n_nuisance, n_joint): As in `Shifts`.
         late: Its `late_torque` and `late_output`; nothing is late when not given.
+        drift (n_conf, n_nuisance, n_joint): As in `Shifts`.
     """
     torques, outputs = (None, None) if late is None else late
     moved = _slopes(pairs, width)
-    return Shifts(**moved, amounts=amounts, torque=torque, late_torque=torques, late_output=outputs)
+    return Shifts(**moved, amounts=amounts, torque=torque, late_torque=torques, late_output=outputs, drift=drift)
 
 
 def _moved_spring(robot: Robot, element: int, by_m: float) -> Robot:
@@ -156,6 +158,8 @@ def _columns(
 ) -> ComplexArray:
     if kind == NUISANCE_KIND and model.shifts is not None:
         moved = _move_columns(parameters, result, model.shifts)
+        if model.shifts.drift is not None:
+            moved = moved + _drift_columns(result, model.shifts.drift)
         return moved if model.effects is None else moved + _effect_columns(parameters, result)
     n_motor = model.n_motor
     scale = (result.hold * result.omega**2)[:, None, None, None]
@@ -244,6 +248,14 @@ def _effect_columns(parameters: ElasticParameters, result: Response) -> ComplexA
     outer = _outer(result, slice(model.n_motor, None))
     moved = np.einsum("cfois,cfsd->cfoid", outer, slopes, optimize=True)
     return np.asarray((result.hold * omega**2)[:, None, None, None] * moved)
+
+
+def _drift_columns(result: Response, drift: FloatArray) -> ComplexArray:
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_nuisance) through motors' friction (n_conf, n_nuisance, n_joint)."""
+    # dG = w^2 x_o (j w d) x_i, as of viscous friction, with what each configuration has of it.
+    outer = _outer(result, slice(0, result.model.n_motor))
+    moved = np.einsum("cfoij,cmj->cfoim", outer, drift, optimize=True)
+    return np.asarray((1j * result.hold * result.omega**3)[:, None, None, None] * moved)
 
 
 def _spring_outer(result: Response) -> ComplexArray:

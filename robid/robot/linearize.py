@@ -41,6 +41,9 @@ class Shifts(MatrixSlopes):
     # (n_nuisance, n_joint) By how much later than the others each motor's torque acts [s]; None for not at all
     late_torque: FloatArray | None = None
     late_output: FloatArray | None = None  # (n_nuisance, n_out) The same of outputs, later than the others [s]
+    # (n_conf, n_nuisance, n_joint) Viscous friction that each motor has more in a configuration; None for none
+    # [N m s/rad]
+    drift: FloatArray | None = None
 
 
 @dataclass(frozen=True)

@@ -105,6 +105,8 @@ def test_a_motion_that_excites_too_little_names_what_suffers(logs):
     assert answer.code == 5, answer.err
     assert "Traceback" not in answer.err
     assert "F013" in answer.flat
+    write_log(logs.folder / "motion.csv", logs.shots["motion"])
+    assert logs.robid("run", "small.yaml", "--strict").code == 0
 
 
 def test_a_cut_off_above_half_the_sampling_rate_is_a_mistake_of_the_settings(logs):

@@ -15,8 +15,9 @@ from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.nuisance import kinds
-from robid.models.elastic.fit.nuisance.response import NO_LOAD_RAD, bristle_share
+from robid.models.elastic.fit.nuisance.response import bristle_share
 from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.rest_model import NO_LOAD_RAD
 from robid.models.elastic.fitting import true_values
 from robid.models.elastic.settings import elastic_fit, model_settings
 from robid.pipeline.graph import Run

@@ -19,8 +19,10 @@ from robid.models.elastic.fit.gear_motion import (
     swings_known,
 )
 from robid.models.elastic.fit.nuisance.kinds import (
+    Drift,
     LoadDamping,
     Nuisance,
+    OneSided,
     RobotMove,
     SlipTorque,
     estimated_nuisances,
@@ -28,6 +30,7 @@ from robid.models.elastic.fit.nuisance.kinds import (
     moved_robot,
     torque_slopes,
 )
+from robid.models.elastic.fit.nuisance.moves import PERCENT
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.weights import make_weights
 from robid.robot.derivatives import expand, jacobian, shifts_between, with_springs_at
@@ -41,6 +44,10 @@ from robid.robot.sampling import hold_factor
 from robid.robot.spring_laws import GearEffects
 
 _PASSES = 3
+TURN_10_HZ = 20 * np.pi
+"""Angular frequency of 10 Hz [rad/s]."""
+NO_LOAD_RAD = 1e-9
+"""Deflections, or differences of them, below which loads are none, or alike [rad]."""
 _NUISANCE_STEP = 0.01  # of its deviation
 
 
@@ -67,6 +74,9 @@ def rest_model(
     amounts = np.zeros(len(estimated)) if values is None else values.doubt
     balanced = all(joint.counterbalance is None for joint in robot.joints)
     model = _rested(moved_robot(robot, estimated, amounts), frf, options, delay_s, values, balanced=balanced)
+    stiffness = np.array([s.stiffness for s in robot.springs]) if values is None else values.stiffness
+    for each, amount in zip(estimated, amounts.tolist(), strict=True):
+        model = _one_sided(model, each.effect.spring, stiffness, amount) if isinstance(each.effect, OneSided) else model
     # Central differences of the whole linearised robot, at rest anew on each side; what acts beside its matrices moves
     # none of them.
     still, pairs = replace(options, statics="updates", free=()), []
@@ -75,15 +85,58 @@ def rest_model(
             sides = (moved_robot(robot, estimated, amounts + side * step) for side in (-1, 1))
             behind, ahead = (_rested(side, frf, still, delay_s, values, balanced=balanced) for side in sides)
             pairs.append((behind, ahead))
+        elif isinstance(each.effect, OneSided):
+            wide = _NUISANCE_STEP * each.common_std
+            pairs.append(
+                (
+                    _one_sided(model, each.effect.spring, stiffness, -wide),
+                    _one_sided(model, each.effect.spring, stiffness, wide),
+                )
+            )
         else:
             pairs.append((model, model))
     width = np.array([2 * _NUISANCE_STEP * each.common_std for each in estimated])
     late = late_slopes(estimated, frf.input_names, frf.output_names)
-    shifts = shifts_between(pairs, width, amounts, torque_slopes(estimated, len(robot.joints)), late)
+    torque, drift = torque_slopes(estimated, len(robot.joints)), _drifts(estimated, robot, len(frf.configurations))
+    shifts = shifts_between(pairs, width, amounts, torque, late, drift)
     if not any(isinstance(each.effect, LoadDamping | SlipTorque) for each in estimated):
         return replace(model, shifts=shifts)
     now = replace(nominal_parameters(robot, model, delay_s), doubt=amounts) if values is None else values
     return replace(model, shifts=shifts, effects=_effects(robot, frf, now, model, estimated))
+
+
+def campaign_course(count: int) -> FloatArray:
+    """How far each configuration (count,) lies along a campaign: from -1 at the first to 1 at the last; 0 of one."""
+    return np.linspace(-1.0, 1.0, count) if count > 1 else np.zeros(count)
+
+
+def friction_of_one(inertia: float) -> float:
+    """Viscous friction of a percent of what an inertia asks for at 10 Hz."""
+    return TURN_10_HZ * inertia / PERCENT
+
+
+def _drifts(estimated: Sequence[Nuisance], robot: Robot, count: int) -> FloatArray | None:
+    """What an amount of each adds to the motors' viscous friction (count, n_nuisance, n_joint); None for nothing."""
+    found = np.zeros((count, len(estimated), len(robot.joints)))
+    for row, each in enumerate(estimated):
+        if isinstance(each.effect, Drift):
+            own = friction_of_one(robot.joints[each.effect.joint].motor.inertia_kgm2)
+            found[:, row, each.effect.joint] = own * campaign_course(count)
+    return found if found.any() else None
+
+
+def bent_ways(model: LinearModel, spring: int) -> FloatArray:
+    """Which way a spring is bent at rest (n_conf,), 1 or -1; 0 where it carries nothing."""
+    deflection = model.rest.deflection[:, spring]
+    return np.asarray(np.where(np.abs(deflection) > NO_LOAD_RAD, np.sign(deflection), 0.0))
+
+
+def _one_sided(model: LinearModel, spring: int, stiffness: FloatArray, percent: float) -> LinearModel:
+    """The model one of whose springs is stiffer the way it is bent, as gravity's gradient beside the spring's own."""
+    added = model.gravity_stiffness.copy()
+    at = model.n_motor + spring
+    added[:, at, at] += percent / PERCENT * float(stiffness[spring]) * bent_ways(model, spring)
+    return replace(model, gravity_stiffness=added)
 
 
 def _effects(

@@ -11,7 +11,15 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
-from robid.models.elastic.fit.nuisance.kinds import Effect, LateDrive, Nuisance, RobotMove, estimable_nuisances
+from robid.models.elastic.fit.nuisance.kinds import (
+    Drift,
+    Effect,
+    LateDrive,
+    Nuisance,
+    OneSided,
+    RobotMove,
+    estimable_nuisances,
+)
 from robid.models.elastic.fit.nuisance.moves import with_gear_ratio
 from robid.models.elastic.fit.nuisance.off_robot import problem_at
 from robid.models.elastic.fit.nuisance.response import Scene, column, nuisance_columns
@@ -144,7 +152,8 @@ def candidates(robot: Robot, frf: Frf) -> tuple[Nuisance, ...]:
     They widen no interval: ratios are exact or plainly wrong, so are drives, all in one clock or a sample late, and
     backlash leaves no linear spring to estimate.
     """
-    return (*_gear_ratios(robot, frf), *_backlashes(robot), *_late_drives(robot, frf))
+    freed = (each for each in estimable_nuisances(robot) if isinstance(each.effect, OneSided | Drift))
+    return (*_gear_ratios(robot, frf), *_backlashes(robot), *_late_drives(robot, frf), *freed)
 
 
 def gear_ratio(robot: Robot, joint: int) -> Nuisance:

@@ -26,11 +26,16 @@ PRIOR_FACTOR = 10.0
 """How many times as far off as a nuisance parameter is one expected to be that a user frees."""
 ZERO = "zero"
 """Cause and end of the name of zeros that are off."""
+DRIFT = "drift"
+"""End of the names of viscous friction that drifts."""
+ONE_SIDED = "one_sided"
+"""End of the names of gears that are stiffer one way."""
 BALANCE, LOAD_DAMPING, HYSTERESIS, FIXED = "counterbalance", "load_damping", "hysteresis", "held_spring"
 """Causes, the first three of them the ends of the names that free them."""
 MICRO = 1e-6
 _SHARE_STEP, _STEP_M, _TURN_STEP, _STEP_NM, _STEP_DEG = 1e-4, 1e-5, 1e-2, 1.0, 1e-3  # of differences
 _MOST_DEG = 20.0  # of a zero
+_ONE_SIDED, _DRIFT = 10.0, 5.0  # percent
 _LATE_US = 500.0  # of a drive, where it matters
 _WRIST, _WITH_WRIST = 3, 6  # joints of a wrist whose motors sit before it, and of an arm that has one
 _BALANCE_SHARE, _BALANCE_NM = 0.1, 100.0  # of the arm-side torque that the motor can give; where nobody says that
@@ -139,6 +144,11 @@ class LoadStiffness(GearShare):
 
 
 @dataclass(frozen=True)
+class OneSided(GearShare):
+    """A gear that is stiffer by some percent bent one way, and as much softer the other way; where a fit frees it."""
+
+
+@dataclass(frozen=True)
 class Compliance(Effect):
     """A spring that is there in truth, in percent of its joint's gear's compliance, statics included."""
 
@@ -173,6 +183,18 @@ class RigidError(Effect):
 
     put_in = False
     off: PerturbedRobot  # What the rigid fit found, off along the direction
+
+
+@dataclass(frozen=True)
+class Drift(Effect):
+    """A motor's viscous friction that grows evenly from configuration to configuration; only where a fit frees it.
+
+    An amount is what it has at the last configuration more than in the mean, and at the first less, in percent of what
+    the rotor asks for at 10 Hz.
+    """
+
+    put_in = False
+    joint: int  # Index of the motor
 
 
 @dataclass(frozen=True)
@@ -497,6 +519,10 @@ LATE_DRIVES: Section = (_joints, tuple(
     )
     for of in ("torque", "angle")
 ))
+DRIFTS: Section = (_joints, (Kind(
+    DRIFT, "half the growth of {}'s viscous friction over the campaign", "unsteady", lambda _, index: Drift(index),
+    size=_DRIFT, unit=_OF_ROTOR,
+),))
 BALANCES: Section = (_unbalanced, tuple(
     Kind(
         f"{BALANCE}_{wave}", f"{BALANCE} of {{}} by the {wave} of its angle", BALANCE,
@@ -512,6 +538,10 @@ GEAR_EFFECTS: Section = (_gears, (
         size=_likely_growth, unit="1/rad", linear_unit="1/m", least=-1 / _GROWTH,
     ),
     Kind(
+        ONE_SIDED, "stiffness of {} by the sign of its load", "gear_nonlinearity", lambda _, index: OneSided(index),
+        size=_ONE_SIDED, unit="%", least=-5.0, most=5.0,
+    ),
+    Kind(
         HYSTERESIS, "hysteresis of {}", HYSTERESIS, lambda _, index: SlipTorque(index),
         size=_likely_slip, unit="N m", linear_unit="N",
     ),
@@ -519,8 +549,8 @@ GEAR_EFFECTS: Section = (_gears, (
 # fmt: on
 
 WIDENING: tuple[Section, ...] = (
-    *(PAYLOAD, LINKS, BASE, SHAFTS, ZEROS, TORQUES, DELAY, ROTORS, COUPLINGS, GEARS),
-    *(ARM_FRICTION, MOTOR_FRICTION, OTHER_FRICTION, FIXED_SPRINGS, MISSING_SPRINGS),
+    *(PAYLOAD, LINKS, BASE, SHAFTS, TORQUES, DELAY, ROTORS, COUPLINGS, GEARS),
+    *(ARM_FRICTION, MOTOR_FRICTION, OTHER_FRICTION, FIXED_SPRINGS, MISSING_SPRINGS, ZEROS),
 )
 """What widens the intervals of every fit that does not estimate it."""
 ESTIMABLE: tuple[Section, ...] = (
@@ -532,10 +562,11 @@ ESTIMABLE: tuple[Section, ...] = (
     COUPLINGS,
     TORQUES,
     LATE_DRIVES,
+    DRIFTS,
     BALANCES,
     GEAR_EFFECTS,
 )
-"""What a fit can estimate, in the order of its parameters; the last three only where one does."""
+"""What a fit can estimate, in the order of its parameters; the last four only where one does."""
 
 
 def list_nuisances(robot: Robot, options: ElasticOptions, rigid: Sequence[PerturbedRobot] = ()) -> tuple[Nuisance, ...]:

@@ -131,6 +131,7 @@ _STIFFER = 3.0  # than the gear nearby: where a trial starts
 _RIGID_HZ = 30.0  # where a rotor would swing on a trial gear
 _SHOWN = 4  # digits of an axis
 _OUTBOARD = 0.6  # share of a link beyond a split
+_BELOW_M, _OTHER_M = 2, (1, 4)  # where a base may tilt about, below its origin: what is tried, and what then
 _BEFORE, _OTHERWISE = 30, (10, 50)  # percent of a link between gear and hinge: what is tried, and what then
 
 
@@ -177,6 +178,7 @@ def further_springs(robot: Robot) -> Iterator[FurtherSpring]:
         for letter, axis in zip("xyz", np.eye(3), strict=True):
             if index == 0 and not _is_there(robot, "base", 0, axis):
                 yield FurtherSpring(_trial_spring(f"base_{letter}", 0, "base", axis, stiff), f"base about {letter}")
+                yield from _far_bases(robot, letter, axis)
             if letter != "z" and not _is_there(robot, "bearing", index, axis):
                 spring = _trial_spring(f"bearing_{joint.name}_{letter}", index, "bearing", axis, stiff)
                 yield FurtherSpring(spring, f"bearing of {joint.name} about {letter}")
@@ -209,6 +211,19 @@ def _middle(following: Joint, axis: FloatArray) -> FloatArray:
     """Where a link is split: a link that twists along the next joint's axis does so about that very line."""
     along = abs(float(axis @ following.rotation[:, 2])) > _ALONG
     return following.position_m if along else np.zeros(3)
+
+
+def _far_bases(robot: Robot, letter: str, axis: FloatArray) -> Iterator[FurtherSpring]:
+    """Yields bases that tilt about a level axis metres below the origin, as on a long column or a soft foundation."""
+    bodies = (*(joint.link for joint in robot.joints), robot.payload, *((robot.base,) if robot.base else ()))
+    mass_kg = sum(body.mass_kg for body in bodies)
+    for metres in (_BELOW_M, *_OTHER_M) if letter != "z" else ():
+        # All of the robot swings on it, by the distance squared; so it begins where that would be of some frequency.
+        stiffness = (2 * np.pi * _RIGID_HZ) ** 2 * max(mass_kg, 1.0) * metres**2
+        far = _trial_spring(f"base_{letter}_{metres}m", 0, "base", axis, stiffness)
+        far = replace(far, point_m=np.array([0.0, 0.0, -float(metres)]))
+        first = "" if metres == _BELOW_M else f"base_{letter}_{_BELOW_M}m"
+        yield FurtherSpring(far, f"base about {letter}, {metres} m below", first)
 
 
 def _hinges(robot: Robot, index: int, stiffness: float) -> Iterator[FurtherSpring]:

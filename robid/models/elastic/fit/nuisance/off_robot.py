@@ -8,7 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
-from robid.models.elastic.fit.nuisance.kinds import Compliance, GearShare, MotorFriction, Nuisance, RobotMove, ValueOff
+from robid.models.elastic.fit.nuisance.kinds import (
+    Compliance,
+    GearShare,
+    MotorFriction,
+    Nuisance,
+    ValueOff,
+    moved_robot,
+)
 from robid.models.elastic.fit.nuisance.moves import PERCENT, stiffened
 from robid.models.elastic.fit.nuisance.response import (
     Scene,
@@ -155,18 +162,18 @@ def put_in(
         DataError: If that robot does not rest.
     """
     frf, delay_s = problem.frf, float(problem.parameters.nominal.delay[0])
-    statics, further = options.statics, []
-    # What changes masses and geometry is put into the description, and a spring that the file lacks joins its
-    # springs; values, gears and friction follow below, where the model is linear.
-    for nuisance, amount in zip(nuisances, amounts.tolist(), strict=True):
-        if isinstance(nuisance.effect, RobotMove) and amount:
-            robot = nuisance.effect.moved(robot, amount)
-        elif isinstance(nuisance.effect, Compliance) and amount >= LEAST_COMPLIANCE:
-            further.append(stiffened(nuisance.effect.spring, PERCENT / amount))
+    statics, every = options.statics, list(zip(nuisances, amounts.tolist(), strict=True))
+    # A spring that the file lacks joins its springs, before geometry moves them alike; what changes masses and geometry
+    # is put into the description; values, gears and friction follow below, where the model is linear.
+    further = [
+        stiffened(nuisance.effect.spring, PERCENT / amount)
+        for nuisance, amount in every
+        if isinstance(nuisance.effect, Compliance) and amount >= LEAST_COMPLIANCE
+    ]
     for spring in further:
         options = fix_options(options, robot, spring)
     values = extended_values(_off_values(problem.parameters.parameters(point), nuisances, amounts), further)
-    robot = replace(robot, springs=(*robot.springs, *further))
+    robot = moved_robot(replace(robot, springs=(*robot.springs, *further)), nuisances, amounts)
     options = replace(options, statics=statics)
     model = with_estimated_links(rest_model(robot, frf, options, float(values.delay[0]), values), problem)
     known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset

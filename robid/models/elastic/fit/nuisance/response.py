@@ -16,12 +16,14 @@ from robid.errors import DataError
 from robid.models.elastic.fit.nuisance.kinds import (
     MICRO,
     Compliance,
+    Drift,
     Effect,
     Hysteresis,
     LateDrive,
     LoadStiffness,
     MotorFriction,
     Nuisance,
+    OneSided,
     RigidError,
     RobotMove,
     TorqueScale,
@@ -30,17 +32,22 @@ from robid.models.elastic.fit.nuisance.kinds import (
 from robid.models.elastic.fit.nuisance.moves import PERCENT, stiffened
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import Problem
-from robid.models.elastic.fit.rest_model import rest_model, spring_load
+from robid.models.elastic.fit.rest_model import (
+    NO_LOAD_RAD,
+    TURN_10_HZ,
+    bent_ways,
+    campaign_course,
+    friction_of_one,
+    rest_model,
+    spring_load,
+)
 from robid.robot.derivatives import jacobian, shifts_between
 from robid.robot.description import Robot, Spring
 from robid.robot.linearize import LinearModel, Shifts
 from robid.robot.parameters import NUISANCE_KIND
 from robid.robot.response import ElasticParameters, Response, response, with_values
 
-NO_LOAD_RAD = 1e-9
-"""Difference of deflections below which loads are alike [rad]."""
 _MEAN_SIZE = np.sqrt(2 / np.pi)  # of a normal variable, over its deviation
-_TURN_10_HZ = 20 * np.pi
 _STEP, _RIGID = 1e-3, 1e11  # percent of a gear's compliance; times its stiffness
 
 
@@ -224,8 +231,15 @@ def value_of_one(effect: ValueOff, values: ElasticParameters) -> float:
         return MICRO
     if effect.kind in ("viscous", "arm_viscous"):
         inertia = values.motor_inertia if effect.kind == "viscous" else values.link_inertia
-        return _TURN_10_HZ * float(inertia[effect.element]) / PERCENT
+        return friction_of_one(float(inertia[effect.element]))
     return float(getattr(values, effect.kind)[effect.element]) / PERCENT
+
+
+@column.register
+def _(effect: Drift, scene: Scene) -> ComplexArray:
+    own = friction_of_one(float(scene.robot.joints[effect.joint].motor.inertia_kgm2))
+    share = own * campaign_course(len(scene.problem.frf.configurations))
+    return np.asarray(share[:, None, None, None] * scene.slopes("viscous")[..., effect.joint])
 
 
 @column.register
@@ -244,11 +258,11 @@ def _(effect: MotorFriction, scene: Scene) -> ComplexArray:
 
 def clinging_stiffness(effect: MotorFriction, scene: Scene) -> complex:
     """Torque per angle that an amount of one is [N m/rad]."""
-    return effect.phase * float(scene.values.motor_inertia[effect.joint]) * _TURN_10_HZ**2 / PERCENT
+    return effect.phase * float(scene.values.motor_inertia[effect.joint]) * TURN_10_HZ**2 / PERCENT
 
 
 @column.register
-def _(effect: Hysteresis | LoadStiffness, scene: Scene) -> ComplexArray:
+def _(effect: Hysteresis | LoadStiffness | OneSided, scene: Scene) -> ComplexArray:
     return np.asarray(gear_share(effect, scene)[:, :, None, None] * scene.gear_slopes[..., effect.spring])
 
 
@@ -272,6 +286,11 @@ def _(effect: LoadStiffness, scene: Scene) -> ComplexArray:
     most = np.abs(spread).max()
     share = spread / most if most > NO_LOAD_RAD else np.zeros_like(spread)
     return np.asarray(share[:, None] / PERCENT, complex)
+
+
+@gear_share.register
+def _(effect: OneSided, scene: Scene) -> ComplexArray:
+    return np.asarray(bent_ways(scene.problem.model, effect.spring)[:, None] / PERCENT, complex)
 
 
 def bristle_share(omega: FloatArray, swing: FloatArray, relative_slip: float) -> ComplexArray:

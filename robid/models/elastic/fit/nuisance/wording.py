@@ -8,8 +8,11 @@ from collections.abc import Sequence
 from robid.models.elastic.fit.nuisance.kinds import (
     FIXED,
     HYSTERESIS,
+    Drift,
     LateDrive,
+    LoadStiffness,
     Nuisance,
+    OneSided,
     RobotMove,
     TorqueScale,
     ValueOff,
@@ -26,6 +29,8 @@ _FEW = 2
 _KINDS = {"rotor_inertia": "motor_inertia", "delay": "delay"}
 """Kinds of parameters that stand for a cause."""
 _ALWAYS_WHOLE = ("payload",)
+_BY_NAME = LateDrive, OneSided, Drift
+"""Effects that only act where a fit frees them, each by its own name."""
 
 
 def free_with(free: Sequence[str], more: Sequence[str]) -> tuple[str, ...]:
@@ -85,8 +90,8 @@ def remedy(nuisances: Sequence[Nuisance], *, swings_known: bool) -> tuple[str, .
         swings_known: Whether the response tells how far the gears swing, without which no hysteresis can be estimated.
     """
     cause, effect = nuisances[0].cause, nuisances[0].effect
-    if isinstance(effect, LateDrive):
-        return tuple(nuisance.name for nuisance in nuisances if isinstance(nuisance.effect, LateDrive))
+    if isinstance(effect, _BY_NAME):
+        return tuple(nuisance.name for nuisance in nuisances if isinstance(nuisance.effect, _BY_NAME))
     if cause in _KINDS:
         return (_KINDS[cause],)
     if isinstance(effect, ValueOff) and cause != FIXED:
@@ -95,6 +100,8 @@ def remedy(nuisances: Sequence[Nuisance], *, swings_known: bool) -> tuple[str, .
         return tuple(
             dict.fromkeys(nuisance.effect.kind for nuisance in nuisances if isinstance(nuisance.effect, ValueOff))
         )
+    if isinstance(effect, LoadStiffness) and swings_known:
+        return ("cubic",)  # gears that stiffen, as loads and swings bend them
     slipping = tuple(dict.fromkeys(filter(None, map(slipping_name, nuisances))))
     if slipping_name(nuisances[0]) is not None and swings_known:
         return slipping if len(slipping) <= _FEW else (HYSTERESIS,)

@@ -15,7 +15,10 @@ from robid.models.elastic.judge.causes import _finding, explain
 from robid.models.elastic.judge.fitted import fitted_model
 from robid.models.elastic.judge.ratios import Explanation
 from robid.robot.description import Inertial, Spring
+from robid.robot.linearize import linearize, solve_statics
+from robid.robot.model import build_model
 from robid.robot.parameters import FREE
+from robid.robot.response import nominal_parameters, response
 
 FREQUENCY_HZ = np.geomspace(1, 60, 40)
 PLACES = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3], [0.2, 2.0]])
@@ -141,6 +144,59 @@ def test_a_hinge_in_line_with_a_gear_is_found_by_what_lies_between_and_gone_wher
     assert solution.costs.total < 1.2 * solution.costs.expected.sum() < 0.01 * before.costs.total
     both = [solution.estimate.found[f"{name}.stiffness"] for name in ("gear_1", "hinge_shoulder_50")]
     np.testing.assert_allclose(both, 2e4, rtol=0.03)
+
+
+def test_a_base_that_tilts_about_a_point_metres_below_is_found_and_gone_where_it_is_freed():
+    robot, y = two_joint_robot(), np.array([0.0, 1.0, 0.0])
+    foot = Spring("foot", 0, "base", y, 6e5, 300.0, point_m=np.array([0.0, 0.0, -2.0]))
+    frf = measured(replace(robot, springs=(*robot.springs, foot)))
+    before, found = explained(robot, frf)
+    assert (found[0].cause, found[0].free) == ("missing_spring", ("base_y_2m",))
+    options = replace(OPTIONS, free=free_with(OPTIONS.free, found[0].free))
+    solution = fit_elastic(with_estimated_springs(robot, options), frf, options, DELAY_S)
+    assert solution.costs.total < 1.2 * solution.costs.expected.sum() < 0.01 * before.costs.total
+    assert solution.estimate.found["base_y_2m.stiffness"] == pytest.approx(6e5, rel=0.02)
+
+
+def test_gears_that_stiffen_are_named_and_gone_where_cubic_is_freed():
+    robot = two_joint_robot()
+    stiffening = [replace(s, cubic=1e8 if s.name == "gear_1" else 5e7) for s in robot.springs[:2]]
+    true = replace(robot, springs=(*stiffening, *robot.springs[2:]))
+    places = np.vstack([PLACES, [[1.5, 0.2], [-1.5, -1.0]]])
+    frf, exact = exact_frf(robot, places, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=0.001, seed=5), []
+    for place in places:  # springs as stiff as where they rest
+        linear = linearize(build_model(true), solve_statics(build_model(true), place[None]))
+        values = nominal_parameters(true, linear, DELAY_S)
+        slopes = values.stiffness + 3 * values.cubic * linear.rest.deflection[0] ** 2
+        bent = replace(values, stiffness=slopes, cubic=np.zeros(4))
+        exact.append(response(linear, bent, FREQUENCY_HZ, frf.hold_period_s).sampled[0])
+    torques = np.broadcast_to(1e-4 * np.eye(2, dtype=complex), (len(places), FREQUENCY_HZ.size, 2, 2))
+    frf = replace(frf, response=np.array(exact), input_amplitude=torques)
+    before, found = explained(robot, frf)
+    assert (found[0].cause, found[0].free) == ("gear_nonlinearity", ("cubic",))
+    options = replace(OPTIONS, free=free_with(OPTIONS.free, found[0].free))
+    after = fit_elastic(robot, frf, options, DELAY_S)
+    assert after.costs.total < 0.01 * before.costs.total
+    assert after.estimate.found["gear_1.cubic"] == pytest.approx(1e8, rel=0.05)
+
+
+def test_a_gear_that_is_stiffer_one_way_is_named_and_gone_where_it_is_freed():
+    robot, places = two_joint_robot(), np.vstack([PLACES, [[1.9, 0.2], [-1.9, -1.0]]])
+    frf, exact = exact_frf(robot, places, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=0.001, seed=5), []
+    for place in places:
+        linear = linearize(build_model(robot), solve_statics(build_model(robot), place[None]))
+        values = nominal_parameters(robot, linear, DELAY_S)
+        ways = np.sign(linear.rest.deflection[0]) * (np.arange(4) == 1)
+        sided = replace(values, stiffness=values.stiffness * (1 + 0.1 * ways))
+        exact.append(response(linear, sided, FREQUENCY_HZ, frf.hold_period_s).sampled[0])
+    frf = replace(frf, response=np.array(exact))
+    before, found = explained(robot, frf)
+    assert (found[0].cause, found[0].free) == ("gear_nonlinearity", ("gear_2.one_sided",))
+    options = replace(OPTIONS, free=free_with(OPTIONS.free, found[0].free))
+    after = fit_elastic(robot, frf, options, DELAY_S)
+    assert after.costs.total < 1e-4 * before.costs.total
+    assert after.estimate.found["gear_2.one_sided"] == pytest.approx(10.0, rel=1e-3)
+    assert after.estimate.found["gear_2.stiffness"] == pytest.approx(6e3, rel=1e-3)
 
 
 def test_explanations_that_move_springs_little_or_explain_little_or_are_linear_forbid_nothing():

@@ -1,0 +1,64 @@
+"""Viscous friction that drifts over a campaign: named by its motor, and gone where it is freed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exact_systems import exact_frf, two_joint_robot
+from robid.models.elastic.fit.fitting import fit_elastic, set_up
+from robid.models.elastic.fit.nuisance.wording import free_with
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.judge.causes import explain
+from robid.models.elastic.judge.fitted import fitted_model
+
+FREQUENCY_HZ = np.geomspace(1, 60, 40)
+PLACES = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2], [-1.1, 0.3], [0.2, 2.0]])
+OPTIONS, DELAY_S = ElasticOptions(), 1e-3
+FIRST, LAST = 0.02, 0.01  # N m s/rad: half of it is left when the robot is warm
+
+
+def rubbing(viscous):
+    """The arm with viscous friction in its first motor."""
+    robot = two_joint_robot()
+    shoulder, elbow = robot.joints
+    friction = replace(shoulder.motor.friction, viscous_nms_rad=viscous)
+    return replace(robot, joints=(replace(shoulder, motor=replace(shoulder.motor, friction=friction)), elbow))
+
+
+def measured():
+    """Each configuration is measured with what friction is left there."""
+    levels = np.linspace(FIRST, LAST, len(PLACES))
+    known = {"delay_s": DELAY_S, "relative_noise": 0.002}
+    parts = [
+        exact_frf(rubbing(level), place, FREQUENCY_HZ, seed=seed, **known).response
+        for seed, (level, place) in enumerate(zip(levels, PLACES, strict=True))
+    ]
+    whole = exact_frf(rubbing(FIRST), PLACES, FREQUENCY_HZ, **known)
+    return replace(whole, response=np.concatenate(parts))
+
+
+def test_friction_that_halves_over_a_campaign_is_named_and_gone_where_it_is_freed():
+    stated, frf = rubbing(FIRST), measured()
+    before = fit_elastic(stated, frf, OPTIONS, DELAY_S)
+    found = explain(fitted_model(stated, before, frf, OPTIONS, DELAY_S))
+    assert (found[0].cause, found[0].free) == ("unsteady", ("shoulder.drift",))
+    options = replace(OPTIONS, free=free_with(OPTIONS.free, found[0].free))
+    after = fit_elastic(stated, frf, options, DELAY_S)
+    assert after.costs.total < 1.2 * after.costs.expected.sum() < 0.5 * before.costs.total
+    rotor = 20 * np.pi * stated.joints[0].motor.inertia_kgm2
+    assert after.estimate.found["shoulder.drift"] == pytest.approx(100 * 0.5 * (LAST - FIRST) / rotor, rel=0.05)
+    assert after.estimate.found["shoulder.viscous"] == pytest.approx(0.5 * (FIRST + LAST), rel=0.05)
+
+
+def test_derivatives_by_drift_are_those_of_the_response():
+    options = ElasticOptions(free=("shoulder.drift", "gear_1.one_sided"))
+    problem = set_up(two_joint_robot(), measured(), options, DELAY_S)[0]
+    rows = [problem.parameters.names.index(name) for name in ("shoulder.drift", "gear_1.one_sided")]
+    point = np.random.default_rng(2).uniform(-0.1, 0.1, len(problem.parameters.names))
+    _, derivative = problem.linear(point)
+    for index in rows:
+        step = 1e-4 * (np.arange(point.size) == index)
+        ahead, behind = (np.log(problem.model_response(point + side * step)) for side in (1, -1))
+        difference = (ahead - behind) / 2e-4
+        np.testing.assert_allclose(derivative[..., index], difference, rtol=1e-5, atol=1e-7 * np.abs(difference).max())
