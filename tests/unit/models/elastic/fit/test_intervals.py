@@ -45,10 +45,24 @@ def test_what_is_known_and_hardly_told_by_the_data_is_known_beforehand(solution)
 
 def test_identified_is_what_the_interval_after_the_fit_bears_out_too(solution):
     assert solution.estimate.identified[solution.estimate.names.index("gear_1.stiffness")]
-    # Deviations of 19 and 21 % on either side of the limit of 20 %.
+    # Deviations of 19 and 21 % on either side of the limit of 20 %, whatever was predicted.
+    n_param = len(solution.estimate.names)
+    unknown = replace(solution.estimate, prior_relative_std=np.full(n_param, np.inf))
     for deviation, good in ((0.19, True), (0.21, False)):
-        after = replace(solution.estimate, relative_half_width=np.full(len(solution.estimate.names), 1.96 * deviation))
-        np.testing.assert_array_equal(after.identified, solution.estimate.identifiable & good)
+        for predicted in (True, False):
+            half = np.full(n_param, 1.96 * deviation)
+            after = replace(unknown, relative_half_width=half, identifiable=np.full(n_param, predicted))
+            assert (after.identified == good).all()
+    # What was known to 10 % beforehand is identified where the data have added to it.
+    for std, added in ((0.09, False), (0.04, True)):
+        known = replace(
+            solution.estimate,
+            prior_relative_std=np.full(n_param, 0.1),
+            identifiable=np.zeros(n_param, bool),
+            relative_std=np.full(n_param, std),
+            relative_half_width=np.full(n_param, 1.96 * std),
+        )
+        assert (known.identified == added).all()
 
 
 def test_the_rule_without_more_than_noise_and_assumed_error(solution):
