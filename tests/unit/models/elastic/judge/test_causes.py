@@ -176,7 +176,7 @@ def test_gears_that_stiffen_are_named_and_gone_where_cubic_is_freed():
     assert (found[0].cause, found[0].free) == ("gear_nonlinearity", ("cubic",))
     options = replace(OPTIONS, free=free_with(OPTIONS.free, found[0].free))
     after = fit_elastic(robot, frf, options, DELAY_S)
-    assert after.costs.total < 0.01 * before.costs.total
+    assert after.costs.total < 0.02 * before.costs.total
     assert after.estimate.found["gear_1.cubic"] == pytest.approx(1e8, rel=0.05)
 
 
