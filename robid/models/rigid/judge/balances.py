@@ -133,7 +133,8 @@ def _departure(
     whole = stated @ own + bent
     # What the stated law cannot take up: the least squares over the places of the motion.
     left = whole - stated @ np.linalg.lstsq(stated, whole, rcond=None)[0]
-    half = np.maximum(0.5 * (solution.estimate.upper - solution.estimate.lower), 1e-300)
+    lower, upper = solution.estimate.effective_interval
+    half = np.maximum(0.5 * (upper - lower), 1e-300)
     change = found.parameters[:n_param] - solution.estimate.value
     others = [not name.startswith(f"{robot.joints[index].name}.counterbalance") for name in solution.estimate.names]
     worst = int(np.argmax(np.abs(change / half) * others * solution.estimate.identified))
