@@ -24,7 +24,6 @@ from robid.models.encode import PARAMETER_COLUMNS, Content, encode_csv, encode_j
 from robid.models.family import ExportTask
 from robid.models.parameters import with_torque_unit
 from robid.results.estimate import Estimate
-from robid.results.grade import undetermined_names
 from robid.robot.description import Robot
 from robid.robot.export import to_mjcf
 from robid.robot.friction import LUGRE
@@ -269,7 +268,8 @@ def _steps(found: FittedExport, simulate: SimulateOptions, *, friction: bool) ->
 
 def _header(found: FittedExport, names: list[str], angles: FloatArray, *, friction: bool) -> str:
     estimate, unit = found.solution.estimate, found.frf.input_unit
-    weak = undetermined_names(estimate)
+    relied = estimate.identified | estimate.known_beforehand
+    weak = [name for name, known in zip(estimate.names, relied.tolist(), strict=True) if not known]
     units = found.frf.joint_units
     shown = [np.array2string(row, precision=3, max_line_width=1000) for row in readable(angles, units)]
     sides = "deg" if units is None else f"{', '.join(readable_units(units, len(units)))}"
