@@ -150,7 +150,7 @@ def test_every_setting_is_read_by_some_stage(file):
         # A joint whose torque is measured behind its gear has no motor, which is read.
         brought |= {"robot.joints[].torque_measured_at"}
         # Read where a file states it.
-        brought |= {"robot.joints[].motor.torque_constant_nm_a"}
+        brought |= {"robot.joints[].motor.torque_constant_nm_a", "robot.joints[].motor.rated_torque_nm"}
         # What only rigid models know is read by their fits, of which there is none here.
         of_rigid = {"robot.loop_links", "robot.joints[].counterbalance"}
         assert of_rigid <= leaves(robot_settings(loaded, "rigid")["robot"], "robot")
