@@ -63,13 +63,13 @@ def _estimators(solution: RigidSolution, names: Sequence[str]) -> Iterator[Findi
     told = told[0].lower() + told[1:]
     if checks.instruments_differ and solution.chosen != "instruments":
         yield Finding("filters", told, decisive=True, strength=2.0)
-    elif checks.huber_differs and checks.instrument_variation is None:
+    elif checks.huber_differs and checks.instrument_variation is None and solution.filtered.trial_hz.size <= 1:
         # What is hardly told from zero decides nothing, nor what other rows hardly suffer from.
         varies = checks.huber_variation[solution.estimate.identified] > _BIASED
         off = np.nanmax(np.append(solution.expected.left_out, solution.expected.residual))
         yield Finding("filters", told, bool(varies.any() and off > EXPECTED_ERROR_LIMIT), 2.0)
     elif checks.huber_differs and not checks.instruments_differ:
-        # The instruments agree: what moves Huber's estimate is no noise of the positions.
+        # The instruments agree, or the cut-off was chosen against noise: what moves Huber's estimate is none of it.
         told = f"{solution.estimate.names[int(np.argmax(checks.huber_variation))]} depends on large residuals"
         yield Finding("model", told, decisive=False, strength=1.5)
     if checks.untested:
