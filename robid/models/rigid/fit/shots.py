@@ -34,7 +34,11 @@ class Command:
 
 @dataclass(frozen=True)
 class Shot:
-    """What one experiment recorded, without a gap; on the motor side, but for joints that have no motor."""
+    """What one experiment recorded, without a gap; on the motor side, but for joints that have no motor.
+
+    Raises:
+        DataError: If a position or a torque is NaN or infinite.
+    """
 
     position: FloatArray  # (n_sample, n_joint): motor angles [rad]
     torque: FloatArray  # (n_sample, n_joint): motor torques, or currents [N m, or A]
@@ -44,6 +48,18 @@ class Shot:
     late_samples: int = 0  # samples by which the command begins before the first position
     loaded: bool = True  # whether a payload with parameters of its own is there
     torque_unit: str = "N m"  # what stands for N m: A where torques are currents
+
+    def __post_init__(self) -> None:
+        # Filters and least squares would spread one such sample over all parameters.
+        for what, values in (("position", self.position), ("torque", self.torque)):
+            bad = np.argwhere(~np.isfinite(values))
+            if len(bad):
+                sample, joint = bad[0].tolist()
+                message = (
+                    f"D451 {len(bad)} of {values.size} {what} values are NaN or infinite, the first at sample {sample} "
+                    f"of joint {joint + 1}"
+                )
+                raise DataError(message, where="record", remedy="leave those samples out, or record again")
 
 
 def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: bool = True) -> tuple[Shot, ...]:
