@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from rigid_models import Arm, Slide
+from robid.errors import DataError
 from robid.models.rigid.fit.options import PreprocessingOptions
 from robid.models.rigid.fit.rows import Reading, Remembered, prepare, speed_noise
+from robid.models.rigid.fit.shots import Shot
 from robid.signals.filters import central_differences, low_pass, low_pass_reach
 from tolerances import IDENTITY
 
@@ -149,3 +151,15 @@ def test_the_regressor_is_told_of_payload_and_low_passed_torques():
     inner = slice(motion.reach + 1, -motion.reach - 1)
     whole = low_pass(torque, PERIOD_S, 25.0)[inner]
     np.testing.assert_allclose(told["torque"], whole[: len(told["torque"])], atol=IDENTITY)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("field", ["position", "torque"])
+def test_samples_that_are_no_numbers_are_refused_where_they_enter(field, value):
+    signals = dict(zip(("position", "torque"), _record(), strict=True))
+    Shot(**signals, sampling_period_s=PERIOD_S, held=True)
+    signals[field][17, 1] = value
+    with pytest.raises(DataError) as caught:
+        Shot(**signals, sampling_period_s=PERIOD_S, held=True)
+    assert caught.value.codes == ("D451",)
+    assert {"17", "2"} <= set(str(caught.value).replace(",", " ").split())  # samples count from 0, joints from 1
