@@ -59,7 +59,7 @@ class Shot:
                     f"D451 {len(bad)} of {values.size} {what} values are NaN or infinite, the first at sample {sample} "
                     f"of joint {joint + 1}"
                 )
-                raise DataError(message, where="record", remedy="leave those samples out, or record again")
+                raise DataError(message, where="record", remedy="cut the record to a part without them, or record again")
 
 
 def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: bool = True) -> tuple[Shot, ...]:
