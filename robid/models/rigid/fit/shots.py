@@ -55,11 +55,11 @@ class Shot:
             bad = np.argwhere(~np.isfinite(values))
             if len(bad):
                 sample, joint = bad[0].tolist()
-                message = (
-                    f"D451 {len(bad)} of {values.size} {what} values are NaN or infinite, the first at sample {sample} "
-                    f"of joint {joint + 1}"
+                told = (
+                    f"D451 {len(bad)} of {values.size} {what} values are NaN or infinite, the first at sample {sample}"
                 )
-                raise DataError(message, where="record", remedy="cut the record to a part without them, or record again")
+                remedy = "cut the record to a part without them, or record again"
+                raise DataError(f"{told} of joint {joint + 1}", where="record", remedy=remedy)
 
 
 def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: bool = True) -> tuple[Shot, ...]:
