@@ -191,6 +191,34 @@ def test_a_torque_constant_is_told_as_it_is_to_be_changed():
     assert after < 0.1 * before
 
 
+def test_a_bearing_that_the_file_lacks_is_told_as_the_spring_that_is_to_be_added():
+    true, mended = copy.deepcopy(FILE), copy.deepcopy(FILE)
+    side = {"name": "side", "joint": "lift", "place": "bearing", "axis": [0, 1, 0], "damping_nms_rad": 0.0}
+    true["springs"].append({**side, "stiffness_nm_rad": 4e5})
+    frf = exact_frf(plain(true), PLACES, FREQUENCY_HZ, delay_s=DELAY_S)
+    before, found = explained(mended, frf, "missing_spring", "bearing lift y", ("stiffness", "damping"))
+    assert found.units == ("% of its gear's compliance",)
+    gear = FILE["springs"][1]["stiffness_nm_rad"]
+    mended["springs"].append({**side, "stiffness_nm_rad": gear / (1e-2 * float(found.amounts[0]))})
+    after, _ = explained(mended, frf, "missing_spring", "bearing lift x", ("stiffness", "damping"))
+    assert after < 0.1 * before
+
+
+def test_the_centre_of_what_the_base_carries_is_told_in_the_world():
+    base = {"mass_kg": 60, "com_m": [0.05, 0.1, -0.2], "inertia_kgm2": {"xx": 3.0, "yy": 3.0, "zz": 3.0}}
+    turn = {"place": "base", "stiffness_nm_rad": 2e5, "damping_nms_rad": 100.0}
+    tilts = [{"name": "base_x", "axis": [1, 0, 0], **turn}, {"name": "base_y", "axis": [0, 1, 0], **turn}]
+    mended = copy.deepcopy({**FILE, "base": base, "springs": [*FILE["springs"], *tilts]})
+    true = copy.deepcopy(mended)
+    shift(true["base"], "y", 0.08)
+    frf = exact_frf(plain(true), PLACES, FREQUENCY_HZ, delay_s=DELAY_S)
+    named, held = "centre of mass of the base along y", ("stiffness", "damping")
+    before, found = explained(mended, frf, "masses", named, held)
+    shift(mended["base"], "y", metres(found.units[0], float(found.amounts[0])))
+    after, _ = explained(mended, frf, "masses", named, held)
+    assert after < 0.1 * before
+
+
 def test_a_delay_is_told_as_it_is_to_be_changed():
     frf = exact_frf(plain(FILE), PLACES, FREQUENCY_HZ, delay_s=DELAY_S + 1e-4)
     named = "delay of the drives"
