@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from robid.arrays import FloatArray
 from robid.models.rigid.fit.solution import Travel
-from robid.results.estimate import Estimate
 from robid.robot.description import Robot
 from robid.robot.regressor.model import RigidModel
 
@@ -20,10 +21,19 @@ _SEED = 0
 _FASTEST_HZ = 0.5  # of the fundamental
 
 
+@dataclass(frozen=True)
+class Known:
+    """Estimated parameters, and how well their torques are known along any motion."""
+
+    value: FloatArray  # (n_base,)
+    covariance: FloatArray  # (n_base, n_base): may be of lower rank; variances of sums count, as errors cancel in them
+    freedom: float  # degrees of freedom of its variances
+
+
 def expected_error(
-    robot: Robot, model: RigidModel, estimate: Estimate, travel: Travel, own: FloatArray, size: FloatArray
+    robot: Robot, model: RigidModel, known: Known, travel: Travel, own: FloatArray, size: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Expected errors (n_joint,) on other motions and their 95 % bounds, over what a motor's error is related to.
+    """Mean errors (n_joint,) on other motions and their 95 % bounds, over what a motor's error is related to.
 
     Parameters are drawn from their covariance and predict torques along random motions of the robot. What they leave
     of torques that they never saw, along the fit's own motion, is added: it is nothing that the covariance knows of.
@@ -31,7 +41,7 @@ def expected_error(
     Args:
         robot: The robot.
         model: The model with the estimated parameters.
-        estimate: What the fit found.
+        known: Their values, and how well torques know them.
         travel: Where the arm was.
         own (n_joint,): Root mean square of the torques' errors on left-out pieces of the fit's own log [N m, or N].
         size (n_joint,): What a motor's error is related to [N m, or N].
@@ -42,18 +52,17 @@ def expected_error(
     generator = np.random.default_rng(_SEED)
     paths = [random_motion(robot, travel, generator) for _ in range(_MOTIONS)]
     position, velocity, acceleration = (np.concatenate(parts) for parts in zip(*paths, strict=True))
-    columns = _columns(model, estimate.value, position, velocity, acceleration)
+    columns = _columns(model, known.value, position, velocity, acceleration)
     columns = columns.reshape(_MOTIONS, _MOMENTS, *columns.shape[1:])
     # Errors of the parameters: normal with their covariance, wider by Student's degrees of freedom.
-    variance, axes = np.linalg.eigh(estimate.covariance)
+    variance, axes = np.linalg.eigh(known.covariance)
     root = axes * np.sqrt(np.maximum(variance, 0.0))
     drawn = root @ generator.standard_normal((len(root), _DRAWS))
-    freedom = float(np.min(estimate.degrees_of_freedom))
-    if np.isfinite(freedom):
-        drawn *= np.sqrt(freedom / generator.chisquare(freedom, _DRAWS))
+    if np.isfinite(known.freedom):
+        drawn *= np.sqrt(known.freedom / generator.chisquare(known.freedom, _DRAWS))
     error = np.sqrt(((columns @ drawn) ** 2).mean(axis=1) + own[:, None] ** 2) / size[:, None]
     whole = error.transpose(1, 0, 2).reshape(error.shape[1], -1)
-    return np.sqrt((whole**2).mean(axis=1)), np.quantile(whole, _LEVEL, axis=1)
+    return whole.mean(axis=1), np.quantile(whole, _LEVEL, axis=1)
 
 
 def random_motion(

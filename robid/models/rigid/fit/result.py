@@ -12,7 +12,7 @@ from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.models.rigid.fit.conclusion import HUBER, INSTRUMENTS, LEAST_SQUARES, Conclusion, Verdict, scale_of
 from robid.models.rigid.fit.consistency import against_nominal, make_consistent, parameter_scale, pseudo_inertia
 from robid.models.rigid.fit.cut_off import CutOffChoice
-from robid.models.rigid.fit.expected import expected_error
+from robid.models.rigid.fit.expected import Known, expected_error
 from robid.models.rigid.fit.options import EstimatorName, PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.regression import HuberRegression, Reduction, Regression, huber_weights, solve_factor
 from robid.models.rigid.fit.sizes import rated_torques
@@ -32,6 +32,7 @@ from robid.robot.description import Robot
 from robid.robot.regressor.base import BaseParameters
 from robid.robot.regressor.model import RigidModel
 
+_PLACES = {"huber": HUBER, "instruments": INSTRUMENTS}
 _NOT_NEGATIVE = ("motor_inertia", "coupling_inertia", "viscous", "coupling_viscous", "coulomb", "coupling_coulomb")
 _BODY = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
 
@@ -55,14 +56,23 @@ class Found:
         instruments = self.conclusion.instruments
         return found if instruments is None else {**found, "instruments": instruments}
 
+    def known(self, name: EstimatorName) -> Known:
+        """Values of one estimator with the covariance of what they predict.
+
+        The long-run covariance holds how errors cancel in torques. Variances scaled one by one do not: where motions
+        are poor, parameters that hardly differ would come out with errors of their own.
+        """
+        own, long_run = self.by_name[name], self.conclusion.long_run
+        covariance = self.covariance(name) if name == "ordinary" else long_run.of(_PLACES.get(name, LEAST_SQUARES))
+        return Known(own.parameters, covariance, float(long_run.freedom))
+
     def covariance(self, name: EstimatorName) -> FloatArray:
         """Covariance (n_base, n_base) of one estimator that respects correlated residuals.
 
         Its variances are the long-run ones; so few degrees of freedom do not determine correlations, which are those
         of the estimator's own formula.
         """
-        place = {"huber": HUBER, "instruments": INSTRUMENTS}.get(name, LEAST_SQUARES)
-        own = self.by_name[name]
+        own, place = self.by_name[name], _PLACES.get(name, LEAST_SQUARES)
         ratio = np.sqrt(np.diag(self.conclusion.long_run.of(place))) / own.standard_deviation
         return np.asarray(own.covariance * np.outer(ratio, ratio))
 
@@ -116,7 +126,7 @@ def make_solution(
         ),
         against_nominal=against_nominal(model, base, estimate, reduction),
         travel=travel,
-        expected=_expected(reduced, found, estimate, travel, choice),
+        expected=_expected(reduced, found, found.known(name), travel, choice),
         standard=standard,
         chosen=name,
     )
@@ -268,9 +278,7 @@ def _checks(verdict: Verdict) -> Checks:
     )
 
 
-def _expected(
-    reduced: RigidModel, found: Found, estimate: Estimate, travel: Travel, choice: CutOffChoice
-) -> ExpectedError:
+def _expected(reduced: RigidModel, found: Found, known: Known, travel: Travel, choice: CutOffChoice) -> ExpectedError:
     """Errors of the torques that the covariance and the residuals promise on other motions."""
     rms = np.sqrt(np.nanmean(found.torque**2, axis=0))
     left = np.sqrt(np.nanmean(found.conclusion.residual**2, axis=0))
@@ -278,7 +286,7 @@ def _expected(
     size = rated.size(rms)
     # What is left on pieces that the parameters never saw; noise of the fit's own rows, whose band may be wider, too.
     unseen = np.fmax(choice.left_out, left)
-    error, bound = expected_error(reduced.robot, reduced, estimate, travel, unseen, size)
+    error, bound = expected_error(reduced.robot, reduced, known, travel, unseen, size)
     # In the band of the motion, where that is known: noise beyond it is no error of the model.
     residual = np.where(np.isnan(choice.residual), left, choice.residual)
     return ExpectedError(error, bound, choice.left_out / size, residual / size, rated.torque_nm, rated.stated)
