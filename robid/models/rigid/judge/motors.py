@@ -18,6 +18,7 @@ MOTOR_ERROR_LIMIT = 0.3
 EXPECTED_ERROR_LIMIT = 0.15
 """Error that is expected on other motions from which a fit that was held against none must not be used."""
 
+_WITHOUT_MEANING = 10  # times a motor's size: how many more says nothing
 _BESIDE = 0.5  # of the residual: torque of links below it is lost in that
 
 
@@ -48,6 +49,8 @@ class Motors:
 
     def off(self, solution: RigidSolution, joint: int, error: float) -> str:
         """Says an error over the size of a motor's torque in the fit's own log, and what it is."""
+        if error > _WITHOUT_MEANING:
+            return f"more than {_WITHOUT_MEANING} times its size"
         rms = float(np.sqrt(np.nanmean(solution.residuals.torque[:, joint] ** 2)))
         size = max(rms, LEAST_SHARE * float(solution.expected.rated[joint]))
         return f"{error:.0%} of its size ({two_digits(error * size)} {solution.torque_unit})"
