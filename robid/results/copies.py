@@ -10,7 +10,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import detrend
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.signals.record import Record
 
 _MOST = 1 << 16
@@ -265,12 +265,13 @@ def _candidates(before: Stored, excerpt: Excerpt) -> Iterator[tuple[_Window, tup
     noise = before.noise[channel : channel + 1]
     for window in excerpt.windows:
         spectrum = searches[0].spectrum(window.samples)
-        for place, search in zip(places, searches, strict=True):
-            for at in search.best(spectrum):
-                here = before.samples[place][at : at + length, channel]
-                steps = before.steps(here, channel)
-                if _same(here[:, None], window.samples[:, None], steps[:, None], window.steps[:, None], noise):
-                    yield window, (place[0], place[1]), at
+        found = [(place, at) for place, search in zip(places, searches, strict=True) for at in search.best(spectrum)]
+        # All places at once, each a column.
+        here = np.stack([before.samples[place][at : at + length, channel] for place, at in found], axis=-1)
+        steps = np.stack([before.steps(values, channel) for values in here.T], axis=-1)
+        alike, _ = _alike(here, window.samples[:, None], steps, window.steps[:, None], noise)
+        for place, at in (found[index] for index in np.flatnonzero(alike)):
+            yield window, (place[0], place[1]), at
 
 
 def _confirmed(
@@ -298,26 +299,32 @@ def _confirmed(
 
 
 def _same(one: FloatArray, other: FloatArray, steps: FloatArray, other_steps: FloatArray, noise: FloatArray) -> bool:
-    """Whether two stretches (n_sample, n_channel) are multiples of each other in every channel that moves.
+    """Whether two stretches (n_sample, n_channel) are multiples of each other in every channel that moves."""
+    alike, still = _alike(one, other, steps, other_steps, noise)
+    return bool(np.all(alike | still) and not still.all())
+
+
+def _alike(
+    one: FloatArray, other: FloatArray, steps: FloatArray, other_steps: FloatArray, noise: FloatArray
+) -> tuple[BoolArray, BoolArray]:
+    """Which channels (n_channel,) of two stretches move and are multiples of each other, and which move in neither.
 
     Args:
-        one: Samples of the old record.
-        other: Samples of the new one.
+        one: Samples (n_sample, n_channel) of the old record.
+        other: Samples of the new one, or (n_sample, 1).
         steps: Steps at the old samples.
         other_steps: Steps at the new ones.
         noise (n_channel,): Share of noise.
     """
     energy, other_energy = (len(each) * each.var(axis=0) for each in (one, other))
-    moving = (energy > 0) & (other_energy > 0)
-    if not moving.any() or np.any((energy > 0) != (other_energy > 0)):
-        return False
+    moving, still = (energy > 0) & (other_energy > 0), (energy == 0) & (other_energy == 0)
     scale, apart = _fitted(one, other, np.ones_like(one))
     limit = rounding(scale * one, other, np.abs(scale) * steps, other_steps)
     shared = (apart**2).sum(axis=0) <= _OF_NOISE * noise * other_energy
     # Coarse steps of large values would move the scale by more than fine ones of small values allow.
     apart = _fitted(one, other, 1 / np.maximum(limit, _LEAST * limit.max(axis=0)))[1]
     rounded = (np.abs(apart) <= limit).all(axis=0)
-    return bool(np.all((rounded | shared)[moving]))
+    return moving & (rounded | shared), still
 
 
 def _fitted(one: FloatArray, other: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
