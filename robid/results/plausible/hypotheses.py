@@ -16,6 +16,8 @@ from robid.signals.record import Record
 _ACCUSED = 8.0
 _LEFT = 0.35
 _WITHIN = 2.5
+_SEEN = 2.0
+"""Standard deviations by which data must see a factor."""
 _FARTHEST = 4.5
 _ALIKE = 5.0
 _MOST = 3
@@ -120,7 +122,8 @@ def name_scales(hypotheses: Sequence[Hypothesis], told: Callable[[FloatArray], S
         seen = told(each.log)
         cost = seen.cost(each.log)
         share, std = seen.share(each.log)
-        is_inside = abs(share - 1) < _WITHIN * std and seen.farthest(each.log) < _FARTHEST
+        # What leaves nothing that could contradict it explains nothing: the data must see the factor itself.
+        is_inside = abs(share - 1) < _WITHIN * std < _WITHIN * share / _SEEN and seen.farthest(each.log) < _FARTHEST
         is_inside &= not each.exact or std * abs(np.log(each.factor)) < _EXACT
         if before - cost > _ACCUSED + each.penalty and cost < max(_LEFT * before, 1.0) and is_inside:
             found.append((cost + each.penalty + likely.cost(each.log), each, share, std))

@@ -10,7 +10,14 @@ from robid.arrays import BoolArray
 from robid.models.conclusions import graded_alone
 from robid.models.rigid.fit.options import RigidFitOptions
 from robid.models.rigid.fit.solution import RigidSolution, Travel
-from robid.models.rigid.judge.motors import EXPECTED_ERROR_LIMIT, MOTOR_ERROR_LIMIT, Motors, added_error, motors_of
+from robid.models.rigid.judge.motors import (
+    EXPECTED_ERROR_LIMIT,
+    MOTOR_ERROR_LIMIT,
+    Motors,
+    added_error,
+    motors_of,
+    moved_in_degrees,
+)
 from robid.models.rigid.judge.trials import Trial
 from robid.results.estimate import Estimate
 from robid.results.finding import Finding, two_digits
@@ -47,7 +54,7 @@ def parameter_findings(
         *_unfelt_rotors(solution),
         *_unexplained(solution, motors, tried),
         *_negative(solution.estimate),
-        *_excitation(solution, motors),
+        *_excitation(robot, solution, motors),
         *_bodies(solution),
     ]
     return tuple(sorted(found, key=_rank))
@@ -247,7 +254,7 @@ def _negative(estimate: Estimate) -> Iterator[Finding]:
         yield Finding(cause, f"{name} comes out negative ({value:.3g})", decisive=False, strength=1.5)
 
 
-def _excitation(solution: RigidSolution, motors: Motors) -> Iterator[Finding]:
+def _excitation(robot: Robot, solution: RigidSolution, motors: Motors) -> Iterator[Finding]:
     """A motion that is too poor: by the errors that it lets expect on others, or by its condition."""
     expected, estimate = solution.expected, solution.estimate
     poor = [name for name, known in zip(estimate.names, estimate.identified.tolist(), strict=True) if not known]
@@ -260,6 +267,7 @@ def _excitation(solution: RigidSolution, motors: Motors) -> Iterator[Finding]:
             f"{motors.off(solution, index, float(expected.error[index]))}, where the fit leaves "
             f"{expected.residual[index]:.0%}; it determines {len(estimate.names) - len(poor)} of "
             f"{len(estimate.names)} parameters (not {listed}); record larger, faster or longer motions of all joints"
+            f"{moved_in_degrees(robot.joints[index], solution.travel, index)}"
         )
         yield Finding("excitation", told, decisive=True, strength=error / EXPECTED_ERROR_LIMIT)
     elif poor and solution.base.condition > _POOR_CONDITION:

@@ -25,6 +25,7 @@ from robid.signals.quantities import QUANTITIES, Channel
 from robid.signals.record import Record
 
 _ROWS = 300
+_COURSE = 1000  # samples at least of each shot that tell how far it moved
 _WIDER, _HIGHEST = 4.0, 0.2
 _BODIES = ("inertia", "first_moment", "mass", "motor_inertia", "coupling_inertia")
 _VISIBLE = 0.1
@@ -99,13 +100,14 @@ class _Scene:
         self._nominal = base.values(self._model.nominal)
         self._bodies = np.isin(np.array(self._columns.kinds), _BODIES)
         self._rows = thinned(shots, options)
+        self._course = [shot.position[:: max(1, len(shot.position) // _COURSE)] for shot in shots]
         self._pairs = self._paired()
         self._seen: dict[bytes, Seen] = {}
 
     def may_be(self, hypothesis: Hypothesis) -> bool:
         """Whether a hypothesis is worth a trial: no other channel contradicts it, nor how far the joints move."""
-        travel, reach = self._travel()
-        share = np.where(np.isfinite(reach), travel / np.exp(hypothesis.log[self._places]) / reach, _USUAL_TRAVEL)
+        travel, reach = self._travel(np.exp(hypothesis.log[self._places]))
+        share = np.where(np.isfinite(reach), travel / reach, _USUAL_TRAVEL)
         moves = hypothesis.log[self._places] == 0
         likely = moves | ((share > _LEAST_TRAVEL) & (share < _MOST_TRAVEL))
         return bool(likely.all()) and self._pairs.farthest(hypothesis.log) < _CONTRADICTED
@@ -128,7 +130,7 @@ class _Scene:
             [np.log(self._shots[0].sampling_period_s / _USUAL_PERIOD_S)],
             [_PERIOD_STD],
         )
-        travel, reach = self._travel()
+        travel, reach = self._travel(np.ones(self._n_joint))
         for joint in np.flatnonzero(np.isfinite(reach) & (travel > 0)).tolist():
             rows.append(self._row({int(self._places[joint]): 1.0}))
             values.append(np.log(travel[joint] / reach[joint] / _USUAL_TRAVEL))
@@ -156,9 +158,12 @@ class _Scene:
         shape = (len(rows), self._n_state)
         return Seen(np.reshape(rows, shape), np.reshape(values, len(rows)), np.diag(np.square(stds)))
 
-    def _travel(self) -> tuple[FloatArray, FloatArray]:
-        """How far each joint would have moved, and may (n_joint,) [rad, or m]."""
-        ends = [(shot.position @ self._robot.arm_per_motor.T) for shot in self._shots]
+    def _travel(self, motion: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How far each joint would have moved, and may (n_joint,) [rad, or m], where motors were read `motion` times.
+
+        Motors that turn several joints move them all.
+        """
+        ends = [(one / motion @ self._robot.arm_per_motor.T) for one in self._course]
         travel = np.max([one.max(axis=0) for one in ends], axis=0) - np.min([one.min(axis=0) for one in ends], axis=0)
         return np.asarray(travel), np.asarray(self._robot.upper - self._robot.lower)
 
@@ -171,8 +176,8 @@ class _Scene:
         path = position / motion, velocity / motion * time, acceleration / motion * time**2
         whole, still = (self._columns.columns(*one) for one in (path, (path[0], 0 * path[1], 0 * path[2])))
         values, share = _explained(whole, torque)
-        travel, reach = self._travel()
-        beyond = np.log(np.maximum(np.where(np.isfinite(reach), travel / motion / reach, 1.0), 1.0))
+        travel, reach = self._travel(motion)
+        beyond = np.log(np.maximum(np.where(np.isfinite(reach), travel / reach, 1.0), 1.0))
         # What each row's value goes with, the value in deviations or as a logarithm, and whether it is one.
         found: list[tuple[dict[int, float], float, bool]] = [({}, share / _ERROR_STD, False)]
         for joint in range(self._n_joint):

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from rigid_logs import PERIOD_S, fourier_motion, shot_along, with_masses
-from rigid_robots import random_chain
+from rigid_robots import random_chain, with_gears
 from robid.errors import DataError
 from robid.models.rigid.fit.consistency import against_nominal
 from robid.models.rigid.fit.fitting import fit_rigid
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.shots import repeats, travel_of
+from robid.models.rigid.judge.motors import moved_in_degrees
 from robid.models.rigid.judge.plausible import assess_rigid
 from robid.models.rigid.judge.scales import motions_of, rigid_scale_findings, sum_findings
 from robid.models.rigid.judge.validating import validate_rigid
@@ -95,6 +96,30 @@ def test_units_that_are_off_are_named_and_nothing_is_to_be_used(robot, shot, cha
     (key, factor), *_ = change.items()
     finding, *more = _units(robot, replace(shot, **{key: factor * getattr(shot, key)}))
     assert (finding.cause, finding.decisive, finding.scales[0], more) == ("units", True, scale, [])
+
+
+@pytest.mark.parametrize("joint", [0, 1, 2])
+def test_degrees_of_a_motor_that_turns_other_joints_too_are_its_own(robot, joint):
+    coupled = with_gears(robot)
+    coupled = replace(coupled, joints=tuple(replace(each, lower=-3.0, upper=3.0) for each in coupled.joints))
+    motion = np.where(np.arange(3) == joint, 180 / np.pi, 1.0)
+    shot = shot_along(coupled, fourier_motion(coupled, N_SAMPLE))
+    assert _units(coupled, shot) == ()
+    finding, *_ = _units(coupled, replace(shot, position=shot.position * motion))
+    assert finding.scales[0] == Scale("motor_angle", "180/pi", joints=(f"joint_{joint}",))
+
+
+@pytest.mark.parametrize("joint", [0, 1, 2])
+def test_an_angle_with_the_wrong_sign_accuses_no_units(robot, shot, joint):
+    assert _units(robot, replace(shot, position=shot.position * np.where(np.arange(3) == joint, -1.0, 1.0))) == ()
+
+
+def test_a_joint_that_hardly_moved_is_asked_for_its_unit(robot, shot):
+    limited = replace(robot, joints=tuple(replace(each, lower=-3.0, upper=3.0) for each in robot.joints))
+    travel = travel_of(limited, [replace(shot, position=shot.position * [1.0, np.pi / 180, 1.0])])
+    asked = [bool(moved_in_degrees(each, travel, index)) for index, each in enumerate(limited.joints)]
+    assert asked == [False, True, False]
+    assert not moved_in_degrees(replace(limited.joints[1], type="prismatic"), travel, 1)
 
 
 @pytest.mark.parametrize(
