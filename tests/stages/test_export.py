@@ -51,7 +51,7 @@ def test_json_is_read_back_equal(done):
 def test_csv_is_read_back_equal(done):
     with exported(done, "csv").open(newline="") as file:
         header, *rows = list(csv.reader(file))
-    assert header == [*COLUMNS, "meaning", *GEARS]
+    assert header == [*COLUMNS, "meaning", "middle_moved_by", *GEARS]
     last = COLUMNS.index("identifiable")
     found = [(*row[:3], *map(float, row[3:last]), row[last] == "True") for row in rows]
     assert found == wanted_rows(solution_of(done))

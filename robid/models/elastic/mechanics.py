@@ -19,6 +19,7 @@ from robid.models.elastic.fit.nuisance.kinds import HYSTERESIS, LOAD_DAMPING
 from robid.models.elastic.fit.solution import ElasticSolution, fitted_delay_s, fitted_robot
 from robid.models.elastic.fitting import nominal_robot
 from robid.models.elastic.judge.fitted import fitted_model
+from robid.models.elastic.judge.middles import middle_rows
 from robid.models.elastic.settings import elastic_fit
 from robid.models.encode import PARAMETER_COLUMNS, Content, encode_csv, encode_json, encode_mat, encode_npz
 from robid.models.family import ExportTask
@@ -38,8 +39,10 @@ from robid.signals.quantities import readable, readable_units
 from robid.simulate.options import Imperfections, SimulateOptions
 from robid.simulate.steps import choose_steps
 
-_COLUMNS = (*PARAMETER_COLUMNS, "meaning", "gear_alone_value", "gear_alone_lower", "gear_alone_upper")
-"""Columns of elastic fits: what a stiffness is of where that is not its name alone, and what the gear alone may be."""
+_OF_GEARS = ("gear_alone_value", "gear_alone_lower", "gear_alone_upper")
+_COLUMNS = (*PARAMETER_COLUMNS, "meaning", "middle_moved_by", *_OF_GEARS)
+"""Columns of elastic fits: what a stiffness is of where that is not its name alone, what moves the middle of its
+interval away from the estimate, and what the gear alone may be."""
 _OF_PHYSICAL = {"physical_lower": "lower", "physical_upper": "upper", "physical_relative_std": "relative_std"}
 _VALUES = {name: {"estimate": "value", **_OF_PHYSICAL}.get(name, name) for name in PARAMETER_COLUMNS[3:]}
 """Fields of an estimate by column: its interval is that of the parameter itself."""
@@ -134,7 +137,7 @@ def parameter_records(found: FittedExport) -> list[dict[str, object]]:
     told = ("nominal", "estimate", "physical_lower", "physical_upper")
     values = (each.tolist() for each in (tied.nominal, tied.value, tied.lower, tied.upper))
     followers = zip(tied.names, tied.to, *values, strict=True)
-    unknown = dict.fromkeys((*_VALUES, *_COLUMNS[-3:]), math.nan)
+    unknown = dict.fromkeys((*_VALUES, *_OF_GEARS), math.nan)
     more = [
         own[leader]
         | unknown
@@ -153,7 +156,7 @@ def _columns(estimate: Estimate) -> dict[str, FloatArray]:
 
 
 def _gears(solution: ElasticSolution) -> dict[str, FloatArray | tuple[str, ...]]:
-    """The columns of what gears alone may be; NaN of what is no gear, or not told by an older model."""
+    """The columns of middles and of gears alone; NaN of what is no gear, or not told by an older model."""
     names, gears = solution.estimate.names, solution.gears
     told = () if gears is None else gears.names
     rows = [names.index(name) for name in told]
@@ -161,7 +164,9 @@ def _gears(solution: ElasticSolution) -> dict[str, FloatArray | tuple[str, ...]]
     if gears is not None:
         columns[:, rows] = gears.value, gears.lower, gears.upper
     meaning = tuple(WITH_CHAIN if name in told else "" for name in names)
-    return {"meaning": meaning, **dict(zip(_COLUMNS[-3:], columns, strict=True))}
+    reasons = {row.name: row.reason for row in middle_rows(solution)}
+    moved = tuple(reasons.get(name, "") for name in names)
+    return {"meaning": meaning, "middle_moved_by": moved, **dict(zip(_OF_GEARS, columns, strict=True))}
 
 
 def arrays(found: FittedExport, rows: list[int]) -> Content:

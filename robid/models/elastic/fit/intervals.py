@@ -97,7 +97,8 @@ def _of_few_clusters(
     size = internal.size
     half = norm.ppf(0.5 + 0.5 * confidence) * np.sqrt(np.diag(far.pooled.assumed))[size:]
     physical = Spread(far.values, far.pooled.assumed[:size, :size], spread.degrees_of_freedom, source)
-    return Spreads(spread, physical, covariance, nuisances=nuisances.estimated(far.amounts, np.asarray(half)))
+    told = nuisances.estimated(far.amounts, np.asarray(half), far.pooled.assumed)
+    return Spreads(spread, physical, covariance, nuisances=told)
 
 
 def _spread(estimate: ClusterEstimate, rule: str, confidence: float) -> Spread:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, IntArray
 from robid.clusters.evidence import Evidence, group_clusters, summarise
 from robid.clusters.pooling import Pooled, estimate_between, pool
 from robid.errors import DataError
@@ -268,9 +268,9 @@ def _estimated(
     rows = {nuisance.name: far.values.size + number for number, nuisance in enumerate(linear.nuisances)}
     for spring in unexcluded:
         together = leave_room(together, spring, rows[spring.name])
-    nuisances = _estimates(linear, together, springs, confidence)
     names = linear.problem.parameters.names
     own = np.array([names.index(name) for name in problem.parameters.names])
+    nuisances = _estimates(linear, together, springs, own, confidence)
     beyond = f", which are {further:.1f} times as far off as stated" if further > _BEYOND else ""
     errors = assumed_errors(model_error=bool(problem.model_error.any()))
     differing = f"what {len(linear.clusters)} clusters of configurations differ by"
@@ -343,11 +343,14 @@ def _extended(found: AddedSprings, basis: Basis) -> LinearNuisances | None:
 
 
 def _estimates(
-    linear: LinearNuisances, together: Spread, springs: Sequence[str], confidence: float
+    linear: LinearNuisances, together: Spread, springs: Sequence[str], own: IntArray, confidence: float
 ) -> NuisanceEstimates:
-    """What is said of the nuisances; of springs put in place their compliance over that of their gear, in percent."""
+    """What is said of the nuisances; of springs put in place their compliance over that of their gear, in percent.
+
+    What they move are the problem's `own` (n_param,) parameters; what springs put in place move is not linear.
+    """
     reach, size, names = together.reach(confidence), linear.point.size, linear.problem.parameters.names
-    found = linear.estimated(together.values[size:], reach[size:])
+    found = linear.estimated(together.values[size:], reach[size:], together.covariance)
     placed, count = np.array([names.index(f"{spring}.stiffness") for spring in springs], int), len(springs)
     value, half = together.values[placed], reach[placed]
     # A logarithm of stiffness is one of compliance the other way around: its interval's ends are turned into percent.
@@ -360,4 +363,5 @@ def _estimates(
         place_std=np.concatenate([np.zeros(count), found.place_std]),
         value=np.concatenate([_PERCENT * np.exp(-value), found.value]),
         half_width=np.concatenate([0.5 * (upper - lower), found.half_width]),
+        moves=np.hstack([np.zeros((len(own), count)), found.moves[own]]),
     )

@@ -112,6 +112,9 @@ class NuisanceEstimates:
     place_std: Annotated[FloatArray, Quantity("as in units", "doubt", "Deviation of what each cluster adds")]
     value: Annotated[FloatArray, Quantity("as in units", "doubt", "Estimated amount, zero where the file is right")]
     half_width: Annotated[FloatArray, Quantity("as in units", "doubt", "Half width of its interval")]
+    moves: Annotated[
+        FloatArray, Quantity("1", "parameter, doubt", "What its amount moves the middle of each by, internal")
+    ]
 
 
 @dataclass(frozen=True)

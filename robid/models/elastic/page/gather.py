@@ -21,8 +21,10 @@ from robid.models.elastic.files import (
 from robid.models.elastic.fit.model_error import ModelError
 from robid.models.elastic.fit.nuisance.kinds import list_nuisances
 from robid.models.elastic.fit.solution import ElasticSolution, NuisanceEstimates, Starts
+from robid.models.elastic.judge.middles import MiddleRow, middle_rows
 from robid.models.elastic.judge.resonances import Measured, Repeat, ResonanceTable, pool_repeats
 from robid.models.elastic.page.gears import GearRow, gear_rows, gear_sentence
+from robid.models.elastic.page.middles import middle_sentence
 from robid.models.elastic.settings import elastic_fit
 from robid.models.family import Shown
 from robid.models.parameters import parameter_rows
@@ -98,6 +100,7 @@ class FitContent:
     grade: Grade | None = None  # How far to trust it; None where that is unknown
     nuisance_rows: tuple[NuisanceRow, ...] = ()  # What the robot file may have wrong
     gears: tuple[GearRow, ...] = ()  # What gears alone may be
+    middles: tuple[MiddleRow, ...] = ()  # What moves the middles of intervals away from the estimates
     validation_campaign: str = ""  # Name of the validation campaign
     validation_frf: Frf | None = None  # Its frequency responses, or None
     validation_model: ComplexArray | None = None  # The model's responses there, or None
@@ -206,6 +209,7 @@ def fit_content(shown: Shown) -> FitContent:
         model_error=solution.model_error,
         nuisance_rows=() if solution.doubts is None else nuisance_rows(solution.doubts, limits, estimate.confidence),
         gears=gear_rows(solution, frf.input_unit),
+        middles=middle_rows(solution),
         grade=grade,
     )
     if validation is None or settings.validate_on is None or shown.new is None:
@@ -263,7 +267,9 @@ def _estimates(
         undetermined=found.undetermined,
         identifiable_relative_std=found.identifiable_relative_std,
         interval_rule=found.interval_rule,
-        about=gear_sentence(gear_rows(solution, torque_unit)),
+        about=" ".join(
+            filter(None, (gear_sentence(gear_rows(solution, torque_unit)), middle_sentence(middle_rows(solution))))
+        ),
     )
 
 

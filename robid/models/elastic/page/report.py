@@ -13,6 +13,7 @@ from robid.models.elastic.files import validation_from_artifact
 from robid.models.elastic.judge.validating import Validation
 from robid.models.elastic.page.gather import FitContent, NuisanceRow, fit_content
 from robid.models.elastic.page.gears import gear_section
+from robid.models.elastic.page.middles import middle_section
 from robid.models.elastic.page.resonances import (
     repeat_summary,
     resonance_errors,
@@ -78,6 +79,7 @@ def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]
         _response(fit, told),
         *parameter_section(fit.estimates, _conventions(fit)),
         *gear_section(fit.gears, fit.estimates.level),
+        *middle_section(fit.middles),
         *nuisance_section(fit.nuisance_rows, fit.estimates.level),
         *resonance_section(fit.resonances, fit.frf, fit.estimates.level),
         *cost_section(fit.estimation_costs, fit.validation_costs, element_sentence(fit)),

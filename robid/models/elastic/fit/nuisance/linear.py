@@ -71,10 +71,20 @@ class LinearNuisances(NuisanceSet):
             error[cluster] += self.columns[cluster] @ own
         return error
 
-    def estimated(self, value: FloatArray, half_width: FloatArray) -> NuisanceEstimates:
-        """Returns what a fit says of the amounts (n_nuisance,) that it estimated along."""
+    def estimated(self, value: FloatArray, half_width: FloatArray, covariance: FloatArray) -> NuisanceEstimates:
+        """Returns what a fit says of the amounts (n_nuisance,) that it estimated along.
+
+        Args:
+            value (n_nuisance,): The amounts.
+            half_width (n_nuisance,): Half the widths of their intervals.
+            covariance: Joint covariance (n_param + n_nuisance, n_param + n_nuisance), parameters first.
+        """
         names, causes, units = zip(*((each.name, each.cause, each.unit) for each in self.nuisances), strict=True)
-        return NuisanceEstimates(names, causes, units, self.common_std, self.cluster_std, value, half_width)
+        # Where all that is known is Gaussian, amounts move the parameters by their regression on these.
+        size = self.point.size
+        slopes = np.linalg.lstsq(covariance[size:, size:], covariance[size:, :size], rcond=None)[0].T
+        moves = slopes * value
+        return NuisanceEstimates(names, causes, units, self.common_std, self.cluster_std, value, half_width, moves)
 
     @property
     def least_shift(self) -> FloatArray:
