@@ -1,0 +1,87 @@
+"""Gains of motors from a known load: recovered, inside their intervals, and the prior's where nothing tells them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rigid_logs import PERIOD_S, fourier_motion
+from rigid_robots import random_chain
+from robid.errors import DataError
+from robid.models.rigid.fit.gains import estimate_gains
+from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
+from robid.models.rigid.fit.shots import Shot
+from robid.robot.description import Inertial
+from robid.robot.regressor.drives import RigidOptions
+from robid.robot.regressor.model import build_rigid_model
+
+FILTERS = PreprocessingOptions(position_cut_hz=10.0)
+OPTIONS = RigidFitOptions(filters=FILTERS)
+N_DRAW = 30
+
+
+def _arm(scale):
+    """A chain with a payload as heavy as a link, all masses and inertias multiplied."""
+    robot = replace(random_chain(4, 3, slides=0.0), gravity_m_s2=np.array([0.0, 0.0, -9.81]))
+    joints = tuple(
+        replace(
+            joint,
+            link=replace(joint.link, mass_kg=scale * joint.link.mass_kg, inertia_kgm2=scale * joint.link.inertia_kgm2),
+        )
+        for joint in robot.joints
+    )
+    mass = scale * robot.joints[-1].link.mass_kg
+    payload = Inertial(mass, np.array([0.1, 0.05, 0.15]), 0.01 * mass * np.eye(3))
+    return replace(robot, joints=joints, payload=payload)
+
+
+def _pair(robot, gain, noise, seed, n_sample=4000):
+    """Records of one motion without and with the payload, whose torques are stated by wrong constants."""
+    generator, shots = np.random.default_rng(seed), []
+    model = build_rigid_model(robot, RigidOptions(payload="body"))
+    path = fourier_motion(robot, n_sample) @ robot.motor_per_arm.T
+    for loaded in (False, True):
+        torque = model.torques(model.nominal, *path, loaded=loaded)
+        torque += noise * torque.std(axis=0) * generator.standard_normal(torque.shape)
+        shots.append(Shot(path[0], torque / gain, PERIOD_S, held=False, loaded=loaded))
+    return shots
+
+
+@pytest.mark.parametrize("scale", [1.0, 40.0])
+def test_gains_are_recovered_and_their_intervals_hold_them(scale):
+    robot, gain = _arm(scale), np.array([1.15, 0.87, 1.06])
+    found = [estimate_gains(robot, _pair(robot, gain, 0.05, seed), FILTERS, OPTIONS) for seed in range(N_DRAW)]
+    assert all(each.determined.all() for each in found)
+    off = np.array([(each.gain - gain) / each.deviation for each in found])
+    # 90 intervals of 95 %: fewer than 79 held has a chance below 0.5 %, and standardised errors are of size 1.
+    assert np.sum(np.abs(off) < 1.96) >= 79
+    assert 0.7 < np.sqrt(np.mean(off**2)) < 1.4
+
+
+def test_a_motor_that_the_load_does_not_move_keeps_its_prior():
+    robot = _arm(1.0)
+    turn, lift = robot.joints[:2]
+    upright = {"position_m": np.zeros(3), "rotation": np.eye(3)}
+    joints = replace(turn, **upright), replace(lift, type="prismatic", **upright)
+    # A point on the vertical axis: lifting it takes a force, turning it nothing.
+    load = Inertial(5.0, np.array([0.0, 0.0, 0.1]), np.zeros((3, 3)))
+    robot = replace(robot, joints=joints, payload=load)
+    found = estimate_gains(robot, _pair(robot, np.array([1.1, 0.9]), 0.02, 0), FILTERS, OPTIONS, prior_std=0.08)
+    assert found.determined.tolist() == [False, True]
+    assert found.gain[0] == pytest.approx(1.0, abs=0.01)
+    assert found.deviation[0] == pytest.approx(0.08, rel=0.05)
+    assert found.gain[1] == pytest.approx(0.9, abs=4 * found.deviation[1])
+
+
+def test_gains_need_both_kinds_of_records_and_a_load():
+    robot = _arm(1.0)
+    shots = _pair(robot, np.ones(3), 0.02, 0)
+    empty = replace(robot, payload=replace(robot.payload, mass_kg=0.0))
+    growing = replace(OPTIONS, model=RigidOptions(friction="load"))
+    tried = (robot, shots[1:], OPTIONS), (empty, shots, OPTIONS), (robot, shots, growing)
+    codes = []
+    for arm, given, options in tried:
+        with pytest.raises(DataError) as caught:
+            estimate_gains(arm, given, FILTERS, options)
+        codes += caught.value.codes
+    assert codes == ["D452", "D452", "D453"]
