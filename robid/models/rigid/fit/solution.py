@@ -161,6 +161,27 @@ class StandardSet:
 
 
 @dataclass(frozen=True)
+class Gains:
+    """What each motor's true torque is over its recorded one."""
+
+    gain: Annotated[FloatArray, Quantity("1", "joint", "True torque over the recorded one")]
+    covariance: Annotated[FloatArray, Quantity("1", "joint joint", "Of the gains")]
+    # Whether the load tells it; the others are the prior's for the most part.
+    determined: Annotated[BoolArray, Quantity("1", "joint", "Whether the known load tells it")]
+    freedom: float  # degrees of freedom of the variances
+
+    @property
+    def deviation(self) -> FloatArray:
+        """Standard deviation (n_joint,) of each gain."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def relative_covariance(self) -> FloatArray:
+        """Covariance (n_joint, n_joint) of the gains, each over itself."""
+        return np.asarray(self.covariance / np.outer(self.gain, self.gain))
+
+
+@dataclass(frozen=True)
 class RigidSolution:
     """Estimated base parameters of a rigid model, and how far they are to be trusted."""
 
@@ -177,3 +198,4 @@ class RigidSolution:
     standard: StandardSet | None
     chosen: str  # name of the estimator whose result it is
     torque_unit: str = "N m"  # what stands for N m: A where torques are currents
+    gains: Gains | None = None  # what the torques were multiplied by; None where they are as recorded

@@ -4,20 +4,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
+from scipy.stats import t
 
 from rigid_logs import PERIOD_S, fourier_motion
 from rigid_robots import random_chain
 from robid.errors import DataError
-from robid.models.rigid.fit.gains import estimate_gains
+from robid.models.rigid.fit.gains import corrected, estimate_gains
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.shots import Shot
 from robid.robot.description import Inertial
+from robid.robot.nuisance import NuisanceStd
 from robid.robot.regressor.drives import RigidOptions
 from robid.robot.regressor.model import build_rigid_model
 
 FILTERS = PreprocessingOptions(position_cut_hz=10.0)
 OPTIONS = RigidFitOptions(filters=FILTERS)
 N_DRAW = 30
+WARM_UP = 500
+EXACT = NuisanceStd(payload_relative_std=0.0, payload_com_m=0.0, payload_inertia_relative_std=0.0)
 
 
 def _arm(scale):
@@ -35,27 +40,60 @@ def _arm(scale):
     return replace(robot, joints=joints, payload=payload)
 
 
-def _pair(robot, gain, noise, seed, n_sample=4000):
+def _pair(robot, gain, noise, seed, n_sample=4000, colour=0.0):
     """Records of one motion without and with the payload, whose torques are stated by wrong constants."""
     generator, shots = np.random.default_rng(seed), []
     model = build_rigid_model(robot, RigidOptions(payload="body"))
     path = fourier_motion(robot, n_sample) @ robot.motor_per_arm.T
     for loaded in (False, True):
         torque = model.torques(model.nominal, *path, loaded=loaded)
-        torque += noise * torque.std(axis=0) * generator.standard_normal(torque.shape)
+        # Noise of first order, of the same deviation whatever its colour.
+        white = generator.standard_normal((n_sample + WARM_UP, len(gain)))
+        coloured = lfilter([np.sqrt(1 - colour**2)], [1, -colour], white, axis=0)[WARM_UP:]
+        torque += noise * torque.std(axis=0) * coloured
         shots.append(Shot(path[0], torque / gain, PERIOD_S, held=False, loaded=loaded))
     return shots
 
 
-@pytest.mark.parametrize("scale", [1.0, 40.0])
-def test_gains_are_recovered_and_their_intervals_hold_them(scale):
-    robot, gain = _arm(scale), np.array([1.15, 0.87, 1.06])
-    found = [estimate_gains(robot, _pair(robot, gain, 0.05, seed), FILTERS, OPTIONS) for seed in range(N_DRAW)]
-    assert all(each.determined.all() for each in found)
-    off = np.array([(each.gain - gain) / each.deviation for each in found])
-    # 90 intervals of 95 %: fewer than 79 held has a chance below 0.5 %, and standardised errors are of size 1.
-    assert np.sum(np.abs(off) < 1.96) >= 79
-    assert 0.7 < np.sqrt(np.mean(off**2)) < 1.4
+def _other_load(robot, seed):
+    """The robot with a payload that its file has wrong by as much as it doubts it."""
+    generator, std, load = np.random.default_rng(1000 + seed), robot.nuisance_std, robot.payload
+    heavier = 1 + std.payload_relative_std * generator.standard_normal()
+    centre = load.com_m + std.payload_com_m * generator.standard_normal(3)
+    inert = heavier + std.payload_inertia_relative_std * generator.standard_normal()
+    return replace(robot, payload=Inertial(heavier * load.mass_kg, centre, inert * load.inertia_kgm2))
+
+
+@pytest.mark.parametrize(
+    ("scale", "doubts", "colour"),
+    [
+        pytest.param(1.0, EXACT, 0.0, id="light"),
+        pytest.param(40.0, EXACT, 0.98, id="heavy, coloured noise"),
+        pytest.param(1.0, replace(EXACT, payload_relative_std=0.02, payload_com_m=0.002), 0.0, id="light, other load"),
+        pytest.param(40.0, NuisanceStd(payload_com_m=0.005), 0.0, id="heavy, other load"),
+    ],
+)
+def test_gains_are_recovered_and_their_intervals_hold_them(scale, doubts, colour):
+    robot, gain = replace(_arm(scale), nuisance_std=doubts), np.array([1.15, 0.87, 1.06])
+    off = []
+    for seed in range(N_DRAW):
+        shots = _pair(_other_load(robot, seed), gain, 0.02, seed, colour=colour)
+        found = estimate_gains(robot, shots, FILTERS, OPTIONS)
+        assert found.determined.all()
+        off.append((found.gain - gain) / found.deviation / t.ppf(0.975, found.freedom))
+    # 90 intervals, three of a draw correlated: fewer than 79 held has a chance of 1 % or less.
+    assert np.sum(np.abs(off) < 1) >= 79
+    assert 0.7 < 1.96 * np.sqrt(np.mean(np.square(off))) < 1.4
+
+
+def test_corrected_torques_are_those_that_the_motors_had():
+    robot, gain = replace(_arm(1.0), nuisance_std=EXACT), np.array([1.15, 0.87, 1.06])
+    stated, true = (_pair(robot, each, 0.0, 0) for each in (gain, np.ones(3)))
+    noisy = _pair(robot, gain, 0.001, 0)
+    found = estimate_gains(robot, noisy, FILTERS, OPTIONS)
+    for one, other in zip(corrected(stated, found), true, strict=True):
+        np.testing.assert_allclose(one.torque, other.torque, rtol=0.01)
+    assert corrected(stated, None) == tuple(stated)
 
 
 def test_a_motor_that_the_load_does_not_move_keeps_its_prior():
@@ -65,7 +103,7 @@ def test_a_motor_that_the_load_does_not_move_keeps_its_prior():
     joints = replace(turn, **upright), replace(lift, type="prismatic", **upright)
     # A point on the vertical axis: lifting it takes a force, turning it nothing.
     load = Inertial(5.0, np.array([0.0, 0.0, 0.1]), np.zeros((3, 3)))
-    robot = replace(robot, joints=joints, payload=load)
+    robot = replace(robot, joints=joints, payload=load, nuisance_std=EXACT)
     found = estimate_gains(robot, _pair(robot, np.array([1.1, 0.9]), 0.02, 0), FILTERS, OPTIONS, prior_std=0.08)
     assert found.determined.tolist() == [False, True]
     assert found.gain[0] == pytest.approx(1.0, abs=0.01)
@@ -78,10 +116,11 @@ def test_gains_need_both_kinds_of_records_and_a_load():
     shots = _pair(robot, np.ones(3), 0.02, 0)
     empty = replace(robot, payload=replace(robot.payload, mass_kg=0.0))
     growing = replace(OPTIONS, model=RigidOptions(friction="load"))
-    tried = (robot, shots[1:], OPTIONS), (empty, shots, OPTIONS), (robot, shots, growing)
+    currents = [replace(shot, torque_unit="A") for shot in shots]
+    tried = (robot, shots[1:], OPTIONS), (empty, shots, OPTIONS), (robot, shots, growing), (robot, currents, OPTIONS)
     codes = []
     for arm, given, options in tried:
         with pytest.raises(DataError) as caught:
             estimate_gains(arm, given, FILTERS, options)
         codes += caught.value.codes
-    assert codes == ["D452", "D452", "D453"]
+    assert codes == ["D452", "D452", "D453", "D494"]
