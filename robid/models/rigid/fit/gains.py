@@ -65,6 +65,15 @@ def corrected(shots: Sequence[Shot], gains: Gains | None) -> tuple[Shot, ...]:
     return tuple(shots) if gains is None else tuple(replace(shot, torque=shot.torque * gains.gain) for shot in shots)
 
 
+def describe_gains(gains: Gains, names: Sequence[str], level: float) -> str:
+    """Says by what torques of joints were multiplied, with half their intervals, and what the load did not tell."""
+    rows = zip(names, gains.gain.tolist(), gains.half_width(level).tolist(), gains.determined.tolist(), strict=True)
+    told = ", ".join(
+        f"{name} {gain:.3g} ± {half:.2g}{'' if sure else ' (not determined)'}" for name, gain, half, sure in rows
+    )
+    return f"torques are multiplied by gains: {told}"
+
+
 def gains_of(source: RowSource, prior_std: float) -> Gains:
     """Estimates gains from rows whose last columns are the known load's torque and what its doubts add to it."""
     reduction = reduce_rows(source)

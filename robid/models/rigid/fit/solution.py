@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from scipy.stats import t as student
 
 from robid.arrays import BoolArray, FloatArray, IntArray, Quantity
 from robid.results.estimate import Estimate
@@ -174,6 +175,10 @@ class Gains:
     def deviation(self) -> FloatArray:
         """Standard deviation (n_joint,) of each gain."""
         return np.sqrt(np.diag(self.covariance))
+
+    def half_width(self, level: float) -> FloatArray:
+        """Returns half the width (n_joint,) of the gains' intervals of a level."""
+        return np.asarray(student.ppf(0.5 + level / 2, self.freedom) * self.deviation)
 
     @property
     def relative_covariance(self) -> FloatArray:
