@@ -87,6 +87,17 @@ def test_gains_stand_on_terminal_page_and_in_exports(corrected):
     assert loadmat(folder / files["mat"])["gain"].ravel() == pytest.approx(gains.gain)
 
 
+def test_what_the_robot_file_doubts_is_part_of_what_a_fit_rests_on(corrected):
+    shop, _ = corrected
+    shop.change("name: carrier", "name: carrier\ndoubts: {payload_relative_std: 0.05}", "carrier_robot.yaml")
+    try:
+        status, why = shop.states()["fits/carried/model.h5"]
+        assert status == "stale"
+        assert "robot.doubts.payload_relative_std" in why
+    finally:
+        shop.change("\ndoubts: {payload_relative_std: 0.05}", "", "carrier_robot.yaml")
+
+
 def test_gains_without_a_known_payload_are_refused(shop):
     _start(shop)
     shop.change("payload: body, friction: viscous", "payload: body, friction: load", "payload.yaml")

@@ -145,7 +145,7 @@ def _gains(fit: RigidFit, robot: RobotFile) -> _Found:
 
 _PARTS: tuple[Part, ...] = (
     *("mechanics", "rigid", "range", "friction", "torque_constant", "rated_torque", "motor_limits"),
-    *("controller", "timing"),
+    *("doubts", "controller", "timing"),
 )
 """Parts of the robot file that decide a rigid model, and what is said of it."""
 
