@@ -8,11 +8,11 @@ from typing import TypeAlias
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.regression import Reduction, reduce_rows, solve_factor, weighted_least_squares
-from robid.models.rigid.fit.residuals import Influence, long_run_covariance
+from robid.models.rigid.fit.residuals import Influence, LongRun, long_run_covariance
 from robid.models.rigid.fit.rows import Reading, Remembered, Rows, RowSource
 from robid.models.rigid.fit.shots import Shot, motion_of
 from robid.models.rigid.fit.solution import Gains
@@ -98,15 +98,30 @@ def gains_of(source: RowSource, prior_std: float) -> Gains:
             break
     else:
         raise ValueError("The gains do not settle: the load explains too little of the torques.")
-    influence = Influence(np.zeros(len(mean)), bread, deviation**-2.0, np.full(n_joint, np.inf))
-    n_moment = sum(len(rows.torque) for rows in source)
-    long_run = long_run_covariance(_Linear(source, found, n_joint), [influence], n_moment, float(n_row.mean()))
-    # Of residuals that are correlated in time comes the rows' part; the prior's is B L B, with its precision L.
-    covariance = (long_run.covariance + bread * precision @ bread)[-n_joint:, -n_joint:]
+    long_run = _long_run(_Linear(source, found, n_joint), bread, deviation, n_row)
+    # Rows of white residuals add B J' J B, with their derivatives J, no less than this where they are correlated in
+    # time: few degrees of freedom tell variances, not correlations. The prior adds B L B, with its precision L.
+    covariance = _widened((rows.reshape(-1, len(mean) + 1)[:, :-1] @ bread)[:, -n_joint:], long_run)
+    covariance = covariance + (bread * precision @ bread)[-n_joint:, -n_joint:]
     gain = 1 / found[-n_joint:]
     told = np.sqrt(np.diag(covariance)) < _TOLD * prior_std
     # By the delta method, d g = -g^2 d h.
     return Gains(gain, covariance * np.outer(gain**2, gain**2), told, float(long_run.freedom))
+
+
+def _long_run(linear: _Linear, bread: FloatArray, deviation: FloatArray, n_row: IntArray) -> LongRun:
+    """Covariance of all parameters by residuals that are correlated in time."""
+    influence = Influence(np.zeros(len(bread)), bread, deviation**-2.0, np.full(len(deviation), np.inf))
+    n_moment = sum(len(rows.torque) for rows in linear.source)
+    return long_run_covariance(linear, [influence], n_moment, float(n_row.mean()))
+
+
+def _widened(moves: FloatArray, long_run: LongRun) -> FloatArray:
+    """Covariance (n_joint, n_joint) of moves (n_row, n_joint) by white residuals, widened to the long-run variances."""
+    white = moves.T @ moves
+    variance = np.diag(long_run.covariance)[-len(white) :]
+    ratio = np.sqrt(np.maximum(variance / np.maximum(np.diag(white), np.finfo(float).tiny), 1.0))
+    return np.asarray(white * np.outer(ratio, ratio))
 
 
 def _start(reduction: Reduction, n_link: int) -> FloatArray:

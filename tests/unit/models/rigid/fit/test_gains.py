@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from scipy.stats import t
 
 from rigid_logs import PERIOD_S, fourier_motion
 from rigid_robots import random_chain
@@ -55,32 +54,13 @@ def _pair(robot, gain, noise, seed, n_sample=4000, colour=0.0):
     return shots
 
 
-def _other_load(robot, seed):
-    """The robot with a payload that its file has wrong by as much as it doubts it."""
-    generator, std, load = np.random.default_rng(1000 + seed), robot.nuisance_std, robot.payload
-    heavier = 1 + std.payload_relative_std * generator.standard_normal()
-    centre = load.com_m + std.payload_com_m * generator.standard_normal(3)
-    inert = heavier + std.payload_inertia_relative_std * generator.standard_normal()
-    return replace(robot, payload=Inertial(heavier * load.mass_kg, centre, inert * load.inertia_kgm2))
-
-
-@pytest.mark.parametrize(
-    ("scale", "doubts", "colour"),
-    [
-        pytest.param(1.0, EXACT, 0.0, id="light"),
-        pytest.param(40.0, EXACT, 0.98, id="heavy, coloured noise"),
-        pytest.param(1.0, replace(EXACT, payload_relative_std=0.02, payload_com_m=0.002), 0.0, id="light, other load"),
-        pytest.param(40.0, NuisanceStd(payload_com_m=0.005), 0.0, id="heavy, other load"),
-    ],
-)
-def test_gains_are_recovered_and_their_intervals_hold_them(scale, doubts, colour):
-    robot, gain = replace(_arm(scale), nuisance_std=doubts), np.array([1.15, 0.87, 1.06])
-    off = []
+@pytest.mark.parametrize(("scale", "colour"), [(1.0, 0.0), (40.0, 0.98)])
+def test_gains_are_recovered_and_their_intervals_hold_them(scale, colour):
+    robot, gain, off = replace(_arm(scale), nuisance_std=EXACT), np.array([1.15, 0.87, 1.06]), []
     for seed in range(N_DRAW):
-        shots = _pair(_other_load(robot, seed), gain, 0.02, seed, colour=colour)
-        found = estimate_gains(robot, shots, FILTERS, OPTIONS)
+        found = estimate_gains(robot, _pair(robot, gain, 0.02, seed, colour=colour), FILTERS, OPTIONS)
         assert found.determined.all()
-        off.append((found.gain - gain) / found.deviation / t.ppf(0.975, found.freedom))
+        off.append((found.gain - gain) / found.half_width(0.95))
     # 90 intervals, three of a draw correlated: fewer than 79 held has a chance of 1 % or less.
     assert np.sum(np.abs(off) < 1) >= 79
     assert 0.7 < 1.96 * np.sqrt(np.mean(np.square(off))) < 1.4
