@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from rigid_logs import PERIOD_S, fourier_motion
 from rigid_robots import random_chain
 from robid.errors import DataError
+from robid.models.rigid.fit.fitting import fit_rigid
 from robid.models.rigid.fit.gains import corrected, estimate_gains
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.shots import Shot
@@ -74,6 +75,16 @@ def test_corrected_torques_are_those_that_the_motors_had():
     for one, other in zip(corrected(stated, found), true, strict=True):
         np.testing.assert_allclose(one.torque, other.torque, rtol=0.01)
     assert corrected(stated, None) == tuple(stated)
+
+
+def test_nothing_is_known_better_than_the_load_that_tells_the_gains():
+    robot = replace(_arm(1.0), nuisance_std=replace(EXACT, payload_relative_std=0.1))
+    options = replace(OPTIONS, model=RigidOptions(payload="body"), gain_std=0.5)
+    found = fit_rigid(robot, _pair(robot, np.array([1.15, 0.87, 1.06]), 0.001, 0), options).estimate
+    # All gains are off alike by the load's 10 %, and all parameters with them; the constants' own doubt is 2 %.
+    assert found.relative_half_width.min() > 1.96 * 0.09
+    predicted = (found.effective_upper - found.effective_lower) / 2 / np.abs(found.value)
+    assert predicted.min() < 0.01
 
 
 def test_a_motor_that_the_load_does_not_move_keeps_its_prior():
