@@ -43,7 +43,9 @@ def middle_section(rows: Sequence[MiddleRow]) -> tuple[Section, ...]:
     )
     table = Table(
         ("Parameter", "Middle less estimate", "Moved by", "What would tell"),
-        tuple((row.name, percent(row.moved, signed=True), row.reason, row.settled_by) for row in rows),
+        tuple(
+            (row.name, percent(row.moved, signed=True), row.reason.replace(" -", " −"), row.settled_by) for row in rows
+        ),
         styles=("name", "number", "text", "text"),
     )
     return (Section("Middles of intervals", lead, (table,), "middles"),)
