@@ -44,7 +44,8 @@ def middle_section(rows: Sequence[MiddleRow]) -> tuple[Section, ...]:
     table = Table(
         ("Parameter", "Middle less estimate", "Moved by", "What would tell"),
         tuple(
-            (row.name, percent(row.moved, signed=True), row.reason.replace(" -", " −"), row.settled_by) for row in rows
+            (row.name, percent(row.moved, signed=True), row.reason.replace(" -", " \N{MINUS SIGN}"), row.settled_by)
+            for row in rows
         ),
         styles=("name", "number", "text", "text"),
     )
