@@ -39,6 +39,7 @@ class MiddleRow:
     name: str  # The parameter
     kind: str  # Its kind
     moved: float  # Middle of the physical interval over the estimate, less 1
+    outside: bool  # Whether the estimate lies outside the interval
     by: tuple[tuple[str, str, float], ...]  # Nuisances with their causes, and what each moves it by; largest first
 
     @property
@@ -65,7 +66,8 @@ def middle_rows(solution: ElasticSolution) -> tuple[MiddleRow, ...]:
         half, moved = 0.5 * np.log(ends[2] / ends[0]), float(np.log(ends[1] / estimate.value[index]))
         by = tuple(_by(doubts, doubts.moves[index], moved))
         if abs(moved) > _MATTERS * half and by:
-            rows.append(MiddleRow(name, kind, float(np.expm1(moved)), by))
+            outside = not ends[0] <= estimate.value[index] <= ends[2]
+            rows.append(MiddleRow(name, kind, float(np.expm1(moved)), outside, by))
     return tuple(rows)
 
 
