@@ -112,9 +112,10 @@ class NuisanceEstimates:
     place_std: Annotated[FloatArray, Quantity("as in units", "doubt", "Deviation of what each cluster adds")]
     value: Annotated[FloatArray, Quantity("as in units", "doubt", "Estimated amount, zero where the file is right")]
     half_width: Annotated[FloatArray, Quantity("as in units", "doubt", "Half width of its interval")]
+    # What its amount moves the middle of each internal parameter by; None in files of old
     moves: Annotated[
-        FloatArray, Quantity("1", "parameter, doubt", "What its amount moves the middle of each by, internal")
-    ]
+        FloatArray | None, Quantity("1", "parameter doubt", "What each amount moves each parameter's middle by")
+    ] = None
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,8 @@ class MiddleRow:
 def middle_rows(solution: ElasticSolution) -> tuple[MiddleRow, ...]:
     """Finds the springs and dampers whose physical middle nuisances move by a quarter of its half width or more."""
     estimate, doubts = solution.estimate, solution.doubts
-    if doubts is None or estimate.physical_value is None:
+    moves = None if doubts is None else doubts.moves
+    if doubts is None or moves is None or estimate.physical_value is None:
         return ()
     rows = []
     for index, (name, kind) in enumerate(zip(estimate.names, estimate.kinds, strict=True)):
@@ -64,7 +65,7 @@ def middle_rows(solution: ElasticSolution) -> tuple[MiddleRow, ...]:
         if kind not in ("stiffness", "damping") or min(ends.min(), estimate.value[index]) <= 0:
             continue
         half, moved = 0.5 * np.log(ends[2] / ends[0]), float(np.log(ends[1] / estimate.value[index]))
-        by = tuple(_by(doubts, doubts.moves[index], moved))
+        by = tuple(_by(doubts, moves[index], moved))
         if abs(moved) > _MATTERS * half and by:
             outside = not ends[0] <= estimate.value[index] <= ends[2]
             rows.append(MiddleRow(name, kind, float(np.expm1(moved)), outside, by))
