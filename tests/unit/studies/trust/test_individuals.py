@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robid.studies.settings.defects import Defects, TrustStudy, drawn_physics, individuals
 from robid.studies.settings.study import load_with_study
+from robid.studies.settings.trust import Defects, TrustStudy, drawn_physics, individuals
 
 ROOT = Path(__file__).parents[4]
 BEARING = {"joint": "turn", "place": "bearing", "axis": [1, 0, 0], "stiffness_nm_rad": 1e5, "damping_nms_rad": 10}
