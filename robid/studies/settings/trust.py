@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -13,7 +13,7 @@ from robid.settings.base import Name, Section
 from robid.settings.experiment import Experiment
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import SpringSection
-from robid.simulate.options import Imperfections
+from robid.settings.yaml import FieldPath
 from robid.studies.experiments import (
     Count,
     Positive,
@@ -26,6 +26,15 @@ from robid.studies.experiments import (
     unknown,
 )
 from robid.studies.settings.defects import Physics
+from robid.studies.settings.singles import (
+    OF_SPRINGS,
+    SINGLE,
+    SIZES,
+    SingleDefects,
+    check_single,
+    every_physics,
+    single_physics,
+)
 
 
 class Defects(Physics):
@@ -94,11 +103,12 @@ class TrustStudy(Section):
     light: str | None = entry(
         "Experiment file, relative to this one, of a light robot, fit and campaigns named alike.", None, min_length=1
     )
-    sets: dict[Name, Defects] = entry("The sets of robots, by name.", min_length=1)
+    sets: dict[Name, Defects] = entry("The sets of robots, by name.", default_factory=dict)
     linear: LinearRobots | None = entry("Linear robots; none when not given.", None)
     causes: dict[Name, CauseKind] = entry("Defects that are to be named, by name.", default_factory=dict)
     cause_robots: Count = entry("Robots of each of these.", 5)
     cause_places: Count = entry("Random configurations, the first ones, in which these are measured.", 4)
+    single: SingleDefects | None = entry("Set C: robots with one defect each, and sound ones.", None)
     seeds: TrustSeedChoice = entry("Seeds of the robots.")
     use: Literal["judge", "choose"] = entry("Which of the seeds are used.", "judge")
 
@@ -109,10 +119,6 @@ class TrustStudy(Section):
 
 
 _DEFECT_DRAWS = 2  # keeps these draws apart from those of springs and masses
-_SIZES = frozenset(field.name for field in fields(Imperfections) if field.type == "float")
-
-_OF_SPRINGS = ("stiffness_nm_rad", "damping_nms_rad")
-
 LINEAR, FILE = "linear", "linear_file"
 """Names of the linear robots: those whose nuisance parameters are drawn, and those that are as their file says."""
 
@@ -122,7 +128,7 @@ class Individual:
     """One robot of the study."""
 
     group: str  # Name of its set, of its cause, or one of the linear robots
-    kind: str  # `set`, `cause` or `linear`
+    kind: str  # `set`, `cause`, `linear` or `single`
     robot: str  # `heavy` or `light`
     seed: int  # Seed of its truth, its defects, its configurations and its noise
     physics: Mapping[str, Any]  # What is simulated otherwise than the campaigns say: `imperfections` and `truth`
@@ -135,7 +141,7 @@ class Individual:
 
 
 def individuals(study: TrustStudy) -> list[Individual]:
-    """Returns all robots: those of the sets, of the causes, then the linear ones; each has a seed of its own."""
+    """Returns all robots: of the sets, of the causes, linear ones, those of set C; each has a seed of its own."""
     limit, seed = study.chosen.robots, study.chosen.first
     found: list[Individual] = []
     for name, kind, wanted, defects in _groups(study):
@@ -144,7 +150,19 @@ def individuals(study: TrustStudy) -> list[Individual]:
             referenced = kind == "set" and number < defects.referenced
             found.append(Individual(name, kind, defects.robot, own, drawn_physics(defects, own), referenced))
         seed += count
-    return found
+    return [*found, *_single_individuals(study, seed)]
+
+
+def _single_individuals(study: TrustStudy, seed: int) -> Iterator[Individual]:
+    """The robots of set C, from a seed on."""
+    if study.single is None:
+        return
+    for name, counts in study.single.groups.items():
+        kinds = counts.turns()[: study.chosen.robots]
+        for number, own in enumerate(range(seed, seed + len(kinds))):
+            physics = single_physics(study.single, name, number, own)
+            yield Individual(name, "single", kinds[number], own, physics)
+        seed += len(kinds)
 
 
 def _groups(study: TrustStudy) -> Iterator[tuple[str, str, int, Defects]]:
@@ -166,13 +184,13 @@ def drawn_physics(defects: Defects, seed: int) -> dict[str, Any]:
         return float(np.exp(np.log(defects.size_factor) * generator.uniform(-1, 1)))
 
     sizes = dict(defects.imperfections)
-    sizes |= {key: value * factor() for key, value in sizes.items() if key in _SIZES and isinstance(value, int | float)}
+    sizes |= {key: value * factor() for key, value in sizes.items() if key in SIZES and isinstance(value, int | float)}
     chosen = np.sort(generator.permutation(len(defects.springs))[: defects.springs_each])
     springs = []
     for spring in (defects.springs[index] for index in chosen.tolist()):
         plain = spring.model_dump(mode="json", exclude_none=True)
         share = factor()
-        springs.append({**plain, **{key: plain[key] * share for key in _OF_SPRINGS if key in plain}})
+        springs.append({**plain, **{key: plain[key] * share for key in OF_SPRINGS if key in plain}})
     truth = {**defects.truth, **({"springs": springs} if springs else {})}
     return {key: value for key, value in (("imperfections", sizes), ("truth", truth)) if value}
 
@@ -195,6 +213,10 @@ def check_trust(study: TrustStudy, experiment: Experiment, robot: RobotFile | No
         for index, cause in enumerate(kind.named):
             if message := unknown("cause", cause, CAUSES):
                 yield (*field, "named", index), message
+    if study.single is not None:
+        yield from check_single(study.single, light=study.light is not None)
+        if SINGLE in study.sets:
+            yield ("study", "sets", SINGLE), f"S519 the robots of `single` are set `{SINGLE}`: choose another name"
     both = [individuals(study.model_copy(update={"use": use})) for use in ("judge", "choose")]
     ends = [max((one.seed for one in found), default=0) + 1 for found in both]
     if max(study.seeds.judge.first, study.seeds.choose.first) < min(ends):
@@ -212,11 +234,14 @@ def trusted_problems(study: TrustStudy, name: str, experiment: Experiment, robot
         return
     campaign, seen = experiment.campaigns[experiment.fits[study.fit].campaign], set[str]()
     for one in individuals(study):
-        if one.robot == name and one.kind != "linear" and one.group not in seen:
+        if one.robot == name and one.kind in ("set", "cause") and one.group not in seen:
             seen.add(one.group)
-            field = ("study", "sets" if one.kind == "set" else "causes", one.group)
+            field: FieldPath = ("study", "sets" if one.kind == "set" else "causes", one.group)
             found = physics_problems(campaign, one.physics, robot)
             yield from (((*field, *place), message) for place, message in found)
+    for field, physics in () if study.single is None else every_physics(study.single, name):
+        found = physics_problems(campaign, physics, robot)
+        yield from (((*field, *place), message) for place, message in found)
 
 
 def _campaign_problems(experiment: Experiment, study: TrustStudy) -> Problems:

@@ -136,6 +136,12 @@ class RobotRow:
     designed: Springs | None = None  # Those in designed configurations; None without them
     grade: int | None = None  # The grade that it got; None where it was not graded
 
+    @property
+    def worst(self) -> float:
+        """Largest distance of a true spring from the middle of its physical interval, in half widths; NaN of none."""
+        own = self.random
+        return np.nan if own is None else float(worst_half_widths(own.physical, own.truth[None], own.counted[None])[0])
+
 
 def springs_of(solution: ElasticSolution, truth: Mapping[str, float]) -> Springs:
     """Returns the springs of a fit with the true values by name; what predicts is NaN where a fit has none."""
@@ -211,9 +217,12 @@ def spring_rows(rows: Sequence[RobotRow]) -> list[tuple[str, float, float, float
 
 def trusted_wrong(rows: Sequence[RobotRow]) -> float:
     """Share of the fitted robots that are graded trust though a spring is off by more than three half widths."""
-    graded = [(row.grade, row.random) for row in rows if row.grade is not None and row.random is not None]
-    off = [worst_half_widths(one.physical, one.truth[None], one.counted[None])[0] for _, one in graded]
-    return share([grade == TRUST and float(far) > _HALF_WIDTHS for (grade, _), far in zip(graded, off, strict=True)])
+    return share([is_trusted_wrong(row) for row in rows if row.grade is not None and row.random is not None])
+
+
+def is_trusted_wrong(row: RobotRow) -> bool:
+    """Tells whether a robot is graded trust though a spring is off by more than three half widths."""
+    return row.grade == TRUST and row.worst > _HALF_WIDTHS
 
 
 def cause_figures(kinds: Mapping[str, tuple[tuple[str, ...], Sequence[tuple[str, ...]]]]) -> dict[str, float]:

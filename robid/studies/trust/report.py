@@ -28,6 +28,7 @@ from robid.studies.trust.figures import (
     springs_of,
 )
 from robid.studies.trust.responses import DESIGNED, FRESH, RANDOM
+from robid.studies.trust.singles import single_bars, single_figures, single_robots, single_sections
 
 ASKED: Mapping[str, Asked] = {
     "effective.coverage_95": Asked(lower=0.92),
@@ -60,10 +61,18 @@ _TITLES = {
 def conclude(run: Run, results: Earlier) -> Conclusion:
     """Turns intervals, grades and causes into figures, tables and the verdict."""
     study = study_of(run.loaded, TrustStudy)
-    rows = {one.key: row for one, row in _robot_rows(individuals(study), results)}
-    summary = summarise(study, rows, results)
+    every = list(_robot_rows(individuals(study), results))
+    rows, singles = {one.key: row for one, row in every}, single_robots(study.single, every, *results[3:])
+    summary = {**summarise(study, rows, results), **known(single_figures(singles) if singles else {})}
     judged = study.use == "judge" and study.chosen.robots is None
     warnings = () if judged else ("These robots are for choosing: their figures say nothing.",)
+    part = PartFound(summary, bars(study), (*_sections(study, rows, summary), *single_sections(singles)), warnings)
+    found = concluded([part], "intervals hold, and what is wrong is named")
+    return found if judged else replace(found, verdict=replace(found.verdict, level="warn"))
+
+
+def _sections(study: TrustStudy, rows: Mapping[str, RobotRow], summary: Mapping[str, float]) -> list[Section]:
+    """What the page shows of sets and causes."""
     causes = (
         ("Defect", lambda name: name.replace("_", " ")),
         ("Right", lambda name: ", ".join(study.causes[name].named)),
@@ -79,14 +88,12 @@ def conclude(run: Run, results: Earlier) -> Conclusion:
     for key, title in _TITLES.items():
         columns.append(by_name(summary, title, key, significant if key.endswith("ratio") else percent))
     columns.append(("Robots", lambda name: f"{summary[f'{name}.robots']:.0f}"))
-    sections = [Section("Sets of robots", "", (table(columns, study.sets, caption=caption),))]
+    sections = [Section("Sets of robots", "", (table(columns, study.sets, caption=caption),))] if study.sets else []
     sections += [Section("Causes", "", (table(causes, study.causes),))] if study.causes else []
     for name in study.sets:
         cells = table(_OF_SPRINGS, spring_rows([rows[one.key] for one in _of(study, name)]))
         sections.append(Section(f"Springs of set {name}", "Half width and error: physical, medians.", (cells,)))
-    part = PartFound(summary, bars(study), tuple(sections), warnings)
-    found = concluded([part], "intervals hold, and what is wrong is named")
-    return found if judged else replace(found, verdict=replace(found.verdict, level="warn"))
+    return sections
 
 
 _OF_SPRINGS = (
@@ -126,10 +133,15 @@ def summarise(study: TrustStudy, rows: Mapping[str, RobotRow], results: Earlier)
     told = {name: [read_artifact(grades[one.key], TASK) for one in _of(study, name)] for name in study.causes}
     causes = {name: [tuple(held.datasets["causes"].values.tolist()) for held in own] for name, own in told.items()}
     found |= cause_figures({name: (study.causes[name].named, own) for name, own in causes.items()})
-    for name, done in zip(("place", "fit", "linear_fit", "grade"), results, strict=True):
+    for name, done in zip(("place", "fit", "linear_fit", "grade", "effect"), results, strict=True):
         spans = [seconds_of(held.provenance) for held in done]
         found[f"cost.{name}_seconds"] = sum(spans) / len(spans) if spans else math.nan
-    return {name: value for name, value in found.items() if math.isfinite(value)}
+    return known(found)
+
+
+def known(figures: Mapping[str, float]) -> dict[str, float]:
+    """Leaves out what is not known."""
+    return {name: value for name, value in figures.items() if math.isfinite(value)}
 
 
 def bars(study: TrustStudy) -> dict[str, Asked]:
@@ -144,12 +156,13 @@ def bars(study: TrustStudy) -> dict[str, Asked]:
             found |= {f"{name}.physical.{key}": ASKED[f"listed.physical.{key}"] for key in ("coverage_95", "worst")}
         else:
             found[f"{name}.trusted_wrong"] = ASKED["unlisted.trusted_wrong"]
-    named = ["effective.coverage_95", "width_ratio"]
+    named = ["effective.coverage_95"] * any(defects.robot == "heavy" for defects in study.sets.values())
+    named += ["width_ratio"] * bool(study.sets or study.linear)
     if study.linear is not None:
         named += ["linear.coverage_95"] * (study.linear.drawn > 0)
         named += ["linear.file.coverage_95"] * (study.linear.file > 0)
     named += ["causes.first", "causes.first_three"] * bool(study.causes)
-    return found | {name: ASKED[name] for name in named}
+    return found | {name: ASKED[name] for name in named} | single_bars(study.single)
 
 
 def _of(study: TrustStudy, group: str) -> list[Individual]:
@@ -157,11 +170,11 @@ def _of(study: TrustStudy, group: str) -> list[Individual]:
 
 
 def _robot_rows(robots: Sequence[Individual], results: Earlier) -> Iterator[tuple[Individual, RobotRow]]:
-    _, models, linear, grades = (done.by_name for done in results)
+    _, models, linear, grades, _ = (done.by_name for done in results)
     for one in robots:
         if one.kind == "linear":
             yield one, RobotRow(_springs(linear[one.key]))
-        elif one.kind == "set":
+        elif one.kind in ("set", "single"):
             found = [_springs(models.get(f"{one.key}_{use}")) for use in (RANDOM, FRESH, DESIGNED)]
             grade = read_artifact(grades[one.key], TASK).attributes.get("grade")
             own = int(grade) if isinstance(grade, int | float) else None
