@@ -1,7 +1,7 @@
 """What a single defect does to a fit by the truth: how far it moves springs, and whether the data could show it.
 
 Both follow from the exact linear responses of the true robot with and without its defect, in the places that were
-measured; the gears of the robot without it are those of their chains.
+measured: the fit is repeated on both. The gears of the robot without it are those of their chains.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from scipy.stats import chi2, ncx2
@@ -20,6 +21,7 @@ from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.nuisance.kinds import list_nuisances
 from robid.models.elastic.fit.nuisance.response import nuisance_columns
+from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.options import Weights
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model
@@ -38,6 +40,7 @@ from robid.studies.study import Content, Earlier, Task, study_of
 from robid.studies.trust.responses import RANDOM, Fitting, machines, make_fitting, simulated
 
 _LEVEL = 0.05  # of the test whose power is told
+_STEPS = 50
 _LEAST = 1e-300
 
 
@@ -61,21 +64,24 @@ def tell_effect(fitting: Fitting, model: Path, named: Sequence[str]) -> Content:
     except DataError:
         return Content({}, {})
     frf = read_responses(fitting.responses)
-    shift = defect_shift(fitting.robot, fitting.truth, frf)
-    fitted = fitted_model(fitting.robot, solution, frf, fitting.options, fitting.delay_s)
-    return Content({}, {"moved": moved(fitted, solution, shift), "power": power(fitting, solution, frf, shift, named)})
+    both = exact_responses(fitting.robot, fitting.truth, frf)
+    return Content(
+        {}, {"moved": moved(fitting, solution, frf, both), "power": power(fitting, solution, frf, both, named)}
+    )
 
 
-def defect_shift(nominal: Robot, true: TrueRobot, frf: Frf) -> ComplexArray:
-    """Returns the logarithm (n_conf, n_freq, n_out, n_in) of a true robot's response over that without its defect."""
-    names = [joint.name for joint in nominal.joints]
-    zeros = {name: -true.truth.zero_deg.get(name, 0.0) for name in names}
+Both: TypeAlias = tuple[ComplexArray, ComplexArray]
+"""Responses (n_conf, n_freq, n_out, n_in) of a true robot with and without its defect."""
+
+
+def exact_responses(nominal: Robot, true: TrueRobot, frf: Frf) -> Both:
+    """Returns the exact linear responses of a true robot with and without its defect, where a response was measured."""
+    zeros = {joint.name: -true.truth.zero_deg.get(joint.name, 0.0) for joint in nominal.joints}
     plain = with_zeros(true.robot, zeros)
     plain = replace(plain, springs=with_chains(plain, nominal.springs))
-    without = _exact(plain, Imperfections(), true.delay_s, frf)
-    late = -2j * np.pi * frf.frequency_hz[:, None, None] * _late_s(true.truth, frf)
-    ratio = _exact(true.robot, true.imperfections, true.delay_s, frf) / without
-    return np.asarray(np.log(ratio) + late)
+    late = np.exp(-2j * np.pi * frf.frequency_hz[:, None, None] * _late_s(true.truth, frf))
+    flawed = _exact(true.robot, true.imperfections, true.delay_s, frf) * late
+    return flawed, _exact(plain, Imperfections(), true.delay_s, frf)
 
 
 def _exact(robot: Robot, flaws: Imperfections, delay_s: float, frf: Frf) -> ComplexArray:
@@ -105,15 +111,11 @@ def _late_s(truth: Truth, frf: Frf) -> FloatArray:
     return np.asarray(np.add.outer(np.array(angle), np.array(torque)))
 
 
-def moved(fitted: FittedModel, solution: ElasticSolution, shift: ComplexArray) -> float:
-    """Returns how far a shift of the response moves a spring at most, over the half width of its interval.
-
-    The fit follows by a step of Gauss and Newton, with its own weights.
-    """
-    own = _rows(fitted, fitted.problem.linear(fitted.internal)[1])
-    prior = 0.5 / fitted.problem.parameters.prior_std**2
-    follow = np.linalg.lstsq(own.T @ own + np.diag(prior), own.T @ _rows(fitted, shift[..., None]), rcond=1e-14)[0]
-    by_name = dict(zip(fitted.problem.parameters.names, follow[:, 0].tolist(), strict=True))
+def moved(fitting: Fitting, solution: ElasticSolution, frf: Frf, both: Both) -> float:
+    """Returns how far a defect moves a spring at most, over the half width of its interval; with the fit's weights."""
+    fitted = fitted_model(fitting.robot, solution, frf, fitting.options, fitting.delay_s)
+    flawed, plain = (_refitted(fitted, exact).internal for exact in both)
+    by_name = dict(zip(fitted.problem.parameters.names, (flawed - plain).tolist(), strict=True))
     estimate, found = solution.estimate, [0.0]
     for row, name in enumerate(estimate.names):
         if estimate.kinds[row] == "stiffness" and estimate.identifiable[row] and name in by_name:
@@ -122,27 +124,39 @@ def moved(fitted: FittedModel, solution: ElasticSolution, shift: ComplexArray) -
     return max(found)
 
 
-def power(fitting: Fitting, solution: ElasticSolution, frf: Frf, shift: ComplexArray, named: Sequence[str]) -> float:
-    """Returns the power of a test that knows a defect's shift of the response and looks for its amount.
+def power(fitting: Fitting, solution: ElasticSolution, frf: Frf, both: Both, named: Sequence[str]) -> float:
+    """Returns the power of a test that knows what a defect leaves in the residuals, and looks for its amount.
 
-    The noise is the measured one. What the fit estimates, and what a robot file may have wrong by its priors, may hide
-    the shift; what is the defect itself may not.
+    The noise is the measured one. What a robot file may have wrong by its priors may hide what the fit leaves; what is
+    the defect itself, by one of the causes that it is named by, may not.
     """
     options = replace(fitting.options, weights=Weights(kind="optimal"))
     fitted = fitted_model(fitting.robot, solution, frf, options, fitting.delay_s)
+    flawed, plain = (_refitted(fitted, exact) for exact in both)
+    seen = _rows(flawed, (_residual(flawed) - _residual(plain))[..., None])[:, 0]
     others = tuple(each for each in list_nuisances(fitting.robot, options) if each.cause not in named)
-    columns = nuisance_columns(fitted.problem, fitted.internal, fitting.robot, options, others, all_rest=False)
-    known = _rows(fitted, np.concatenate([fitted.problem.linear(fitted.internal)[1], columns], axis=-1))
+    columns = nuisance_columns(flawed.problem, flawed.internal, fitting.robot, options, others, all_rest=False)
+    known = _rows(flawed, np.concatenate([flawed.problem.linear(flawed.internal)[1], columns], axis=-1))
     std = np.array([each.common_std for each in others])
-    prior = np.concatenate([0.5 / fitted.problem.parameters.prior_std**2, 0.5 / std**2])
-    seen = _rows(fitted, shift[..., None])[:, 0]
+    prior = np.concatenate([0.5 / flawed.problem.parameters.prior_std**2, 0.5 / std**2])
     hidden = np.linalg.lstsq(known.T @ known + np.diag(prior), known.T @ seen, rcond=1e-14)[0]
     # Residuals count as complex ones of unit variance: half of it lies in each part.
     strength = 2 * float(seen @ seen - seen @ known @ hidden)
     return float(ncx2.sf(chi2.ppf(1 - _LEVEL, 1), 1, max(strength, 0.0)))
 
 
+def _refitted(fitted: FittedModel, exact: ComplexArray) -> FittedModel:
+    """The fit to a response without noise, weighted as before."""
+    problem = replace(fitted.problem, frf=replace(fitted.problem.frf, response=exact))
+    end = optimise(problem, fitted.internal, max_iterations=_STEPS)
+    return replace(fitted, problem=problem, internal=end.parameters)
+
+
+def _residual(fitted: FittedModel) -> ComplexArray:
+    return fitted.problem.linear(fitted.internal)[0]
+
+
 def _rows(fitted: FittedModel, values: ComplexArray) -> FloatArray:
     """Weighted real rows (n_row, n_column) of (n_conf, n_freq, n_out, n_in, n_column)."""
-    flat = fitted.problem.weighted(fitted.problem.residual_kind.part(values)).reshape(-1, values.shape[-1])
+    flat = fitted.problem.weighted(values).reshape(-1, values.shape[-1])
     return np.concatenate([flat.real, flat.imag])
