@@ -111,6 +111,7 @@ def _nothing_is_done_twice(study, tasks):
         ("named: [payload]", "named: [pailoat]", "study.causes.payload.named[0]: there is no cause `pailoat`"),
         ("choose: {first: 31}", "choose: {first: 5}", "the seeds of `judge` and `choose` overlap"),
         ("  light: light.yaml\n", "", "study.sets.light.robot: S425"),
+        ("  light: light.yaml\n", "", "study.single: S520"),
         ("    payload: {named", "    a: {named", "study.causes.a: S428"),
         (
             "late_torque_s: {lift",

@@ -123,7 +123,7 @@ def check_single(single: SingleDefects, *, light: bool) -> Problems:
             if message := unknown("cause", cause, CAUSES):
                 yield (*field, "named", index), message
     if not light and any(counts.light for counts in single.groups.values()):
-        yield ("study", "single"), "S425 the study has no `light` robot"
+        yield ("study", "single"), "S520 the study has no `light` robot"
 
 
 def every_physics(single: SingleDefects, kind: str) -> Iterator[tuple[FieldPath, dict[str, Any]]]:
