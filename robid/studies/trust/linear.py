@@ -32,7 +32,7 @@ from robid.signals.quantities import motor_channels
 from robid.simulate.options import Imperfections, Truth
 from robid.simulate.truth import TrueRobot
 from robid.studies.experiments import changed_simulation
-from robid.studies.settings.defects import LINEAR, TrustStudy, individuals
+from robid.studies.settings.trust import LINEAR, TrustStudy, individuals
 from robid.studies.simulated import kept_or_refused, with_truth
 from robid.studies.study import Content, Earlier, Task, study_of
 from robid.studies.trust.responses import RANDOM, machines
