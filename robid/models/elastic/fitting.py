@@ -12,7 +12,7 @@ from robid.artifacts.results import grade_from_artifact, outcome_from_artifact
 from robid.errors import DataError
 from robid.models.elastic.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance.kinds import MICRO, PerturbedRobot
+from robid.models.elastic.fit.nuisance.effects import MICRO, PerturbedRobot
 from robid.models.elastic.fit.nuisance.moves import with_estimated_springs
 from robid.models.elastic.fit.nuisance.wording import options_of
 from robid.models.elastic.fit.uncertainty import bootstrap_tasks

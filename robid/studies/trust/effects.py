@@ -19,7 +19,7 @@ from robid.artifacts.kinds import TASK
 from robid.artifacts.store import read_artifact
 from robid.errors import DataError
 from robid.frf.frf import Frf
-from robid.models.elastic.fit.nuisance.kinds import list_nuisances
+from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.options import Weights

@@ -12,7 +12,8 @@ from scipy.stats import norm, t
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
 from robid.clusters.pooling import ALONE
 from robid.models.elastic.fit.model_error import ModelError
-from robid.models.elastic.fit.nuisance.kinds import estimable_nuisances, moved_robot
+from robid.models.elastic.fit.nuisance.effects import moved_robot
+from robid.models.elastic.fit.nuisance.listing import estimable_nuisances
 from robid.results.estimate import Estimate
 from robid.robot.description import Inertial, Joint, Motor, Robot, Spring
 from robid.robot.parameters import NUISANCE_KIND, PARAMETER_KINDS

@@ -9,7 +9,9 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.models.elastic.fit.gear_motion import swings_known
-from robid.models.elastic.fit.nuisance.kinds import ZERO, Nuisance, list_nuisances
+from robid.models.elastic.fit.nuisance.effects import Nuisance
+from robid.models.elastic.fit.nuisance.kinds import ZERO
+from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.nuisance.wording import free_with, remedy
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import ElasticSolution

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
-from robid.models.elastic.fit.nuisance.kinds import (
+from robid.models.elastic.fit.nuisance.effects import (
     Compliance,
     GearShare,
     MotorFriction,

@@ -13,7 +13,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
-from robid.models.elastic.fit.nuisance.kinds import (
+from robid.models.elastic.fit.nuisance.effects import (
     MICRO,
     Compliance,
     Drift,

@@ -16,7 +16,8 @@ from exact_systems import (
     without_spring,
 )
 from robid.models.elastic.fit.fitting import set_up
-from robid.models.elastic.fit.nuisance.kinds import Hysteresis, list_nuisances
+from robid.models.elastic.fit.nuisance.effects import Hysteresis
+from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.nuisance.moves import missing_springs, stiffened
 from robid.models.elastic.fit.nuisance.response import Scene, bristle_share, column, nuisance_columns
 from robid.models.elastic.fit.options import ElasticOptions
