@@ -15,7 +15,7 @@ from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.nuisance import effects, listing
-from robid.models.elastic.fit.nuisance.response import bristle_share
+from robid.models.elastic.fit.nuisance.columns import bristle_share
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.rest_model import NO_LOAD_RAD
 from robid.models.elastic.fitting import true_values

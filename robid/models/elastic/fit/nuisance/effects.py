@@ -21,7 +21,7 @@ STICKS = 1e3  # over the swing: bristles that never slip
 
 @dataclass(frozen=True)
 class Effect:
-    """What a nuisance parameter does; `nuisance.response.column` has the column of each."""
+    """What a nuisance parameter does; `nuisance.columns.column` has the column of each."""
 
     put_in: ClassVar[bool] = True  # Whether a robot can be off by it; else a response is, as its column says
     by_cluster: ClassVar[bool] = False  # Whether it may differ between clusters of one robot

@@ -3,7 +3,7 @@
 A row (`Kind`) says what is off, how far off it may be, and what it does: another robot, another value of a parameter
 that no fit estimates, or a column of the response alone. Rows of one owner stand together; `WIDENING` widen the
 intervals, `ESTIMABLE` are what a fit can estimate. One more kind is one more row here and, where its effect is new, a
-function in `nuisance.response`. Priors are stated in `robid.robot.nuisance`.
+function in `nuisance.columns`. Priors are stated in `robid.robot.nuisance`.
 """
 
 from __future__ import annotations
