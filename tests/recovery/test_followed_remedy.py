@@ -89,6 +89,27 @@ def test_bearings_that_the_file_lacks_are_freed_together_and_found(name):
         assert after.estimate.found[f"{gear}.stiffness"] == pytest.approx(stiffness, rel=0.02)
 
 
+def test_a_base_that_tilts_about_two_axes_is_freed_about_both_and_found():
+    stated = robot_of("ur5e")
+    gear = next(spring for spring in stated.springs if (spring.joint, spring.place) == (0, "transmission"))
+    wanted = {"base_x": 6 * gear.stiffness, "base_y": 9 * gear.stiffness}
+    tilts = (
+        Spring(f"true_{name}", 0, "base", axis, stiffness, 1e-3 * stiffness)
+        for (name, stiffness), axis in zip(wanted.items(), np.eye(3)[:2], strict=True)
+    )
+    true = replace(stated, springs=(*stated.springs, *tilts))
+    frf = exact_frf(true, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=5e-4)
+    before = fit_elastic(stated, frf, OPTIONS, DELAY_S)
+    first = explain(fitted_model(stated, before, frf, OPTIONS, DELAY_S))[0]
+    assert (first.cause, set(first.free)) == ("missing_spring", set(wanted))
+    options = replace(OPTIONS, free=free_with(OPTIONS.free, first.free))
+    after = fit_elastic(with_estimated_springs(stated, options), frf, options, DELAY_S)
+    assert after.costs.total < 1.2 * after.costs.expected.sum()
+    for spring, stiffness in wanted.items():
+        assert after.estimate.found[f"{spring}.stiffness"] == pytest.approx(stiffness, rel=0.02)
+    assert after.estimate.found[f"{gear.name}.stiffness"] == pytest.approx(gear.stiffness, rel=0.02)
+
+
 @pytest.mark.parametrize(("name", "joint"), [pytest.param("kr300", 1, marks=pytest.mark.slow), ("ur5e", 3)])
 def test_a_torque_that_is_reversed_is_named_alone(name, joint):
     robot = robot_of(name)
