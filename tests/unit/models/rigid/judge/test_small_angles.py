@@ -116,3 +116,17 @@ def test_an_angle_that_another_channel_measures_is_left_to_that():
     shot = replace(shot, position=shot.position * _factor(1))
     assert _found(file, shot, motions)[1]
     assert not _found(file, shot, replace(motions, pairs=(Pair(1, 2, 0, 1.0, 0.01),)))[1]
+
+
+def test_a_larger_angle_that_explains_all_as_well_is_no_evidence_by_itself():
+    # Inertia and friction of one axis without gravity fit a motion of any size: only the robot file tells it.
+    robot = replace(random_chain(2, 1, slides=0.0), gravity_m_s2=np.zeros(3))
+    motions = Motions((Channel(robot.joints[0].name, "angle", "rad"),), np.array([0]), ())
+    motion = fourier_motion(robot, 6000)
+    poor, found = _found(robot, shot_along(robot, motion * np.pi / 180, 3.0), motions)
+    assert poor
+    assert found == ()
+    moved = shot_along(robot, motion, 0.1)
+    poor, found = _found(robot, replace(moved, position=moved.position * np.pi / 180), motions)
+    assert poor
+    assert [str(each.scales[0]) for each in found] == ["motor_angle / 180/pi"]
