@@ -35,7 +35,8 @@ def small_angle_findings(
     It is fitted again with that angle 180/pi times as large, which counts only where the arm has the room, what the
     covariance adds to the motor's expected error falls to a third, and errors on pieces left out do not grow. Since a
     larger motion is always better determined, one of two more is asked for: these errors fall by a fifth, or torques of
-    links and rotor that were 4 times the robot file's and more come 3 times nearer to it.
+    links and rotor that were 4 times the robot file's and more come 3 times nearer to it. Never may they come to lie 3
+    times farther from it.
 
     Args:
         robot: The robot file's.
@@ -90,7 +91,9 @@ def _is_better(before: RigidSolution, after: RigidSolution, joint: int) -> bool:
     sharper = added_error(after)[joint] < _SHARPER * added_error(before)[joint]
     own, other = (abs(float(np.log(each.against_nominal.whole_ratio[joint]))) for each in (before, after))
     nearer = own > np.log(_OFF) and own - other > np.log(_NEARER)
-    return bool(sharper and not left > _NO_WORSE and (left < _BETTER or nearer))
+    # What a motion hardly shows is left less of by any larger one, but then as far from the file as the angle was made.
+    farther = other - own > np.log(_NEARER)
+    return bool(sharper and not farther and not left > _NO_WORSE and (left < _BETTER or nearer))
 
 
 def _left_out(solution: RigidSolution) -> float:

@@ -123,10 +123,10 @@ def test_a_larger_angle_that_explains_all_as_well_is_no_evidence_by_itself():
     robot = replace(random_chain(2, 1, slides=0.0), gravity_m_s2=np.zeros(3))
     motions = Motions((Channel(robot.joints[0].name, "angle", "rad"),), np.array([0]), ())
     motion = fourier_motion(robot, 6000)
-    poor, found = _found(robot, shot_along(robot, motion * np.pi / 180, 3.0), motions)
+    poor, found = _found(robot, shot_along(robot, motion * np.pi / 180, 10.0), motions)
     assert poor
     assert found == ()
-    moved = shot_along(robot, motion, 0.1)
+    moved = shot_along(robot, motion, 0.3)
     poor, found = _found(robot, replace(moved, position=moved.position * np.pi / 180), motions)
     assert poor
     assert [str(each.scales[0]) for each in found] == ["motor_angle / 180/pi"]
