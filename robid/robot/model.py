@@ -55,6 +55,7 @@ def quiet_reading() -> Iterator[list[str]]:
 
 
 _LEAST_KG = 1e-12  # MuJoCo wants some
+_FAR = 1e9  # [rad, or m]: where no spring ever is
 HYSTERESIS_SHARE = 0.1  # Stiffness of a transmission's bristles over its own
 
 
@@ -110,6 +111,7 @@ def build_model(
     second_ripple: tuple[float, int] = (0.0, 1),
     backlash: tuple[float, float] = (0.0, 0.0),
     hysteresis: tuple[float, float] = (0.0, 0.0),
+    one_sided: float = 0.0,
     bristles: Mapping[str, float] | None = None,
     timestep_s: float = 1e-3,
     sensors: bool = False,
@@ -125,7 +127,9 @@ def build_model(
         second_ripple: A further ripple of all motors: amplitude [N m] and periods per motor turn.
         backlash: Dead band of the transmissions, arm side: of revolute [rad] and of prismatic joints [m].
         hysteresis: Bristle load parallel to the transmissions, arm side: the same two [N m, N].
-        bristles: The same of single transmissions, by their names.
+        one_sided: Share by which transmissions are stiffer than stated where they are bent positively, and softer where
+            negatively; their cubic coefficients are the same both ways.
+        bristles: Hysteresis of single transmissions, by their names.
         timestep_s: Integration step [s].
         sensors: Adds MuJoCo sensors for those of the robot; their sites are always there.
         balanced: Takes counterbalances, which act in statics and linearization; those by harmonics in the engine too,
@@ -163,7 +167,9 @@ def build_model(
         if spring.place == "transmission":
             linear = robot.is_linear(spring)
             own = (bristles or {}).get(spring.name, hysteresis[linear])
-            _add_transmission(spec, robot, spring, backlash[linear], own)
+            tendon = _add_transmission(spec, robot, spring, backlash[linear], own)
+            if one_sided:
+                _stiffen_one_way(spec, robot, spring, tendon, one_sided)
     for joint, drive in zip(robot.joints, motor_drives(robot), strict=True):
         add_torque(spec, joint, drive, friction=friction, ripple=ripple, second_ripple=second_ripple)
         if isinstance(joint.counterbalance, HarmonicBalance):
@@ -304,17 +310,10 @@ def _set_inertial(body: mujoco.MjsBody, inertial: Inertial, origin: FloatArray) 
     body.fullinertia = [tensor[0, 0], tensor[1, 1], tensor[2, 2], tensor[0, 1], tensor[0, 2], tensor[1, 2]]
 
 
-def _add_transmission(spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlash: float, hysteresis: float) -> None:
-    joint = robot.joints[spring.joint]
-    tendon = spec.add_tendon(name=spring.name)
-    for index, (drive, turns) in enumerate(motor_drives(robot)):
-        arm = float(robot.arm_per_motor[spring.joint, index])
-        if arm != 0:
-            # The tendon's length is the gear's deflection: arm motion per motor turns, less the arm.
-            tendon.wrap_joint(drive, arm * turns)
-            for shaft in shafts_of(robot, index):
-                tendon.wrap_joint(f"q_e_{shaft.name}", arm)
-    tendon.wrap_joint(f"q_a_{joint.name}", -1.0)
+def _add_transmission(
+    spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlash: float, hysteresis: float
+) -> mujoco.MjsTendon:
+    tendon = _add_gear_tendon(spec, robot, spring, spring.name)
     tendon.stiffness = np.array([spring.stiffness, 0.0, spring.cubic])
     tendon.damping = np.array([spring.damping, 0.0, 0.0])
     tendon.springlength = [-0.5 * backlash, 0.5 * backlash]
@@ -323,9 +322,35 @@ def _add_transmission(spec: mujoco.MjSpec, robot: Robot, spring: Spring, backlas
         # Equal Coulomb and breakaway levels without bristle damping: LuGre is then Dahl's element.
         law = [bristle, 0.0, hysteresis, hysteresis, 1.0]
         bristles = spec.add_actuator(
-            name=f"hysteresis_{joint.name}", trntype=mujoco.mjtTrn.mjTRN_TENDON, target=spring.name
+            name=f"hysteresis_{robot.joints[spring.joint].name}",
+            trntype=mujoco.mjtTrn.mjTRN_TENDON,
+            target=spring.name,
         )
         set_passive(bristles, lugre=law)
+    return tendon
+
+
+def _add_gear_tendon(spec: mujoco.MjSpec, robot: Robot, spring: Spring, name: str) -> mujoco.MjsTendon:
+    """Adds a tendon whose length is a gear's deflection: arm motion per motor turns, less the arm."""
+    tendon = spec.add_tendon(name=name)
+    for index, (drive, turns) in enumerate(motor_drives(robot)):
+        arm = float(robot.arm_per_motor[spring.joint, index])
+        if arm != 0:
+            tendon.wrap_joint(drive, arm * turns)
+            for shaft in shafts_of(robot, index):
+                tendon.wrap_joint(f"q_e_{shaft.name}", arm)
+    tendon.wrap_joint(f"q_a_{robot.joints[spring.joint].name}", -1.0)
+    return tendon
+
+
+def _stiffen_one_way(spec: mujoco.MjSpec, robot: Robot, spring: Spring, tendon: mujoco.MjsTendon, share: float) -> None:
+    """Makes a gear softer by a share both ways, and adds a spring that only pulls the stiffer way, by twice of it."""
+    slack = tendon.springlength[1] * np.array([-1.0, 1.0])
+    slack[0 if share > 0 else 1] = -np.sign(share) * _FAR
+    further = _add_gear_tendon(spec, robot, spring, f"{spring.name}_one_sided")
+    further.springlength = slack
+    further.stiffness = np.array([2 * abs(share) * spring.stiffness, 0.0, 0.0])
+    tendon.stiffness = np.array([(1 - abs(share)) * spring.stiffness, 0.0, spring.cubic])
 
 
 def _compile(spec: mujoco.MjSpec, robot: Robot) -> ElasticModel:

@@ -17,28 +17,50 @@ from robid.robot.actuators import friction_rows
 from robid.robot.balances import PointBalance, balance_torque
 from robid.robot.description import Robot
 from robid.robot.friction import LAWS, SIGN_SHARE, FrictionLaw, Ramps
+from robid.robot.linearize import Equilibrium, solve_statics
 from robid.robot.model import ElasticModel, build_model, quiet_warnings
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
-from robid.simulate.truth import with_imperfections
+from robid.simulate.truth import warmed, with_imperfections
 
 
-def true_model(robot: Robot, controller: Controller, options: SimulateOptions, *, sensors: bool) -> ElasticModel:
-    """Builds the robot with the imperfections that act inside the integrator; the number of steps is settled."""
+def true_model(
+    robot: Robot, controller: Controller, options: SimulateOptions, index: int = 0, *, sensors: bool
+) -> ElasticModel:
+    """Builds the robot with the imperfections that act inside the integrator; the number of steps is settled.
+
+    It is as it is in a configuration of an index, for its friction may drift from one to the next.
+    """
     flaws = options.imperfections
     if options.steps_per_sample is None:
         message = "the number of steps per sample must be settled first"
         raise ValueError(message)
     return build_model(
-        with_imperfections(robot, flaws),
+        warmed(with_imperfections(robot, flaws), flaws, index),
         friction=LAWS.get(flaws.friction),
         ripple=flaws.ripple,
         second_ripple=(flaws.second_ripple_nm, flaws.second_ripple_order),
         backlash=(flaws.backlash_rad, flaws.backlash_m),
         hysteresis=(flaws.hysteresis_nm, flaws.hysteresis_n),
+        one_sided=flaws.one_sided,
         timestep_s=controller.sampling_period_s / options.steps_per_sample,
         sensors=sensors,
         balanced=True,
     )
+
+
+def rest_of(model: ElasticModel, configuration: FloatArray, flaws: Imperfections) -> Equilibrium:
+    """Returns where a robot rests whose encoders show a configuration (n_joint,), its gears stiffer one way.
+
+    Raises:
+        DataError: If the configuration has no equilibrium within reach.
+    """
+    rest = solve_statics(model, configuration[None])
+    if not flaws.one_sided:
+        return rest
+    # Softer or stiffer, a gear stays bent the way in which gravity bends it.
+    share = [flaws.one_sided * (spring.place == "transmission") for spring in model.robot.springs]
+    stiffness = np.array([spring.stiffness for spring in model.robot.springs])
+    return solve_statics(model, configuration[None], stiffness * (1 + share * np.sign(rest.deflection[0])))
 
 
 def refuse_explosion(batch: Batch, robot: Robot, configuration: FloatArray, index: int, when: str) -> None:
@@ -204,7 +226,8 @@ class LoadEffects:
     def _friction_factor(self, deflection: FloatArray) -> FloatArray:
         """Level of each motor's friction (n_sim, n_motor) over that of its law."""
         stretched = deflection - np.clip(deflection, -self._dead_band, self._dead_band)
-        torque = (self._linear + self._cubic * stretched**2) * stretched
+        linear = self._linear * (1 + self._flaws.one_sided * np.sign(stretched))
+        torque = (linear + self._cubic * stretched**2) * stretched
         load = np.abs(torque @ self._arm_per_motor)
         speed = self._qvel[:, self._model.motor] * self._model.turns
         direction = np.tanh(speed / self._turn)

@@ -10,12 +10,12 @@ from mujoco.batch import Batch
 
 from robid.arrays import FloatArray, IntArray
 from robid.robot.description import Robot
-from robid.robot.linearize import solve_statics
 from robid.robot.model import ElasticModel
 from robid.signals.quantities import INJECTED, Channel, QuantityName, Side, motor_channels
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade, angle_reference
-from robid.simulate.engine import Followers, quiet_mujoco, refuse_explosion, true_model
+from robid.simulate.drives import Drives
+from robid.simulate.engine import Followers, quiet_mujoco, refuse_explosion, rest_of, true_model
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.steps import Steps, choose_steps, peak_motor_speed, visited
 from robid.simulate.truth import recorded_torque_factor
@@ -148,8 +148,9 @@ def simulate(experiment: SimulatedExperiment, configuration: FloatArray, index: 
         DataError: If the simulation blows up, naming the configuration.
     """
     experiment = with_settled_steps(experiment, configuration[None])[0]
-    model = true_model(experiment.robot, experiment.controller, experiment.options, sensors=bool(experiment.outputs))
-    rest = solve_statics(model, configuration[None])
+    robot, options = experiment.robot, experiment.options
+    model = true_model(robot, experiment.controller, options, index, sensors=bool(experiment.outputs))
+    rest = rest_of(model, configuration, options.imperfections)
     n_real, n_exp, n_sample, n_motor = experiment.reference.shape
     n_sim = n_real * n_exp
     batch = Batch(model.mujoco, n_sim, nthread=threads)
@@ -227,7 +228,7 @@ class _Run:
         self._experiment, self._batch, self._generator = experiment, batch, generator
         n_sim = batch.nsim
         reference = experiment.reference.reshape(n_sim, *experiment.reference.shape[2:])
-        self._motor, self._turns = model.motor, model.turns
+        self._motor = model.motor
         self.names = experiment.outputs
         self._further = FurtherOutputs(model, batch, experiment.outputs)
         flaws = experiment.options.imperfections
@@ -249,43 +250,30 @@ class _Run:
             self._rest,
             rest_torque,
         )
-        rest = np.broadcast_to(rest_torque, self._rest.shape).copy()
-        self._pending = [rest.copy() for _ in range(experiment.controller.delay_samples)]
+        self._drives = Drives(model, batch, experiment.controller, experiment.options, rest_torque)
 
     def period(self, torque: FloatArray, angle: FloatArray) -> None:
         """Runs one period into the given arrays (n_sample, n_sim, n_motor)."""
-        flaws, batch = self._experiment.options.imperfections, self._batch
-        qpos, ctrl = batch.qpos, batch.ctrl[:, : self._motor.size]
+        flaws, drives = self._experiment.options.imperfections, self._drives
         noise = self._generator.standard_normal(torque.shape) * flaws.encoder_noise_rad
         disturbance = self._generator.standard_normal(torque.shape) * flaws.torque_noise_nm
         steps = self._experiment.options.steps_per_sample or 1
         further = self._generator.standard_normal((*torque.shape[:2], len(self.names))) * self._sensor_noise
         for sample in range(torque.shape[0]):
-            measured = encoder_readings(qpos[:, self._motor] * self._turns, noise[sample], flaws)
+            measured = drives.read(noise[sample])
             command = self._cascade.command(measured, self._angle[sample], self._speed[sample])
             command = command + self._torque[sample]
             angle[sample, :, : self._motor.size], torque[sample] = measured, command
-            self._pending.append(command)
-            ctrl[:] = self._pending.pop(0) + disturbance[sample]
+            drives.send(command, disturbance[sample])
             self._followers.follow()
             if not self.names:
-                batch.step(nstep=steps)
+                drives.step(steps)
                 continue
             arms = self._further.arms()
-            batch.step(nstep=1)  # sensors show the state at its beginning
+            drives.step(1)  # sensors show the state at its beginning
             shown = self._further.read(arms) + further[sample]
             if self._stepped.size:
                 shown[:, self._stepped] = np.rint(shown[:, self._stepped] / self._step) * self._step
             angle[sample, :, self._motor.size :] = shown
             if steps > 1:
-                batch.step(nstep=steps - 1)
-
-
-def encoder_readings(angle: FloatArray, noise: FloatArray, flaws: Imperfections) -> FloatArray:
-    """Returns what the encoders show: resolver error, noise and quantisation on the true angle [rad]."""
-    shown = angle + noise
-    if flaws.resolver_error_rad:
-        shown += flaws.resolver_error_rad * np.sin(flaws.resolver_order * angle)
-    if flaws.encoder_resolution_rad:
-        shown = np.round(shown / flaws.encoder_resolution_rad) * flaws.encoder_resolution_rad
-    return shown
+                drives.step(steps - 1)

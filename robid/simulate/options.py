@@ -90,6 +90,14 @@ class Imperfections:
         gt=-1,
         lt=1,
     )
+    viscous_drift: float = option(
+        1.0,
+        "Viscous friction of the motors of a robot that is warm over that in a campaign's first configuration.",
+        gt=0,
+    )
+    drift_configurations: float = option(
+        3.0, "Configurations after which all but 1/e of this drift has passed, exponentially.", gt=0
+    )
     second_ripple_nm: float = option(0.0, "Amplitude of a further torque ripple of all motors [N m].", ge=0)
     second_ripple_order: int = option(2, "Periods of the further ripple per motor turn.", ge=1)
     load_damping_1_rad: float = option(
@@ -100,6 +108,13 @@ class Imperfections:
     )
     stiffening_1_rad2: float = option(0.0, "Cubic over linear coefficient of the transmissions [1/rad^2].", ge=0)
     stiffening_1_m2: float = option(0.0, "The same of prismatic joints [1/m^2].", ge=0)
+    one_sided: float = option(
+        0.0,
+        "Share by which transmissions are stiffer than their mean where their deflection, motor less arm, is positive,"
+        " and softer where it is negative.",
+        gt=-1,
+        lt=1,
+    )
     backlash_rad: float = option(0.0, "Arm-side backlash of the transmissions [rad].", ge=0)
     backlash_m: float = option(0.0, "Backlash of prismatic joints' transmissions [m].", ge=0)
     hysteresis_nm: float = option(0.0, "Arm-side hysteresis torque of the transmissions [N m].", ge=0)
@@ -151,6 +166,20 @@ class Truth:
     zero_deg: dict[str, float] = field(
         default_factory=dict,
         metadata={"description": "True less shown angle of joints that turn, by joint: zeros that are off [deg]."},
+    )
+    late_torque_s: dict[str, float] = field(
+        default_factory=dict,
+        metadata={
+            "description": "By how much later than the others' a motor's torque acts, by joint; parts of a sample too"
+            " [s]."
+        },
+    )
+    late_angle_s: dict[str, float] = field(
+        default_factory=dict,
+        metadata={
+            "description": "By how much later than the others' a motor's angle is read, by joint; parts of a sample too"
+            " [s]."
+        },
     )
     torque_constant_factor: dict[str, float] = field(
         default_factory=dict,

@@ -10,11 +10,11 @@ from mujoco.batch import Batch
 
 from robid.arrays import FloatArray
 from robid.robot.description import Robot, Sensor
-from robid.robot.linearize import Equilibrium, solve_statics
+from robid.robot.linearize import Equilibrium
 from robid.robot.model import ElasticModel, site_name
 from robid.simulate.controller import Cascade
-from robid.simulate.engine import Followers, quiet_mujoco, refuse_explosion, true_model
-from robid.simulate.experiment import encoder_readings
+from robid.simulate.drives import Drives, encoder_readings
+from robid.simulate.engine import Followers, quiet_mujoco, refuse_explosion, rest_of, true_model
 from robid.simulate.options import Controller, SimulateOptions
 from robid.simulate.steps import choose_steps
 
@@ -72,8 +72,8 @@ def play(
         needed = choose_steps(robot, controller, options, configuration[None], band_hz, told)
         options = replace(options, steps_per_sample=needed.count)
     steps = options.steps_per_sample or 1
-    model, flaws = true_model(robot, controller, options, sensors=True), options.imperfections
-    rest = solve_statics(model, configuration[None])
+    model, flaws = true_model(robot, controller, options, index, sensors=True), options.imperfections
+    rest = rest_of(model, configuration, flaws)
     n_time, n_sim, n_motor = motion.angle.shape
     batch = Batch(model.mujoco, n_sim, nthread=1)
     batch.qpos[:] = rest.position
@@ -83,7 +83,7 @@ def play(
     # At rest the feedback has learnt what the feed-forward lacks to hold the robot.
     lacking = rest.motor_torque - motion.torque[0]
     cascade = Cascade(controller, robot.motor_inertia_kgm2, limit, shown, lacking)
-    pending = [np.broadcast_to(rest.motor_torque, (n_sim, n_motor))] * controller.delay_samples
+    drives = Drives(model, batch, controller, options, rest.motor_torque)
     generator = np.random.default_rng([options.seed, index])
     angle_noise, torque_noise = generator.standard_normal((2, *motion.angle.shape))
     tool = flaws.tracker_noise_m * generator.standard_normal((n_time, n_sim, 3))
@@ -94,18 +94,15 @@ def play(
     start = int(model.mujoco.sensor(model.robot.sensors[0].name).adr[0])
     with quiet_mujoco():
         for sample in range(n_time):
-            measured = encoder_readings(
-                model.motor_angles(batch.qpos), flaws.encoder_noise_rad * angle_noise[sample], flaws
-            )
+            measured = drives.read(flaws.encoder_noise_rad * angle_noise[sample])
             feedback = cascade.command(measured, reference[sample], speed[sample])
             torque[sample] = np.clip(feedback + motion.torque[sample], -limit, limit)
-            pending.append(torque[sample])
-            batch.ctrl[:, :n_motor] = pending.pop(0) + flaws.torque_noise_nm * torque_noise[sample]
+            drives.send(torque[sample], flaws.torque_noise_nm * torque_noise[sample])
             followers.follow()
-            batch.step(nstep=1)  # sensors show the state at its beginning
+            drives.step(1)  # sensors show the state at its beginning
             tool[sample] += watched[:, start : start + 3]
             if steps > 1:
-                batch.step(nstep=steps - 1)
+                drives.step(steps - 1)
         refuse_explosion(batch, robot, configuration, index, "a step")
     return Played(tool, torque)
 

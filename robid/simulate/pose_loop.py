@@ -12,13 +12,12 @@ from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
 from robid.robot.description import Robot, Sensor
 from robid.robot.kinematics import ToolArm
-from robid.robot.linearize import solve_statics
 from robid.robot.model import ElasticModel, site_name
 from robid.signals.pose import ANGLES, POSE, displacement, pose_channels, pose_command_channels
 from robid.signals.record import Record
 from robid.simulate.controller import Cascade
-from robid.simulate.engine import Followers, quiet_mujoco, refuse_explosion, true_model
-from robid.simulate.experiment import encoder_readings
+from robid.simulate.drives import Drives
+from robid.simulate.engine import Followers, quiet_mujoco, refuse_explosion, rest_of, true_model
 from robid.simulate.options import Controller, PoseInterface, SimulateOptions
 from robid.simulate.pose_path import channel_motion, followed, joint_path
 from robid.simulate.steps import Steps, choose_steps
@@ -87,7 +86,7 @@ def simulate_poses(experiment: PoseExperiment, configuration: FloatArray, index:
     """
     experiment = with_settled_pose_steps(experiment, configuration[None])[0]
     robot = replace(experiment.robot, sensors=(*experiment.robot.sensors, tool_sensor(experiment.arm)))
-    model = true_model(robot, experiment.controller, experiment.options, sensors=False)
+    model = true_model(robot, experiment.controller, experiment.options, index, sensors=False)
     loop = _Loop(experiment, model, configuration, index, threads)
     transient, measured = experiment.options.transient_periods, []
     with quiet_mujoco():
@@ -138,7 +137,7 @@ class _Loop:
     ) -> None:
         self._experiment, self._model, self._home = experiment, model, configuration
         self._generator = np.random.default_rng([experiment.options.seed, index])
-        rest = solve_statics(model, configuration[None])
+        rest = rest_of(model, configuration, experiment.options.imperfections)
         n_real, n_exp = experiment.reference.shape[:2]
         self.batch = Batch(model.mujoco, n_real * n_exp, nthread=threads)
         self.batch.qpos[:] = rest.position
@@ -151,8 +150,7 @@ class _Loop:
         limit = np.array([joint.motor.max_torque_nm for joint in experiment.robot.joints])
         inertia = experiment.robot.motor_inertia_kgm2
         self._cascade = Cascade(experiment.controller, inertia, limit, self._last, rest.motor_torque[0])
-        held = np.broadcast_to(rest.motor_torque[0], self._last.shape)
-        self._pending = [held.copy() for _ in range(experiment.controller.delay_samples)]
+        self._drives = Drives(model, self.batch, experiment.controller, experiment.options, rest.motor_torque[0])
         self.offset = np.zeros(len(experiment.channels))
         if experiment.options.measured_pose == "tool":
             self.offset = self._true_motion(rest.position[None])[0, 0]
@@ -191,7 +189,7 @@ class _Loop:
 
     def _tick(self, told: FloatArray, shown: FloatArray) -> None:
         """Runs one sample of the interface; writes what the encoders show at its beginning."""
-        experiment, model, batch = self._experiment, self._model, self.batch
+        experiment = self._experiment
         flaws, count = experiment.options.imperfections, experiment.controller_samples
         steps, period_s = experiment.options.steps_per_sample or 1, experiment.interface.sampling_period_s
         noise = flaws.encoder_noise_rad * self._generator.standard_normal((count, *told.shape))
@@ -199,14 +197,13 @@ class _Loop:
         change = told - self._last
         speed = (experiment.interface.speed_feedforward / period_s) * change
         for sub in range(count):
-            measured = encoder_readings(model.motor_angles(batch.qpos), noise[sub], flaws)
+            measured = self._drives.read(noise[sub])
             if sub == 0:
                 shown[:] = measured
             reference = self._last + ((sub + 1) / count) * change
-            self._pending.append(self._cascade.command(measured, reference, speed))
-            batch.ctrl[:, : model.motor.size] = self._pending.pop(0) + disturbance[sub]
+            self._drives.send(self._cascade.command(measured, reference, speed), disturbance[sub])
             self._followers.follow()
-            batch.step(nstep=steps)
+            self._drives.step(steps)
         self._last = told
 
     def _true_motion(self, positions: FloatArray) -> FloatArray:

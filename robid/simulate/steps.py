@@ -14,6 +14,7 @@ from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters
 from robid.robot.statespace import StateSpace, discretise, state_space
 from robid.simulate.controller import angle_reference
+from robid.simulate.drives import changes_within
 from robid.simulate.options import STEP_LIMITS, Controller, SimulateOptions
 from robid.simulate.truth import with_imperfections
 
@@ -21,6 +22,7 @@ _MOST = 64
 _FAR = 0.3  # [rad, or m]: farther than any perturbation
 _CONFIGURATIONS = 8
 _GROWTH = 1e-6
+_WITHIN_SAMPLE = 4.0  # steps: at a twelfth of the sampling rate the mean over one is off by 0.2 %
 _TAYLOR = [1 / 24, 1 / 6, 1 / 2, 1.0, 1.0]
 
 
@@ -62,6 +64,8 @@ def choose_steps(
     count, highest_hz = _linear_need(
         with_imperfections(robot, options.imperfections), configurations[rows], frequency_hz, period_s
     )
+    if changes_within(options, controller):
+        needs["torques that change within a sample"] = _WITHIN_SAMPLE
     needs[f"the stiffest mode, {highest_hz:.0f} Hz"] = float(count)
     reason = max(needs, key=lambda name: np.ceil(needs[name]))
     return Steps(int(min(max(1, np.ceil(needs[reason])), _MOST)), reason)

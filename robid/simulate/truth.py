@@ -101,6 +101,21 @@ def with_imperfections(robot: Robot, imperfections: Imperfections) -> Robot:
     )
 
 
+def warmed(robot: Robot, imperfections: Imperfections, index: int) -> Robot:
+    """Returns the robot with what is left of its motors' viscous friction in a campaign's configuration of an index."""
+    passed = 1 - np.exp(-index / imperfections.drift_configurations)
+    factor = float(1 + (imperfections.viscous_drift - 1) * passed)
+    if factor == 1:
+        return robot
+
+    def drifted(joint: Joint) -> Joint:
+        law = joint.motor.friction
+        law = replace(law, viscous_nms_rad=factor * law.viscous_nms_rad)
+        return replace(joint, motor=replace(joint.motor, friction=law))
+
+    return replace(robot, joints=tuple(map(drifted, robot.joints)))
+
+
 def _deviating_masses(robot: Robot, truth: Truth) -> Robot:
     """Multiplies each link's mass and inertia by a random factor each, from draws of their own."""
     least, most = truth.mass_relative

@@ -43,7 +43,7 @@ from robid.studies.settings.rough import ROUNDS
 from robid.studies.settings.study import FrfStudy
 from robid.studies.simulated import measure, measure_or_refuse
 from robid.studies.study import Earlier, Procedure, Step, joined, made_provenance, run_tasks, seconds_of
-from robid.studies.trust import linear
+from robid.studies.trust import effects, linear
 from robid.studies.trust import report as trust_report
 from robid.studies.trust import responses as trust
 from robid.studies.turk2018.moving import TRAVEL
@@ -98,6 +98,7 @@ PROCEDURES: Mapping[str, Procedure] = {
             Step("models", trust.model_tasks, trust.fit_individual),
             Step("linear", linear.linear_tasks, linear.fit_linear),
             Step("grades", trust.grade_tasks, trust.grade_individual),
+            Step("effects", effects.effect_tasks, effects.tell_effect),
         ),
         trust_report.conclude,
         trust.further,

@@ -7,7 +7,7 @@ import pytest
 
 from exact_systems import certain, exact_frf, two_joint_robot
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance.kinds import PerturbedRobot
+from robid.models.elastic.fit.nuisance.effects import PerturbedRobot
 from robid.models.elastic.fit.options import ElasticOptions
 
 CONFIGURATIONS = np.array([[0.3, -0.7], [-0.5, 0.9], [0.9, 1.4], [-1.1, 0.3]])

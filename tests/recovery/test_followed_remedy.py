@@ -9,12 +9,14 @@ import pytest
 
 from exact_systems import exact_frf
 from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.nuisance.moves import with_estimated_springs
+from robid.models.elastic.fit.nuisance.wording import free_with
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.causes import explain
 from robid.models.elastic.judge.fitted import fitted_model
 from robid.models.elastic.judge.ratios import with_gear_ratio
 from robid.models.elastic.judge.reversals import turned
-from robid.robot.description import Inertial
+from robid.robot.description import Inertial, Spring
 from robid.settings.load import load_robot
 
 ROBOTS = Path(__file__).parents[2] / "configs" / "robots"
@@ -60,6 +62,52 @@ def test_a_gear_ratio_that_is_off_by_a_tenth_is_named_and_found(name, joint):
     followed = with_gear_ratio(joint, stated, told - stated.joints[joint].motor.gear_ratio)
     after = fit_elastic(followed, frf, OPTIONS, DELAY_S)
     assert 1 - after.costs.total / before.costs.total > first.share - 0.05
+
+
+@pytest.mark.parametrize("name", [pytest.param("kr300", marks=pytest.mark.slow), "ur5e"])
+def test_bearings_that_the_file_lacks_are_freed_together_and_found(name):
+    robot = robot_of(name)
+    stated = replace(robot, springs=tuple(spring for spring in robot.springs if spring.place != "bearing"))
+    gears = {spring.joint: spring.stiffness for spring in robot.springs if spring.place == "transmission"}
+    wanted = {f"bearing_{robot.joints[joint].name}_{axis}": 4 * gears[joint] for joint in (0, 1, 2) for axis in "xy"}
+    bearings = (
+        Spring(f"true_{number}", number // 2, "bearing", np.eye(3)[number % 2], stiffness, 1e-3 * stiffness)
+        for number, stiffness in enumerate(wanted.values())
+    )
+    true = replace(stated, springs=(*stated.springs, *bearings))
+    frf = exact_frf(true, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=5e-4)
+    before = fit_elastic(stated, frf, OPTIONS, DELAY_S)
+    first = explain(fitted_model(stated, before, frf, OPTIONS, DELAY_S))[0]
+    assert (first.cause, set(first.free)) == ("missing_spring", set(wanted))
+    options = replace(OPTIONS, free=free_with(OPTIONS.free, first.free))
+    after = fit_elastic(with_estimated_springs(stated, options), frf, options, DELAY_S)
+    assert after.costs.total < 1.2 * after.costs.expected.sum() < 0.01 * before.costs.total
+    for spring, stiffness in wanted.items():
+        assert after.estimate.found[f"{spring}.stiffness"] == pytest.approx(stiffness, rel=0.02)
+    for joint, stiffness in gears.items():
+        gear = next(each.name for each in robot.springs if each.joint == joint and each.place == "transmission")
+        assert after.estimate.found[f"{gear}.stiffness"] == pytest.approx(stiffness, rel=0.02)
+
+
+def test_a_base_that_tilts_about_two_axes_is_freed_about_both_and_found():
+    stated = robot_of("ur5e")
+    gear = next(spring for spring in stated.springs if (spring.joint, spring.place) == (0, "transmission"))
+    wanted = {"base_x": 6 * gear.stiffness, "base_y": 9 * gear.stiffness}
+    tilts = (
+        Spring(f"true_{name}", 0, "base", axis, stiffness, 1e-3 * stiffness)
+        for (name, stiffness), axis in zip(wanted.items(), np.eye(3)[:2], strict=True)
+    )
+    true = replace(stated, springs=(*stated.springs, *tilts))
+    frf = exact_frf(true, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=5e-4)
+    before = fit_elastic(stated, frf, OPTIONS, DELAY_S)
+    first = explain(fitted_model(stated, before, frf, OPTIONS, DELAY_S))[0]
+    assert (first.cause, set(first.free)) == ("missing_spring", set(wanted))
+    options = replace(OPTIONS, free=free_with(OPTIONS.free, first.free))
+    after = fit_elastic(with_estimated_springs(stated, options), frf, options, DELAY_S)
+    assert after.costs.total < 1.2 * after.costs.expected.sum()
+    for spring, stiffness in wanted.items():
+        assert after.estimate.found[f"{spring}.stiffness"] == pytest.approx(stiffness, rel=0.02)
+    assert after.estimate.found[f"{gear.name}.stiffness"] == pytest.approx(gear.stiffness, rel=0.02)
 
 
 @pytest.mark.parametrize(("name", "joint"), [pytest.param("kr300", 1, marks=pytest.mark.slow), ("ur5e", 3)])

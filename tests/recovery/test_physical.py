@@ -10,7 +10,8 @@ import pytest
 from exact_systems import certain, exact_frf, stocky, two_joint_robot
 from realizations import averaged
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance.kinds import RobotMove, list_nuisances
+from robid.models.elastic.fit.nuisance.effects import RobotMove
+from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.known import FAMILIES, load_experiment
 from robid.robot.nuisance import NuisanceStd

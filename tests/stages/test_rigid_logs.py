@@ -1,6 +1,7 @@
 """Logs of rigid fits, good and bad, through the command line: one message, its exit code, and its remedy once."""
 
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from rigid_logs import PERIOD_S, fourier_motion, shot_along, write_log
 from robid.models.known import load_experiment
 
+CONFIGS = Path(__file__).parents[2] / "configs"
 EXPERIMENT = """schema_version: 1
 name: small
 robot: arm.yaml
@@ -148,3 +150,18 @@ def _fails(logs, *texts):
     assert "Traceback" not in answer.err
     for text in ("remedy: ", *texts):
         assert text in answer.flat
+
+
+def test_an_angle_in_the_wrong_unit_is_named_and_its_remedy_ends_in_a_good_fit(shop, data_folder):
+    data_folder("tx40")
+    stated, file = "{name: joint_5, variable: Joint_5", shop.folder / "tx40.yaml"
+    text = (CONFIGS / "tx40.yaml").read_text().replace("robots/", f"{CONFIGS}/robots/")
+    wrong = f"{stated}, unit: deg}}".join(text.rsplit(f"{stated}}}", 1))  # of the outputs, which come last
+    assert wrong != text
+    file.write_text(wrong)
+    answer = shop.robid("run", "tx40.yaml", "--strict")
+    assert answer.code != 0
+    assert "state `unit: rad` for the motor angle of joint_5" in answer.flat
+    assert "too poor" not in answer.flat
+    file.write_text(wrong.replace("unit: deg", "unit: rad"))
+    assert "do not use" not in shop.robid("run", "tx40.yaml").flat.lower()

@@ -41,10 +41,13 @@ def test_robots_are_measured_fitted_and_held_against_truth_and_fresh_places(stud
     counted = {key: len([name for name in measured if name.startswith(key)]) for key in ("a_1_", "a_2_", "b_3_", "pay")}
     assert counted == {"a_1_": 5 + 6 + 4, "a_2_": 5 + 2, "b_3_": 5 + 2, "pay": 3}
     fitted = ["a_1_designed", "a_1_fresh", "a_1_random", "a_2_random", "b_3_random"]
+    fitted += ["c_late_8_random", "c_sound_9_random"]
     fitted += ["light_4_designed", "light_4_fresh", "light_4_random", "payload_5_random"]
     assert names(tasks / "models") == fitted
     assert names(tasks / "linear") == ["linear_6", "linear_file_7"]
-    assert names(tasks / "grades") == ["a_1", "a_2", "b_3", "light_4", "payload_5"]
+    assert names(tasks / "grades") == ["a_1", "a_2", "b_3", "c_late_8", "c_sound_9", "light_4", "payload_5"]
+    assert names(tasks / "effects") == ["c_late_8"]
+    _one_late_drive_is_told_of(summary, read_artifact(next((tasks / "effects").glob("c_late_8.*")), TASK).attributes)
     shares = (
         "a.effective.coverage_95",
         "a.effective.designed",
@@ -58,10 +61,18 @@ def test_robots_are_measured_fitted_and_held_against_truth_and_fresh_places(stud
     assert "width_ratio" not in summary  # b has no reference, so nothing is known of its widths
     assert "b.effective.coverage_95" not in summary
     page = (study.runs / "report.html").read_text()
-    for text in ("What is asked", "a.physical.worst", "Sets of robots", "Causes"):
+    for text in ("What is asked", "a.physical.worst", "Sets of robots", "Causes", "Set C: one defect each"):
         assert text in page
     _places_are_each_robots_own(tasks)
     _nothing_is_done_twice(study, tasks)
+
+
+def _one_late_drive_is_told_of(summary, effect):
+    # Two samples turn the phase at 80 Hz by a radian.
+    assert effect["power"] > 0.99
+    assert (summary["c.robots"], summary["c.sound"], summary["c.first_cases"]) == (1, 1, 1)
+    assert {summary[key] for key in ("c.first", "c.late.first", "c.trusted_wrong", "c.false")} <= {0, 1}
+    assert summary["c.late.first"] == summary["c.first"] == 1
 
 
 def _places_are_each_robots_own(tasks):
@@ -100,7 +111,22 @@ def _nothing_is_done_twice(study, tasks):
         ("named: [payload]", "named: [pailoat]", "study.causes.payload.named[0]: there is no cause `pailoat`"),
         ("choose: {first: 31}", "choose: {first: 5}", "the seeds of `judge` and `choose` overlap"),
         ("  light: light.yaml\n", "", "study.sets.light.robot: S425"),
+        ("  light: light.yaml\n", "", "study.single: S520"),
         ("    payload: {named", "    a: {named", "study.causes.a: S428"),
+        (
+            "late_torque_s: {lift",
+            "late_torque_s: {lifd",
+            "defects.late.variants.heavy[0].truth.late_torque_s.lifd: S514",
+        ),
+        ("named: [delay]", "named: [dalay]", "study.single.defects.late.named[0]: there is no cause `dalay`"),
+        ("{heavy: [{truth: {late", "{light: [{truth: {late", "study.single.defects.late: S518"),
+        (
+            "{torque_noise_nm: 0.05}]",
+            "{torque_nois_nm: 0.05}]",
+            "study.single.noises.heavy[1].imperfections.torque_nois",
+        ),
+        ("      late:", "      sound:", "study.single: S517"),
+        ("    b:\n", "    c:\n", "study.sets.c: S519"),
         ("{backlash_rad: 1.0e-5}", "{backlsh_rad: 1.0e-5}", "study.sets.light.imperfections.backlsh_rad"),
     ],
 )

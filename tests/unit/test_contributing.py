@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from robid.logs.formats.variables import FORMATS
-from robid.models.elastic.fit.nuisance import kinds
+from robid.models.elastic.fit.nuisance import kinds, listing
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.known import FAMILIES
 from robid.robot.friction import LAWS, Curve, Friction, LawName, stacked_coefficients
@@ -77,10 +77,10 @@ def test_a_friction_law_is_its_row_and_its_name(monkeypatch):
 
 def test_a_nuisance_parameter_is_a_row(monkeypatch):
     robot = load_robot(ROOT / "configs" / "robots" / "kr300.yaml").to_robot(None)
-    before = [one.name for one in kinds.list_nuisances(robot, ElasticOptions())]
+    before = [one.name for one in listing.list_nuisances(robot, ElasticOptions())]
     owners, rows = kinds.DELAY
     clock = replace(rows[0], ending="clock", title="offset of the clocks", parameter="")
-    monkeypatch.setattr(kinds, "WIDENING", (*kinds.WIDENING, (owners, (clock,))))
-    after = kinds.list_nuisances(robot, ElasticOptions())
+    monkeypatch.setattr(listing, "WIDENING", (*kinds.WIDENING, (owners, (clock,))))
+    after = listing.list_nuisances(robot, ElasticOptions())
     assert [one.name for one in after] == [*before, "clock"]
     assert after[-1].effect == rows[0].effect(robot)

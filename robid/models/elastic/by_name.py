@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from robid.errors import SettingsError
-from robid.models.elastic.fit.nuisance.kinds import estimable_nuisances, estimated_nuisances
+from robid.models.elastic.fit.nuisance.listing import estimable_nuisances, estimated_nuisances
 from robid.models.elastic.fit.nuisance.moves import with_estimated_springs
 from robid.models.elastic.fit.nuisance.wording import free_with, unknown_names
 from robid.models.elastic.fit.options import BY_SPRING, estimable_names, free_problem, spring_of

@@ -12,7 +12,7 @@ from robid.artifacts.results import grade_from_artifact, outcome_from_artifact
 from robid.errors import DataError
 from robid.models.elastic.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance.kinds import PerturbedRobot
+from robid.models.elastic.fit.nuisance.effects import MICRO, PerturbedRobot
 from robid.models.elastic.fit.nuisance.moves import with_estimated_springs
 from robid.models.elastic.fit.nuisance.wording import options_of
 from robid.models.elastic.fit.uncertainty import bootstrap_tasks
@@ -181,7 +181,8 @@ def true_values(nominal: Robot, true: TrueRobot) -> dict[str, float]:
         values |= {f"{spring.name}.location_{axis}": x for axis, x in place}
     axial = axial_inertia(build_model(true.without_springs(known), balanced=True))
     for joint, stated, inertia in zip(true.robot.joints, nominal.joints, axial.tolist(), strict=True):
-        values[f"{joint.name}.viscous"] = joint.motor.friction.viscous_nms_rad
+        if true.imperfections.viscous_drift == 1:  # else it has no one value
+            values[f"{joint.name}.viscous"] = joint.motor.friction.viscous_nms_rad
         values[f"{joint.name}.arm_viscous"] = joint.arm_viscous
         values[f"{joint.name}.motor_inertia"] = joint.motor.inertia_kgm2
         values[f"{joint.name}.link_inertia"] = inertia
@@ -216,6 +217,8 @@ def _drives(nominal: Robot, true: TrueRobot) -> dict[str, float]:
             turn = joint.couplings.get(other.name, 0.0) - stated.couplings.get(other.name, 0.0)
             values[f"{joint.name}.coupling_{other.name}"] = 100 * turn * other.motor.gear_ratio
         factor = true.truth.torque_constant_factor.get(joint.name, 1.0)
+        values[f"{joint.name}.late_torque"] = true.truth.late_torque_s.get(joint.name, 0.0) / MICRO
+        values[f"{joint.name}.late_angle"] = true.truth.late_angle_s.get(joint.name, 0.0) / MICRO
         values[f"{joint.name}.zero"] = true.truth.zero_deg.get(joint.name, 0.0)
         values[f"{joint.name}.torque_constant"] = -100 * float(np.log(factor))
         own = joint.counterbalance
@@ -225,6 +228,7 @@ def _drives(nominal: Robot, true: TrueRobot) -> dict[str, float]:
     for spring in nominal.springs:
         slip = flaws.hysteresis_n if nominal.is_linear(spring) else flaws.hysteresis_nm
         values |= {f"{spring.name}.load_damping": flaws.load_damping_1_rad, f"{spring.name}.hysteresis": slip}
+        values[f"{spring.name}.one_sided"] = 100 * flaws.one_sided
     return values
 
 

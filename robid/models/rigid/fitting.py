@@ -19,6 +19,7 @@ from robid.models.rigid.fit.shots import Shot, refuse_unusable, shots_of
 from robid.models.rigid.judge.balances import balance_findings
 from robid.models.rigid.judge.plausible import assess_rigid, is_unexplained
 from robid.models.rigid.judge.scales import motions_of, rigid_scale_findings, sum_findings
+from robid.models.rigid.judge.small_angles import small_angle_findings
 from robid.models.rigid.judge.trials import try_causes
 from robid.models.rigid.judge.validating import validate_rigid
 from robid.models.rigid.settings import loaded_campaign, rigid_fit
@@ -41,7 +42,8 @@ def fit(data: Data, work: Work) -> Artifact:
     shots = shots_in(data, settings.campaigns, robot)
     loop = None if settings.instruments == "none" else _loop(data, robot, shots)
     refuse_unusable(robot, shots)
-    scales = rigid_scale_findings(robot, shots, motions_of(data.records[0], robot), settings.options())
+    motions = motions_of(data.records[0], robot)
+    scales = rigid_scale_findings(robot, shots, motions, settings.options())
     scales = scales or sum_findings(robot, shots, settings.options())
     try:
         solution = fit_rigid(robot, shots, settings.options(), loop)
@@ -49,6 +51,7 @@ def fit(data: Data, work: Work) -> Artifact:
         raise blamed(error, scales) from error
     work.progress.advance()
     options, shots = settings.options(), corrected(shots, solution.gains)
+    scales = scales or small_angle_findings(robot, shots, motions, solution, options)
     if scales:
         return model_of(solution, assess_rigid(robot, solution, options, scales))
     tried = try_causes(robot, shots, solution, options) if is_unexplained(robot, solution, options) else ()

@@ -297,8 +297,10 @@ def named_finding(named: Named, sources: str) -> Finding:
     size, low, high = named.seen
     words = [" and of the ".join(scale.what for scale in each.scales) for each in named.alike]
     meant = [each.scales[0].mistake(each.factor, what) for each, what in zip(named.alike, words, strict=True)]
+    # What makes nonsense of the rest may leave nothing that shows how large the factor is.
+    times = f"{size:.4g} [{low:.4g}, {high:.4g}] times" if np.isfinite(high) else "not"
     told = (
-        f"values of the {words[0]} are {size:.4g} [{low:.4g}, {high:.4g}] times what {sources}, as if {meant[0]}"
+        f"values of the {words[0]} are {times} what {sources}, as if {meant[0]}"
         f"{''.join(f'; or {other}' for other in meant[1:])}"
     )
     scales = tuple(scale for each in named.alike for scale in each.scales)

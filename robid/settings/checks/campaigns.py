@@ -29,6 +29,12 @@ def check_truth(field: FieldPath, campaign: Campaign, simulate: SimulateSettings
     for key in ("load_friction", "friction_asymmetry"):
         if getattr(simulate.imperfections, key) and simulate.imperfections.friction == "none":
             yield (*field, "imperfections", key), "S139 changes the levels of a friction law: give `friction` too"
+    varying = [spring.name for spring in robot.all_springs if spring.place == "transmission" and spring.stiffness_over]
+    if simulate.imperfections.one_sided and varying:
+        message = (
+            f"S516 the stiffness of `{varying[0]}` depends on a joint's position, which `one_sided` does not do beside"
+        )
+        yield (*field, "imperfections", "one_sided"), message
     extra = simulate.imperfections.unmodelled_payload_kg
     yield from _payload((*field, "imperfections", "unmodelled_payload_kg"), extra, campaign, robot)
 
@@ -46,6 +52,12 @@ def _factors(field: FieldPath, truth: TruthSettings, robot: RobotFile) -> Found:
                 yield (*field, key, name), f"S132 there is no {kind} `{name}`; {suggest(name, names)}"
             if factor <= 0:
                 yield (*field, key, name), f"S133 must be above 0 (found {factor:g})"
+    for key in ("late_torque_s", "late_angle_s"):
+        for name, late in getattr(truth, key).items():
+            if name not in joints:
+                yield (*field, key, name), f"S514 there is no joint `{name}`; {suggest(name, joints)}"
+            if late < 0:
+                yield (*field, key, name), f"S515 must be 0 or above (found {late:g})"
     for index, name in enumerate(truth.reversed_torque):
         if name not in joints:
             yield (*field, "reversed_torque", index), f"S134 there is no joint `{name}`; {suggest(name, joints)}"

@@ -10,8 +10,8 @@ from robid.settings.base import Name, Section
 from robid.settings.experiment import Experiment
 from robid.settings.robot import RobotFile
 from robid.studies.experiments import Count, NotNegative, Positive, Problems, Whole, entry
-from robid.studies.settings.defects import TrustSeedChoice, TrustSeeds
 from robid.studies.settings.parts import RecordedCase
+from robid.studies.settings.trust import TrustSeedChoice, TrustSeeds
 
 
 class RoughArm(Section):

@@ -25,8 +25,9 @@ from robid.settings.robot_sections import given
 from robid.settings.yaml import FieldPath
 from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, entry, name_problems, unknown
 from robid.studies.settings import parts
-from robid.studies.settings.defects import MistakesStudy, TrustStudy, check_mistakes, check_trust
+from robid.studies.settings.defects import MistakesStudy, check_mistakes
 from robid.studies.settings.rough import RoughStudy, check_rough
+from robid.studies.settings.trust import TrustStudy, check_trust
 
 
 @dataclass(frozen=True)

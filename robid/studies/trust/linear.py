@@ -14,8 +14,8 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance import kinds
-from robid.models.elastic.fit.nuisance.response import bristle_share
+from robid.models.elastic.fit.nuisance import effects, listing
+from robid.models.elastic.fit.nuisance.columns import bristle_share
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.rest_model import NO_LOAD_RAD
 from robid.models.elastic.fitting import true_values
@@ -32,7 +32,7 @@ from robid.signals.quantities import motor_channels
 from robid.simulate.options import Imperfections, Truth
 from robid.simulate.truth import TrueRobot
 from robid.studies.experiments import changed_simulation
-from robid.studies.settings.defects import LINEAR, TrustStudy, individuals
+from robid.studies.settings.trust import LINEAR, TrustStudy, individuals
 from robid.studies.simulated import kept_or_refused, with_truth
 from robid.studies.study import Content, Earlier, Task, study_of
 from robid.studies.trust.responses import RANDOM, machines
@@ -47,7 +47,7 @@ _DRAWS = 3  # keeps these draws apart from those of springs, masses and defects
 class Perturbed:
     """A robot file's nuisance parameters, and how far one robot is off."""
 
-    nuisances: tuple[kinds.Nuisance, ...]
+    nuisances: tuple[effects.Nuisance, ...]
     amounts: FloatArray  # (n_nuisance, n_conf) how far the robot is off in each configuration
 
 
@@ -57,7 +57,7 @@ def draw_perturbed(robot: Robot, options: ElasticOptions, n_configuration: int, 
     Amounts that have a sign keep it.
     """
     generator = np.random.default_rng([seed, _DRAWS])
-    nuisances = kinds.list_nuisances(robot, options)
+    nuisances = listing.list_nuisances(robot, options)
     amounts = np.empty((len(nuisances), n_configuration))
     for row, nuisance in zip(amounts, nuisances, strict=True):
         common, each = generator.standard_normal(), generator.standard_normal(n_configuration)
@@ -68,7 +68,7 @@ def draw_perturbed(robot: Robot, options: ElasticOptions, n_configuration: int, 
 
 def as_file(robot: Robot, options: ElasticOptions, n_configuration: int) -> Perturbed:
     """Returns the nuisance parameters of a robot that is right in everything."""
-    nuisances = kinds.list_nuisances(robot, options)
+    nuisances = listing.list_nuisances(robot, options)
     return Perturbed(nuisances, np.zeros((len(nuisances), n_configuration)))
 
 
@@ -91,8 +91,8 @@ def perturbed_responses(
         own = off_robot(robot, off.nuisances, amounts, shares[index])
         model = build_model(own)
         linear = linearize(model, solve_statics(model, configuration[None]))
-        late = (amounts[each.name] for each in off.nuisances if each.effect == kinds.ValueOff("delay", 0))
-        delay_s = sampling[1] + sum(kinds.MICRO * amount for amount in late)
+        late = (amounts[each.name] for each in off.nuisances if each.effect == effects.ValueOff("delay", 0))
+        delay_s = sampling[1] + sum(effects.MICRO * amount for amount in late)
         bristles = _bristles(off.nuisances, amounts, own, frequency_hz)
         parameters = nominal_parameters(own, linear, delay_s)
         exact = _with_bristles(linear, parameters, bristles, frequency_hz, sampling[0])
@@ -102,13 +102,13 @@ def perturbed_responses(
 
 
 def _bristles(
-    nuisances: Sequence[kinds.Nuisance], amounts: Mapping[str, float], robot: Robot, frequency_hz: FloatArray
+    nuisances: Sequence[effects.Nuisance], amounts: Mapping[str, float], robot: Robot, frequency_hz: FloatArray
 ) -> ComplexArray:
     """What bristles add to each spring (n_freq, n_spring), over its stiffness."""
     omega = 2 * np.pi * frequency_hz
     found = np.zeros((omega.size, len(robot.springs)), complex)
     for nuisance in nuisances:
-        if isinstance(nuisance.effect, kinds.Hysteresis):
+        if isinstance(nuisance.effect, effects.Hysteresis):
             share = bristle_share(omega, np.zeros((1, omega.size)), nuisance.effect.slip)[0]
             found[:, nuisance.effect.spring] += 2 * amounts[nuisance.name] / _PERCENT * share
     return found
@@ -133,7 +133,7 @@ def _with_bristles(
 
 
 def off_robot(
-    robot: Robot, nuisances: Sequence[kinds.Nuisance], amounts: Mapping[str, float], shares: FloatArray
+    robot: Robot, nuisances: Sequence[effects.Nuisance], amounts: Mapping[str, float], shares: FloatArray
 ) -> Robot:
     """Returns the robot with everything that is off, by its name, and belongs to its mechanics.
 
@@ -145,28 +145,28 @@ def off_robot(
         share, direction = amounts[nuisance.name] / _PERCENT, nuisance.effect
         if share == 0:
             continue
-        if isinstance(direction, kinds.RobotMove):
+        if isinstance(direction, effects.RobotMove):
             robot = direction.moved(robot, amounts[nuisance.name])
-        elif isinstance(direction, kinds.LoadStiffness):
+        elif isinstance(direction, effects.LoadStiffness):
             spring = robot.springs[direction.spring]
             softer = replace(spring, stiffness=spring.stiffness * (1 + share * float(shares[direction.spring])))
             robot = replace(robot, springs=_with(robot.springs, direction.spring, softer))
-        elif isinstance(direction, kinds.Compliance):
+        elif isinstance(direction, effects.Compliance):
             spring = direction.spring
             further.append(replace(spring, stiffness=spring.stiffness / share, damping=spring.damping / share))
-        elif isinstance(direction, kinds.ValueOff) and direction.kind in ("stiffness", "damping"):
+        elif isinstance(direction, effects.ValueOff) and direction.kind in ("stiffness", "damping"):
             spring = robot.springs[direction.element]
             size = (1 + share) * float(getattr(spring, direction.kind))
             held = replace(spring, stiffness=size) if direction.kind == "stiffness" else replace(spring, damping=size)
             robot = replace(robot, springs=_with(robot.springs, direction.element, held))
-        elif isinstance(direction, kinds.ValueOff) and direction.kind != "delay":
+        elif isinstance(direction, effects.ValueOff) and direction.kind != "delay":
             joint = robot.joints[direction.element]
             off = _with_off_drive(joint, direction, share, float(inertia[direction.element]))
             robot = replace(robot, joints=_with(robot.joints, direction.element, off))
     return replace(robot, springs=(*robot.springs, *further))
 
 
-def _with_off_drive(joint: Joint, direction: kinds.ValueOff, share: float, inertia: float) -> Joint:
+def _with_off_drive(joint: Joint, direction: effects.ValueOff, share: float, inertia: float) -> Joint:
     if direction.kind == "arm_viscous":
         return replace(joint, arm_viscous=joint.arm_viscous + share * _TURN_10_HZ * inertia)
     motor = joint.motor
@@ -204,10 +204,10 @@ def _recorded(
     feedback, constant = np.zeros(exact.shape, complex), np.ones(exact.shape[2])
     for nuisance in off.nuisances:
         direction, share = nuisance.effect, amounts[nuisance.name] / _PERCENT
-        if isinstance(direction, kinds.MotorFriction):
+        if isinstance(direction, effects.MotorFriction):
             size = share * robot.joints[direction.joint].motor.inertia_kgm2 * _TURN_10_HZ**2
             feedback[:, direction.joint, direction.joint] += direction.phase * size / square
-        elif isinstance(direction, kinds.TorqueScale):
+        elif isinstance(direction, effects.TorqueScale):
             constant[direction.joint] = 1 + share
     rubbing = np.linalg.solve(np.eye(exact.shape[1]) - exact @ feedback / hold[:, None, None], exact)
     return np.asarray(rubbing / constant)

@@ -30,7 +30,7 @@ from robid.settings.robot_sections import given
 from robid.simulate.truth import TrueRobot
 from robid.studies.experiments import Further, both_runs, changed_simulation, excitations
 from robid.studies.mistakes.cases import GRADING, about_findings, refused_causes
-from robid.studies.settings.defects import Individual, TrustStudy, individuals, trusted_problems
+from robid.studies.settings.trust import Individual, TrustStudy, individuals, trusted_problems
 from robid.studies.simulated import (
     REFUSAL,
     kept_or_refused,

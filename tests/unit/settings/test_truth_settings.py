@@ -83,6 +83,8 @@ def test_springs_that_the_robot_file_lacks_are_in_the_true_robot_alone(tmp_path)
             "truth: {zero_deg: {lifd: -1}}",
             "zero_deg.lifd: S429 there is no revolute joint `lifd`; did you mean `lift`?",
         ),
+        ("truth: {late_torque_s: {lifd: 0.001}}", "late_torque_s.lifd: S514 there is no joint `lifd`"),
+        ("truth: {late_angle_s: {lift: -0.001}}", "late_angle_s.lift: S515 must be 0 or above"),
         ("imperfections: {load_friction: 0.1}", "S139"),
         ("truth: {torque_constant_factor: {turn: -1}}", "must be above 0"),
         ("truth: {torque_constant_factor: {axis: 1.1}}", "no joint `axis`"),
@@ -113,3 +115,11 @@ def test_a_robot_without_payload_cannot_carry_an_unmodelled_one(tmp_path, robot,
 
 def test_all_of_the_payload_may_be_missing(tmp_path):
     assert load_experiment(write(tmp_path, "imperfections: {unmodelled_payload_kg: -5}"))
+
+
+def test_gears_are_one_sided_or_follow_a_joint(tmp_path):
+    law = "stiffness_over: {joint: turn, positions_deg: [-150, 150], factors: [1, 0.8]}"
+    robot = ROBOT.replace("damping_nms_rad: 80}", f"damping_nms_rad: 80, {law}}}", 1)
+    told = refused(write(tmp_path, "imperfections: {one_sided: 0.1}", robot))
+    assert "imperfections.one_sided: S516 the stiffness of `gear_turn`" in told
+    assert load_experiment(write(tmp_path, "imperfections: {one_sided: 0.1}"))

@@ -6,61 +6,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from elastic_loops import CONFIGURATION, PLAIN, analytic, diagonal, experiment
 from exact_systems import sensed_everywhere, springs_everywhere, two_joint_robot, with_spring_factors
 from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
-from robid.frf.options import EstimateOptions
 from robid.robot.friction import Friction
-from robid.robot.linearize import linearize, solve_statics
+from robid.robot.linearize import solve_statics
 from robid.robot.model import build_model
-from robid.robot.response import nominal_parameters, response
 from robid.settings.load import load_robot
-from robid.signals.waveforms import multisine, time_signal
 from robid.simulate.controller import Cascade, angle_reference, frequency_response
-from robid.simulate.experiment import SimulatedExperiment, encoder_readings, simulate
+from robid.simulate.drives import encoder_readings
+from robid.simulate.experiment import simulate
 from robid.simulate.options import Controller, Imperfections, SimulateOptions, Truth
 from robid.simulate.truth import true_robot
 
 ROBOT_FILE = Path(__file__).parents[3] / "configs" / "robots" / "kr300.yaml"
-PLAIN = EstimateOptions(compensation="none")
-CONFIGURATION = np.array([0.3, -0.8])
-
-
-def odd_lines(period_s, count, low_hz=2.0, high_hz=80.0):
-    lines = np.unique(np.round(np.geomspace(low_hz * period_s, high_hz * period_s, count) / 2).astype(int) * 2 + 1)
-    return lines[lines < high_hz * period_s]
-
-
-def experiment(robot=None, *, period_s=2.0, rms=5.0, count=25, inject="speed_reference", realizations=1, **options):
-    robot = robot or two_joint_robot()
-    controller = Controller()
-    n_motor, n_sample = len(robot.joints), round(period_s / controller.sampling_period_s)
-    lines = odd_lines(period_s, count)
-    amplitude = np.full((n_motor, lines.size), rms * np.sqrt(2 / lines.size))
-    phase = np.random.default_rng(5).uniform(0, 2 * np.pi, (realizations, n_motor, lines.size))
-    reference = time_signal(multisine(amplitude, phase), lines, n_sample)
-    return SimulatedExperiment(
-        robot=robot,
-        controller=controller,
-        options=SimulateOptions(**options),
-        reference=reference,
-        inject=inject,
-        excited_lines=lines,
-        detection_lines=np.zeros(0, int),
-        periods=1,
-    )
-
-
-def analytic(robot, configuration, frequency_hz, controller, outputs=None, rates=()):
-    model = build_model(robot, balanced=True)
-    linear = replace(linearize(model, solve_statics(model, configuration[None]), outputs), rates=rates)
-    delay_s = controller.delay_samples * controller.sampling_period_s
-    parameters = nominal_parameters(robot, linear, delay_s)
-    return response(linear, parameters, frequency_hz, controller.sampling_period_s).sampled
-
-
-def diagonal(frf_response):
-    return np.diagonal(frf_response, axis1=2, axis2=3)
 
 
 @pytest.fixture(scope="module")
@@ -259,6 +219,7 @@ def test_explosion_is_refused_and_leaves_no_file(tmp_path, monkeypatch, capfd):
         {"second_ripple_nm": 0.05},
         {"load_damping_1_rad": 1e3},
         {"stiffening_1_rad2": 1e6},
+        {"one_sided": 0.1},
         {"backlash_rad": 2e-5},
         {"hysteresis_nm": 1.0},
         {"unmodelled_payload_kg": 2.0},

@@ -1,6 +1,7 @@
 """Friction that follows the gears' load and the direction, a second ripple: closed forms of two masses."""
 
 from dataclasses import replace
+from itertools import product
 
 import mujoco
 import numpy as np
@@ -40,11 +41,11 @@ def settled_speed(flaws, torque, ratio=1.0, seconds=5.0):
     return batch.qvel[:, model.motor[0]].copy()
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("ratio", [1.0, -2.0])
-def test_levels_follow_load_and_direction(law, ratio):
+@pytest.mark.parametrize(("law", "ratio", "one_sided"), [*product(LAWS, (1.0, -2.0), (0.0,)), ("lugre", 1.0, 0.4)])
+def test_levels_follow_load_and_direction(law, ratio, one_sided):
     load_friction, asymmetry, torque = 0.3, 0.2, np.array([1.5, -1.5, 2.5])
-    flaws = Imperfections(friction=law, load_friction=load_friction, friction_asymmetry=asymmetry)
+    levels = {"load_friction": load_friction, "friction_asymmetry": asymmetry}
+    flaws = Imperfections(friction=law, one_sided=one_sided, **levels)
     found = settled_speed(flaws, torque, ratio)
     # Arm-side friction loads the gear, so that every torque of the balance is known.
     load = ARM_VISCOUS * found / ratio**2

@@ -15,7 +15,7 @@ from robid.frf.channels import require
 from robid.frf.frf import Frf
 from robid.frf.quality import driving_points, undeclared_delay
 from robid.models.elastic.fit.model_error import element_level
-from robid.models.elastic.fit.nuisance.kinds import PerturbedRobot
+from robid.models.elastic.fit.nuisance.effects import PerturbedRobot
 from robid.models.elastic.fit.nuisance.linear import Basis
 from robid.models.elastic.fit.optimizers import Strategy, make_strategy, optimise, other_side
 from robid.models.elastic.fit.options import ElasticOptions

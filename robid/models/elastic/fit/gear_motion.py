@@ -12,7 +12,7 @@ from scipy.special import erf
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
-from robid.models.elastic.fit.nuisance.kinds import LoadDamping, Nuisance, SlipTorque
+from robid.models.elastic.fit.nuisance.effects import LoadDamping, Nuisance, SlipTorque
 from robid.robot.model import HYSTERESIS_SHARE
 from robid.robot.spring_laws import BristleTable, GearEffects
 

@@ -9,7 +9,9 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import SettingsError
-from robid.models.elastic.fit.nuisance.kinds import PRIOR_FACTOR, Nuisance, estimated_nuisances
+from robid.models.elastic.fit.nuisance.effects import Nuisance
+from robid.models.elastic.fit.nuisance.kinds import PRIOR_FACTOR
+from robid.models.elastic.fit.nuisance.listing import estimated_nuisances
 from robid.models.elastic.fit.nuisance.wording import unknown_names
 from robid.models.elastic.fit.options import ElasticOptions, check_names, estimable_names
 from robid.robot.description import Robot

@@ -363,5 +363,5 @@ def _estimates(
         place_std=np.concatenate([np.zeros(count), found.place_std]),
         value=np.concatenate([_PERCENT * np.exp(-value), found.value]),
         half_width=np.concatenate([0.5 * (upper - lower), found.half_width]),
-        moves=np.hstack([np.zeros((len(own), count)), found.moves[own]]),
+        moves=np.hstack([np.zeros((len(own), count)), np.asarray(found.moves)[own]]),
     )

@@ -18,18 +18,18 @@ from robid.models.elastic.fit.gear_motion import (
     swing_shape,
     swings_known,
 )
-from robid.models.elastic.fit.nuisance.kinds import (
+from robid.models.elastic.fit.nuisance.effects import (
     Drift,
     LoadDamping,
     Nuisance,
     OneSided,
     RobotMove,
     SlipTorque,
-    estimated_nuisances,
     late_slopes,
     moved_robot,
     torque_slopes,
 )
+from robid.models.elastic.fit.nuisance.listing import estimated_nuisances
 from robid.models.elastic.fit.nuisance.moves import PERCENT
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.weights import make_weights

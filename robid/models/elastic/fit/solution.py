@@ -12,7 +12,8 @@ from scipy.stats import norm, t
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity
 from robid.clusters.pooling import ALONE
 from robid.models.elastic.fit.model_error import ModelError
-from robid.models.elastic.fit.nuisance.kinds import estimable_nuisances, moved_robot
+from robid.models.elastic.fit.nuisance.effects import moved_robot
+from robid.models.elastic.fit.nuisance.listing import estimable_nuisances
 from robid.results.estimate import Estimate
 from robid.robot.description import Inertial, Joint, Motor, Robot, Spring
 from robid.robot.parameters import NUISANCE_KIND, PARAMETER_KINDS
@@ -112,9 +113,10 @@ class NuisanceEstimates:
     place_std: Annotated[FloatArray, Quantity("as in units", "doubt", "Deviation of what each cluster adds")]
     value: Annotated[FloatArray, Quantity("as in units", "doubt", "Estimated amount, zero where the file is right")]
     half_width: Annotated[FloatArray, Quantity("as in units", "doubt", "Half width of its interval")]
+    # What its amount moves the middle of each internal parameter by; None in files of old
     moves: Annotated[
-        FloatArray, Quantity("1", "parameter, doubt", "What its amount moves the middle of each by, internal")
-    ]
+        FloatArray | None, Quantity("1", "parameter doubt", "What each amount moves each parameter's middle by")
+    ] = None
 
 
 @dataclass(frozen=True)

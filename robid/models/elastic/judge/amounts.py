@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from robid.models.elastic.fit.nuisance.kinds import Nuisance, TorqueScale, ValueOff
+from robid.models.elastic.fit.nuisance.columns import value_of_one
+from robid.models.elastic.fit.nuisance.effects import Nuisance, TorqueScale, ValueOff
 from robid.models.elastic.fit.nuisance.moves import PERCENT
-from robid.models.elastic.fit.nuisance.response import value_of_one
 from robid.robot.description import Robot
 from robid.robot.parameters import RESPONSE_NUISANCE, element_units
 from robid.robot.response import ElasticParameters

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.errors import DataError
 from robid.models.elastic.fit.gear_motion import swings_known
-from robid.models.elastic.fit.nuisance.kinds import ZERO, Nuisance, list_nuisances
-from robid.models.elastic.fit.nuisance.moves import FurtherSpring, further_springs
-from robid.models.elastic.fit.nuisance.off_robot import carry_over, extend_options, extend_problem
+from robid.models.elastic.fit.nuisance.effects import Nuisance
+from robid.models.elastic.fit.nuisance.kinds import ZERO
+from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.nuisance.wording import free_with, remedy
-from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.judge.amounts import as_set
 from robid.models.elastic.judge.fitted import FittedModel
@@ -32,102 +28,12 @@ from robid.models.elastic.judge.ratios import (
     try_ratios,
 )
 from robid.models.elastic.judge.reversals import try_samples, try_signs
+from robid.models.elastic.judge.springs import missing_in
 from robid.results.estimate import Estimate
 from robid.results.finding import CAUSES, Finding, two_digits
-from robid.results.levenberg import Minimum
-from robid.robot.description import Robot, Spring
-
-_IN_SERIES = 2.0  # times a fitted gear, for gear and trial alike: together as soft as the gear was
-_FIRST_STEPS, _STEPS, _KEPT = 4, 25, 5
-_ALONG = 0.9  # cosine above which two axes are one
-
-
-def try_springs(fitted: FittedModel) -> list[Explanation]:
-    """Tries every spring that a robot file may lack, the most telling first.
-
-    Args:
-        fitted: The fitted model in the configurations of the fit's own response.
-    """
-    every = list(further_springs(fitted.robot))
-    begun = _begun([further for further in every if not further.after], fitted)[:_KEPT]
-    kept = {further.spring.name for _, _, further in begun}
-    begun += _begun([further for further in every if further.after in kept], fitted)
-    ends = [
-        (further, problem, optimise(problem, end.parameters, max_iterations=_STEPS)) for end, problem, further in begun
-    ]
-    return sorted((_of_spring(*end, fitted) for end in ends), key=lambda trial: -trial.share)
-
-
-def _begun(springs: Sequence[FurtherSpring], fitted: FittedModel) -> list[tuple[Minimum, Problem, FurtherSpring]]:
-    """Each spring put in place, and where a few steps of the fit lead from there, what fits best first."""
-    robot, begun = fitted.robot, []
-    for further in springs:
-        spring = further.spring
-        try:
-            more = replace(robot, springs=(*robot.springs, spring))
-            extended = extend_options(fitted.options, more, (spring,), fixing=True)
-            problem = extend_problem(fitted.problem, fitted.internal, more, extended)
-        except DataError:  # a spring under which the robot finds no rest explains nothing
-            continue
-        starts = _starts(problem, spring, fitted)
-        ends = (optimise(problem, start, max_iterations=_FIRST_STEPS) for start in starts)
-        begun.append((min(ends, key=lambda end: end.cost), problem, further))
-    return sorted(begun, key=lambda each: each[0].cost)
-
-
-def _starts(problem: Problem, spring: Spring, fitted: FittedModel) -> Iterator[FloatArray]:
-    """Where a trial starts: stiff beside the fitted values, and as one of two springs that share a gear's compliance.
-
-    A fitted gear that stands for two springs in series is stiffer by itself: from its fitted value the trial's spring
-    only gets stiffer, and the gear never recovers.
-    """
-    names = problem.parameters.names
-    start = carry_over(problem, fitted.problem, fitted.internal)
-    yield start
-    stiffness = dict(
-        zip((each.name for each in fitted.robot.springs), fitted.parameters.stiffness.tolist(), strict=True)
-    )
-    for gear in _gears_in_series(fitted.robot, spring):
-        own = f"{gear}.stiffness"
-        if own in names:
-            shared = start.copy()
-            shared[names.index(own)] += np.log(_IN_SERIES)
-            shared[names.index(f"{spring.name}.stiffness")] = np.log(_IN_SERIES * stiffness[gear] / spring.stiffness)
-            yield shared
-
-
-def _gears_in_series(robot: Robot, spring: Spring) -> Iterator[str]:
-    """Transmissions next to a spring that turn about the same axis, at zero joint angles."""
-    own, upright = robot.joints[spring.joint], np.array([0.0, 0.0, 1.0])
-    axes = {spring.joint: own.rotation @ upright if spring.place == "base" else upright}
-    if spring.place == "bearing" and spring.joint > 0:
-        axes[spring.joint - 1] = own.rotation.T @ upright
-    if spring.place == "split" and spring.joint + 1 < len(robot.joints):
-        axes[spring.joint + 1] = robot.joints[spring.joint + 1].rotation @ upright
-    for each in robot.springs:
-        turns = each.place == "transmission" and not robot.is_linear(each)
-        if turns and each.joint in axes and abs(float(axes[each.joint] @ spring.axis)) > _ALONG:
-            yield each.name
-
-
-def _of_spring(further: FurtherSpring, problem: Problem, end: Minimum, fitted: FittedModel) -> Explanation:
-    """What a spring would explain that the robot file lacks, as stiff as it ended."""
-    spring, after = further.spring, dict(zip(problem.parameters.names, end.parameters.tolist(), strict=True))
-    stiffness = spring.stiffness * float(np.exp(after[f"{spring.name}.stiffness"]))
-    before = zip(fitted.problem.parameters.names, fitted.internal.tolist(), strict=True)
-    return Explanation(
-        "missing_spring",
-        (further.title,),
-        np.array([_MEGA * stiffness]),
-        ("MN/m" if fitted.robot.is_linear(spring) else "MN m/rad",),
-        1 - end.cost / fitted.cost,
-        np.array([after[name] - value for name, value in before]),
-        free=(spring.name,),
-    )
-
+from robid.robot.description import Robot
 
 _MOST_OF_IT = 0.9  # of what all nuisances of a cause explain
-_MEGA = 1e-6
 
 
 def of_nuisances(scores: Scores, group: list[int], fitted: FittedModel, *, swings_known: bool) -> Explanation | None:
@@ -245,7 +151,7 @@ def explain(fitted: FittedModel) -> list[Explanation]:
     known = swings_known(fitted.problem.frf)
     each_cause = (of_nuisances(scores, group, fitted, swings_known=known) for group in groups.values())
     found = [each for each in each_cause if each is not None]
-    found += try_springs(fitted)[:1]
+    found += missing_in(fitted)
     found += _wrong_ratio(fitted, scores, ratios)
     samples = try_samples(fitted)
     found += [] if samples is None else [samples]

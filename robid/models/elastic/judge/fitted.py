@@ -60,6 +60,27 @@ class FittedModel(ModelAt):
     dropped: int  # Elements that the logarithm drops
     robot: Robot  # The robot file that the fit started from, with the payload of the response's campaign
     options: ElasticOptions  # Options of the fit
+    solution: ElasticSolution  # What the fit found
+
+    @property
+    def physical(self) -> FloatArray:
+        """Internal parameters (n_param,) with springs and dampers in the middle of their physical intervals."""
+        found = self.solution.estimate
+        if found.physical_value is None:
+            return self.internal
+        rows = zip(found.names, found.value.tolist(), found.physical_value.tolist(), strict=True)
+        moved = {name: np.log(middle / value) for name, value, middle in rows if min(value, middle) > 0}
+        pairs = zip(self.problem.parameters.names, self.problem.parameters.logarithmic.tolist(), strict=True)
+        return np.asarray(self.internal + [moved.get(name, 0.0) if is_log else 0.0 for name, is_log in pairs])
+
+    @property
+    def placed(self) -> dict[str, float]:
+        """Springs that the physical model has put in place, each with its compliance over its gear's [%]."""
+        doubts = self.solution.doubts
+        if doubts is None:
+            return {}
+        rows = zip(doubts.names, doubts.prior_std.tolist(), doubts.value.tolist(), strict=True)
+        return {name.rpartition(".")[0]: value for name, std, value in rows if std == np.inf}
 
 
 def fitted_model(
@@ -88,7 +109,7 @@ def fitted_model(
     parameters = _parameters(robot, model, frf, options, delay_s)
     internal = _internal(robot, solution, parameters)
     problem, dropped = make_problem(frf, model, parameters, options, internal, _level(solution, frf))
-    return FittedModel(problem, internal, dropped, robot, options)
+    return FittedModel(problem, internal, dropped, robot, options, solution)
 
 
 def _parameters(robot: Robot, model: LinearModel, frf: Frf, options: ElasticOptions, delay_s: float) -> ParameterMap:

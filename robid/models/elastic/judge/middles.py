@@ -39,6 +39,7 @@ class MiddleRow:
     name: str  # The parameter
     kind: str  # Its kind
     moved: float  # Middle of the physical interval over the estimate, less 1
+    outside: bool  # Whether the estimate lies outside the interval
     by: tuple[tuple[str, str, float], ...]  # Nuisances with their causes, and what each moves it by; largest first
 
     @property
@@ -55,7 +56,8 @@ class MiddleRow:
 def middle_rows(solution: ElasticSolution) -> tuple[MiddleRow, ...]:
     """Finds the springs and dampers whose physical middle nuisances move by a quarter of its half width or more."""
     estimate, doubts = solution.estimate, solution.doubts
-    if doubts is None or estimate.physical_value is None:
+    moves = None if doubts is None else doubts.moves
+    if doubts is None or moves is None or estimate.physical_value is None:
         return ()
     rows = []
     for index, (name, kind) in enumerate(zip(estimate.names, estimate.kinds, strict=True)):
@@ -63,9 +65,10 @@ def middle_rows(solution: ElasticSolution) -> tuple[MiddleRow, ...]:
         if kind not in ("stiffness", "damping") or min(ends.min(), estimate.value[index]) <= 0:
             continue
         half, moved = 0.5 * np.log(ends[2] / ends[0]), float(np.log(ends[1] / estimate.value[index]))
-        by = tuple(_by(doubts, doubts.moves[index], moved))
+        by = tuple(_by(doubts, moves[index], moved))
         if abs(moved) > _MATTERS * half and by:
-            rows.append(MiddleRow(name, kind, float(np.expm1(moved)), by))
+            outside = not ends[0] <= estimate.value[index] <= ends[2]
+            rows.append(MiddleRow(name, kind, float(np.expm1(moved)), outside, by))
     return tuple(rows)
 
 

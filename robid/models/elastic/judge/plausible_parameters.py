@@ -9,7 +9,8 @@ import numpy as np
 from scipy.stats import norm
 
 from robid.arrays import FloatArray, IntArray
-from robid.models.elastic.fit.nuisance.kinds import estimable_nuisances, moved_robot, torque_slopes
+from robid.models.elastic.fit.nuisance.effects import moved_robot, torque_slopes
+from robid.models.elastic.fit.nuisance.listing import estimable_nuisances
 from robid.results.estimate import Estimate
 from robid.results.finding import Finding
 from robid.results.plausible.evidence import Carrier, Fitted

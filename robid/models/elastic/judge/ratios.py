@@ -11,18 +11,13 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
-from robid.models.elastic.fit.nuisance.kinds import (
-    Drift,
-    Effect,
-    LateDrive,
-    Nuisance,
-    OneSided,
-    RobotMove,
-    estimable_nuisances,
-)
+from robid.models.elastic.fit.nuisance.columns import column
+from robid.models.elastic.fit.nuisance.effects import Drift, Effect, LateDrive, Nuisance, OneSided, RobotMove
+from robid.models.elastic.fit.nuisance.listing import estimable_nuisances
 from robid.models.elastic.fit.nuisance.moves import with_gear_ratio
 from robid.models.elastic.fit.nuisance.off_robot import problem_at
-from robid.models.elastic.fit.nuisance.response import Scene, column, nuisance_columns
+from robid.models.elastic.fit.nuisance.response import nuisance_columns
+from robid.models.elastic.fit.nuisance.scene import Scene
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.judge.fitted import FittedModel
 from robid.results.finding import two_digits

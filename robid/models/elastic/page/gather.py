@@ -19,7 +19,7 @@ from robid.models.elastic.files import (
     validation_from_artifact,
 )
 from robid.models.elastic.fit.model_error import ModelError
-from robid.models.elastic.fit.nuisance.kinds import list_nuisances
+from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.solution import ElasticSolution, NuisanceEstimates, Starts
 from robid.models.elastic.judge.middles import MiddleRow, middle_rows
 from robid.models.elastic.judge.resonances import Measured, Repeat, ResonanceTable, pool_repeats

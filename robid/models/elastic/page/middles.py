@@ -30,7 +30,9 @@ def _of_cause(rows: Sequence[MiddleRow]) -> str:
     names = ", ".join(row.name for row in rows[:_NAMED]) + (f" and {more} more" if more > 0 else "")
     settled = f"; {first.settled_by} would tell" if first.settled_by else ""
     middle = percent(median(row.moved for row in rows), signed=True)
-    return f"{names} by {middle} (for {first.by[0][0]} and the like{settled})"
+    outside = ", ".join(row.name for row in rows if row.outside)
+    apart = f"; the estimate of {outside} lies outside its interval" if outside else ""
+    return f"{names} by {middle} (for {first.by[0][0]} and the like{settled}{apart})"
 
 
 def middle_section(rows: Sequence[MiddleRow]) -> tuple[Section, ...]:
@@ -42,8 +44,17 @@ def middle_section(rows: Sequence[MiddleRow]) -> tuple[Section, ...]:
         " known of the robot beforehand, one-sided for what gears do beside springs; so its middle may lie elsewhere."
     )
     table = Table(
-        ("Parameter", "Middle less estimate", "Moved by", "What would tell"),
-        tuple((row.name, percent(row.moved, signed=True), row.reason, row.settled_by) for row in rows),
-        styles=("name", "number", "text", "text"),
+        ("Parameter", "Middle less estimate", "Estimate", "Moved by", "What would tell"),
+        tuple(
+            (
+                row.name,
+                percent(row.moved, signed=True),
+                "outside" if row.outside else "inside",
+                row.reason.replace(" -", " \N{MINUS SIGN}"),
+                row.settled_by,
+            )
+            for row in rows
+        ),
+        styles=("name", "number", "text", "text", "text"),
     )
     return (Section("Middles of intervals", lead, (table,), "middles"),)

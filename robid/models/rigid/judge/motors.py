@@ -9,9 +9,8 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
 from robid.models.rigid.fit.sizes import LEAST_SHARE
-from robid.models.rigid.fit.solution import RigidSolution, Travel
+from robid.models.rigid.fit.solution import RigidSolution
 from robid.results.finding import two_digits
-from robid.robot.description import Joint
 
 MOTOR_ERROR_LIMIT = 0.3
 """Error of a motor's torque over its size from which it must not be used."""
@@ -20,8 +19,6 @@ EXPECTED_ERROR_LIMIT = 0.15
 """Error that is expected on other motions from which a fit that was held against none must not be used."""
 
 _WITHOUT_MEANING = 10  # times a motor's size: how many more says nothing
-_DEG_IN_RAD = 180 / np.pi
-_USUAL = (0.1, 1.05)  # of a joint's range, that its motion covers
 _BESIDE = 0.5  # of the residual: torque of links below it is lost in that
 
 
@@ -84,15 +81,3 @@ def added_error(solution: RigidSolution) -> FloatArray:
     expected = solution.expected
     own = np.fmax(expected.left_out, expected.residual)
     return np.asarray(np.sqrt(np.maximum(expected.error**2 - own**2, 0.0)))
-
-
-def moved_in_degrees(joint: Joint, travel: Travel, index: int) -> str:
-    """A clause where a joint moved so little that it may have been as many radians, and no more than it can."""
-    moved, reach = (travel.highest - travel.lowest)[index], (travel.upper_limit - travel.lower_limit)[index]
-    share = _DEG_IN_RAD * float(moved / reach) if np.isfinite(reach) else np.nan
-    if joint.type != "revolute" or not _USUAL[0] < share < _USUAL[1]:
-        return ""
-    return (
-        f"; {joint.name} moved by {two_digits(_DEG_IN_RAD * float(moved))} deg in all: "
-        "if it was that many rad, its angle is logged in rad and read in deg (`unit: rad`)"
-    )

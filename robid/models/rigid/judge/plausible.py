@@ -16,7 +16,6 @@ from robid.models.rigid.judge.motors import (
     Motors,
     added_error,
     motors_of,
-    moved_in_degrees,
 )
 from robid.models.rigid.judge.trials import Trial
 from robid.results.estimate import Estimate
@@ -54,7 +53,7 @@ def parameter_findings(
         *_unfelt_rotors(solution),
         *_unexplained(solution, motors, tried),
         *_negative(solution.estimate),
-        *_excitation(robot, solution, motors),
+        *_excitation(solution, motors),
         *_bodies(solution),
     ]
     return tuple(sorted(found, key=_rank))
@@ -254,7 +253,7 @@ def _negative(estimate: Estimate) -> Iterator[Finding]:
         yield Finding(cause, f"{name} comes out negative ({value:.3g})", decisive=False, strength=1.5)
 
 
-def _excitation(robot: Robot, solution: RigidSolution, motors: Motors) -> Iterator[Finding]:
+def _excitation(solution: RigidSolution, motors: Motors) -> Iterator[Finding]:
     """A motion that is too poor: by the errors that it lets expect on others, or by its condition."""
     expected, estimate = solution.expected, solution.estimate
     poor = [name for name, known in zip(estimate.names, estimate.identified.tolist(), strict=True) if not known]
@@ -267,7 +266,6 @@ def _excitation(robot: Robot, solution: RigidSolution, motors: Motors) -> Iterat
             f"{motors.off(solution, index, float(expected.error[index]))}, where the fit leaves "
             f"{expected.residual[index]:.0%}; it determines {len(estimate.names) - len(poor)} of "
             f"{len(estimate.names)} parameters (not {listed}); record larger, faster or longer motions of all joints"
-            f"{moved_in_degrees(robot.joints[index], solution.travel, index)}"
         )
         yield Finding("excitation", told, decisive=True, strength=error / EXPECTED_ERROR_LIMIT)
     elif poor and solution.base.condition > _POOR_CONDITION:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robid.studies.trust.report import Held, Intervals, effective, physical, worst_half_widths
+from robid.studies.trust.figures import Held, Intervals, effective, physical, worst_half_widths
 
 NORMAL_95 = 1.959963984540054
 

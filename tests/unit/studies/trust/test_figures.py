@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robid.studies.page import Asked
-from robid.studies.trust.report import (
+from robid.studies.trust.figures import (
     Intervals,
     RobotRow,
     Springs,

@@ -1,12 +1,13 @@
 """The robots of the study: seeds that no two share, sizes within their bounds, defects that stay the same."""
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from robid.studies.settings.defects import Defects, TrustStudy, drawn_physics, individuals
 from robid.studies.settings.study import load_with_study
+from robid.studies.settings.trust import Defects, TrustStudy, drawn_physics, individuals
 
 ROOT = Path(__file__).parents[4]
 BEARING = {"joint": "turn", "place": "bearing", "axis": [1, 0, 0], "stiffness_nm_rad": 1e5, "damping_nms_rad": 10}
@@ -64,7 +65,70 @@ def test_the_study_of_the_rule_is_as_large_as_it_says():
     sizes = {group: sum(one.group == group for one in found) for group in ("a", "b", "light", "linear", "linear_file")}
     assert sizes == {"a": 24, "b": 24, "light": 16, "linear": 40, "linear_file": 10}
     assert sum(one.kind == "cause" for one in found) == 15 * 5
-    assert min(one.seed for one in found) >= 4001  # lower ones have been looked at
+    single = [one for one in found if one.kind == "single"]
+    counted = Counter((one.group == "c_sound", one.robot) for one in single)
+    assert counted == {(False, "heavy"): 30, (False, "light"): 10, (True, "heavy"): 45, (True, "light"): 15}
+    noises = Counter(one.physics["imperfections"]["encoder_noise_rad"] for one in single)
+    assert len(noises) == 3
+    assert min(noises.values()) >= 30
+    hinges = [one for one in single if one.group == "c_hinge"]
+    met = {
+        (hinge.physics["imperfections"]["torque_noise_nm"], hinge.physics["truth"]["springs"][0]["stiffness_nm_rad"])
+        for hinge in hinges
+    }
+    assert len(met) == len(hinges) == 9
+    assert min(one.seed for one in found) >= 9001  # lower ones have been looked at
     assert {one.seed for one in individuals(stated.model_copy(update={"use": "choose"}))} <= set(range(301, 331))
     referenced = [one for one in found if one.referenced and one.robot == "heavy"]
     assert len(referenced) == 24
+
+
+def single(**changed):
+    stated = {
+        "noises": {"heavy": [{"torque_noise_nm": 0.1}, {"torque_noise_nm": 0.2}], "light": [{"torque_noise_nm": 0.3}]},
+        "defects": {
+            "zero": {
+                "named": ["zero"],
+                "heavy": 4,
+                "light": 2,
+                "size_factor": 3.0,
+                "variants": {
+                    "heavy": [{"truth": {"zero_deg": {"turn": 1.0}}}, {"imperfections": {"one_sided": 0.1}}],
+                    "light": [{"truth": {"springs": [{**BEARING, "name": "far"}], "friction_relative": 0.1}}],
+                },
+            }
+        },
+        "sound": {"heavy": 2},
+    }
+    return study(single={**stated, **changed})
+
+
+def test_single_defects_take_turns_in_noise_and_variant_with_sizes_of_their_own():
+    found = [one for one in individuals(single()) if one.kind == "single"]
+    assert [(one.key, one.robot) for one in found[:3]] == [
+        ("c_zero_1011", "heavy"),
+        ("c_zero_1012", "heavy"),
+        ("c_zero_1013", "light"),
+    ]
+    assert [one.robot for one in found] == ["heavy", "heavy", "light"] * 2 + ["heavy"] * 2
+    noises = [one.physics["imperfections"]["torque_noise_nm"] for one in found]
+    assert noises == [
+        0.1,
+        0.2,
+        0.3,
+        0.2,
+        0.1,
+        0.3,
+        0.1,
+        0.2,
+    ]
+    zeros = [one.physics["truth"]["zero_deg"]["turn"] for one in (found[0], found[1], found[4])]
+    assert len({*zeros}) == 3
+    assert np.abs(np.log(zeros)).max() <= np.log(3.0)
+    assert "truth" not in found[3].physics
+    assert 0.1 / 3 <= found[3].physics["imperfections"]["one_sided"] <= 0.3
+    spring = found[2].physics["truth"]["springs"][0]
+    assert spring["stiffness_nm_rad"] / spring["damping_nms_rad"] == pytest.approx(1e4)
+    assert spring["stiffness_nm_rad"] != 1e5
+    assert found[2].physics["truth"]["friction_relative"] == 0.1
+    assert all("truth" not in one.physics for one in found[6:])

@@ -8,8 +8,10 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot
 from robid.models.elastic.fit.fitting import set_up
-from robid.models.elastic.fit.nuisance.kinds import Hysteresis, list_nuisances
-from robid.models.elastic.fit.nuisance.response import Scene, column
+from robid.models.elastic.fit.nuisance.columns import column
+from robid.models.elastic.fit.nuisance.effects import Hysteresis
+from robid.models.elastic.fit.nuisance.listing import list_nuisances
+from robid.models.elastic.fit.nuisance.scene import Scene
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.known import load_experiment
 from robid.studies.trust.linear import Perturbed, as_file, draw_perturbed, load_shares, perturbed_responses

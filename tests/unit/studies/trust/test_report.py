@@ -6,6 +6,7 @@ import numpy as np
 
 from robid.studies.settings.study import load_with_study
 from robid.studies.trust.report import ASKED, bars
+from robid.studies.trust.singles import SINGLE_ASKED
 
 ROOT = Path(__file__).parents[4]
 
@@ -20,11 +21,14 @@ def test_every_set_has_the_bars_of_its_kind():
     }
     assert asked["light.effective.coverage_95"].lower == 0.90
     assert asked["b.effective.coverage_95"].lower == 0.92
-    assert len(asked) == len(of_sets) + 6
-    bare = bars(study.model_copy(update={"linear": None, "causes": {}}))
+    of_single = {f"c.{name}" for name in SINGLE_ASKED}
+    assert len(asked) == len(of_sets) + 6 + len(of_single)
+    bare = bars(study.model_copy(update={"linear": None, "causes": {}, "single": None}))
     assert {*asked}.difference(bare) == {
-        *("linear.coverage_95", "linear.file.coverage_95", "causes.first", "causes.first_three")
+        *("linear.coverage_95", "linear.file.coverage_95", "causes.first", "causes.first_three"),
+        *of_single,
     }
+    assert bars(study.model_copy(update={"linear": None, "causes": {}, "sets": {}})).keys() == of_single
 
 
 def test_the_rule_states_what_is_asked():
@@ -41,9 +45,15 @@ def test_the_rule_states_what_is_asked():
         "linear.file.coverage_95": "0.92 where robots are as in their file",
         "causes.first": "`causes.first` 0.8",
         "causes.first_three": "`causes.first_three` 0.9",
+        "c.trusted_wrong": "`c.trusted_wrong` at most 0.05",
+        "c.first": "`c.first` 0.7",
+        "c.first_cases": "`c.first_cases` at least 25",
+        "c.false": "`c.false` at most 0.07",
+        "c.width_ratio": "`c.width_ratio` at most 2.5",
     }
-    assert said.keys() == ASKED.keys()
+    every = {**ASKED, **{f"c.{name}": asked for name, asked in SINGLE_ASKED.items()}}
+    assert said.keys() == every.keys()
     for name, words in said.items():
         assert words in rule, name
-        limit = ASKED[name].lower if np.isfinite(ASKED[name].lower) else ASKED[name].upper
+        limit = every[name].lower if np.isfinite(every[name].lower) else every[name].upper
         assert f"{limit:g}" in words, name

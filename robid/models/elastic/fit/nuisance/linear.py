@@ -12,7 +12,8 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.clusters.evidence import group_clusters, spread_over
 from robid.errors import DataError
-from robid.models.elastic.fit.nuisance.kinds import Nuisance, PerturbedRobot, left_of_estimated, list_nuisances
+from robid.models.elastic.fit.nuisance.effects import Nuisance, PerturbedRobot
+from robid.models.elastic.fit.nuisance.listing import left_of_estimated, list_nuisances
 from robid.models.elastic.fit.nuisance.off_robot import are_put_in, may_differ, put_in
 from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.options import ElasticOptions

@@ -11,7 +11,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.clusters.evidence import group_clusters
 from robid.errors import DataError
-from robid.models.elastic.fit.nuisance.kinds import Compliance, Nuisance
+from robid.models.elastic.fit.nuisance.effects import Compliance, Nuisance
 from robid.models.elastic.fit.nuisance.linear import LinearNuisances
 from robid.models.elastic.fit.nuisance.moves import stiffened
 from robid.models.elastic.fit.nuisance.off_robot import (

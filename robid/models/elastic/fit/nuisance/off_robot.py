@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
-from robid.models.elastic.fit.nuisance.kinds import (
+from robid.models.elastic.fit.nuisance.columns import clinging_stiffness, gear_share, value_of_one
+from robid.models.elastic.fit.nuisance.effects import (
     Compliance,
     GearShare,
     MotorFriction,
@@ -17,14 +18,7 @@ from robid.models.elastic.fit.nuisance.kinds import (
     moved_robot,
 )
 from robid.models.elastic.fit.nuisance.moves import PERCENT, stiffened
-from robid.models.elastic.fit.nuisance.response import (
-    Scene,
-    clinging_stiffness,
-    extended_values,
-    gear_share,
-    value_of_one,
-    with_estimated_links,
-)
+from robid.models.elastic.fit.nuisance.scene import Scene, extended_values, with_estimated_links
 from robid.models.elastic.fit.options import BY_SPRING, ElasticOptions
 from robid.models.elastic.fit.parameters import map_parameters
 from robid.models.elastic.fit.problem import Problem, without_coefficients

@@ -5,9 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 
-from robid.models.elastic.fit.nuisance.kinds import (
-    FIXED,
-    HYSTERESIS,
+from robid.models.elastic.fit.nuisance.effects import (
     Drift,
     LateDrive,
     LoadStiffness,
@@ -16,10 +14,9 @@ from robid.models.elastic.fit.nuisance.kinds import (
     RobotMove,
     TorqueScale,
     ValueOff,
-    estimable_nuisances,
-    names,
-    slipping_name,
 )
+from robid.models.elastic.fit.nuisance.kinds import FIXED, HYSTERESIS
+from robid.models.elastic.fit.nuisance.listing import estimable_nuisances, names, slipping_name
 from robid.models.elastic.fit.nuisance.moves import further_springs, is_spring
 from robid.models.elastic.fit.options import ElasticOptions, restricted
 from robid.robot.description import Robot

@@ -7,7 +7,7 @@ import pytest
 
 from exact_systems import certain, exact_frf, two_joint_robot
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance.kinds import PerturbedRobot
+from robid.models.elastic.fit.nuisance.effects import PerturbedRobot
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.description import Inertial, Robot
 from robid.robot.inertia import remove

@@ -10,7 +10,7 @@ from exact_systems import exact_frf, linear_axis, two_joint_robot, with_spring_f
 from robid.errors import DataError
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
 from robid.models.elastic.fit.gear_motion import bristle_table, mean_size
-from robid.models.elastic.fit.nuisance.kinds import estimated_nuisances, list_nuisances
+from robid.models.elastic.fit.nuisance.listing import estimated_nuisances, list_nuisances
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.fitted import fitted_model, poles
 from robid.robot.linearize import solve_statics

@@ -8,7 +8,7 @@ import pytest
 
 from exact_systems import exact_frf
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance.kinds import list_nuisances
+from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.causes import of_nuisances
 from robid.models.elastic.judge.fitted import fitted_model

@@ -7,8 +7,9 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance.kinds import list_nuisances
-from robid.models.elastic.fit.nuisance.response import Scene, column
+from robid.models.elastic.fit.nuisance.columns import column
+from robid.models.elastic.fit.nuisance.listing import list_nuisances
+from robid.models.elastic.fit.nuisance.scene import Scene
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.causes import _finding, _wrong_ratio, explain
 from robid.models.elastic.judge.fitted import fitted_model

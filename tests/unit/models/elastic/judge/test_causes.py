@@ -92,6 +92,55 @@ def test_a_spring_that_the_file_lacks_is_found(true_arm):
     assert found[0].share > 0.99
 
 
+def tilting(robot):
+    """The robot on a base that tilts about two axes, as its file does not say."""
+    tilts = (Spring(f"tilt_{axis}", 0, "base", np.eye(3)["xyz".index(axis)], k, 1e-3 * k) for axis, k in TILTS.items())
+    return replace(robot, springs=(*robot.springs, *tilts))
+
+
+def with_bearings(robot):
+    """The robot with bearings at both joints, as its file does not say."""
+    told = (("shoulder", 0, "x"), ("shoulder", 0, "y"), ("elbow", 1, "x"), ("elbow", 1, "y"))
+    bearings = (
+        Spring(f"true_{name}_{axis}", joint, "bearing", np.eye(3)["xyz".index(axis)], k, 1e-3 * k)
+        for (name, joint, axis), k in zip(told, BEARINGS, strict=True)
+    )
+    return replace(robot, springs=(*robot.springs, *bearings))
+
+
+TILTS = {"x": 9e4, "y": 6e4}
+BEARINGS = (8e4, 5e4, 3e4, 2.5e4)
+
+
+@pytest.mark.parametrize(
+    ("truth", "wanted"),
+    [
+        (tilting, {f"base_{axis}": k for axis, k in TILTS.items()}),
+        (
+            with_bearings,
+            dict(
+                zip(
+                    ("bearing_shoulder_x", "bearing_shoulder_y", "bearing_elbow_x", "bearing_elbow_y"),
+                    BEARINGS,
+                    strict=True,
+                )
+            ),
+        ),
+    ],
+)
+def test_springs_that_the_physical_model_puts_in_place_are_freed_together_and_end_at_the_truth(truth, wanted):
+    stated = without(two_joint_robot(), "bearing_1")
+    frf = measured(truth(stated))
+    before, found = explained(stated, frf)
+    assert found[0].cause == "missing_spring"
+    assert set(found[0].free) == set(wanted)
+    options = replace(OPTIONS, free=free_with(OPTIONS.free, found[0].free))
+    after = fit_elastic(with_estimated_springs(stated, options), frf, options, DELAY_S)
+    assert after.costs.total < 1.3 * after.costs.expected.sum() < 0.1 * before.costs.total
+    for name, stiffness in wanted.items():
+        assert after.estimate.found[f"{name}.stiffness"] == pytest.approx(stiffness, rel=0.1)
+
+
 def test_a_forearm_that_bends_is_a_hinge_before_masses_are_blamed(true_arm):
     """On two joints a centre of mass and an inertia that are off by two deviations do much of what it does."""
     _, found = explained(without(two_joint_robot(), "forearm"), measured(true_arm))

@@ -3,7 +3,7 @@
 import pytest
 
 from exact_systems import two_joint_robot
-from robid.models.elastic.fit.nuisance.kinds import estimated_nuisances, list_nuisances
+from robid.models.elastic.fit.nuisance.listing import estimated_nuisances, list_nuisances
 from robid.models.elastic.fit.nuisance.wording import remedy
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.parameters import ELASTIC

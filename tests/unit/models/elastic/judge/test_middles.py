@@ -59,6 +59,13 @@ def test_the_nuisance_that_moves_a_middle_most_is_named_with_what_would_tell(sol
     assert [row[0] for row in section.tables[0].rows] == list(rows)
 
 
+def test_an_estimate_outside_its_interval_is_said_to_be(solution):
+    estimate = solution.estimate
+    upper = np.where(np.arange(estimate.upper.size) == 0, 0.999 * estimate.value, estimate.upper)
+    rows = middle_rows(replace(solution, estimate=replace(estimate, upper=upper)))
+    assert [row.name for row in rows if row.outside] == ["gear_1.stiffness"]
+
+
 def test_where_nothing_moves_middles_nothing_is_said(solution):
     still = replace(solution.doubts, moves=0 * solution.doubts.moves)
     assert middle_rows(replace(solution, doubts=still)) == ()

@@ -8,7 +8,7 @@ import pytest
 
 from exact_systems import exact_frf, linear_axis, two_joint_robot
 from robid.models.elastic.fit.fitting import fit_elastic
-from robid.models.elastic.fit.nuisance.kinds import list_nuisances
+from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.nuisance.wording import free_with
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.assessment import assess_fit

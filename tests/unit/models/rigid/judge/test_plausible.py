@@ -12,7 +12,6 @@ from robid.models.rigid.fit.consistency import against_nominal
 from robid.models.rigid.fit.fitting import fit_rigid
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.shots import repeats, travel_of
-from robid.models.rigid.judge.motors import moved_in_degrees
 from robid.models.rigid.judge.plausible import assess_rigid
 from robid.models.rigid.judge.scales import motions_of, rigid_scale_findings, sum_findings
 from robid.models.rigid.judge.validating import validate_rigid
@@ -112,14 +111,6 @@ def test_degrees_of_a_motor_that_turns_other_joints_too_are_its_own(robot, joint
 @pytest.mark.parametrize("joint", [0, 1, 2])
 def test_an_angle_with_the_wrong_sign_accuses_no_units(robot, shot, joint):
     assert _units(robot, replace(shot, position=shot.position * np.where(np.arange(3) == joint, -1.0, 1.0))) == ()
-
-
-def test_a_joint_that_hardly_moved_is_asked_for_its_unit(robot, shot):
-    limited = replace(robot, joints=tuple(replace(each, lower=-3.0, upper=3.0) for each in robot.joints))
-    travel = travel_of(limited, [replace(shot, position=shot.position * [1.0, np.pi / 180, 1.0])])
-    asked = [bool(moved_in_degrees(each, travel, index)) for index, each in enumerate(limited.joints)]
-    assert asked == [False, True, False]
-    assert not moved_in_degrees(replace(limited.joints[1], type="prismatic"), travel, 1)
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,9 @@ import pytest
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
 from robid.errors import DataError, SettingsError
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
-from robid.models.elastic.fit.nuisance.kinds import (
-    PRIOR_FACTOR,
-    estimable_nuisances,
-    estimated_nuisances,
-    list_nuisances,
-    moved_robot,
-)
+from robid.models.elastic.fit.nuisance.effects import moved_robot
+from robid.models.elastic.fit.nuisance.kinds import PRIOR_FACTOR
+from robid.models.elastic.fit.nuisance.listing import estimable_nuisances, estimated_nuisances, list_nuisances
 from robid.models.elastic.fit.nuisance.moves import further_springs, with_estimated_springs
 from robid.models.elastic.fit.nuisance.wording import free_with
 from robid.models.elastic.fit.options import ElasticOptions

@@ -7,7 +7,8 @@ import pytest
 
 from exact_systems import arm_on_rail, exact_frf, springs_everywhere, two_joint_robot, with_spring_factors
 from robid.models.elastic.fit.fitting import set_up
-from robid.models.elastic.fit.nuisance.kinds import PerturbedRobot, list_nuisances
+from robid.models.elastic.fit.nuisance.effects import PerturbedRobot
+from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.description import Inertial

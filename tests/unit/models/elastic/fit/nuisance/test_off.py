@@ -8,18 +8,20 @@ import pytest
 from exact_systems import exact_frf, two_joint_robot
 from robid.errors import DataError
 from robid.models.elastic.fit.fitting import set_up
-from robid.models.elastic.fit.nuisance.kinds import (
-    FIXED,
+from robid.models.elastic.fit.nuisance.columns import column
+from robid.models.elastic.fit.nuisance.effects import (
     Compliance,
     Hysteresis,
     LoadStiffness,
     MotorFriction,
     RobotMove,
     ValueOff,
-    list_nuisances,
 )
+from robid.models.elastic.fit.nuisance.kinds import FIXED
+from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.nuisance.off_robot import are_put_in, may_differ, put_in
-from robid.models.elastic.fit.nuisance.response import Scene, column, nuisance_columns
+from robid.models.elastic.fit.nuisance.response import nuisance_columns
+from robid.models.elastic.fit.nuisance.scene import Scene
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.linearize import axial_inertia
 from robid.robot.model import build_model

@@ -16,9 +16,12 @@ from exact_systems import (
     without_spring,
 )
 from robid.models.elastic.fit.fitting import set_up
-from robid.models.elastic.fit.nuisance.kinds import Hysteresis, list_nuisances
+from robid.models.elastic.fit.nuisance.columns import bristle_share, column
+from robid.models.elastic.fit.nuisance.effects import Hysteresis
+from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.nuisance.moves import missing_springs, stiffened
-from robid.models.elastic.fit.nuisance.response import Scene, bristle_share, column, nuisance_columns
+from robid.models.elastic.fit.nuisance.response import nuisance_columns
+from robid.models.elastic.fit.nuisance.scene import Scene
 from robid.models.elastic.fit.options import ElasticOptions
 
 FREQUENCY_HZ = np.geomspace(2.0, 60.0, 12)

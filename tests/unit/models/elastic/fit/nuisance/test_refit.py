@@ -7,7 +7,7 @@ import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors, without_spring
 from robid.models.elastic.fit.fitting import set_up
-from robid.models.elastic.fit.nuisance.kinds import list_nuisances
+from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.nuisance.missing_springs import add_missing_springs, expected_cost
 from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.optimizers import optimise

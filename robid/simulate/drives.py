@@ -1,0 +1,122 @@
+"""The drives between controller and motors: delays of torques and angles, each drive's own, and what encoders show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from mujoco.batch import Batch
+
+from robid.arrays import FloatArray, IntArray
+from robid.robot.model import ElasticModel
+from robid.simulate.options import Controller, Imperfections, SimulateOptions
+
+_EXACT = 1e-9  # of a sample
+
+
+class Drives:
+    """Brings torques to the motors and angles to the controller, of many simulations.
+
+    A torque acts after the controller's delay, and that of a late drive after more; within a sample it changes where
+    that falls. The step in which it does so has the mean torque, so that it gets the same impulse.
+
+    Args:
+        model: The elastic model.
+        batch: The simulations, at rest.
+        controller: Their controller.
+        options: Which drives are late, what encoders show, and the steps per sample, which are settled.
+        rest_torque (n_motor,) or (n_sim, n_motor): Torque at rest [N m].
+    """
+
+    def __init__(
+        self,
+        model: ElasticModel,
+        batch: Batch,
+        controller: Controller,
+        options: SimulateOptions,
+        rest_torque: FloatArray,
+    ) -> None:
+        self._batch, self._steps, self._flaws = batch, options.steps_per_sample or 1, options.imperfections
+        names, self._period_s = [joint.name for joint in model.robot.joints], controller.sampling_period_s
+        self._qpos, self._qvel, self._motor, self._turns = batch.qpos, batch.qvel, model.motor, model.turns
+        self._ctrl = batch.ctrl[:, : len(names)]
+        self._wait, self._part = _samples(options.truth.late_torque_s, names, self._period_s)
+        self._wait += controller.delay_samples
+        held = np.broadcast_to(rest_torque, self._ctrl.shape).copy()
+        self._sent = [held] * (int(self._wait.max()) + 1)  # the latest first
+        self._age, self._share = _samples(options.truth.late_angle_s, names, self._period_s)
+        still = model.motor_angles(batch.qpos), np.zeros(self._ctrl.shape)
+        self._seen = [still] * (int(self._age.max()) + 2)  # angles and speeds, the latest first
+
+    def read(self, noise: FloatArray) -> FloatArray:
+        """Returns what the encoders show (n_sim, n_motor) at the beginning of a sample, noise (n_sim, n_motor) on it.
+
+        Once a sample: late angles are those of samples before.
+        """
+        angle = self._qpos[:, self._motor] * self._turns
+        if self._age.any() or self._share.any():
+            angle = self._late(angle)
+        return encoder_readings(angle, noise, self._flaws)
+
+    def _late(self, angle: FloatArray) -> FloatArray:
+        """Angles of times before, between samples by the cubic through angles and speeds of both."""
+        self._seen = [(angle, self._qvel[:, self._motor] * self._turns), *self._seen[:-1]]
+        (after, fast), (before, slow) = (
+            [_of_each([seen[part] for seen in self._seen], self._age + more) for part in (0, 1)] for more in (0, 1)
+        )
+        # Hermite's cubic on the unit interval; `at` runs from the earlier sample to the later one.
+        at = 1 - self._share
+        way, rise, fall = at**2 * (3 - 2 * at), at * (1 - at) ** 2, at**2 * (at - 1)
+        return np.asarray(before + way * (after - before) + self._period_s * (rise * slow + fall * fast))
+
+    def send(self, command: FloatArray, disturbance: FloatArray) -> None:
+        """Sends torques (n_sim, n_motor) at the beginning of a sample, a disturbance of what acts beside [N m]."""
+        self._sent = [command.copy(), *self._sent]
+        self._now, self._done = _of_each(self._sent, self._wait) + disturbance, 0
+        if self._part.any():
+            self._before = _of_each(self._sent, self._wait + 1) + disturbance
+        self._sent.pop()
+        self._ctrl[:] = self._now
+
+    def step(self, count: int) -> None:
+        """Runs so many of the sample's steps."""
+        if not self._part.any():
+            self._batch.step(nstep=count)
+            return
+        for _ in range(count):
+            # Of this step, what the earlier torque still has.
+            left = np.clip(self._part * self._steps - self._done, 0.0, 1.0)
+            self._ctrl[:] = self._now + left * (self._before - self._now)
+            self._batch.step(nstep=1)
+            self._done += 1
+
+
+def changes_within(options: SimulateOptions, controller: Controller) -> bool:
+    """Tells whether a torque changes within a sample, for its drive is late by a part of one."""
+    late_s = options.truth.late_torque_s
+    return bool(_samples(late_s, list(late_s), controller.sampling_period_s)[1].any())
+
+
+def _samples(late_s: Mapping[str, float], names: list[str], period_s: float) -> tuple[IntArray, FloatArray]:
+    """Whole samples and the part of one (n_motor,) by which drives are late."""
+    samples = np.array([late_s.get(name, 0.0) for name in names]) / period_s
+    whole = np.floor(samples + _EXACT).astype(int)
+    part = samples - whole
+    return whole, np.where(part > _EXACT, part, 0.0)
+
+
+def _of_each(values: list[FloatArray], age: IntArray) -> FloatArray:
+    """Of values (n_sim, n_motor) of some samples, the latest first, each motor's own of some age (n_motor,)."""
+    if (age == age[0]).all():
+        return values[int(age[0])]
+    return np.stack([values[old][:, motor] for motor, old in enumerate(age.tolist())], axis=1)
+
+
+def encoder_readings(angle: FloatArray, noise: FloatArray, flaws: Imperfections) -> FloatArray:
+    """Returns what the encoders show: resolver error, noise and quantisation on the true angle [rad]."""
+    shown = angle + noise
+    if flaws.resolver_error_rad:
+        shown += flaws.resolver_error_rad * np.sin(flaws.resolver_order * angle)
+    if flaws.encoder_resolution_rad:
+        shown = np.round(shown / flaws.encoder_resolution_rad) * flaws.encoder_resolution_rad
+    return shown
