@@ -19,7 +19,8 @@ from robid.models.encode import (
 )
 from robid.models.family import ExportTask
 from robid.models.handed_on import standard_from_artifact, standard_robot
-from robid.models.rigid.fit.solution import RigidSolution
+from robid.models.rigid.fit.gains import describe_gains
+from robid.models.rigid.fit.solution import Gains, RigidSolution
 from robid.models.rigid.judge.validating import RigidValidation
 from robid.robot.export import to_rigid_mjcf, to_urdf
 from robid.robot.standard import StandardRobot
@@ -80,6 +81,9 @@ def _header(task: ExportTask, found: StandardRobot) -> list[str]:
         "Torques determine combinations of masses and inertias alone: these are the real bodies nearest to the robot"
         " file's that have them.",
     ]
+    if solution.gains is not None:
+        told = describe_gains(solution.gains, _joints(task), solution.estimate.confidence)
+        lines.append(f"Recorded {told}.")
     moved = np.zeros(0) if solution.standard is None else np.abs(solution.standard.moved)
     if moved.max(initial=0.0) >= _FAR:
         name, far = solution.estimate.names[int(np.argmax(moved))], f"{moved.max():.2g} deviations"
@@ -91,6 +95,10 @@ def _header(task: ExportTask, found: StandardRobot) -> list[str]:
     if found.homeless:
         lines.append(f"Estimated, but without a place here: {', '.join(found.homeless)}")
     return lines
+
+
+def _joints(task: ExportTask) -> list[str]:
+    return [joint.name for joint in task.data.loaded.robot.joints]
 
 
 _COLUMNS = ("name", "kind", "unit", "nominal", "estimate", "lower", "upper", "relative_std", "identifiable")
@@ -109,7 +117,14 @@ def write_json(task: ExportTask) -> bytes:
         rows = zip(found.names, found.nominal.tolist(), found.value.tolist(), strict=True)
         standard = {name: {"nominal": nominal, "value": value} for name, nominal, value in rows}
     content: Content = {**origin_of(task, solution.estimate.status), "confidence": solution.estimate.confidence}
-    return encode_json({**content, "parameters": _records(solution), "standard": standard})
+    gains = {} if solution.gains is None else {"gains": _gain_records(solution.gains, task)}
+    return encode_json({**content, "parameters": _records(solution), "standard": standard, **gains})
+
+
+def _gain_records(gains: Gains, task: ExportTask) -> dict[str, dict[str, object]]:
+    columns = zip(gains.gain.tolist(), gains.deviation.tolist(), gains.determined.tolist(), strict=True)
+    rows = [{"gain": gain, "std": std, "determined": told} for gain, std, told in columns]
+    return dict(zip(_joints(task), rows, strict=True))
 
 
 def write_csv(task: ExportTask) -> bytes:
@@ -130,6 +145,8 @@ def write_mat(task: ExportTask) -> bytes:
         "standard_names": solution.base.standard,
         "combination": solution.base.combination,
     }
+    if solution.gains is not None:
+        content |= {"gain": solution.gains.gain, "gain_covariance": solution.gains.covariance}
     if standard is not None:
         content |= {"standard": standard.value, "standard_covariance": standard.covariance}
     return encode_mat(content)

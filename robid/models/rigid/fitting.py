@@ -13,6 +13,7 @@ from robid.errors import DataError
 from robid.models.family import Data, Work
 from robid.models.rigid.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.rigid.fit.fitting import Simulate, fit_rigid
+from robid.models.rigid.fit.gains import corrected
 from robid.models.rigid.fit.options import RigidFitOptions
 from robid.models.rigid.fit.shots import Shot, refuse_unusable, shots_of
 from robid.models.rigid.judge.balances import balance_findings
@@ -49,7 +50,7 @@ def fit(data: Data, work: Work) -> Artifact:
     except DataError as error:
         raise blamed(error, scales) from error
     work.progress.advance()
-    options = settings.options()
+    options, shots = settings.options(), corrected(shots, solution.gains)
     scales = scales or small_angle_findings(robot, shots, motions, solution, options)
     if scales:
         return model_of(solution, assess_rigid(robot, solution, options, scales))
@@ -62,11 +63,11 @@ def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
     """Holds a rigid model against a motion that it never saw, and against the true robot where it is known."""
     settings = rigid_fit(data.loaded.experiment, data.name)
     campaign = settings.validate_on or settings.campaign
-    robot = robot_of(data)
-    shots = shots_in(data, (campaign,), robot)
+    robot, solution = robot_of(data), solution_from_artifact(model)
+    shots = corrected(shots_in(data, (campaign,), robot), solution.gains)
     validation = validate_rigid(
         robot,
-        solution_from_artifact(model),
+        solution,
         shots,
         settings.options(),
         grade_from_artifact(model).findings,

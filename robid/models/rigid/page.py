@@ -11,6 +11,7 @@ from robid.models.family import Shown
 from robid.models.parameters import curve, estimates_of, fit_report
 from robid.models.rigid.courses import course, motors_section, new_joins, own_joins, thinned_rows, torques
 from robid.models.rigid.files import solution_from_artifact, validation_from_artifact
+from robid.models.rigid.fit.gains import describe_gains
 from robid.models.rigid.fit.solution import Checks, Filtered, RigidSolution, RowResiduals
 from robid.models.rigid.judge.motors import Motors, motors_of
 from robid.models.rigid.judge.validating import RigidValidation
@@ -241,10 +242,19 @@ def report(shown: Shown) -> FitReport:
         found="",
         numbers=_key_numbers(solution, validation),
         sections=sections(solution, estimates, motors, validation, sensed, pushed, new),
-        summary=_summary(solution, estimates, validation),
+        summary=_summary(solution, joints, estimates, validation),
+        unknown=_gains(solution, joints),
         # What is not identified is told in one sentence.
         terminal=replace(estimates, rows=tuple(row for row in estimates.rows if row.identified)),
     )
+
+
+def _gains(solution: RigidSolution, joints: Sequence[str]) -> str:
+    """Says by what the torques were multiplied; nothing where they are as recorded."""
+    if solution.gains is None:
+        return ""
+    told = describe_gains(solution.gains, joints, solution.estimate.confidence)
+    return f"{told[0].upper()}{told[1:]}."
 
 
 def _key_numbers(solution: RigidSolution, validation: RigidValidation | None) -> Iterator[KeyNumber]:
@@ -254,7 +264,9 @@ def _key_numbers(solution: RigidSolution, validation: RigidValidation | None) ->
     yield KeyNumber("Condition number", significant(solution.base.condition, 3), "of the scaled columns")
 
 
-def _summary(solution: RigidSolution, estimates: Estimates, validation: RigidValidation | None) -> dict[str, float]:
+def _summary(
+    solution: RigidSolution, joints: Sequence[str], estimates: Estimates, validation: RigidValidation | None
+) -> dict[str, float]:
     checks = solution.checks
     found = {
         "trust": float(checks.trust),
@@ -266,6 +278,8 @@ def _summary(solution: RigidSolution, estimates: Estimates, validation: RigidVal
     }
     if checks.instrument_variation is not None:
         found["largest_variation_from_instruments"] = float(checks.instrument_variation.max())
+    if solution.gains is not None:
+        found |= {f"gain.{name}": gain for name, gain in zip(joints, solution.gains.gain.tolist(), strict=True)}
     covered = [row.covered for row in estimates.rows if row.covered is not None]
     if covered:
         found["coverage"] = float(np.mean(covered))

@@ -30,7 +30,9 @@ class RigidFit(FitSettings, RigidFitOptions):
     @property
     def hands_on(self) -> tuple[HandedOn, ...]:
         """What other nodes may take of it."""
-        dry: tuple[HandedOn, ...] = ("friction",) if self.model.friction in ("coulomb", "asymmetric") else ()
+        # Friction with estimated gains is not in the unit of torques that others read.
+        is_dry = self.model.friction in ("coulomb", "asymmetric") and self.gain_std is None
+        dry: tuple[HandedOn, ...] = ("friction",) if is_dry else ()
         return (*dry, "standard") if self.physical else dry
 
     @property
@@ -77,6 +79,7 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
         if joint not in (known := [each.name for each in robot.joints]):
             yield ("judge", index), f"S440 is no joint of the robot: there are {', '.join(known)}"
     yield from _payloads(experiment, fit, robot)
+    yield from _gains(fit, robot)
     yield from _cut_off(experiment, fit, robot)
 
 
@@ -124,9 +127,25 @@ def _payloads(experiment: Experiment, fit: RigidFit, robot: RobotFile) -> _Found
         yield ("validate_on",), message
 
 
+def _gains(fit: RigidFit, robot: RobotFile) -> _Found:
+    if fit.gain_std is None:
+        return
+    if fit.model.payload != "body" or fit.model.friction == "load":
+        message = (
+            "S480 gains come of records with and without a known payload, beside friction that does not grow with the"
+            " torque: take `model: {payload: body}`, and another `friction` than `load`"
+        )
+        yield ("gain_std",), message
+    elif robot.payload is not None and "mass_kg" in robot.payload.assumed:
+        yield (
+            ("gain_std",),
+            "S481 gains are as right as the payload's mass, which the robot file has `assumed`: weigh it",
+        )
+
+
 _PARTS: tuple[Part, ...] = (
     *("mechanics", "rigid", "range", "friction", "torque_constant", "rated_torque", "motor_limits"),
-    *("controller", "timing"),
+    *("doubts", "controller", "timing"),
 )
 """Parts of the robot file that decide a rigid model, and what is said of it."""
 

@@ -13,6 +13,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.models.rigid.fit.conclusion import conclude, instrumental_variables
 from robid.models.rigid.fit.cut_off import CutOffChoice, choose_cut_off, fewest_rows, row_count, unchosen
+from robid.models.rigid.fit.gains import corrected, estimate_gains
 from robid.models.rigid.fit.options import ConclusionOptions, PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.regression import (
     Regression,
@@ -25,7 +26,7 @@ from robid.models.rigid.fit.residuals import FEWEST_TESTED, Influence
 from robid.models.rigid.fit.result import Found, first_moments, make_solution
 from robid.models.rigid.fit.rows import Motion, Reading, Remembered, RowSource
 from robid.models.rigid.fit.shots import Shot, motion_of, refuse_unusable, travel_of
-from robid.models.rigid.fit.solution import RigidSolution
+from robid.models.rigid.fit.solution import Gains, RigidSolution
 from robid.robot.description import Robot
 from robid.robot.regressor.base import BaseParameters, find_base_parameters, label, select_base
 from robid.robot.regressor.links import PAYLOAD
@@ -58,8 +59,10 @@ def fit_rigid(
     model = build_rigid_model(robot, options.model)
     base = find_base_parameters(model, options.base)
     try:
-        used, choice = _filters(shots, model.only(base.columns.tolist()), options)
-        problem = _Problem(shots, model.only(base.columns.tolist()), used)
+        whole = model.only(base.columns.tolist())
+        used, choice = _filters(shots, whole, options)
+        gains, shots, choice = _with_gains(robot, shots, whole, replace(options, filters=used), choice)
+        problem = _Problem(shots, whole, used)
         _refuse_few(robot, problem)
         problem, base = _without_dependent(problem, base)
         estimated = _estimate(problem, base.values(model.nominal), options, simulate)
@@ -67,7 +70,7 @@ def fit_rigid(
         remedy = "look at the record's channels; record longer, with all joints in motion"
         raise DataError(f"D254 {error}", where="record", remedy=remedy) from error
     travel = travel_of(robot, shots)
-    found = make_solution(model, base, problem.model, estimated, choice, travel, options)
+    found = make_solution(model, base, problem.model, estimated, choice, travel, options, gains)
     return replace(found, torque_unit=shots[0].torque_unit)
 
 
@@ -151,6 +154,18 @@ def _filters(
         message = "D183 the record is too short, or its motion too poor, to choose a cut-off from it"
         raise DataError(message, where="record", remedy="state `filters.position_cut_hz`, or record longer") from error
     return replace(stated, position_cut_hz=choice.cut_hz), choice
+
+
+def _with_gains(
+    robot: Robot, shots: Sequence[Shot], model: RigidModel, options: RigidFitOptions, choice: CutOffChoice
+) -> tuple[Gains | None, Sequence[Shot], CutOffChoice]:
+    """Gains where they are estimated, shots with the torques that motors had, and what the cut-off leaves of these."""
+    if options.gain_std is None:
+        return None, shots, choice
+    gains = estimate_gains(robot, shots, options.filters, options, options.gain_std)
+    true = corrected(shots, gains)
+    _, again = _filters(true, model, options)
+    return gains, true, replace(choice, left_out=again.left_out, residual=again.residual)
 
 
 def _refuse_few(robot: Robot, problem: _Problem) -> None:

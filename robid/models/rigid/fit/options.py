@@ -113,6 +113,13 @@ class RigidFitOptions:
         "Whether the model is simulated in the robot's loop as instrument: where controller and position commands are"
         " known (`auto`), or never.",
     )
+    gain_std: float | None = option(
+        None,
+        "Estimates what each motor's torque is over the recorded one, from the known `payload` of records with and"
+        " without it: relative standard deviation of this gain beforehand; when not given torques are taken as they"
+        " are.",
+        gt=0,
+    )
     huber: HuberOptions = group(HuberOptions, "Huber's estimator.")
     sweep: tuple[float, ...] = option((), "Further bends of Huber's estimator, to be shown beside it.")
     convergence: InstrumentOptions = group(InstrumentOptions, "Convergence of the instrumental variables.")

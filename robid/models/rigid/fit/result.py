@@ -22,6 +22,7 @@ from robid.models.rigid.fit.solution import (
     Estimators,
     ExpectedError,
     Filtered,
+    Gains,
     RigidSolution,
     RowResiduals,
     StandardSet,
@@ -85,10 +86,11 @@ def make_solution(
     choice: CutOffChoice,
     travel: Travel,
     options: RigidFitOptions,
+    gains: Gains | None = None,
 ) -> RigidSolution:
     """Puts together what a rigid fit found."""
     name = options.estimator if options.estimator in found.by_name else "weighted"
-    estimate = _estimate(model, base, reduced, found, name, options)
+    estimate = _estimate(model, base, reduced, found, name, options, gains)
     standard = _standard(model, base, estimate, options) if options.physical else None
     decimation = found.filters.decimator(found.sampling_period_s).factor
     reduction = found.conclusion.reduction
@@ -129,6 +131,7 @@ def make_solution(
         expected=_expected(reduced, found, found.known(name), travel, choice),
         standard=standard,
         chosen=name,
+        gains=gains,
     )
 
 
@@ -157,6 +160,7 @@ def _estimate(
     found: Found,
     name: EstimatorName,
     options: RigidFitOptions,
+    gains: Gains | None,
 ) -> Estimate:
     chosen, covariance = found.by_name[name], found.covariance(name)
     std = np.sqrt(np.diag(covariance))
@@ -164,7 +168,8 @@ def _estimate(
     reach = t.ppf(0.5 + 0.5 * options.confidence, freedom) * std
     quantile, status = norm.ppf(0.5 + 0.5 * options.confidence), chosen.status
     # What predicts is known by the residuals; masses and friction no better than the constants of the motors' torques.
-    physical = np.hypot(reach, quantile * torque_constant_std(reduced.robot, found.conclusion.reduction, chosen))
+    doubt = torque_doubt(reduced.robot) if gains is None else gains.relative_covariance
+    physical = np.hypot(reach, quantile * torque_constant_std(doubt, found.conclusion.reduction, chosen))
     size = scale_of(chosen.parameters, std, first_moments(reduced.names))
     nominal, limit = base.values(model.nominal), options.identifiable_relative_std
     # What the file has as zero is related to what was found, so that it can be identifiable at all.
@@ -211,17 +216,21 @@ def resting_on(reduction: Reduction, estimate: Regression) -> IntArray:
     return np.asarray(np.argmax(share, axis=0))
 
 
-def torque_constant_std(robot: Robot, reduction: Reduction, estimate: Regression) -> FloatArray:
+def torque_doubt(robot: Robot) -> FloatArray:
+    """Covariance (n_joint, n_joint) of the shares by which torque constants are off, as the robot file doubts them."""
+    return np.diag([joint.nuisance_std.torque_relative_std**2 for joint in robot.joints])
+
+
+def torque_constant_std(doubt: FloatArray, reduction: Reduction, estimate: Regression) -> FloatArray:
     """Returns how far parameters (n_param,) may be off because motors' torque constants are, standard deviations.
 
-    A torque that is by a share `d_j` too large moves the parameters by `(W' V W)^-1 W_j' V_j y_j d_j`, with the weights
-    V; currents have no constant that could be off.
+    A torque that is by a share `d_j` too large, of covariance `doubt` (n_joint, n_joint), moves the parameters by
+    `(W' V W)^-1 W_j' V_j y_j d_j`, with the weights V; currents have no constant that could be off.
     """
-    std = np.array([joint.nuisance_std.torque_relative_std for joint in robot.joints])
     _, inverse, _ = solve_factor(reduction.weighted(estimate.weights))
     factors = reduction.factors
     moves = np.einsum("jra,jr->ja", factors[:, :, :-1], factors[:, :, -1]) * estimate.weights[:, None] @ inverse
-    return np.asarray(np.sqrt(((std[:, None] * moves) ** 2).sum(axis=0)))
+    return np.asarray(np.sqrt(np.einsum("ja,jk,ka->a", moves, doubt, moves)))
 
 
 def _undetermined(names: Sequence[str], zero: BoolArray, wide: BoolArray, limit: float) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from scipy.stats import t as student
 
 from robid.arrays import BoolArray, FloatArray, IntArray, Quantity
 from robid.results.estimate import Estimate
@@ -161,6 +162,31 @@ class StandardSet:
 
 
 @dataclass(frozen=True)
+class Gains:
+    """What each motor's true torque is over its recorded one."""
+
+    gain: Annotated[FloatArray, Quantity("1", "joint", "True torque over the recorded one")]
+    covariance: Annotated[FloatArray, Quantity("1", "joint joint", "Of the gains")]
+    # Whether the load tells it; the others are the prior's for the most part.
+    determined: Annotated[BoolArray, Quantity("1", "joint", "Whether the known load tells it")]
+    freedom: float  # degrees of freedom of the variances
+
+    @property
+    def deviation(self) -> FloatArray:
+        """Standard deviation (n_joint,) of each gain."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def half_width(self, level: float) -> FloatArray:
+        """Returns half the width (n_joint,) of the gains' intervals of a level."""
+        return np.asarray(student.ppf(0.5 + level / 2, self.freedom) * self.deviation)
+
+    @property
+    def relative_covariance(self) -> FloatArray:
+        """Covariance (n_joint, n_joint) of the gains, each over itself."""
+        return np.asarray(self.covariance / np.outer(self.gain, self.gain))
+
+
+@dataclass(frozen=True)
 class RigidSolution:
     """Estimated base parameters of a rigid model, and how far they are to be trusted."""
 
@@ -177,3 +203,4 @@ class RigidSolution:
     standard: StandardSet | None
     chosen: str  # name of the estimator whose result it is
     torque_unit: str = "N m"  # what stands for N m: A where torques are currents
+    gains: Gains | None = None  # what the torques were multiplied by; None where they are as recorded
