@@ -9,6 +9,7 @@ Schema history:
         2.3: `grade/scales`, where a grade saw wrong scales.
         2.4: external fits say in `external/between_std` how much parameters differ between recordings.
         2.5: elastic fits say in `elastic/gears` what gears alone may be.
+        2.6: elastic fits say in `elastic/detectable` how large a defect their residual would have shown.
     validation:
         3.2: `grade/scales`, where a grade saw wrong scales.
         3.1: elastic validations hold the resonances of their data in `elastic/new_resonances`.
@@ -34,7 +35,7 @@ with later(__name__):
     from robid.results.outcome import Outcome
     from robid.results.scale import read_scale
 
-MODEL = Kind("model", "2.5", "robid fit")
+MODEL = Kind("model", "2.6", "robid fit")
 VALIDATION = Kind("validation", "3.2", "robid validate")
 
 Parts: TypeAlias = tuple[Mapping[str, Dataset], Mapping[str, Attribute]]
