@@ -124,7 +124,8 @@ class Detectable:
     names: Annotated[tuple[str, ...], Quantity("1", "defect", "What may be wrong")]
     causes: Annotated[tuple[str, ...], Quantity("1", "defect", "Likely cause that it stands for")]
     units: Annotated[tuple[str, ...], Quantity("1", "defect", "Unit of its amounts")]
-    prior_std: Annotated[FloatArray, Quantity("as in units", "defect", "Deviation known beforehand")]
+    lower: Annotated[FloatArray, Quantity("as in units", "defect", "Least amount, by what is known beforehand")]
+    upper: Annotated[FloatArray, Quantity("as in units", "defect", "Largest amount, by what is known beforehand")]
     amount: Annotated[
         FloatArray, Quantity("as in units", "defect", "Smallest amount shown with a power of 80 %; infinite if none is")
     ]

@@ -1,4 +1,4 @@
-"""How large a defect these data would have shown: the power of the test by which a fit's residual is judged."""
+"""How large a defect these data would have shown, by the test that judges a residual, and what an unseen one does."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 from scipy.special import fdtrc, ndtri
+from scipy.stats import norm
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
@@ -21,6 +22,7 @@ from robid.models.elastic.fit.uncertainty import influence
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model
 from robid.models.elastic.judge.grading import FLOOR, share_limit
 from robid.models.elastic.judge.ratios import candidates
+from robid.results.finding import Finding, two_digits
 from robid.robot.description import Robot
 
 POWER = 0.8
@@ -120,7 +122,11 @@ def detectable_defects(
         for pull, one in zip(np.moveaxis(pulls, -1, 0), std.tolist(), strict=True)
     ]
     names, causes, units = zip(*((each.name, each.cause, each.unit) for each in listed), strict=True)
-    return Detectable(names, causes, units, std, np.array(amounts), moves)
+    known_to = norm.ppf(0.5 + 0.5 * options.confidence) * std
+    lower, upper = (
+        np.clip(side * known_to, [each.least for each in listed], [each.most for each in listed]) for side in (-1, 1)
+    )
+    return Detectable(names, causes, units, lower, upper, np.array(amounts), moves)
 
 
 def listed_defects(fitted: FittedModel) -> tuple[Nuisance, ...]:
@@ -159,3 +165,84 @@ def _elements(expected: Expectation) -> Elements:
     floor = 1 + expected.bias * FLOOR**2 * above
     limit = np.maximum(expected.limit, floor) / expected.bias
     return Elements(expected.freedom[known], expected.known[known], limit[known])
+
+
+_FAR = 1.5
+"""Half widths from the middle of an interval beyond which a value is outside: defects act to first order here."""
+
+_QUIETER = 10.0  # times smaller errors than any campaign gives
+_GEARS = ("transmission", "bearing")
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """A defect that may be there unseen, and what it would have done to a gear or bearing."""
+
+    defect: int  # Its index among the detectable defects
+    parameter: int  # Index of the parameter
+    amount: float  # How large it may be
+    moved: float  # What it would have moved the logarithm of the estimate by
+    half_widths: float  # How far the true value would lie from the middle of the physical interval
+
+
+def worst_hidden(robot: Robot, solution: ElasticSolution) -> Hidden | None:
+    """Finds the unseen defect that would put a gear or bearing farthest outside its physical interval.
+
+    A defect may be as large as what is known of it beforehand, what the residual would not have shown, and what its
+    estimate along with the parameters leaves open. Where one of these says that none is there, or that one must be
+    larger, it is not hidden.
+
+    Args:
+        robot: The robot file that the fit started from.
+        solution: What the fit found, with what it would have shown.
+
+    Returns:
+        The defect, inside its interval or not; None where nothing is known of any.
+    """
+    found, estimate, doubts = solution.detectable, solution.estimate, solution.doubts
+    names = [f"{each.name}.stiffness" for each in robot.springs if each.place in _GEARS]
+    rows = [index for index, name in enumerate(estimate.names) if name in names]
+    if found is None or doubts is None or not rows:
+        return None
+    value, lower, upper = (np.log(each[rows]) for each in (estimate.value, estimate.lower, estimate.upper))
+    middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+    worst: list[Hidden] = []
+    for defect, name in enumerate(found.names):
+        if name not in doubts.names:
+            continue
+        own, shown = doubts.names.index(name), found.amount[defect]
+        left = doubts.value[own] + np.array([-1, 1]) * doubts.half_width[own]
+        least, most = max(found.lower[defect], -shown, left[0]), min(found.upper[defect], shown, left[1])
+        for amount in (least, most) if least <= most else ():
+            # What a defect has moved an estimate by, the true value lies back.
+            moved = found.moves[rows, defect] * amount
+            far = np.abs(value - moved - middle) / half
+            at = int(np.argmax(far))
+            worst.append(Hidden(defect, rows[at], float(amount), float(moved[at]), float(far[at])))
+    return max(worst, key=lambda each: each.half_widths, default=None)
+
+
+def hidden_findings(robot: Robot, solution: ElasticSolution) -> tuple[Finding, ...]:
+    """A finding where a defect that these data do not show may put a gear or bearing outside its physical interval.
+
+    Arguments are as of `worst_hidden`.
+    """
+    hidden, found = worst_hidden(robot, solution), solution.detectable
+    if hidden is None or found is None or hidden.half_widths <= _FAR:
+        return ()
+    shown, unit = float(found.amount[hidden.defect]), found.units[hidden.defect]
+    seen = f"would be seen from {two_digits(shown)} on" if np.isfinite(shown) else "would never be seen"
+    quieter = shown / abs(hidden.amount)
+    more = (
+        f"errors {two_digits(quieter)} times smaller would show it: more torque, or {two_digits(quieter**2)} times as "
+        "many realizations; or "
+        if 1 < quieter < _QUIETER
+        else ""
+    )
+    message = (
+        f"{found.names[hidden.defect]} may be {two_digits(hidden.amount)} {unit} and {seen}; it would have moved "
+        f"{solution.estimate.names[hidden.parameter]} by {two_digits(100 * np.expm1(hidden.moved), '+')} %, and the "
+        f"true value lay {two_digits(hidden.half_widths)} half-widths from the middle of its interval ({more}measure "
+        "configurations that bend it otherwise, or state in `doubts` how well it is known)"
+    )
+    return (Finding("hidden", message, decisive=False, strength=hidden.half_widths / _FAR),)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scipy.stats import norm
+import numpy as np
 
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.judge.power import POWER
@@ -23,7 +23,7 @@ class PowerRow:
     cause: str  # Its likely cause
     unit: str  # Unit of its amounts
     shown: float  # Smallest amount that the residual would have shown; infinite where it shows none
-    known: float  # Half width of what is known beforehand
+    known: float  # How large it may be by what is known beforehand
 
     @property
     def over_known(self) -> float:
@@ -36,7 +36,7 @@ def power_rows(solution: ElasticSolution) -> tuple[PowerRow, ...]:
     found = solution.detectable
     if found is None:
         return ()
-    known = norm.ppf(0.5 + 0.5 * solution.estimate.confidence) * found.prior_std
+    known = np.maximum(-found.lower, found.upper)
     columns = found.names, found.causes, found.units, found.amount.tolist(), known.tolist()
     rows = (PowerRow(*row) for row in zip(*columns, strict=True))
     return tuple(sorted(rows, key=lambda row: -row.over_known))
@@ -60,7 +60,7 @@ def power_section(rows: Sequence[PowerRow], level: float) -> tuple[Section, ...]
 
 def _table(rows: Sequence[PowerRow], caption: str) -> Table:
     return Table(
-        ("Defect", "Kind", "Seen from", "Known beforehand ±", "Unit"),
+        ("Defect", "Kind", "Seen from", "May be, beforehand", "Unit"),
         tuple((row.name, _kind(row.cause), _amount(row.shown), _amount(row.known), row.unit) for row in rows),
         caption=caption,
         styles=("name", "text", "strong", "number", "text"),

@@ -10,8 +10,9 @@ from exact_systems import exact_frf, two_joint_robot
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.nuisance.kinds import list_nuisances, moved_robot
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.judge.grading import share_limit, telling_shares
-from robid.models.elastic.judge.power import POWER, Elements, detectable_defects
+from robid.models.elastic.fit.solution import Detectable
+from robid.models.elastic.judge.grading import grade_validation, share_limit, telling_shares
+from robid.models.elastic.judge.power import POWER, Elements, detectable_defects, hidden_findings, worst_hidden
 from robid.models.elastic.page.power import power_rows, power_section, power_summary
 
 WITHOUT_END = 1e9
@@ -120,3 +121,63 @@ def test_page_and_numbers_say_what_would_have_been_seen(sound):
     without = replace(sound, detectable=None)
     assert power_rows(without) == () == power_section((), 0.95)
     assert power_summary(()) == {}
+
+
+@pytest.mark.parametrize("noise", [1e-3, 3e-2])
+def test_what_is_unseen_of_a_sound_robot_lies_inside_its_intervals(noise, sound):
+    solution = sound if noise == 1e-3 else _fitted(noise)
+    assert worst_hidden(two_joint_robot(), solution).half_widths < 1.3
+    assert hidden_findings(two_joint_robot(), solution) == ()
+
+
+GEAR = "gear_2.stiffness"
+HALF_WIDTHS = 4.0
+
+
+def _hiding(solution, **changed):
+    """A fit with one defect, as large as known beforehand, that puts the true gear 4 half-widths off its middle."""
+    gear, defect = solution.estimate.names.index(GEAR), solution.doubts.names.index(DEFECT)
+    lower, value, upper = (np.log(getattr(solution.estimate, end)[gear]) for end in ("lower", "value", "upper"))
+    off = 0.5 * (lower + upper) + HALF_WIDTHS * 0.5 * (upper - lower)
+    moves = np.zeros((len(solution.estimate.names), 1))
+    moves[gear] = value - off  # by an amount of one
+    doubts = solution.doubts
+    doubts = replace(doubts, value=0 * doubts.value, half_width=changed.pop("left", 1.0) + 0 * doubts.half_width)
+    one = Detectable((DEFECT,), ("masses",), ("%",), *(np.array([each]) for each in (-1.0, 1.0, np.inf)), moves)
+    changed = {key: np.array([each]) for key, each in changed.items()}
+    assert doubts.names[defect] == DEFECT
+    return replace(solution, doubts=doubts, detectable=replace(one, **changed))
+
+
+def test_a_defect_that_would_be_hidden_and_ruin_a_gear_takes_trust(sound):
+    hiding = _hiding(sound)
+    hidden = worst_hidden(two_joint_robot(), hiding)
+    assert (hidden.amount, hidden.half_widths) == (1.0, pytest.approx(HALF_WIDTHS))
+    (finding,) = hidden_findings(two_joint_robot(), hiding)
+    assert DEFECT in finding.message
+    assert GEAR in finding.message
+    assert grade_validation(hiding, (finding,), ()).value == 1
+    assert grade_validation(sound, hidden_findings(two_joint_robot(), sound), ()).value == 2
+
+
+@pytest.mark.parametrize(
+    "known",
+    [
+        {"upper": 0.1},  # known better beforehand: the other way the gear is no farther
+        {"amount": 0.1},  # seen from there on
+        {"left": 0.1},  # the estimate of the defect leaves no more
+        {"lower": 2.0, "upper": 3.0},  # at least so much, where the estimate says that it is less
+    ],
+)
+def test_a_defect_that_cannot_be_so_large_unseen_takes_nothing(known, sound):
+    other_way = {"lower": 0.0} if "lower" not in known else {}
+    hiding = _hiding(sound, **other_way, **known)
+    assert hidden_findings(two_joint_robot(), hiding) == ()
+
+
+def test_nothing_is_said_of_link_springs_and_without_nuisance_parameters(sound):
+    robot, hiding = two_joint_robot(), _hiding(sound)
+    springs = tuple(replace(each, place="split") if each.name == "gear_2" else each for each in robot.springs)
+    assert hidden_findings(replace(robot, springs=springs), hiding) == ()
+    assert hidden_findings(robot, replace(hiding, doubts=None)) == ()
+    assert hidden_findings(robot, replace(hiding, detectable=None)) == ()
