@@ -132,6 +132,12 @@ class Detectable:
     moves: Annotated[
         FloatArray, Quantity("1", "parameter, defect", "What an amount of one moves each parameter by, internal")
     ]
+    asked: Annotated[
+        FloatArray, Quantity("as in units", "defect", "Amount by which each alone would explain most of the residual")
+    ]
+    gain: Annotated[
+        FloatArray, Quantity("1", "defect", "Cost that this saves, over what a random column saves of it in the mean")
+    ]
 
 
 @dataclass(frozen=True)

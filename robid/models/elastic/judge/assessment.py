@@ -17,8 +17,8 @@ from robid.models.elastic.judge.causes import misfit_findings
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model
 from robid.models.elastic.judge.friction import with_friction_remedies
 from robid.models.elastic.judge.grading import grade_fit, is_unexplained, measure
+from robid.models.elastic.judge.hidden import hidden_findings
 from robid.models.elastic.judge.plausible_parameters import fitted_carrier, parameter_findings
-from robid.models.elastic.judge.power import hidden_findings
 from robid.results.estimate import Estimate
 from robid.results.finding import Finding, two_digits
 from robid.results.grade import Grade, ordered
@@ -172,7 +172,7 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     findings += uncoupled_findings(fitted)
     own = measure(fitted, fitted.problem.model_response(fitted.internal), options.weights.model_error)
     missed = own.findings("the fit's own data")
-    every = ordered(with_friction_remedies([*findings, *seen, *read, *missed, *hidden], frf))
+    every = ordered(with_friction_remedies([*findings, *hidden, *seen, *read, *missed], frf))
     return grade_fit(solution, every, own.cost_failures("the fit's own data"))
 
 

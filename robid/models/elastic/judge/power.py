@@ -1,4 +1,4 @@
-"""How large a defect these data would have shown, by the test that judges a residual, and what an unseen one does."""
+"""How large a defect these data would have shown: the power of the test by which a fit's residual is judged."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from scipy.special import fdtrc, ndtri
 from scipy.stats import norm
 
-from robid.arrays import FloatArray
+from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.model_error import Expectation, expect, relative_residual
@@ -22,7 +22,6 @@ from robid.models.elastic.fit.uncertainty import influence
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model
 from robid.models.elastic.judge.grading import FLOOR, share_limit
 from robid.models.elastic.judge.ratios import candidates
-from robid.results.finding import Finding, two_digits
 from robid.robot.description import Robot
 
 POWER = 0.8
@@ -114,7 +113,8 @@ def detectable_defects(
     expected = expect(fitted.problem, fitted.internal, influence(fitted.problem, fitted.internal), modelled)
     if expected is None or not listed:
         return None
-    pulls, moves = _left_by(fitted, listed, expected)
+    effects = _effects(fitted, listed)
+    pulls = _noncentrality(fitted, effects.left, expected)
     elements, known = _elements(expected), np.isfinite(expected.ratio(np.ones_like(expected.variance)))
     std = np.array([each.common_std for each in listed])
     amounts = [
@@ -126,7 +126,11 @@ def detectable_defects(
     lower, upper = (
         np.clip(side * known_to, [each.least for each in listed], [each.most for each in listed]) for side in (-1, 1)
     )
-    return Detectable(names, causes, units, lower, upper, np.array(amounts), moves)
+    # What nothing is left of, the residual cannot ask for.
+    tells = effects.curvature > 0
+    asked = np.divide(effects.slope, effects.curvature, out=np.zeros_like(std), where=tells)
+    gain = asked * effects.slope / max(effects.chance, np.finfo(float).tiny)
+    return Detectable(names, causes, units, lower, upper, np.array(amounts), effects.moves, asked, gain)
 
 
 def listed_defects(fitted: FittedModel) -> tuple[Nuisance, ...]:
@@ -135,25 +139,45 @@ def listed_defects(fitted: FittedModel) -> tuple[Nuisance, ...]:
     return tuple(each for each in every if each.common_std > 0 and each.cause != "gear_ratio")
 
 
-def _left_by(fitted: FittedModel, listed: tuple[Nuisance, ...], expected: Expectation) -> tuple[FloatArray, FloatArray]:
-    """What one of each defect leaves of elements, and how far it moves parameters, which follow it.
+@dataclass(frozen=True)
+class _Effects:
+    """What one of each defect does."""
 
-    Returns:
-        Noncentrality (n_conf, n_out, n_in, n_defect), and moves (n_param, n_defect) of the internal parameters.
-    """
+    left: ComplexArray  # (n_conf, n_freq, n_out, n_in, n_defect) What the parameters leave of it, as a residual
+    moves: FloatArray  # (n_param, n_defect) How far it moves parameters, which follow it
+    slope: FloatArray  # (n_defect,) Half the negative gradient of the cost by its amount
+    curvature: FloatArray  # (n_defect,) Half the second derivative, the parameters following
+    chance: float  # Cost that a random column saves in the mean
+
+
+def _effects(fitted: FittedModel, listed: tuple[Nuisance, ...]) -> _Effects:
+    """Lets the parameters follow each defect, by the fit's own weighted least squares."""
     problem, internal = fitted.problem, fitted.internal
     columns = nuisance_columns(problem, internal, fitted.robot, fitted.options, listed, all_rest=False)
-    derivative, n_defect = problem.linear(internal)[1], columns.shape[-1]
+    residual, derivative = problem.linear(internal)
     own = problem.rows(derivative).reshape(-1, internal.size)
-    added = problem.rows(columns).reshape(-1, n_defect)
-    # The fit's own weighted least squares, with what is known beforehand of its parameters.
-    prior = np.diag(0.5 / problem.parameters.prior_std**2)
-    moves = np.linalg.lstsq(own.T @ own + prior, own.T @ added, rcond=1e-14)[0]
-    left = relative_residual(problem, columns - derivative @ moves, problem.model_response(internal))
-    square = np.where(expected.used[..., None], np.abs(left) ** 2, 0.0) / expected.variance[..., None]
+    added = problem.rows(columns).reshape(-1, len(listed))
+    rest = problem.rows(residual).ravel()
+    # With what is known beforehand of the parameters, as in the fit.
+    prior = 0.5 / problem.parameters.prior_std**2
+    moves = np.linalg.lstsq(own.T @ own + np.diag(prior), own.T @ added, rcond=1e-14)[0]
+    freedom = problem.residual_kind.parts * int((problem.weight > 0).sum()) - internal.size
+    return _Effects(
+        left=columns - derivative @ moves,
+        moves=moves,
+        slope=added.T @ rest - moves.T @ (own.T @ rest - prior * internal),
+        curvature=(added * added).sum(axis=0) - ((own.T @ added) * moves).sum(axis=0),
+        chance=float(rest @ rest) / max(freedom, 1),
+    )
+
+
+def _noncentrality(fitted: FittedModel, left: ComplexArray, expected: Expectation) -> FloatArray:
+    """Noncentrality (n_conf, n_out, n_in, n_defect) of elements' sums of squares by what is left of defects."""
+    relative = relative_residual(fitted.problem, left, fitted.problem.model_response(fitted.internal))
+    square = np.where(expected.used[..., None], np.abs(relative) ** 2, 0.0) / expected.variance[..., None]
     # As many real degrees of freedom as the sum has stand for what is kept of it, in complex squares.
     scale = np.divide(expected.freedom, expected.kept, out=np.zeros_like(expected.kept), where=expected.kept > 0)
-    return scale[..., None] * square.sum(axis=1), moves
+    return np.asarray(scale[..., None] * square.sum(axis=1))
 
 
 def _elements(expected: Expectation) -> Elements:
@@ -165,84 +189,3 @@ def _elements(expected: Expectation) -> Elements:
     floor = 1 + expected.bias * FLOOR**2 * above
     limit = np.maximum(expected.limit, floor) / expected.bias
     return Elements(expected.freedom[known], expected.known[known], limit[known])
-
-
-_FAR = 1.5
-"""Half widths from the middle of an interval beyond which a value is outside: defects act to first order here."""
-
-_QUIETER = 10.0  # times smaller errors than any campaign gives
-_GEARS = ("transmission", "bearing")
-
-
-@dataclass(frozen=True)
-class Hidden:
-    """A defect that may be there unseen, and what it would have done to a gear or bearing."""
-
-    defect: int  # Its index among the detectable defects
-    parameter: int  # Index of the parameter
-    amount: float  # How large it may be
-    moved: float  # What it would have moved the logarithm of the estimate by
-    half_widths: float  # How far the true value would lie from the middle of the physical interval
-
-
-def worst_hidden(robot: Robot, solution: ElasticSolution) -> Hidden | None:
-    """Finds the unseen defect that would put a gear or bearing farthest outside its physical interval.
-
-    A defect may be as large as what is known of it beforehand, what the residual would not have shown, and what its
-    estimate along with the parameters leaves open. Where one of these says that none is there, or that one must be
-    larger, it is not hidden.
-
-    Args:
-        robot: The robot file that the fit started from.
-        solution: What the fit found, with what it would have shown.
-
-    Returns:
-        The defect, inside its interval or not; None where nothing is known of any.
-    """
-    found, estimate, doubts = solution.detectable, solution.estimate, solution.doubts
-    names = [f"{each.name}.stiffness" for each in robot.springs if each.place in _GEARS]
-    rows = [index for index, name in enumerate(estimate.names) if name in names]
-    if found is None or doubts is None or not rows:
-        return None
-    value, lower, upper = (np.log(each[rows]) for each in (estimate.value, estimate.lower, estimate.upper))
-    middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-    worst: list[Hidden] = []
-    for defect, name in enumerate(found.names):
-        if name not in doubts.names:
-            continue
-        own, shown = doubts.names.index(name), found.amount[defect]
-        left = doubts.value[own] + np.array([-1, 1]) * doubts.half_width[own]
-        least, most = max(found.lower[defect], -shown, left[0]), min(found.upper[defect], shown, left[1])
-        for amount in (least, most) if least <= most else ():
-            # What a defect has moved an estimate by, the true value lies back.
-            moved = found.moves[rows, defect] * amount
-            far = np.abs(value - moved - middle) / half
-            at = int(np.argmax(far))
-            worst.append(Hidden(defect, rows[at], float(amount), float(moved[at]), float(far[at])))
-    return max(worst, key=lambda each: each.half_widths, default=None)
-
-
-def hidden_findings(robot: Robot, solution: ElasticSolution) -> tuple[Finding, ...]:
-    """A finding where a defect that these data do not show may put a gear or bearing outside its physical interval.
-
-    Arguments are as of `worst_hidden`.
-    """
-    hidden, found = worst_hidden(robot, solution), solution.detectable
-    if hidden is None or found is None or hidden.half_widths <= _FAR:
-        return ()
-    shown, unit = float(found.amount[hidden.defect]), found.units[hidden.defect]
-    seen = f"would be seen from {two_digits(shown)} on" if np.isfinite(shown) else "would never be seen"
-    quieter = shown / abs(hidden.amount)
-    more = (
-        f"errors {two_digits(quieter)} times smaller would show it: more torque, or {two_digits(quieter**2)} times as "
-        "many realizations; or "
-        if 1 < quieter < _QUIETER
-        else ""
-    )
-    message = (
-        f"{found.names[hidden.defect]} may be {two_digits(hidden.amount)} {unit} and {seen}; it would have moved "
-        f"{solution.estimate.names[hidden.parameter]} by {two_digits(100 * np.expm1(hidden.moved), '+')} %, and the "
-        f"true value lay {two_digits(hidden.half_widths)} half-widths from the middle of its interval ({more}measure "
-        "configurations that bend it otherwise, or state in `doubts` how well it is known)"
-    )
-    return (Finding("hidden", message, decisive=False, strength=hidden.half_widths / _FAR),)

@@ -12,7 +12,8 @@ from robid.models.elastic.fit.nuisance.kinds import list_nuisances, moved_robot
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import Detectable
 from robid.models.elastic.judge.grading import grade_validation, share_limit, telling_shares
-from robid.models.elastic.judge.power import POWER, Elements, detectable_defects, hidden_findings, worst_hidden
+from robid.models.elastic.judge.hidden import asked_for, hidden_findings, worst_hidden
+from robid.models.elastic.judge.power import POWER, Elements, detectable_defects
 from robid.models.elastic.page.power import power_rows, power_section, power_summary
 
 WITHOUT_END = 1e9
@@ -143,7 +144,14 @@ def _hiding(solution, **changed):
     moves[gear] = value - off  # by an amount of one
     doubts = solution.doubts
     doubts = replace(doubts, value=0 * doubts.value, half_width=changed.pop("left", 1.0) + 0 * doubts.half_width)
-    one = Detectable((DEFECT,), ("masses",), ("%",), *(np.array([each]) for each in (-1.0, 1.0, np.inf)), moves)
+    one = Detectable(
+        (DEFECT,),
+        ("masses",),
+        ("%",),
+        *(np.array([each]) for each in (-1.0, 1.0, np.inf)),
+        moves,
+        *np.zeros((2, 1)),
+    )
     changed = {key: np.array([each]) for key, each in changed.items()}
     assert doubts.names[defect] == DEFECT
     return replace(solution, doubts=doubts, detectable=replace(one, **changed))
@@ -181,3 +189,16 @@ def test_nothing_is_said_of_link_springs_and_without_nuisance_parameters(sound):
     assert hidden_findings(replace(robot, springs=springs), hiding) == ()
     assert hidden_findings(robot, replace(hiding, doubts=None)) == ()
     assert hidden_findings(robot, replace(hiding, detectable=None)) == ()
+
+
+def test_a_defect_that_the_residual_asks_for_takes_trust_whatever_is_known_beforehand(sound):
+    asking = _hiding(sound, upper=0.1, lower=-0.1, asked=1.0, gain=60.0)
+    (finding,) = hidden_findings(two_joint_robot(), asking)
+    assert finding.cause == "masses"
+    assert asked_for(two_joint_robot(), asking).half_widths == pytest.approx(HALF_WIDTHS)
+
+
+@pytest.mark.parametrize("asked", [{"gain": 40.0}, {"asked": 0.1}, {"asked": -1.0, "lower": 0.0}])
+def test_what_chance_asks_for_or_what_cannot_be_takes_nothing(asked, sound):
+    known = {"upper": 0.1, "lower": -0.1, "asked": 1.0, "gain": 60.0}
+    assert hidden_findings(two_joint_robot(), _hiding(sound, **(known | asked))) == ()
