@@ -19,6 +19,7 @@ from robid.models.elastic.judge.friction import with_friction_remedies
 from robid.models.elastic.judge.grading import grade_fit, is_unexplained, measure
 from robid.models.elastic.judge.hidden import hidden_findings
 from robid.models.elastic.judge.plausible_parameters import fitted_carrier, parameter_findings
+from robid.models.elastic.judge.power import detectable_defects
 from robid.results.estimate import Estimate
 from robid.results.finding import Finding, two_digits
 from robid.results.grade import Grade, ordered
@@ -168,12 +169,21 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     fitted = fitted_model(robot, solution, used, options, delay_s)
     unexplained = is_unexplained(solution)
     findings += misfit_findings(solution, fitted) if unexplained else ()
-    hidden = () if unexplained else hidden_findings(robot, solution)
+    hidden = () if unexplained else hidden_findings(robot, _with_detectable(robot, solution, frf, options, delay_s))
     findings += uncoupled_findings(fitted)
     own = measure(fitted, fitted.problem.model_response(fitted.internal), options.weights.model_error)
     missed = own.findings("the fit's own data")
     every = ordered(with_friction_remedies([*findings, *hidden, *seen, *read, *missed], frf))
     return grade_fit(solution, every, own.cost_failures("the fit's own data"))
+
+
+def _with_detectable(
+    robot: Robot, solution: ElasticSolution, frf: Frf, options: ElasticOptions, delay_s: float
+) -> ElasticSolution:
+    """The solution with what its residual would have shown, which a fit from arrays has not said yet."""
+    if solution.detectable is not None:
+        return solution
+    return replace(solution, detectable=detectable_defects(robot, solution, frf, options, delay_s))
 
 
 def _parameter_findings(robot: Robot, estimate: Estimate, frf: Frf, options: ElasticOptions) -> tuple[Finding, ...]:
