@@ -9,7 +9,8 @@ Schema history:
         2.3: `grade/scales`, where a grade saw wrong scales.
         2.4: external fits say in `external/between_std` how much parameters differ between recordings.
         2.5: elastic fits say in `elastic/gears` what gears alone may be.
-        2.6: `elastic/doubts/moves`, what nuisances move the middles of intervals by.
+        2.6: elastic fits say in `elastic/doubts/moves` what nuisances move the middles of intervals by, and in
+            `elastic/detectable` how large a defect their residual would have shown.
     validation:
         3.2: `grade/scales`, where a grade saw wrong scales.
         3.1: elastic validations hold the resonances of their data in `elastic/new_resonances`.

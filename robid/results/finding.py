@@ -44,6 +44,7 @@ CAUSES = {
     "unsteady": "a drift, or repeats from before the robot had settled (F027)",
     "band": "motions that are faster or larger than those of the fit (F028)",
     "model": "something that the model lacks (F029)",
+    "hidden": "something that these data would not have shown (F062)",
 }
 """Likely causes, in words, each with its code."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from robid.models.elastic.fit.nuisance.moves import with_estimated_springs
 from robid.models.elastic.fit.nuisance.wording import options_of
 from robid.models.elastic.fit.uncertainty import bootstrap_tasks
 from robid.models.elastic.judge.assessment import assess_fit
+from robid.models.elastic.judge.power import detectable_defects
 from robid.models.elastic.judge.resonances import tabulate_resonances
 from robid.models.elastic.judge.validating import validate_elastic
 from robid.models.elastic.settings import elastic_fit
@@ -61,7 +63,9 @@ def _fitted(data: Data, work: Work, near: Mapping[str, float] | None) -> Artifac
         solution = fit_elastic(robot, data.response, settings.options(), delay, told, perturbed, near)
     except DataError as error:
         raise blamed(error, data_findings(robot, data.response, delay)) from error
-    fitted = robot, solution, data.response, settings.options(), delay
+    given = data.response, settings.options(), delay
+    solution = replace(solution, detectable=detectable_defects(robot, solution, *given))
+    fitted = robot, solution, *given
     return model_of(solution, assess_fit(*fitted), tabulate_resonances(*fitted))
 
 

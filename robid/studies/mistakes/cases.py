@@ -278,7 +278,7 @@ def measure_all(one: Individual) -> Content:
     return with_truth(Content(datasets, attributes), truth)
 
 
-GRADING = 4  # Raised when the rules of the grade change, so that the cases are graded anew
+GRADING = 5  # Raised when the rules of the grade change, so that the cases are graded anew
 
 GRADES = ("do not use", "predicts", "trust")  # Grades in words, by their value
 

@@ -34,6 +34,11 @@ class ModelError:
     correlation_limit: Annotated[FloatArray, Quantity("1", _ELEMENT, "What white residuals exceed in 5 % of all cases")]
 
     @property
+    def count(self) -> int:
+        """Number of elements of which something is known."""
+        return int(np.isfinite(self.ratio).sum())
+
+    @property
     def share_above(self) -> float:
         """Share of the elements above their band; 0.05 is expected of an exact model."""
         return _share(self.ratio > self.limit, np.isfinite(self.ratio))
@@ -50,6 +55,59 @@ class ModelError:
         return float(np.median(above)) if above.size else 0.0
 
 
+@dataclass(frozen=True)
+class Expectation:
+    """What noise alone leaves of every element's residual, were the model exact."""
+
+    variance: FloatArray  # (n_conf, n_freq, n_out, n_in) Relative variance of the response; 1 where a line has no part
+    used: BoolArray  # (n_conf, n_freq, n_out, n_in) Which lines have part in it
+    kept: FloatArray  # (n_conf, n_out, n_in) Sum of squares over variance that is expected
+    freedom: FloatArray  # (n_conf, n_out, n_in) Real degrees of freedom of that sum
+    known: FloatArray  # (n_conf, n_out, n_in) Real degrees of freedom behind the variance
+    bias: float  # Factor on the sum: the inverse of an estimated variance is too large in the mean
+
+    @property
+    def limit(self) -> FloatArray:
+        """Ratio (n_conf, n_out, n_in) of a sum over its expectation that an exact model exceeds in 5 % of all cases."""
+        # The ratio of a right model is Fisher distributed: what the residual has left over what the covariance was
+        # estimated from.
+        return np.asarray(f.ppf(_LEVEL, self.freedom, self.known))
+
+    def ratio(self, square: FloatArray) -> FloatArray:
+        """Sum (n_conf, n_out, n_in) of squared relative residuals over what is expected; NaN for unused elements."""
+        total = (np.where(self.used, square, 0.0) / self.variance).sum(axis=1)
+        expected = np.divide(total, self.kept, out=np.full_like(total, np.nan), where=self.kept > 0)
+        return np.asarray(self.bias * expected)
+
+
+def expect(problem: Problem, internal: FloatArray, found: Influence, modelled: ComplexArray) -> Expectation | None:
+    """Says what the response's covariance lets expect of the residual.
+
+    Args:
+        problem: The problem, at its minimum; its weights choose the lines that count.
+        internal (n_param,): The minimum.
+        found: The estimator linearised there.
+        modelled (n_conf, n_freq, n_out, n_in): The model's response there.
+
+    Returns:
+        The expectation; None without a covariance.
+    """
+    frf = problem.frf
+    shown = np.where(modelled == 0, 1.0, modelled)  # nothing is relative to zero: such elements do not count
+    variance = frf.element_variance() / np.abs(shown) ** 2
+    used = (problem.weight > 0) & (variance > 0) & (modelled != 0)
+    if not used.any():
+        return None
+    variance = np.where(used, variance, 1.0)
+    kept, freedom = _expected(problem, internal, found, np.where(used, 1 / variance, 0.0), shown)
+    # The inverse of an estimated variance is too large in the mean, by n / (n - 1) of n complex degrees of freedom.
+    bias = (frf.degrees_of_freedom - 1) / frf.degrees_of_freedom if frf.degrees_of_freedom > 1 else 1.0
+    n_line = used.sum(axis=1)
+    known = frf.degrees_of_freedom if frf.realization_error is None else n_line * (frf.realization_error.shape[1] - 1)
+    behind = np.broadcast_to(2 * np.maximum(known, 0.5), kept.shape)
+    return Expectation(variance, used, kept, np.maximum(freedom, 0.5), behind, bias)
+
+
 def estimate_model_error(problem: Problem, internal: FloatArray, found: Influence) -> ModelError | None:
     """Compares each element's residual with what the response's covariance lets expect.
 
@@ -64,31 +122,30 @@ def estimate_model_error(problem: Problem, internal: FloatArray, found: Influenc
     Source:
         docs/methods, sec. 5; the level is the moment estimator of Paule and Mandel (1982).
     """
-    frf = problem.frf
     modelled = problem.model_response(internal)
-    shown = np.where(modelled == 0, 1.0, modelled)  # nothing is relative to zero: such elements do not count
-    variance = frf.element_variance() / np.abs(shown) ** 2
-    used = (problem.weight > 0) & (variance > 0) & (modelled != 0)
-    if not used.any():
+    expected = expect(problem, internal, found, modelled)
+    if expected is None:
         return None
-    kind = problem.residual_kind
-    # The residual as a relative error of the response, with as much power where only its magnitude counts.
-    residual = np.sqrt(2 / kind.parts) * problem.residual(internal, modelled) / kind.per_relative(shown)
-    variance = np.where(used, variance, 1.0)
-    square = np.where(used, np.abs(residual) ** 2, 0.0)
-    kept, freedom = _expected(problem, internal, found, np.where(used, 1 / variance, 0.0), shown)
-    # The inverse of an estimated variance is too large in the mean, by n / (n - 1) of n complex degrees of freedom.
-    bias = (frf.degrees_of_freedom - 1) / frf.degrees_of_freedom if frf.degrees_of_freedom > 1 else 1.0
-    ratio = bias * _ratio(square, variance, kept)
-    n_line = used.sum(axis=1)
-    known = frf.degrees_of_freedom if frf.realization_error is None else n_line * (frf.realization_error.shape[1] - 1)
-    # The ratio of a right model is Fisher distributed: what the residual has left over what the covariance was
-    # estimated from.
-    limit = f.ppf(_LEVEL, np.maximum(freedom, 0.5), 2 * np.maximum(known, 0.5))
+    residual = relative_residual(problem, problem.residual(internal, modelled), modelled)
+    square = np.where(expected.used, np.abs(residual) ** 2, 0.0)
+    ratio, limit = expected.ratio(square), expected.limit
     # Beyond that, the error of the model is what brings the cost back to its expectation.
-    level = np.where(ratio > limit, _level(square, variance / bias, kept), 0.0)
-    correlation, pairs = _correlation(np.where(used, residual / np.sqrt(variance), 0.0), used, frf.line_correlation)
-    return ModelError(ratio, limit, level, correlation, norm.ppf(_LEVEL) / np.sqrt(kind.parts * np.maximum(pairs, 1)))
+    level = np.where(ratio > limit, _level(square, expected.variance / expected.bias, expected.kept), 0.0)
+    whitened = np.where(expected.used, residual / np.sqrt(expected.variance), 0.0)
+    correlation, pairs = _correlation(whitened, expected.used, problem.frf.line_correlation)
+    band = norm.ppf(_LEVEL) / np.sqrt(problem.residual_kind.parts * np.maximum(pairs, 1))
+    return ModelError(ratio, limit, level, correlation, band)
+
+
+def relative_residual(problem: Problem, residual: ComplexArray, modelled: ComplexArray) -> ComplexArray:
+    """Residuals (n_conf, n_freq, n_out, n_in, ...) as relative errors of the response, of as much power.
+
+    Where only magnitudes count, a residual has one part of two.
+    """
+    kind = problem.residual_kind
+    per_relative = kind.per_relative(np.where(modelled == 0, 1.0, modelled))
+    divisor = per_relative.reshape(*per_relative.shape, *(1,) * (residual.ndim - per_relative.ndim))
+    return np.asarray(np.sqrt(2 / kind.parts) * residual / divisor)
 
 
 def _expected(
@@ -137,11 +194,6 @@ def element_level(problem: Problem, internal: FloatArray) -> FloatArray | None:
 
 def _share(above: BoolArray, known: BoolArray) -> float:
     return float(above[known].mean()) if known.any() else 0.0
-
-
-def _ratio(square: FloatArray, variance: FloatArray, kept: FloatArray) -> FloatArray:
-    total = (square / variance).sum(axis=1)
-    return np.asarray(np.divide(total, kept, out=np.full_like(total, np.nan), where=kept > 0))
 
 
 def _level(square: FloatArray, variance: FloatArray, kept: FloatArray) -> FloatArray:

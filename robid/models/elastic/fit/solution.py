@@ -120,6 +120,29 @@ class NuisanceEstimates:
 
 
 @dataclass(frozen=True)
+class Detectable:
+    """How large a defect a fit's residual would have shown, to first order."""
+
+    names: Annotated[tuple[str, ...], Quantity("1", "defect", "What may be wrong")]
+    causes: Annotated[tuple[str, ...], Quantity("1", "defect", "Likely cause that it stands for")]
+    units: Annotated[tuple[str, ...], Quantity("1", "defect", "Unit of its amounts")]
+    lower: Annotated[FloatArray, Quantity("as in units", "defect", "Least amount, by what is known beforehand")]
+    upper: Annotated[FloatArray, Quantity("as in units", "defect", "Largest amount, by what is known beforehand")]
+    amount: Annotated[
+        FloatArray, Quantity("as in units", "defect", "Smallest amount shown with a power of 80 %; infinite if none is")
+    ]
+    moves: Annotated[
+        FloatArray, Quantity("1", "parameter, defect", "What an amount of one moves each parameter by, internal")
+    ]
+    asked: Annotated[
+        FloatArray, Quantity("as in units", "defect", "Amount by which each alone would explain most of the residual")
+    ]
+    gain: Annotated[
+        FloatArray, Quantity("1", "defect", "Cost that this saves, over what a random column saves of it in the mean")
+    ]
+
+
+@dataclass(frozen=True)
 class GearsAlone:
     """What gears alone may be: what lies in line with them is part of the value that a fit gives them.
 
@@ -203,6 +226,8 @@ class ElasticSolution:
     doubts: NuisanceEstimates | None = None
     # What gears alone may be; None without gears that the fit estimates, and in files of old
     gears: GearsAlone | None = None
+    # How large a defect the residual would have shown; None without a covariance, and in files of old
+    detectable: Detectable | None = None
 
 
 _LEAST_FACTOR = 0.01

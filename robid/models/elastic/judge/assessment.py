@@ -17,7 +17,9 @@ from robid.models.elastic.judge.causes import misfit_findings
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model
 from robid.models.elastic.judge.friction import with_friction_remedies
 from robid.models.elastic.judge.grading import grade_fit, is_unexplained, measure
+from robid.models.elastic.judge.hidden import hidden_findings
 from robid.models.elastic.judge.plausible_parameters import fitted_carrier, parameter_findings
+from robid.models.elastic.judge.power import detectable_defects
 from robid.results.estimate import Estimate
 from robid.results.finding import Finding, two_digits
 from robid.results.grade import Grade, ordered
@@ -139,7 +141,7 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
 
     Else first to blame is what data alone decide, then a delay, which a fit reads from the phases, then what explains
     the residual, then the rest: parameters that cannot be are mostly the residual's doing. Causes of the residual are
-    looked for only where it holds more than noise explains.
+    looked for only where it holds more than noise explains; else what noise may hide counts.
 
     The fit's own data are held to the limits of a validation. Responses or resonances beyond them are a decisive
     finding, which a validation takes over. What the error costs decides only here: where new data are predicted within
@@ -165,13 +167,23 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     findings = [finding for finding in seen if finding.decisive] + timing
     used = frf if options.correct_torques else without_coefficients(frf)
     fitted = fitted_model(robot, solution, used, options, delay_s)
-    if is_unexplained(solution):
-        findings += misfit_findings(solution, fitted)
+    unexplained = is_unexplained(solution)
+    findings += misfit_findings(solution, fitted) if unexplained else ()
+    hidden = () if unexplained else hidden_findings(robot, _with_detectable(robot, solution, frf, options, delay_s))
     findings += uncoupled_findings(fitted)
     own = measure(fitted, fitted.problem.model_response(fitted.internal), options.weights.model_error)
     missed = own.findings("the fit's own data")
-    every = ordered(with_friction_remedies([*findings, *seen, *read, *missed], frf))
+    every = ordered(with_friction_remedies([*findings, *hidden, *seen, *read, *missed], frf))
     return grade_fit(solution, every, own.cost_failures("the fit's own data"))
+
+
+def _with_detectable(
+    robot: Robot, solution: ElasticSolution, frf: Frf, options: ElasticOptions, delay_s: float
+) -> ElasticSolution:
+    """The solution with what its residual would have shown, which a fit from arrays has not said yet."""
+    if solution.detectable is not None:
+        return solution
+    return replace(solution, detectable=detectable_defects(robot, solution, frf, options, delay_s))
 
 
 def _parameter_findings(robot: Robot, estimate: Estimate, frf: Frf, options: ElasticOptions) -> tuple[Finding, ...]:

@@ -139,7 +139,7 @@ def _median(error: FloatArray) -> FloatArray:
     return np.asarray(np.where(empty, np.nan, np.nanmedian(filled, axis=1)))
 
 
-_FLOOR = 0.001  # relative errors below move no spring by more than its interval
+FLOOR = 0.001  # relative errors below move no spring by more than its interval
 _EXPECTED, _SIGNIFICANT = 0.05, 3.0  # share of a right model's elements beyond their band, and deviations of it
 _MISFIT_LIMIT = 1.5
 _DROPPED_LIMIT = 0.5
@@ -199,10 +199,10 @@ def _doubtful(solution: ElasticSolution, findings: Sequence[Finding]) -> tuple[s
     error = solution.model_error
     if error is not None:
         above, correlated = telling_shares(error)
-        if above > _share_limit(error):
+        if above > share_limit(error.count):
             found.append(
                 f"the residuals of {above:.0%} of the response's elements are beyond their covariance and those of "
-                f"{correlated:.0%} correlated over frequency, by more than {_FLOOR:.1%} of the response"
+                f"{correlated:.0%} correlated over frequency, by more than {FLOOR:.1%} of the response"
             )
     return tuple(found)
 
@@ -238,12 +238,12 @@ def is_unexplained(solution: ElasticSolution) -> bool:
     error = solution.model_error
     if solution.misfit > _MISFIT_LIMIT:
         return True
-    return error is not None and telling_shares(error)[0] > _share_limit(error)
+    return error is not None and telling_shares(error)[0] > share_limit(error.count)
 
 
-def _share_limit(error: ModelError) -> float:
-    """Share of telling elements that a right model hardly ever has, however few they are."""
-    count = max(int(np.isfinite(error.ratio).sum()), 1)
+def share_limit(count: int) -> float:
+    """Share of so many elements, telling ones beyond their covariance, that a right model hardly ever has."""
+    count = max(count, 1)
     return _EXPECTED + _SIGNIFICANT * float(np.sqrt(_EXPECTED * (1 - _EXPECTED) / count))
 
 
@@ -252,6 +252,6 @@ def telling_shares(error: ModelError) -> tuple[float, float]:
     known = np.isfinite(error.ratio)
     if not known.any():
         return 0.0, 0.0
-    large = error.level > _FLOOR
+    large = error.level > FLOOR
     above, correlated = (error.ratio > error.limit) & large, (error.correlation > error.correlation_limit) & large
     return float(above[known].mean()), float(correlated[known].mean())

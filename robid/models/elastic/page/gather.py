@@ -25,6 +25,7 @@ from robid.models.elastic.judge.middles import MiddleRow, middle_rows
 from robid.models.elastic.judge.resonances import Measured, Repeat, ResonanceTable, pool_repeats
 from robid.models.elastic.page.gears import GearRow, gear_rows, gear_sentence
 from robid.models.elastic.page.middles import middle_sentence
+from robid.models.elastic.page.power import PowerRow, power_rows
 from robid.models.elastic.settings import elastic_fit
 from robid.models.family import Shown
 from robid.models.parameters import parameter_rows
@@ -101,6 +102,7 @@ class FitContent:
     nuisance_rows: tuple[NuisanceRow, ...] = ()  # What the robot file may have wrong
     gears: tuple[GearRow, ...] = ()  # What gears alone may be
     middles: tuple[MiddleRow, ...] = ()  # What moves the middles of intervals away from the estimates
+    power: tuple[PowerRow, ...] = ()  # How large a defect the residual would have shown
     validation_campaign: str = ""  # Name of the validation campaign
     validation_frf: Frf | None = None  # Its frequency responses, or None
     validation_model: ComplexArray | None = None  # The model's responses there, or None
@@ -210,6 +212,7 @@ def fit_content(shown: Shown) -> FitContent:
         nuisance_rows=() if solution.doubts is None else nuisance_rows(solution.doubts, limits, estimate.confidence),
         gears=gear_rows(solution, frf.input_unit),
         middles=middle_rows(solution),
+        power=power_rows(solution),
         grade=grade,
     )
     if validation is None or settings.validate_on is None or shown.new is None:

@@ -14,6 +14,7 @@ from robid.models.elastic.judge.validating import Validation
 from robid.models.elastic.page.gather import FitContent, NuisanceRow, fit_content
 from robid.models.elastic.page.gears import gear_section
 from robid.models.elastic.page.middles import middle_section
+from robid.models.elastic.page.power import power_section, power_summary
 from robid.models.elastic.page.resonances import (
     repeat_summary,
     resonance_errors,
@@ -81,6 +82,7 @@ def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]
         *gear_section(fit.gears, fit.estimates.level),
         *middle_section(fit.middles),
         *nuisance_section(fit.nuisance_rows, fit.estimates.level),
+        *power_section(fit.power, fit.estimates.level),
         *resonance_section(fit.resonances, fit.frf, fit.estimates.level),
         *cost_section(fit.estimation_costs, fit.validation_costs, element_sentence(fit)),
         *start_section(fit.starts),
@@ -228,7 +230,7 @@ def _fit(fit: FitContent) -> dict[str, float]:
     for gear in fit.gears:
         alone = dict(zip(("lower", "upper"), gear.alone, strict=True))
         found |= {f"gears.{gear.name}.alone_{end}": value for end, value in alone.items()}
-    return found | _modes(fit) | _recovery(fit)
+    return found | power_summary(fit.power) | _modes(fit) | _recovery(fit)
 
 
 def _modes(fit: FitContent) -> dict[str, float]:
