@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[4]
     ("old", "new", "message"),
     [
         ("duration_s: [8, 10]", "duration_s: [8, 12]", "study.validated.duration_s: S432 a whole motion has 10 s only"),
-        ("choose: {first: 501", "choose: {first: 7100", "study.seeds: S433 the seeds of `judge` and `choose` overlap"),
+        ("choose: {first: 501", "choose: {first: 8100", "study.seeds: S433 the seeds of `judge` and `choose` overlap"),
         ("poor_share: 0.35", "poor_share: 1.35", "study.validated.poor_share: S383"),
     ],
 )
