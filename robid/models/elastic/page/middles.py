@@ -17,11 +17,7 @@ def middle_sentence(rows: Sequence[MiddleRow]) -> str:
     springs = [row for row in rows if row.kind == "stiffness"]
     causes = dict.fromkeys(row.by[0][1] for row in springs)
     told = [_of_cause([row for row in springs if row.by[0][1] == cause]) for cause in causes]
-    return (
-        f"Middles of intervals that what is known beforehand moves from the estimate: {'; '.join(told)}."
-        if told
-        else ""
-    )
+    return f"What is known beforehand moves middles of intervals off the estimate: {'; '.join(told)}." if told else ""
 
 
 def _of_cause(rows: Sequence[MiddleRow]) -> str:
