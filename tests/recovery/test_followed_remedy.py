@@ -64,6 +64,27 @@ def test_a_gear_ratio_that_is_off_by_a_tenth_is_named_and_found(name, joint):
     assert 1 - after.costs.total / before.costs.total > first.share - 0.05
 
 
+def followed_together(stated, hidden, wanted):
+    """The fit after all springs that a file lacks were named first, in one list, and freed; it ends at these."""
+    frf = exact_frf(
+        replace(stated, springs=(*stated.springs, *hidden)),
+        *(PLACES, FREQUENCY_HZ),
+        delay_s=DELAY_S,
+        relative_noise=5e-4,
+    )
+    before = fit_elastic(stated, frf, OPTIONS, DELAY_S)
+    first = explain(fitted_model(stated, before, frf, OPTIONS, DELAY_S))[0]
+    assert (first.cause, set(first.free)) == ("missing_spring", set(wanted))
+    options = replace(OPTIONS, free=free_with(OPTIONS.free, first.free))
+    after = fit_elastic(with_estimated_springs(stated, options), frf, options, DELAY_S)
+    assert after.costs.total < 1.2 * after.costs.expected.sum() < 0.01 * before.costs.total
+    for spring in stated.springs:
+        if spring.place == "transmission":
+            wanted = {**wanted, spring.name: spring.stiffness}
+    for name, stiffness in wanted.items():
+        assert after.estimate.found[f"{name}.stiffness"] == pytest.approx(stiffness, rel=0.02)
+
+
 @pytest.mark.parametrize("name", [pytest.param("kr300", marks=pytest.mark.slow), "ur5e"])
 def test_bearings_that_the_file_lacks_are_freed_together_and_found(name):
     robot = robot_of(name)
@@ -74,19 +95,7 @@ def test_bearings_that_the_file_lacks_are_freed_together_and_found(name):
         Spring(f"true_{number}", number // 2, "bearing", np.eye(3)[number % 2], stiffness, 1e-3 * stiffness)
         for number, stiffness in enumerate(wanted.values())
     )
-    true = replace(stated, springs=(*stated.springs, *bearings))
-    frf = exact_frf(true, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=5e-4)
-    before = fit_elastic(stated, frf, OPTIONS, DELAY_S)
-    first = explain(fitted_model(stated, before, frf, OPTIONS, DELAY_S))[0]
-    assert (first.cause, set(first.free)) == ("missing_spring", set(wanted))
-    options = replace(OPTIONS, free=free_with(OPTIONS.free, first.free))
-    after = fit_elastic(with_estimated_springs(stated, options), frf, options, DELAY_S)
-    assert after.costs.total < 1.2 * after.costs.expected.sum() < 0.01 * before.costs.total
-    for spring, stiffness in wanted.items():
-        assert after.estimate.found[f"{spring}.stiffness"] == pytest.approx(stiffness, rel=0.02)
-    for joint, stiffness in gears.items():
-        gear = next(each.name for each in robot.springs if each.joint == joint and each.place == "transmission")
-        assert after.estimate.found[f"{gear}.stiffness"] == pytest.approx(stiffness, rel=0.02)
+    followed_together(stated, bearings, wanted)
 
 
 def test_a_base_that_tilts_about_two_axes_is_freed_about_both_and_found():
@@ -97,17 +106,7 @@ def test_a_base_that_tilts_about_two_axes_is_freed_about_both_and_found():
         Spring(f"true_{name}", 0, "base", axis, stiffness, 1e-3 * stiffness)
         for (name, stiffness), axis in zip(wanted.items(), np.eye(3)[:2], strict=True)
     )
-    true = replace(stated, springs=(*stated.springs, *tilts))
-    frf = exact_frf(true, PLACES, FREQUENCY_HZ, delay_s=DELAY_S, relative_noise=5e-4)
-    before = fit_elastic(stated, frf, OPTIONS, DELAY_S)
-    first = explain(fitted_model(stated, before, frf, OPTIONS, DELAY_S))[0]
-    assert (first.cause, set(first.free)) == ("missing_spring", set(wanted))
-    options = replace(OPTIONS, free=free_with(OPTIONS.free, first.free))
-    after = fit_elastic(with_estimated_springs(stated, options), frf, options, DELAY_S)
-    assert after.costs.total < 1.2 * after.costs.expected.sum()
-    for spring, stiffness in wanted.items():
-        assert after.estimate.found[f"{spring}.stiffness"] == pytest.approx(stiffness, rel=0.02)
-    assert after.estimate.found[f"{gear.name}.stiffness"] == pytest.approx(gear.stiffness, rel=0.02)
+    followed_together(stated, tilts, wanted)
 
 
 @pytest.mark.parametrize(("name", "joint"), [pytest.param("kr300", 1, marks=pytest.mark.slow), ("ur5e", 3)])
