@@ -152,8 +152,8 @@ def _fails(logs, *texts):
         assert text in answer.flat
 
 
-def test_an_angle_in_the_wrong_unit_is_named_and_its_remedy_ends_in_a_good_fit(shop, data_folder):
-    data_folder("tx40")
+def test_an_angle_in_the_wrong_unit_is_named_and_its_remedy_ends_in_a_good_fit(shop, data_folder, monkeypatch):
+    monkeypatch.setenv("ROBID_DATA", str(data_folder("tx40").parent.resolve()))
     stated, file = "{name: joint_5, variable: Joint_5", shop.folder / "tx40.yaml"
     text = (CONFIGS / "tx40.yaml").read_text().replace("robots/", f"{CONFIGS}/robots/")
     wrong = f"{stated}, unit: deg}}".join(text.rsplit(f"{stated}}}", 1))  # of the outputs, which come last
