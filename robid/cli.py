@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 
 import typer
 
-import robid
 from robid.commands.output import print_json
 from robid.errors import RobidError, SettingsError, codes_in
 from robid.interrupts import hearing, was_interrupted
@@ -17,6 +16,7 @@ from robid.pipeline.chain import STAGES
 from robid.pipeline.graph import Run
 from robid.pipeline.stage import Stage
 from robid.signals.log_options import LogFormat
+from robid.versions import __version__
 
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 _INTERRUPTED = 130
@@ -391,7 +391,7 @@ def show_schema(
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"robid {robid.__version__}")
+        typer.echo(f"robid {__version__}")
         raise typer.Exit
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 
-import robid
+__version__ = "0.1.0"
 
 _PACKAGES = ("numpy", "scipy", "mujoco-core", "nlopt", "h5py")
 
@@ -13,7 +13,7 @@ def package_versions() -> dict[str, str]:
     """Versions of Python, robid and the packages that decide its numbers."""
     from importlib import metadata
 
-    versions = {"python": platform.python_version(), "robid": robid.__version__}
+    versions = {"python": platform.python_version(), "robid": __version__}
     for name in _PACKAGES:
         try:
             versions[name] = metadata.version(name)

@@ -15,12 +15,12 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-import robid
 from robid.artifacts.artifact import canonical_hash
 from robid.artifacts.atomic import plain, read_json, write_json
 from robid.errors import ArtifactError
 from robid.pipeline.chain import CHAIN
 from robid.pipeline.freshness import file_sha256
+from robid.versions import __version__
 
 LEDGER = "row.json"
 SCHEMA_VERSION = 3
@@ -102,7 +102,7 @@ class Ledger:
     seconds: float  # time that it took [s]
     finished_utc: str  # when it was finished
     formats: dict[str, str] = field(default_factory=lambda: dict(FORMATS))  # versions of what it is made of
-    robid_version: str = robid.__version__
+    robid_version: str = __version__
 
     @property
     def outline(self) -> Ledger:
@@ -177,7 +177,7 @@ def why_stale(
             return f"{name} changed"
     if keep and not ledger.kept and not is_away:
         return "records and responses are to be kept"
-    if ledger.status == "failed" and (force or ledger.robid_version != robid.__version__):
+    if ledger.status == "failed" and (force or ledger.robid_version != __version__):
         return "failed, and is tried again"
     return ""
 

@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-import robid
 from robid.artifacts.atomic import json_text, read_json, write_json
 from robid.errors import ArtifactError
 from robid.fleet.comparison import Compared, Comparison
 from robid.fleet.drift import Drift
 from robid.fleet.ledger import Ledger, causes
 from robid.fleet.population import LEVEL, Outlier
+from robid.versions import __version__
 
 SUMMARY_VERSION = "1.1"
 _KIND = "fleet"
@@ -46,7 +46,7 @@ def write_summary(path: Path, name: str, ledgers: Sequence[Ledger], comparison: 
     content = {
         "kind": _KIND,
         "schema_version": SUMMARY_VERSION,
-        "robid_version": robid.__version__,
+        "robid_version": __version__,
         "experiment": name,
         "rows": len(ledgers),
         "robots": len(comparison.robots.names),

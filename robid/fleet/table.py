@@ -17,13 +17,13 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import robid
 from robid.artifacts.artifact import canonical_hash
 from robid.artifacts.atomic import replacing
 from robid.errors import ArtifactError, require_module
 from robid.fleet.manifest import GROUP, ID, ROBOT
 from robid.results.grade import WORDS
 from robid.settings.placeholders import read_as_yaml
+from robid.versions import __version__
 
 if TYPE_CHECKING:
     from robid.fleet.comparison import Comparison
@@ -96,7 +96,7 @@ def write_table(
     about = {
         "kind": "fleet",
         "schema_version": TABLE_VERSION,
-        "robid_version": robid.__version__,
+        "robid_version": __version__,
         "experiment": fleet.experiment.name,
         "content_sha256": content,
     }

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
-import robid
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.atomic import plain
@@ -22,6 +21,7 @@ from robid.artifacts.results import (
     outcome_from_artifact,
     validation_to_artifact,
 )
+from robid.versions import __version__
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -99,7 +99,7 @@ def origin_of(task: ExportTask, status: str) -> dict[str, str]:
         "fit": task.data.name,
         "fitted_utc": task.model.provenance.finished_utc,
         "status": status,
-        "robid_version": robid.__version__,
+        "robid_version": __version__,
     }
 
 

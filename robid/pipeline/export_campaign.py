@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-import robid
 from robid.artifacts.kinds import EXCITATION, FRF, excitation_from_artifact, frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.excitation.excitation import UNITS, CampaignExcitation
@@ -20,6 +19,7 @@ from robid.settings.experiment import Campaign
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot import RobotFile
 from robid.signals.quantities import readable, readable_units
+from robid.versions import __version__
 
 _WHERE = "export"
 
@@ -164,9 +164,7 @@ def export_excitation(
         message = "A031 It holds only the lines of what somebody else played: there is nothing to export."
         remedy = "`references` under `source.acquire` let it be designed here"
         raise ArtifactError(message, where=str(source), remedy=remedy)
-    origin = (
-        f"Excitation of campaign {options.campaign}, experiment {loaded.experiment.name}, robid {robid.__version__}"
-    )
+    origin = f"Excitation of campaign {options.campaign}, experiment {loaded.experiment.name}, robid {__version__}"
     periods, target = _periods(loaded.experiment.campaigns[options.campaign]), options.target(folder)
     told = [origin, *_instructions(content, periods, loaded.robot)]
     columns = [f"{name} [{UNITS[excitation.kind]}]" for name in joints]

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-import robid
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.frf.quality import dropped_lines, known_response
 from robid.models.encode import Content, encode_json, encode_mat, encode_table
 from robid.signals.quantities import Channel, readable, readable_units, response_unit
+from robid.versions import __version__
 
 _DIGITS = 17
 
@@ -34,9 +34,7 @@ class Response:
     @property
     def origin(self) -> str:
         """Where it comes from, in a phrase."""
-        return (
-            f"Frequency response of campaign {self.campaign}, experiment {self.experiment}, robid {robid.__version__}"
-        )
+        return f"Frequency response of campaign {self.campaign}, experiment {self.experiment}, robid {__version__}"
 
     @property
     def units(self) -> list[list[str]]:
@@ -112,7 +110,7 @@ def response_json(response: Response) -> bytes:
 def _described(response: Response) -> Content:
     frf = response.frf
     return {
-        "robid_version": robid.__version__,
+        "robid_version": __version__,
         "origin": response.origin,
         "campaign": response.campaign,
         "configuration_names": tuple(response.position(place) for place in range(len(response.numbers))),

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 from distributed import get_worker
 from threadpoolctl import threadpool_limits
 
-import robid
 from robid.backends.dask.exchange import TOKEN, mark_of, unpack
 from robid.backends.threads import ONE_THREAD, environment
 from robid.errors import BackendError
@@ -173,7 +172,7 @@ def _portable(error: Exception) -> Exception:
 
 @cache
 def _digest_of_sources() -> str:
-    root, digest = Path(robid.__file__).parent, hashlib.sha256()
+    root, digest = Path(__file__).parents[2], hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
         digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:12]

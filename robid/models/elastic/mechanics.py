@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 
-import robid
 from robid.arrays import FloatArray
 from robid.errors import DataError, SettingsError
 from robid.frf.frf import Frf
@@ -38,6 +37,7 @@ from robid.settings.robot_parts import delay_s, require_controller
 from robid.signals.quantities import readable, readable_units
 from robid.simulate.options import Imperfections, SimulateOptions
 from robid.simulate.steps import choose_steps
+from robid.versions import __version__
 
 _OF_GEARS = ("gear_alone_value", "gear_alone_lower", "gear_alone_upper")
 _COLUMNS = (*PARAMETER_COLUMNS, "meaning", "middle_moved_by", *_OF_GEARS)
@@ -124,7 +124,7 @@ class FittedExport:
             "fitted_utc": self.date,
             "status": self.solution.estimate.status,
             "torque_unit": self.frf.input_unit,
-            "robid_version": robid.__version__,
+            "robid_version": __version__,
         }
 
 
@@ -280,7 +280,7 @@ def _header(found: FittedExport, names: list[str], angles: FloatArray, *, fricti
     sides = "deg" if units is None else f"{', '.join(readable_units(units, len(units)))}"
     return "\n".join(
         [
-            f"{found.loaded.robot.name}: elastic model identified by robid {robid.__version__}",
+            f"{found.loaded.robot.name}: elastic model identified by robid {__version__}",
             f"experiment {found.loaded.experiment.name}, fit {found.name} of {found.date}, {estimate.status}",
             "",
             f"Units: m, kg, s, rad; torque in {unit}. Controls are motor torques, motor side.",

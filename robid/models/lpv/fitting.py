@@ -16,7 +16,7 @@ from robid.models.family import Data, Work
 from robid.models.lpv.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.lpv.fit.fitting import fit_lpv
 from robid.models.lpv.fit.model import is_outside
-from robid.models.lpv.fit.responses import LocalResponses
+from robid.models.lpv.fit.responses import LocalResponses, local_responses
 from robid.models.lpv.fit.solution import Ports
 from robid.models.lpv.fit.state_space import block_names
 from robid.models.lpv.judge import assess_lpv, validate_lpv
@@ -113,17 +113,7 @@ def responses_of(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> LocalR
         DataError: If a channel or a scheduling parameter is not there.
     """
     outputs, inputs = _channels(frf, settings)
-    place = np.ix_(np.arange(len(frf.response)), np.arange(len(frf.frequency_hz)), outputs, inputs)
-    response, variance = frf.response[place], frf.element_variance()[place]
-    missing = ~np.isfinite(response) | ~np.isfinite(variance)
-    unknown = not variance.any()
-    return LocalResponses(
-        points=_points(frf, loaded, settings),
-        frequency_hz=frf.frequency_hz,
-        response=np.where(missing, 0, response),
-        variance=None if unknown and not missing.any() else np.where(missing, np.inf, variance),
-        sampling_period_s=frf.sampling_period_s,
-    )
+    return local_responses(frf, _points(frf, loaded, settings), outputs, inputs)
 
 
 def ports_of(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> Ports:

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-import robid
 from robid.models.encode import (
     Content,
     Files,
@@ -25,6 +24,7 @@ from robid.models.rigid.judge.validating import RigidValidation
 from robid.robot.export import to_rigid_mjcf, to_urdf
 from robid.robot.standard import StandardRobot
 from robid.settings.robot_values import robot_text, with_values
+from robid.versions import __version__
 
 FILES = Files("rigid", RigidSolution, RigidValidation)
 model_of, solution_from_artifact = FILES.model_of, FILES.solution_of
@@ -75,7 +75,7 @@ def _found(task: ExportTask) -> StandardRobot:
 def _header(task: ExportTask, found: StandardRobot) -> list[str]:
     loaded, solution = task.data.loaded, solution_from_artifact(task.model)
     lines = [
-        f"{loaded.robot.name}: rigid model identified by robid {robid.__version__}",
+        f"{loaded.robot.name}: rigid model identified by robid {__version__}",
         f"experiment {loaded.experiment.name}, fit {task.data.name} of {task.model.provenance.finished_utc},"
         f" {solution.estimate.status}",
         "Torques determine combinations of masses and inertias alone: these are the real bodies nearest to the robot"

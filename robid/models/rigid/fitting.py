@@ -9,21 +9,15 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.results import grade_from_artifact
-from robid.errors import DataError
 from robid.models.family import Data, Work
 from robid.models.rigid.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
-from robid.models.rigid.fit.fitting import Simulate, fit_rigid
+from robid.models.rigid.fit.fitting import Simulate
 from robid.models.rigid.fit.gains import corrected
 from robid.models.rigid.fit.options import RigidFitOptions
-from robid.models.rigid.fit.shots import Shot, refuse_unusable, shots_of
-from robid.models.rigid.judge.balances import balance_findings
-from robid.models.rigid.judge.plausible import assess_rigid, is_unexplained
-from robid.models.rigid.judge.scales import motions_of, rigid_scale_findings, sum_findings
-from robid.models.rigid.judge.small_angles import small_angle_findings
-from robid.models.rigid.judge.trials import try_causes
+from robid.models.rigid.fit.shots import Shot, shots_of
+from robid.models.rigid.judge.identifying import identify
 from robid.models.rigid.judge.validating import validate_rigid
 from robid.models.rigid.settings import loaded_campaign, rigid_fit
-from robid.results.finding import blamed
 from robid.robot.description import Robot
 from robid.robot.regressor.base import find_base_parameters
 from robid.robot.regressor.model import RigidModel, build_rigid_model
@@ -41,22 +35,9 @@ def fit(data: Data, work: Work) -> Artifact:
     robot = robot_of(data)
     shots = shots_in(data, settings.campaigns, robot)
     loop = None if settings.instruments == "none" else _loop(data, robot, shots)
-    refuse_unusable(robot, shots)
-    motions = motions_of(data.records[0], robot)
-    scales = rigid_scale_findings(robot, shots, motions, settings.options())
-    scales = scales or sum_findings(robot, shots, settings.options())
-    try:
-        solution = fit_rigid(robot, shots, settings.options(), loop)
-    except DataError as error:
-        raise blamed(error, scales) from error
+    solution, grade = identify(robot, data.records[0], shots, settings.options(), loop)
     work.progress.advance()
-    options, shots = settings.options(), corrected(shots, solution.gains)
-    scales = scales or small_angle_findings(robot, shots, motions, solution, options)
-    if scales:
-        return model_of(solution, assess_rigid(robot, solution, options, scales))
-    tried = try_causes(robot, shots, solution, options) if is_unexplained(robot, solution, options) else ()
-    further = tuple(balance_findings(robot, shots, solution, options))
-    return model_of(solution, assess_rigid(robot, solution, options, (), tried, further))
+    return model_of(solution, grade)
 
 
 def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:

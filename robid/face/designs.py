@@ -1,0 +1,70 @@
+"""The choice of configurations from candidates in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robid.arrays import FloatArray, check_shape
+from robid.design.configurations.candidates import candidate_information
+from robid.design.configurations.information import design_configurations
+from robid.design.configurations.options import BetweenRelativeStd, DesignOptions
+from robid.errors import DataError
+from robid.results.fitted import options_from
+
+if TYPE_CHECKING:
+    from robid.design.configurations.information import ConfigurationDesign
+    from robid.face.robots import RobotModel
+
+
+def choose_configurations(
+    robot: RobotModel,
+    candidates: FloatArray,
+    frequency_hz: FloatArray,
+    count: int = 8,
+    *,
+    relative_error: float = 0.03,
+    fixed: Sequence[str] = (),
+    **options: Any,  # noqa: ANN401
+) -> ConfigurationDesign:
+    """Chooses the configurations that tell most about springs and dampers, with a certificate.
+
+    Args:
+        robot: The robot, its springs as well as they are known.
+        candidates (n_conf, n_joint): Configurations that may be measured [rad, or m].
+        frequency_hz (n_freq,): Frequencies that are excited [Hz].
+        count: How many configurations are chosen.
+        relative_error: Assumed relative standard deviation of each response element.
+        fixed: Names of parameters that are known, as `base_x.stiffness`.
+        options: Further fields of `DesignOptions`, as `criterion` or `experiments`.
+
+    Returns:
+        The design: `chosen` are rows of the candidates, `efficiency` what they reach of the best possible.
+
+    Raises:
+        DataError: If the robot has no controller, whose sampling period the response needs.
+        SettingsError: If the candidates cannot determine the parameters.
+
+    Source:
+        Zimmermann et al. (2023), sec. III; docs/methods, sec. 6.
+    """
+    places = np.asarray(candidates, float)
+    check_shape("candidates", places, "n_conf n_joint", n_joint=len(robot.joints))
+    if robot.sampling_period_s is None:
+        remedy = "add a `controller` section to the robot file"
+        raise DataError("D299 the robot has no sampling period", where=robot.name, remedy=remedy)
+    chosen = options_from(DesignOptions, {"count": count, **options}, "choose_configurations")
+    matrices, names = candidate_information(
+        robot.description,
+        places,
+        np.asarray(frequency_hz, float),
+        robot.sampling_period_s,
+        robot.delay_s,
+        relative_error,
+        fixed=fixed,
+    )
+    # What the model lacks makes springs differ between configurations: no number of visits to one tells more.
+    between = BetweenRelativeStd().of(names)
+    return design_configurations(matrices, places, names, chosen, between=between)

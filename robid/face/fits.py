@@ -1,0 +1,87 @@
+"""Fits of data in memory, of whatever kind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+from robid.errors import DataError
+from robid.face.parameters import Parameters
+from robid.face.robots import RobotModel
+from robid.models.values import FITS
+
+if TYPE_CHECKING:
+    from robid.results.finding import Finding
+    from robid.results.fitted import Fitted
+    from robid.results.grade import Grade
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fit of data in memory."""
+
+    found: Fitted  # All of it: `solution` and `validation` are those of its kind
+
+    @property
+    def kind(self) -> str:
+        """Its kind of model, as `elastic`."""
+        return self.found.kind
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """Its parameters with both intervals."""
+        return Parameters(self.found.estimate)
+
+    @property
+    def grade(self) -> Grade | None:
+        """How far to trust it; None without data that the fit never saw."""
+        return self.found.held
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What speaks against it, the first to blame first."""
+        return self.found.findings
+
+    @property
+    def sentence(self) -> str:
+        """The grade, and why it is no better; without one, why there is none."""
+        return self.found.sentence
+
+    def __repr__(self) -> str:
+        return f"{self.kind} fit, {len(self.parameters)} parameters\n{self.parameters}\n{self.sentence}"
+
+
+def fit_model(
+    kind: Literal["elastic", "rigid", "external", "lpv"],
+    *data: Any,  # noqa: ANN401
+    validate_on: Any = None,  # noqa: ANN401
+    **options: Any,  # noqa: ANN401
+) -> Fit:
+    """Fits a model to data in memory, and grades it where there are data that the fit does not see.
+
+    | kind | data | model |
+    |---|---|---|
+    | `elastic` | robot, responses | springs and dampers |
+    | `rigid` | robot, one or several records | masses, inertias and friction |
+    | `external` | one or several records | transfer functions from commands to motions |
+    | `lpv` | responses; `choose_on=` rows that only choose | one state-space model over positions |
+
+    Args:
+        kind: Kind of model.
+        data: What the kind reads: a `RobotModel` where it needs one, then responses (`Frf`) or records (`Record`).
+        validate_on: Data of the same sort that the fit does not see; without any, the fit has no grade and says so.
+        options: Options of the kind's fit by name, as in an experiment file: `starts`, `free`, `order`.
+
+    Raises:
+        DataError: If the kind is unknown, or the data cannot be used as they are.
+    """
+    if kind not in FITS:
+        raise DataError(
+            f"D293 there is no kind of model `{kind}`", where="fit_model", remedy=f"it is {', '.join(FITS)}"
+        )
+    plain = [each.description if isinstance(each, RobotModel) else each for each in data]
+    robots = [each for each in data if isinstance(each, RobotModel)]
+    if robots:
+        options.setdefault("delay_s", robots[0].delay_s)
+    return Fit(FITS[kind](*plain, validate_on=validate_on, **options))
