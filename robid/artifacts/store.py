@@ -184,7 +184,7 @@ def read_group(path: Path, kind: Kind, group: str) -> Artifact:
     """Reads attributes and the datasets of one group, their content unchecked; see `read_artifact` for errors."""
 
     def read(file: h5py.File, _: Header) -> tuple[dict[str, Attribute], dict[str, Dataset]]:
-        found = {f"{group}/{name}": (item, read_label(item)) for name, item in file[group].items()}
+        found = {f"{group}/{name}": (item, read_label(item)) for name, item in find_datasets(file[group]).items()}
         datasets = {name: decode(label, read_values(item, label, None)) for name, (item, label) in found.items()}
         return get_attributes(file[_ATTRIBUTES]), datasets
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
+import robid
 from robid.artifacts.results import (
     MODEL,
     VALIDATION,
@@ -24,6 +25,9 @@ from robid.later import imported
 from robid.models import known as files
 from robid.models.family import Family
 from robid.models.known import FAMILIES, experiment_schema, load_experiment
+from robid.models.lpv.fit.options import BasisOptions, PathOptions
+from robid.models.rigid.fit.options import PreprocessingOptions
+from robid.models.values import FITS
 from robid.pipeline.graph import graph
 from robid.settings.robot_parts import plain_settings
 from toy_family import INERTIA
@@ -265,3 +269,41 @@ def test_the_report_shows_it_and_the_summary_counts_it(made, case, tmp_path):
     told = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     assert [line for line in told if "willReadFrequently" not in line] == []
     assert re.search(rf"<h\d[^>]*>\s*{case.section}", done.stdout)
+
+
+IN_MEMORY = {
+    "elastic": ("responses", {"starts": 2}),
+    "rigid": ("records", {"filters": PreprocessingOptions(position_cut_hz=60), "instruments": "none"}),
+    "external": ("records", {"poles": 3, "zeros": 2, "delay_samples": 1}),
+    "lpv": (
+        "responses",
+        {
+            **{"choose_on": [4], "inputs": ["turn"], "outputs": ["turn"], "order": 3},
+            **{"basis": BasisOptions(degree=2), "path": PathOptions(count=2, smallest=10)},
+        },
+    ),
+}
+
+
+def test_the_same_fit_of_values_in_memory(made, case):
+    kind = case.family.name
+    assert set(FITS) == {name for name in CASES if name in IN_MEMORY}
+    if kind not in IN_MEMORY:
+        return
+    opened = robid.open(made.runs)
+    read, options = IN_MEMORY[kind]
+    data, new = (getattr(opened, read)[name] for name in ("estimation", "validation"))
+    robot = (robid.load_robot(made.folder / "arm.yaml"),) if kind in ("elastic", "rigid") else ()
+    found = robid.fit_model(kind, *robot, data, validate_on=new, **options)
+    stored = opened.fits["own"]
+    assert stored.kind == found.kind == kind
+    assert list(stored.parameters) == list(found.parameters)
+    for name, one in stored.parameters.items():
+        ours = found.parameters[name]
+        assert (ours.kind, ours.unit, ours.identified) == (one.kind, one.unit, one.identified)
+        for field in ("value", "lower", "upper", "effective_lower", "effective_upper"):
+            assert getattr(ours, field) == pytest.approx(getattr(one, field), rel=1e-6)
+    assert found.grade.value == stored.grade.value
+    alone = robid.fit_model(kind, *robot, data, **options)
+    assert alone.grade is None
+    assert "validate_on" in alone.sentence

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import IntArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.frf.quality import saturated_signals
@@ -28,6 +29,8 @@ def fit_values(
     *,
     choose_on: Sequence[int],
     scheduling: Sequence[int] | None = None,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
     basis: BasisOptions | None = None,
     validate_on: Frf | None = None,
     **options: Any,  # noqa: ANN401
@@ -38,6 +41,8 @@ def fit_values(
         responses: Responses with covariance, one position a configuration.
         choose_on: Rows, from 0, of the positions that only choose the structure.
         scheduling: Columns of the configurations that the model depends on; those that change when not given.
+        inputs: Names of the model's inputs; all when empty.
+        outputs: Names of its outputs; all when empty.
         basis: Functions of the scheduling parameters; polynomials up to degree four when not given.
         validate_on: Responses at positions that the fit does not see, within the range of the others.
         options: Fields of `LpvOptions`, as `order`.
@@ -53,25 +58,24 @@ def fit_values(
     if held_back.all() or not held_back.any():
         what = "D292 `choose_on` leaves no position to fit, or names none"
         raise DataError(what, where="fit_model(lpv)", remedy=f"name some of the rows 0 to {len(rows) - 1}")
-    columns = _columns(responses, scheduling)
-    ports, degrees = _ports(responses, columns), responses.degrees_of_freedom
-    own, choosing = (_local(responses.select(rows[some].tolist()), columns) for some in (~held_back, held_back))
+    seen = _Seen(inputs or responses.input_names, outputs or responses.output_names, _columns(responses, scheduling))
+    own, choosing = (seen.local(responses.select(rows[some].tolist())) for some in (~held_back, held_back))
     solution = fit_lpv(
         own,
         choosing,
-        ports,
+        seen.ports(responses),
         BasisOptions() if basis is None else basis,
         chosen,
-        degrees_of_freedom=degrees,
+        degrees_of_freedom=responses.degrees_of_freedom,
         confidence=_CONFIDENCE,
         identifiable_relative_std=_IDENTIFIABLE,
     )
-    outputs, inputs = (list(range(size)) for size in responses.response.shape[2:])
-    alone = assess_lpv(solution, saturation_findings(saturated_signals(responses, inputs, outputs)))
+    saturated = saturated_signals(responses, *(at.tolist() for at in seen.channels(responses)))
+    alone = assess_lpv(solution, saturation_findings(saturated))
     if validate_on is None:
         return Fitted("lpv", solution.estimate, solution, alone)
-    new, found = _local(validate_on, columns), _ports(validate_on, columns)
-    held = validate_lpv(solution, found, new, validate_on.degrees_of_freedom, alone.findings)
+    new, degrees = seen.local(validate_on), validate_on.degrees_of_freedom
+    held = validate_lpv(solution, seen.ports(validate_on), new, degrees, alone.findings)
     return Fitted("lpv", solution.estimate, solution, alone, held, held.outcome.grade)
 
 
@@ -81,21 +85,45 @@ def _columns(frf: Frf, scheduling: Sequence[int] | None) -> IntArray:
     return np.flatnonzero(np.ptp(frf.configurations, axis=0) > 0)
 
 
-def _local(frf: Frf, columns: IntArray) -> LocalResponses:
-    points: FloatArray = frf.configurations[:, columns]
-    outputs, inputs = (np.arange(size) for size in frf.response.shape[2:])
-    return local_responses(frf, points, outputs, inputs)
+@dataclass(frozen=True)
+class _Seen:
+    """What of a response the model is about."""
 
+    inputs: Sequence[str]  # Names of its inputs
+    outputs: Sequence[str]  # Names of its outputs
+    columns: IntArray  # (n_scheduling,) Columns of the configurations that schedule
 
-def _ports(frf: Frf, columns: IntArray) -> Ports:
-    inputs, outputs = frf.input_channels, frf.output_channels
-    units = frf.joint_units or ("rad",) * frf.configurations.shape[1]
-    return Ports(
-        inputs=channel_names(inputs),
-        input_units=tuple(one.unit for one in inputs),
-        outputs=channel_names(outputs),
-        output_units=tuple(one.unit for one in outputs),
-        scheduling=tuple(f"joint {column + 1}" for column in columns.tolist()),
-        scheduling_units=tuple(units[column] for column in columns.tolist()),
-        sampling_period_s=frf.sampling_period_s,
-    )
+    def channels(self, frf: Frf) -> tuple[IntArray, IntArray]:
+        """Returns the indices of outputs and inputs in a response."""
+        found = []
+        for wanted, known, word in (
+            (self.outputs, frf.output_names, "output"),
+            (self.inputs, frf.input_names, "input"),
+        ):
+            missing = [name for name in wanted if name not in known]
+            if missing:
+                what = f"D279 the response has no {word} `{missing[0]}` (it has {', '.join(known)})"
+                raise DataError(what, where="fit_model(lpv)", remedy="name channels of the response")
+            found.append(np.array([known.index(name) for name in wanted]))
+        return found[0], found[1]
+
+    def local(self, frf: Frf) -> LocalResponses:
+        """Returns its elements at the positions of the response."""
+        return local_responses(frf, frf.configurations[:, self.columns], *self.channels(frf))
+
+    def ports(self, frf: Frf) -> Ports:
+        """Returns what goes in, what comes out, and what schedules."""
+        outputs, inputs = self.channels(frf)
+        into, out = (
+            [some[at] for at in rows] for some, rows in ((frf.input_channels, inputs), (frf.output_channels, outputs))
+        )
+        units = frf.joint_units or ("rad",) * frf.configurations.shape[1]
+        return Ports(
+            inputs=channel_names(into),
+            input_units=tuple(one.unit for one in into),
+            outputs=channel_names(out),
+            output_units=tuple(one.unit for one in out),
+            scheduling=tuple(f"joint {column + 1}" for column in self.columns.tolist()),
+            scheduling_units=tuple(units[column] for column in self.columns.tolist()),
+            sampling_period_s=frf.sampling_period_s,
+        )
