@@ -35,10 +35,17 @@ def seconds(tmp_path):
 )
 def test_a_command_against_importing_its_libraries(keep, seconds, tmp_path, key, arguments):
     folder = [str(tmp_path / "run")] if arguments[-1] == "--run-dir" else []
-    ours = ("-m", "robid", *arguments, *folder)
-    for warm_up in (_FLOOR, ours):
+    _in_turn(keep, seconds, key, ("-m", "robid", *arguments, *folder), _FLOOR)
+
+
+def test_importing_it_against_importing_numpy(keep, seconds):
+    _in_turn(keep, seconds, "cli.import_vs_numpy", ("-c", "import robid"), ("-c", "import numpy"))
+
+
+def _in_turn(keep, seconds, key, ours, reference):
+    for warm_up in (reference, ours):
         seconds(warm_up)
-    pairs = np.array([(seconds(_FLOOR), seconds(ours)) for _ in range(_ROUNDS)])
+    pairs = np.array([(seconds(reference), seconds(ours)) for _ in range(_ROUNDS)])
     floor, own = np.median(pairs, axis=0)
     low, high = np.quantile(pairs[:, 1] / pairs[:, 0], [0.25, 0.75])
     spread = f"quartiles {low:.3g} to {high:.3g}, {_ROUNDS} rounds; ours {1e3 * own:.3g} ms, floor {1e3 * floor:.3g} ms"
