@@ -276,7 +276,7 @@ def export_model(
         typer.Option("--what", help="Of a campaign: its excitation (default), or its frequency responses (frf)."),
     ] = None,
     configuration: Annotated[
-        int | None, typer.Option("--configuration", min=0, help="Index of one configuration, from 0; all by default.")
+        int | None, typer.Option("--configuration", min=1, help="Number of one configuration, from 1; all by default.")
     ] = None,
     friction: Annotated[
         bool | None,
@@ -293,16 +293,16 @@ def export_model(
     from robid.pipeline.export import ExportOptions
     from robid.pipeline.export_campaign import ExcitationExport, FrfExport
 
-    run = _open(experiment, run_dir)
+    run, index = _open(experiment, run_dir), None if configuration is None else configuration - 1
     if what == "frf":
         of_fits = {"--fit": fit, "--friction": friction}
         others = [name for name, value in of_fits.items() if value is not None]
-        response = FrfExport(campaign or "", format_, configuration, output)
+        response = FrfExport(campaign or "", format_, index, output)
         return export_response(run, campaign, response, others, force=force, as_json=as_json)
     if campaign is None and what is not None:
         raise SettingsError("S002 `--what` is about a campaign", where="export", remedy="name it with --campaign")
     if campaign is None:
-        options = ExportOptions(format_, configuration, friction, output)
+        options = ExportOptions(format_, index, friction, output)
         return export_fit(run, fit, options, force=force, as_json=as_json)
     given = {"--fit": fit, "--configuration": configuration, "--friction": friction}
     others = [name for name, value in given.items() if value is not None]
@@ -338,6 +338,18 @@ def tell_status(
     from robid.commands.status import show_status
 
     return show_status(_open(experiment, run_dir), as_json=as_json)
+
+
+@app.command("upgrade")
+def upgrade_settings(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Experiment and robot files.")],
+    as_json: AsJson = False,
+    _debug: Debug = False,
+) -> int:
+    """Rewrites experiment and robot files of an older schema version; comments and layout stay."""
+    from robid.commands.upgrade import upgrade_files
+
+    return upgrade_files(files, as_json=as_json)
 
 
 @app.command("inspect")

@@ -102,7 +102,7 @@ plt.legend()
 # %%
 Path("drive_robot.yaml").write_text(
     """\
-schema_version: 1
+schema_version: 2
 name: drive
 gravity_m_s2: [0, 0, 0]
 controller: {sampling_period_s: 1.0e-3, delay_samples: 0}

@@ -20,6 +20,7 @@ from robid.report.numbers import duration
 from robid.settings.checks.configurations import other_units
 from robid.settings.experiment import Execution
 from robid.settings.load import LoadedExperiment
+from robid.settings.numbering import NEWEST
 
 if TYPE_CHECKING:
     from robid.results.grade import Grade
@@ -79,6 +80,10 @@ def make_shell(run: Run, *, as_json: bool) -> Shell:
     shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet)
     for note in run.loaded.robot.model_notes:
         shell.note(run.loaded.robot.name, note)
+    if run.loaded.experiment.schema_version < NEWEST:
+        path = run.loaded.path
+        told = f"schema_version 1 counts configurations from 0; `robid upgrade {path}` has them count from 1"
+        shell.note(str(path), told)
     for text in other_units(run.loaded.experiment, run.loaded.robot):
         shell.warn(text)
     return shell

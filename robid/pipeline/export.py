@@ -71,8 +71,8 @@ def check_options(options: ExportOptions, loaded: LoadedExperiment, fit: str) ->
         problems.append(f"S098 `{options.format}` holds parameters, which have no `--configuration`")
     listed = loaded.experiment.fits[fit].configurations
     if options.configuration is not None and listed is not None and options.configuration not in listed:
-        shown = ", ".join(map(str, listed))
-        problems.append(f"S099 fit `{fit}` has no configuration {options.configuration} (it has {shown})")
+        shown = ", ".join(str(one + 1) for one in listed)
+        problems.append(f"S099 fit `{fit}` has no configuration {options.configuration + 1} (it has {shown})")
     if problems:
         raise SettingsError("; ".join(problems), where="export", remedy="`robid export --help` says what goes together")
 

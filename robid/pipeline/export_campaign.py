@@ -95,7 +95,7 @@ def export_frf(options: FrfExport, loaded: LoadedExperiment, source: Path, folde
     frf = frf_from_artifact(read_artifact(source, FRF))
     count, only = len(frf.configurations), options.configuration
     if only is not None and only >= count:
-        what = f"S108 campaign `{options.campaign}` has no configuration {only} (it has 0 to {count - 1})"
+        what = f"S108 campaign `{options.campaign}` has no configuration {only + 1} (it has 1 to {count})"
         raise SettingsError(what, where="--configuration", remedy="name one of them, or none for all")
     numbers = list(range(count)) if only is None else [only]
     joints = tuple(joint.name for joint in loaded.robot.joints)

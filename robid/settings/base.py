@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, StringConstraints
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, WithJsonSchema
 
 from robid.arrays import option
 
@@ -14,6 +14,8 @@ NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 DATA_VARIABLE = "${ROBID_DATA}"
 DATA_DEFAULT = "../shared/data"
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
+Place = Annotated[int, Field(ge=0), WithJsonSchema({"type": "integer", "minimum": 1})]
+"""Number of a configuration: from 1 in the file, from 0 inside, see `robid.settings.numbering`."""
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=True)
 """What a section is that composes dataclasses of options."""
 

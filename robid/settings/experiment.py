@@ -23,6 +23,7 @@ from robid.frf.options import EstimateOptions
 from robid.later import imported
 from robid.settings.base import STRICT, Name, Section
 from robid.settings.fits import Families, FitSettings, part
+from robid.settings.numbering import counts_from
 from robid.settings.robot import RobotFile
 from robid.settings.sources import Acquire, ExcitationSettings, SimulateSettings
 
@@ -261,7 +262,9 @@ class Execution(Section):
 class Experiment(Section):
     """An experiment file."""
 
-    schema_version: Literal[1] = Field(description="Version of this format.")
+    schema_version: Literal[1, 2] = Field(
+        description="Version of this format: in 2 configurations count from 1, in 1 they counted from 0."
+    )
     name: Name = Field(description="Name of the experiment and of its run folder.")
     robot: str | None = option(
         None,
@@ -274,6 +277,16 @@ class Experiment(Section):
     fits: dict[Name, FitSettings] = group(dict, "Fits by name.")
     study: Any = option(None, "What `robid study` does beyond the campaigns and fits.")
     execution: Execution = group(Execution, "How it is computed.")
+
+    @property
+    def counts_from(self) -> int:
+        """What the first configuration is called in its file; inside, indices count from 0."""
+        return counts_from(self.schema_version)
+
+    def numbered(self, count: int) -> str:
+        """Says how many configurations there are, and how the file numbers them."""
+        first = self.counts_from
+        return f"there are {count} configurations, numbered from {first} to {count - 1 + first}"
 
 
 def experiment_type(families: Families, study: Any = Any) -> type[Experiment]:  # noqa: ANN401

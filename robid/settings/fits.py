@@ -10,7 +10,7 @@ import pydantic.dataclasses
 from pydantic import Field
 
 from robid.robot.parameters import ElasticKind
-from robid.settings.base import STRICT, Name
+from robid.settings.base import STRICT, Name, Place
 
 if TYPE_CHECKING:
     from robid.settings.experiment import Experiment
@@ -33,9 +33,9 @@ class FitSettings:
         alias="from",
         description="Name of the campaign it reads, or of several with the same lines, such as two amplitudes.",
     )
-    configurations: tuple[Annotated[int, Field(ge=0)], ...] | None = Field(
+    configurations: tuple[Place, ...] | None = Field(
         default=None,
-        description="Indices, from 0, of the campaign's configurations to use, those of further campaigns counted on;"
+        description="Numbers, from 1, of the campaign's configurations to use, those of further campaigns counted on;"
         " all when not given.",
         min_length=1,
     )

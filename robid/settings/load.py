@@ -17,6 +17,7 @@ from robid.settings.checks.robot import check_robot
 from robid.settings.checks.values import absurd, missing_keys
 from robid.settings.experiment import Experiment, experiment_type
 from robid.settings.fits import Families
+from robid.settings.numbering import counted_from_zero
 from robid.settings.placeholders import Row, fill, refuse_placeholders
 from robid.settings.problems import SettingsProblem, problem_at, raise_problems, validate_document
 from robid.settings.robot import RobotFile, UnknownRobot
@@ -177,7 +178,9 @@ def _require(model: _Model | None, problems: list[SettingsProblem]) -> _Model:
 def _load(
     families: Families, document: Document, studies: Studies | None, read: RobotReader
 ) -> tuple[LoadedExperiment | None, list[SettingsProblem]]:
+    document, miscounted = counted_from_zero(document)
     experiment, problems = _validated(families, document, Any if studies is None else studies.settings)
+    problems = [*miscounted, *problems]
     robot, robot_problems = _named_robot(document, read)
     if experiment is not None and robot is not None:
         experiment = with_sides(experiment, robot)

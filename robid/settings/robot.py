@@ -74,7 +74,7 @@ SET_DATA_FOLDER = f"set ROBID_DATA to the folder that `{DATA_VARIABLE}` stands f
 class RobotFile(Assumed):
     """A robot file."""
 
-    schema_version: Literal[1] = Field(description="Version of this format.")
+    schema_version: Literal[1, 2] = Field(description="Version of this format; 1 and 2 say the same of a robot.")
     name: str = Field(description="Name of the robot.", min_length=1)
     notes: tuple[str, ...] = option((), "Sources and gaps that the reader must know.")
     gravity_m_s2: Vector = option((0.0, 0.0, -9.81), "Gravity in the world frame [m/s^2].")
@@ -277,7 +277,7 @@ class RobotFile(Assumed):
 class UnknownRobot(RobotFile):
     """A robot of which nothing is known but its logs: it has no joints."""
 
-    schema_version: Literal[1] = 1
+    schema_version: Literal[1, 2] = 2
     joints: tuple[JointSection, ...] = Field(default=(), max_length=0)
 
 

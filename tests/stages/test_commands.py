@@ -254,7 +254,7 @@ def test_the_page_shows_the_resonances_of_the_model_file(done):
 
 
 def test_an_experiment_without_fits_and_a_fit_of_some_configurations(done):
-    done.change("validate_on: validation, ", "validate_on: validation, configurations: [1], ")
+    done.change("validate_on: validation, ", "validate_on: validation, configurations: [2], ")
     answer = done.robid("run", "small.yaml", "--json")
     assert answer.code in (0, 5), answer.err
     datasets = done.robid("inspect", str(done.runs / "fits/elastic/model.h5"), "--json").json["datasets"]

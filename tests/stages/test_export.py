@@ -99,9 +99,9 @@ def test_mat_is_read_back_equal(done):
 
 
 def test_mat_of_one_configuration(done):
-    content = loadmat(exported(done, "mat", "--configuration", "1"))
+    content = loadmat(exported(done, "mat", "--configuration", "2"))
     assert content["measured"].shape[0] == 1
-    assert content["configuration"].item() == 1
+    assert content["configuration"].item() == 2
     np.testing.assert_array_equal(content["modelled"], solution_of(done).responses.modelled[1:])
 
 
@@ -116,7 +116,7 @@ def test_mjcf_has_the_fitted_response(done):
     data, n = mujoco.MjData(model), model.nv
     motors = [model.joint(f"q_m_{name}").dofadr[0] for name in ("turn", "lift")]
     for index in range(2):
-        mujoco.mj_resetDataKeyframe(model, data, model.key(f"configuration_{index}").id)
+        mujoco.mj_resetDataKeyframe(model, data, model.key(f"configuration_{index + 1}").id)
         A, B = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, model.nu))
         mujoco.mjd_transitionFD(model, data, 1e-4, True, A, B, None, None)
         for omega in frequency:
@@ -153,9 +153,9 @@ def test_sampled_state_space_has_the_fitted_response(done, suffix):
 
 
 def test_mjcf_says_what_it_is(done):
-    text = exported(done, "mjcf", "--configuration", "1").read_text()
+    text = exported(done, "mjcf", "--configuration", "2").read_text()
     root = ElementTree.fromstring(text)
-    assert [key.get("name") for key in root.iter("key")] == ["configuration_1"]
+    assert [key.get("name") for key in root.iter("key")] == ["configuration_2"]
     assert {"friction_turn", "friction_lift"} <= {element.get("name") for element in root.iter("general")}
     comment = re.search(r"<!--(.*?)-->", text, re.DOTALL).group(1)
     date = read_header(done.runs / FOLDER / "model.h5").provenance.finished_utc
@@ -189,14 +189,14 @@ def test_mat_files_do_not_tell_the_time_or_the_platform():
 
 def test_what_does_not_go_together_is_said_at_once(done):
     answer = done.robid(
-        "export", "small.yaml", "--format", "csv", "--output", "x.mat", "--configuration", "0", "--friction"
+        "export", "small.yaml", "--format", "csv", "--output", "x.mat", "--configuration", "1", "--friction"
     )
     assert answer.code == 2
     for part in ("must end with .csv", "`--friction`", "S098"):
         assert part in answer.flat
-    answer = done.robid("export", "small.yaml", "--format", "mjcf", "--configuration", "2")
+    answer = done.robid("export", "small.yaml", "--format", "mjcf", "--configuration", "3")
     assert answer.code == 2
-    assert "no configuration 2 (it has 0, 1)" in answer.flat
+    assert "no configuration 3 (it has 1, 2)" in answer.flat
     assert done.robid("export", "small.yaml", "--format", "step").code == 2
     answer = done.robid("export", "small.yaml", "--format", "csv", "--fit", "none")
     assert (answer.code, "has no fit `none`" in answer.flat) == (2, True)
@@ -211,13 +211,13 @@ def test_a_missing_or_stale_model_names_the_command(shop, done):
 
 
 def test_configurations_keep_the_number_of_their_campaign(done):
-    done.change("from: estimation, validate_on", "from: estimation, configurations: [1], validate_on")
+    done.change("from: estimation, validate_on", "from: estimation, configurations: [2], validate_on")
     assert done.robid("fit", "small.yaml", "--force").code in (0, 5)
     text = exported(done, "mjcf").read_text()
-    assert "configuration_1" in text
-    assert "configuration_0" not in text
-    answer = done.robid("export", "small.yaml", "--format", "mat", "--configuration", "0")
-    assert (answer.code, "has no configuration 0 (it has 1)" in answer.flat) == (2, True)
+    assert "configuration_2" in text
+    assert "configuration_1" not in text
+    answer = done.robid("export", "small.yaml", "--format", "mat", "--configuration", "1")
+    assert (answer.code, "has no configuration 1 (it has 2)" in answer.flat) == (2, True)
 
 
 def test_values_that_make_no_mechanical_model(done, monkeypatch):

@@ -94,10 +94,10 @@ def test_mat_and_json_are_read_back_equal(done):
 
 
 def test_one_configuration_keeps_its_number(done):
-    (path,) = exported(done, "csv", "--configuration", "1")
+    (path,) = exported(done, "csv", "--configuration", "2")
     assert path.name == "frf_c2.csv"
     assert "Configuration 2: turn" in path.read_text()
-    (path,) = exported(done, "json", "--configuration", "1")
+    (path,) = exported(done, "json", "--configuration", "2")
     np.testing.assert_array_equal(json.loads(path.read_text())["response_real"], frf_of(done).response[1:].real)
 
 
@@ -159,7 +159,7 @@ def test_the_same_export_is_left_alone_and_an_edited_one_kept(done):
         (("--campaign", "estimation", "--format", "csv", "--output", "x.csv"), "must be a folder"),
         (("--campaign", "none", "--format", "csv"), "has no campaign `none`; there are: `estimation`, `validation`"),
         (("--format", "csv"), "needs --campaign; there are: `estimation`, `validation`"),
-        (("--campaign", "estimation", "--format", "csv", "--configuration", "2"), "has no configuration 2"),
+        (("--campaign", "estimation", "--format", "csv", "--configuration", "3"), "has no configuration 3"),
     ],
 )
 def test_what_does_not_go_together_is_said(done, options, words):

@@ -71,7 +71,7 @@ CASES = {
     ),
     "lpv": Case(
         FAMILIES["lpv"],
-        "{family: lpv, from: estimation, validate_on: validation, scheduling: [lift], choose_on: [4], inputs: [turn],"
+        "{family: lpv, from: estimation, validate_on: validation, scheduling: [lift], choose_on: [5], inputs: [turn],"
         " outputs: [turn], order: 3, basis: {degree: 2}, path: {count: 2, smallest: 10}}",
         ("count: 2, smallest", "count: 3, smallest"),
         "Regularisation path",

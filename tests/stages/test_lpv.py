@@ -14,7 +14,7 @@ from robid.models.lpv.fit.state_space import MATRICES
 
 OLD = "elastic: {family: elastic, from: estimation, validate_on: validation, starts: 2}"
 FIT = (
-    "own: {family: lpv, from: estimation, validate_on: validation, scheduling: [lift], choose_on: [3], inputs: [turn],"
+    "own: {family: lpv, from: estimation, validate_on: validation, scheduling: [lift], choose_on: [4], inputs: [turn],"
     " outputs: [turn], order: 3, basis: {degree: 2}, path: {count: 2, smallest: 10}}"
 )
 PLACES = ("configurations: {from: best}", "configurations: {list_deg: [[20, 0], [20, 30], [20, 50], [20, 10]]}")
@@ -42,7 +42,7 @@ def made(shop, finished):
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("choose_on: [3]", "choose_on: [0]", "lift = 0°: D176 The model holds from lift = 10° to lift = 50°"),
+        ("choose_on: [4]", "choose_on: [1]", "lift = 0°: D176 The model holds from lift = 10° to lift = 50°"),
         ("order: 3", "order: 7", "too few for 7 states. remedy: Measure more lines, or lower `order` to 6 at most"),
         ("order: 3", "order: 5", "°: D172"),
     ],
@@ -72,11 +72,11 @@ def test_a_validation_outside_the_range_is_refused(made):
             "fits.own.inputs[1]: S076 campaign `estimation` has no input `torn`",
         ),
         ("inputs: [turn]", "inputs: [turn, turn]", "fits.own.inputs[1]: S077 `turn` is there twice"),
-        ("choose_on: [3]", "choose_on: [3, 7]", "fits.own.choose_on[1]: S081 there is no index 7"),
-        ("choose_on: [3]", "choose_on: [0, 1, 2, 3]", "S082"),
-        ("choose_on: [3]", "choose_on: estimation", "names the only campaign in `from`"),
-        ("choose_on: [3]", "choose_on: validation", "S078"),
-        ("choose_on: [3]", "choose_on: [3], configurations: [0, 1, 2]", "is 3, which is none of `configurations`"),
+        ("choose_on: [4]", "choose_on: [4, 8]", "fits.own.choose_on[1]: S081 there is no configuration 8"),
+        ("choose_on: [4]", "choose_on: [1, 2, 3, 4]", "S082"),
+        ("choose_on: [4]", "choose_on: estimation", "names the only campaign in `from`"),
+        ("choose_on: [4]", "choose_on: validation", "S078"),
+        ("choose_on: [4]", "choose_on: [4], configurations: [1, 2, 3]", "is 4, which is none of `configurations`"),
         ("order: 3", "order: 3, integrators: [1, 2]", "has 2 counts for 1 outputs"),
         ("order: 3", "order: 3, integrators: [-1]", "S074"),
         ("degree: 2", "degree: 3", "fits.own.basis: S083 3 positions cannot tell 4 functions apart"),

@@ -72,7 +72,7 @@ def test_models_of_every_individual_are_fitted_judged_and_stepped(study):
         ("estimation: [estimation_1,", "estimation: [estimation_3,", "study.estimation[0]: there is no campaign"),
         ("validation: [validation_1, validation_2]", "validation: [validation_1]", "one for each"),
         ("validation: [validation_1, validation_2]", "validation: [validation_2, validation_1]", "S393"),
-        ("guess: {configurations: [2, 3]}", "guess: {configurations: [2, 30]}", "there are 10 configurations"),
+        ("guess: {configurations: [3, 4]}", "guess: {configurations: [3, 30]}", "there are 10 configurations"),
         ("low: {count: 2,", "low: {count: 20,", "S395 cannot take 20 of 10 configurations"),
         ("low_torque: lift", "low_torque: lifft", "there is no joint `lifft`"),
         ("axes: [turn, lift]", "axes: [turn, lifft]", "there is no joint `lifft`"),

@@ -90,7 +90,7 @@ def _is_graded_anew(study, monkeypatch):
         ("{unmodelled_payload_kg: 3}}\n    n", "{unmodelled: 3}}\n    n", "mistakes.payload.imperfections.unmodelled"),
         ("choose: {first: 11", "choose: {first: 2", "the seeds of `judge` and `choose` overlap"),
         ("  light: light.yaml\n", "", "the study has no `light` robot"),
-        ("robot: light, swapped: [0, 2]", "robot: light, angle_factor: {torn: -1}", "there is no joint `torn`"),
+        ("robot: light, swapped: [1, 3]", "robot: light, angle_factor: {torn: -1}", "there is no joint `torn`"),
     ],
 )
 def test_what_cannot_be_made_is_told_before_anything_is_made(study, old, new, message):

@@ -53,7 +53,7 @@ def write_experiment(
     made, is_arbitrary, experiments = found.proposal, _is_arbitrary(found), counts.get("experiment", 1)
     stated = [f"format: {format_}"] if format_ else []
     stated += [f"dialect: {_flow(dialect)}"] if dialect else []
-    lines = ["schema_version: 1", f"name: {re.sub('[^A-Za-z0-9_-]+', '_', name).strip('_-') or 'log'}"]
+    lines = ["schema_version: 2", f"name: {re.sub('[^A-Za-z0-9_-]+', '_', name).strip('_-') or 'log'}"]
     lines += [f"# robot: {_ROBOT}", "campaigns:", "  log:", *_campaign(found)]
     lines += _source(found, counts, numbering, path, stated)
     if "experiment" in counts:

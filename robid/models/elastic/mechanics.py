@@ -183,7 +183,7 @@ def arrays(found: FittedExport, rows: list[int]) -> Content:
         "degrees_of_freedom": estimate.degrees_of_freedom,
         "interval_rule": estimate.interval_rule,
         "confidence": estimate.confidence,
-        "configuration": np.array(found.chosen)[rows],
+        "configuration": np.array(found.chosen)[rows] + 1,  # its number, from 1
         "configurations_rad": responses.configurations[rows],
         "frequency_hz": responses.frequency_hz,
         "measured": responses.measured[rows],
@@ -218,7 +218,7 @@ def state_spaces(found: FittedExport, rows: list[int]) -> Content:
         "inputs": continuous[0].inputs,
         "sampling_period_s": period,
         "delay_s": delay,
-        "configuration": np.array(found.chosen)[rows],
+        "configuration": np.array(found.chosen)[rows] + 1,  # its number, from 1
         "configurations_rad": found.frf.configurations[rows],
         "rest_torque": rest.motor_torque,
         "rest_deflection_rad": rest.deflection,
@@ -236,7 +236,7 @@ def mjcf(found: FittedExport, rows: list[int], *, friction: bool) -> str:
     """Returns the MJCF of the fitted robot, one keyframe for each configuration."""
     model = _build(found, friction=friction)
     angles = found.frf.configurations[rows]
-    names = [f"configuration_{found.chosen[row]}" for row in rows]
+    names = [f"configuration_{found.chosen[row] + 1}" for row in rows]
     return to_mjcf(model, solve_statics(model, angles), tuple(names), _header(found, names, angles, friction=friction))
 
 
@@ -339,8 +339,8 @@ def _rows(task: ExportTask) -> list[int]:
     if task.configuration is None:
         return list(range(len(chosen)))
     if task.configuration not in chosen:
-        listed = ", ".join(map(str, chosen))
-        message = f"S060 fit `{task.data.name}` has no configuration {task.configuration} (it has {listed})"
+        listed = ", ".join(str(one + 1) for one in chosen)
+        message = f"S060 fit `{task.data.name}` has no configuration {task.configuration + 1} (it has {listed})"
         raise SettingsError(message, where="--configuration", remedy="name one of them, or none for all")
     return [chosen.index(task.configuration)]
 

@@ -9,7 +9,7 @@ import pydantic.dataclasses
 from pydantic import Field
 
 from robid.models.lpv.fit.options import BasisOptions, LpvOptions
-from robid.settings.base import STRICT, Name
+from robid.settings.base import STRICT, Name, Place
 from robid.settings.checks.configurations import configuration_count
 from robid.settings.checks.experiment import input_names, output_names
 from robid.settings.experiment import Experiment
@@ -29,8 +29,8 @@ class LpvFit(FitSettings, LpvOptions):
     scheduling: tuple[str, ...] = Field(
         description="What the model depends on: names of joints, or of outputs, whose mean counts.", min_length=1
     )
-    choose_on: Name | Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = Field(
-        description="What only chooses the structure: one of the campaigns of `from`, or indices, from 0, of the"
+    choose_on: Name | Annotated[tuple[Place, ...], Field(min_length=1)] = Field(
+        description="What only chooses the structure: one of the campaigns of `from`, or numbers, from 1, of the"
         " configurations that the fit reads. No parameter is fitted to it."
     )
     inputs: tuple[str, ...] = Field(default=(), description="Inputs of the model; all when empty.")
@@ -109,9 +109,9 @@ def _chosen_on(experiment: Experiment, fit: LpvFit) -> _Found:
     count = _count(experiment, fit)
     for index, one in enumerate(fit.choose_on):
         if fit.configurations is not None and one not in fit.configurations:
-            yield ("choose_on", index), f"S080 is {one}, which is none of `configurations`"
+            yield ("choose_on", index), f"S080 is {one + experiment.counts_from}, which is none of `configurations`"
         elif count is not None and one >= count:
-            what = f"S081 there is no index {one}: the fit reads {count} configurations, from index 0 to {count - 1}"
+            what = f"S081 there is no configuration {one + experiment.counts_from}: {experiment.numbered(count)}"
             yield ("choose_on", index), what
     if count is not None and set(fit.choose_on) >= set(fit.configurations or range(count)):
         yield ("choose_on",), "S082 leaves no configuration to fit: leave it fewer of them"

@@ -242,12 +242,13 @@ def _fit(experiment: Experiment, name: str, fit: FitSettings, families: Families
     for position, index in enumerate(fit.configurations or ()):
         if count is not None and index >= count:
             message = (
-                f"S201 there is no index {index}: {' and '.join(f'`{name}`' for name in fit.campaigns)}"
-                f" {'has' if len(fit.campaigns) == 1 else 'have'} {count} configurations, from index 0 to {count - 1}"
+                f"S201 there is no configuration {index + experiment.counts_from} of"
+                f" {' and '.join(f'`{name}`' for name in fit.campaigns)}: {experiment.numbered(count)}"
             )
             yield (*field, "configurations", position), message
         if index in (fit.configurations or ())[:position]:
-            yield (*field, "configurations", position), f"S202 index {index} is there twice"
+            number = index + experiment.counts_from
+            yield (*field, "configurations", position), f"S202 configuration {number} is there twice"
 
 
 def _fit_of_robot(experiment: Experiment, name: str, fit: FitSettings, robot: RobotFile, families: Families) -> Found:

@@ -9,7 +9,7 @@ from pydantic import StringConstraints
 
 from robid.results.finding import CAUSES
 from robid.results.scale import CHANNELS, OWN_SCALES, SCALES
-from robid.settings.base import Name, Section
+from robid.settings.base import Name, Place, Section
 from robid.settings.experiment import Experiment
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import FieldPath
@@ -111,8 +111,8 @@ class Mistake(Physics):
     angle_factor: dict[Name, float] = entry(
         "Logs: factors of the motor angles, by joint; -1 is a wrong sign.", default_factory=dict
     )
-    swapped: tuple[int, int] | None = entry(
-        "Logs: indices, from 0, of two configurations of the estimation that are taken for each other.", None
+    swapped: tuple[Place, Place] | None = entry(
+        "Logs: numbers, from 1, of two configurations of the estimation that are taken for each other.", None
     )
     delay_samples: Whole = entry("Logs: samples by which the angles come late.", 0)
     gear_ratio_factor: dict[Name, float] = entry(

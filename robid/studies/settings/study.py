@@ -15,7 +15,7 @@ from robid.frf.residual import EstimatorKind
 from robid.models.elastic.fit.options import ElasticOptions, WeightsKind
 from robid.models.known import load_experiment
 from robid.robot.parameters import ElasticKind
-from robid.settings.base import Name, Section
+from robid.settings.base import Name, Place, Section
 from robid.settings.checks.configurations import configuration_count
 from robid.settings.checks.experiment import Studies
 from robid.settings.experiment import Experiment
@@ -47,8 +47,8 @@ class StepOptions:
 class ModelChoice(Section):
     """The data of one model of a design study, and what it frees beyond the others."""
 
-    configurations: tuple[Whole, ...] | None = entry(
-        "Indices, from 0, of the campaigns' configurations; all when not given.", None, min_length=1
+    configurations: tuple[Place, ...] | None = entry(
+        "Numbers, from 1, of the campaigns' configurations; all when not given.", None, min_length=1
     )
     count: Count | None = entry("How many of these are taken; all when not given.", None)
     seed: Whole = entry("Seed of the draw that takes them.", 1)
@@ -110,7 +110,7 @@ def check_zimmermann2023(study: ZimmermannStudy, experiment: Experiment, robot: 
             field = ("study", "models", name)
             for index, chosen in enumerate(model.configurations or ()):
                 if count is not None and chosen >= count:
-                    yield (*field, "configurations", index), f"S394 there are {count} configurations, numbered from 0"
+                    yield (*field, "configurations", index), f"S394 {experiment.numbered(count)}"
             there = count if model.configurations is None else len(model.configurations)
             if model.count is not None and there is not None and model.count > there:
                 yield (*field, "count"), f"S395 cannot take {model.count} of {there} configurations"

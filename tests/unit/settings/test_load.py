@@ -137,7 +137,7 @@ def test_merge_keys_reach_the_models(tmp_path):
         ("family: elastic", "family: plastic", 19, "fits.springs.family", "'elastic'"),
         ("name: test", "name: ../test", 2, "name", "S385"),
         ("  fresh:\n", "  fr/esh:\n", 12, "campaigns.fr/esh", "S385"),
-        ("schema_version: 1", "schema_version: 2", 1, "schema_version", "should be 1"),
+        ("schema_version: 1", "schema_version: 3", 1, "schema_version", "should be 1 or 2"),
         (
             "{from: best}",
             "{from: best, random: {count: 2}}",
@@ -207,7 +207,7 @@ def test_a_wrong_field_is_told_on_its_line(tmp_path, old, new, line, field, word
             "validate_on: fresh",
             "configurations: [0, 3]",
             "fits.springs.configurations[1]",
-            "no index 3: `measured` has 3",
+            "S201 there is no configuration 3 of `measured`: there are 3",
         ),
         ("validate_on: fresh", "configurations: [1, 1]", "fits.springs.configurations[1]", "there twice"),
         (
@@ -224,7 +224,7 @@ def test_a_wrong_field_is_told_on_its_line(tmp_path, old, new, line, field, word
             "from: measured, validate_on: fresh",
             "from: [measured, fresh], configurations: [5]",
             "fits.springs.configurations[0]",
-            "no index 5: `measured` and `fresh` have 5 configurations, from index 0 to 4",
+            "no configuration 5 of `measured` and `fresh`: there are 5 configurations, numbered from 0 to 4",
         ),
         (
             "validate_on: fresh",
