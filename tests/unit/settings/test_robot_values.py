@@ -44,7 +44,7 @@ def test_a_written_file_loads_as_the_robot(name, tmp_path):
     wanted = other(file.to_robot())
     path = tmp_path / "robot.yaml"
     path.write_text(robot_text(with_values(file, wanted), "a header\nof two lines"))
-    assert path.read_text().startswith("# a header\n# of two lines\nschema_version: 1\n")
+    assert path.read_text().startswith("# a header\n# of two lines\nschema_version: 2\n")
     found = load_robot(path).to_robot()
     models = build_rigid_model(found), build_rigid_model(wanted)
     np.testing.assert_allclose(models[0].nominal, models[1].nominal, rtol=1e-12, atol=1e-12)
