@@ -374,6 +374,24 @@ def inspect_file(
     return describe_log(files, options, as_json=as_json)
 
 
+@app.command("init")
+def start_experiment(
+    folder: Annotated[
+        Path, typer.Argument(metavar="NAME", help="The folder to make; the experiment is named as it is.")
+    ],
+    example: Annotated[
+        Literal["kr300", "rail", "drive"] | None,
+        typer.Option("--example", help="Begin with an example; `drive` is a single geared drive, done in seconds."),
+    ] = None,
+    as_json: AsJson = False,
+    _debug: Debug = False,
+) -> int:
+    """Makes a folder with the files of a first experiment."""
+    from robid.commands.init import start_from_example
+
+    return start_from_example(folder, example, as_json=as_json)
+
+
 @app.command("schema")
 def show_schema(
     robot: Annotated[bool, typer.Option("--robot", help="That of the robot file instead.")] = False,
