@@ -383,13 +383,17 @@ def start_experiment(
         Literal["kr300", "rail", "drive"] | None,
         typer.Option("--example", help="Begin with an example; `drive` is a single geared drive, done in seconds."),
     ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option("--model", metavar="FILE", help="Begin with a rigid URDF or MJCF of your robot; it is copied."),
+    ] = None,
     as_json: AsJson = False,
     _debug: Debug = False,
 ) -> int:
     """Makes a folder with the files of a first experiment."""
-    from robid.commands.init import start_from_example
+    from robid.commands.init import start
 
-    return start_from_example(folder, example, as_json=as_json)
+    return start(folder, example, model, as_json=as_json)
 
 
 @app.command("schema")

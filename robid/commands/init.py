@@ -7,13 +7,20 @@ from pathlib import Path
 
 from robid.commands.output import print_json
 from robid.errors import SettingsError
+from robid.models.known import load_experiment
 from robid.pipeline.terminal import Shell, make_console
 from robid.scaffold.examples import EXAMPLES, example_files
 from robid.scaffold.folders import check_folder, write_folder
+from robid.scaffold.foreign import begin
 
 
-def start_from_example(folder: Path, example: str | None, *, as_json: bool) -> int:
-    """Writes an example into a new folder; returns the exit code."""
+def start(folder: Path, example: str | None, model: Path | None, *, as_json: bool) -> int:
+    """Writes an example, or the files of a robot with a rigid model, into a new folder; returns the exit code."""
+    if example is not None and model is not None:
+        what = "S557 an example has a robot of its own"
+        raise SettingsError(what, where=f"--model {model}", remedy="leave out `--example` or `--model`")
+    if model is not None:
+        return _start_from_model(folder, model, as_json=as_json)
     if example is None:
         what = "S555 says nothing of what to begin with"
         remedy = f"add `--example {'|'.join(EXAMPLES)}`, or `--model` with a URDF or MJCF of your robot"
@@ -22,6 +29,14 @@ def start_from_example(folder: Path, example: str | None, *, as_json: bool) -> i
     files = example_files(example, folder.name)
     write_folder(folder, files)
     _tell(folder, list(files), [], as_json=as_json)
+    return 0
+
+
+def _start_from_model(folder: Path, model: Path, *, as_json: bool) -> int:
+    check_folder(folder)
+    begun = begin(folder.name, model, load_experiment)
+    write_folder(folder, begun.files)
+    _tell(folder, list(begun.files), begun.steps, as_json=as_json)
     return 0
 
 
@@ -34,6 +49,8 @@ def _tell(folder: Path, files: Sequence[str], steps: Sequence[str], *, as_json: 
         return
     shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet=False)
     shell.say(f"{folder}: {', '.join(files)}")
+    if steps:
+        shell.say("to be done by hand, in this order:")
     for number, step in enumerate(steps, 1):
         shell.say(f"  {number}. {step}")
     shell.say("next:")
