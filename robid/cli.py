@@ -396,6 +396,14 @@ def start_experiment(
     return start(folder, example, model, as_json=as_json)
 
 
+@app.command("doctor")
+def check_installation(as_json: AsJson = False, _debug: Debug = False) -> int:
+    """Says whether the installation works: packages, backends, a small identification with a known truth."""
+    from robid.commands.doctor import examine_installation
+
+    return examine_installation(as_json=as_json)
+
+
 @app.command("schema")
 def show_schema(
     robot: Annotated[bool, typer.Option("--robot", help="That of the robot file instead.")] = False,
