@@ -387,13 +387,17 @@ def start_experiment(
         Path | None,
         typer.Option("--model", metavar="FILE", help="Begin with a rigid URDF or MJCF of your robot; it is copied."),
     ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option("--log", metavar="FILE", help="With --model: a log of the robot, to identify it from."),
+    ] = None,
     as_json: AsJson = False,
     _debug: Debug = False,
 ) -> int:
     """Makes a folder with the files of a first experiment."""
     from robid.commands.init import start
 
-    return start(folder, example, model, as_json=as_json)
+    return start(folder, example, model, log, as_json=as_json)
 
 
 @app.command("doctor")

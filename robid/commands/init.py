@@ -7,20 +7,28 @@ from pathlib import Path
 
 from robid.commands.output import print_json
 from robid.errors import SettingsError
+from robid.later import later
 from robid.models.known import load_experiment
 from robid.pipeline.terminal import Shell, make_console
 from robid.scaffold.examples import EXAMPLES, example_files
 from robid.scaffold.folders import check_folder, write_folder
-from robid.scaffold.foreign import begin
+
+with later(__name__):
+    from robid.commands.inspect_log import pather
+    from robid.logs.inspection.findings import inspect_log
+from robid.scaffold.foreign import Log, begin
 
 
-def start(folder: Path, example: str | None, model: Path | None, *, as_json: bool) -> int:
+def start(folder: Path, example: str | None, model: Path | None, log: Path | None, *, as_json: bool) -> int:
     """Writes an example, or the files of a robot with a rigid model, into a new folder; returns the exit code."""
+    if log is not None and model is None:
+        remedy = f"add `--model`, or `robid inspect {log} --propose FILE.yaml` for an experiment without a robot"
+        raise SettingsError("S559 a log alone does not say which robot it is of", where=f"--log {log}", remedy=remedy)
     if example is not None and model is not None:
         what = "S557 an example has a robot of its own"
         raise SettingsError(what, where=f"--model {model}", remedy="leave out `--example` or `--model`")
     if model is not None:
-        return _start_from_model(folder, model, as_json=as_json)
+        return _start_from_model(folder, model, log, as_json=as_json)
     if example is None:
         what = "S555 says nothing of what to begin with"
         remedy = f"add `--example {'|'.join(EXAMPLES)}`, or `--model` with a URDF or MJCF of your robot"
@@ -32,9 +40,13 @@ def start(folder: Path, example: str | None, model: Path | None, *, as_json: boo
     return 0
 
 
-def _start_from_model(folder: Path, model: Path, *, as_json: bool) -> int:
+def _start_from_model(folder: Path, model: Path, log: Path | None, *, as_json: bool) -> int:
     check_folder(folder)
-    begun = begin(folder.name, model, load_experiment)
+    read = None
+    if log is not None:
+        path = pather(folder / f"{folder.name}.yaml")
+        read = Log(log, inspect_log([log]), path)
+    begun = begin(folder.name, model, load_experiment, read)
     write_folder(folder, begun.files)
     _tell(folder, list(begun.files), begun.steps, as_json=as_json)
     return 0

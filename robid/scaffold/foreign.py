@@ -12,10 +12,12 @@ from robid.errors import DataError, SettingsError
 from robid.later import later
 from robid.scaffold.experiment_text import experiment_text
 from robid.scaffold.folders import write_folder
+from robid.scaffold.log_text import Variant, variants
 from robid.scaffold.model_file import self_contained
 from robid.scaffold.robot_text import robot_text
 
 if TYPE_CHECKING:
+    from robid.logs.inspection.findings import Findings
     from robid.robot.foreign import ForeignModel
     from robid.scaffold.chains import Chain
     from robid.scaffold.sizes import Drive
@@ -36,13 +38,23 @@ class Begun:
     steps: list[str]
 
 
-def begin(name: str, model: Path, load: Callable[[Path], object]) -> Begun:
-    """Returns the files of a simulated experiment on a robot, by their names.
+@dataclass(frozen=True)
+class Log:
+    """A log, what is in it, and how the experiment file shall name it."""
+
+    file: Path
+    found: Findings
+    path: Callable[[Path], str]
+
+
+def begin(name: str, model: Path, load: Callable[[Path], object], log: Log | None = None) -> Begun:
+    """Returns the files of an experiment on a robot, simulated where there is no log, by their names.
 
     Args:
         name: Name of the experiment.
         model: A URDF or MJCF.
         load: Loads an experiment file, and refuses what is wrong with it or its robot.
+        log: A log of the robot.
 
     Raises:
         DataError: If the model cannot be read, or nothing in it moves.
@@ -60,11 +72,30 @@ def begin(name: str, model: Path, load: Callable[[Path], object]) -> Begun:
         f"{name}_robot.yaml": robot_text(name, model.name, chain, typical, weightless=weightless),
         model.name: content,
     }
-    _check(files, name, model, load)
-    return Begun(files, _steps(name, read, chain, typical, weightless=weightless))
+    _check(files, name, load, model)
+    steps = _steps(name, read, chain, typical, weightless=weightless)
+    if log is None:
+        return Begun(files, steps)
+    variant = _on_log(files, name, chain, load, log)
+    return Begun(files | {f"{name}.yaml": variant.text}, [*variant.steps, *steps])
 
 
-def _check(files: dict[str, str | bytes], name: str, model: Path, load: Callable[[Path], object]) -> None:
+def _on_log(
+    files: dict[str, str | bytes], name: str, chain: Chain, load: Callable[[Path], object], log: Log
+) -> Variant:
+    """Returns the experiment on a log that says most of those that load."""
+    for variant in variants(log.found, name, chain.joints, log.path):
+        try:
+            _check(files | {f"{name}.yaml": variant.text}, name, load, log.file)
+        except SettingsError:
+            continue
+        return variant
+    what = "S558 what drives the robot, what moves, or its times were not found: a person has to complete the mapping"
+    remedy = f"`robid inspect {log.file} --propose FILE.yaml` says what was found; leave `--log` out for the robot file"
+    raise SettingsError(what, where=str(log.file), remedy=remedy)
+
+
+def _check(files: dict[str, str | bytes], name: str, load: Callable[[Path], object], where: Path) -> None:
     """Loads the files as a user would, before any of them is written where they belong."""
     with TemporaryDirectory() as made:
         folder = Path(made) / name
@@ -74,7 +105,7 @@ def _check(files: dict[str, str | bytes], name: str, model: Path, load: Callable
         except SettingsError as error:
             told = f"{error}".replace(f"{folder}/", "").partition("\n  remedy:")[0]
             what = f"S556 no robot file can be written for it:\n{told}"
-            raise SettingsError(what, where=str(model), remedy="correct the model as it says") from error
+            raise SettingsError(what, where=str(where), remedy="correct the model as it says") from error
 
 
 def _steps(name: str, model: ForeignModel, chain: Chain, typical: list[Drive], *, weightless: bool) -> list[str]:

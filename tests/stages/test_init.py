@@ -1,8 +1,10 @@
 """A folder to begin with: from an example, or from a rigid model."""
 
+import numpy as np
 import pytest
 
 from answers import ask
+from log_files import write_csv
 from robid.models.known import load_experiment
 from robid.robot.parameters import PARAMETER_KINDS
 from robid.scaffold.examples import EXAMPLES, examples_folder
@@ -209,3 +211,61 @@ def test_a_model_that_is_no_robot_leaves_nothing(here, file, text, exit_code, co
 def test_an_example_has_a_robot_of_its_own():
     answer = ask("init", "mine", "--model", "scara.urdf", "--example", "drive")
     assert (answer.code, "S557" in answer.err) == (2, True)
+
+
+def log_of(names, n_period=4):
+    """A log of motors that a multisine moves: torques, and angles that follow them."""
+    count, rng = 1000, np.random.default_rng(1)
+    columns = {"time_s": np.arange(count * n_period) * 1e-3}
+    for torque, angle in names:
+        lines = np.zeros(count // 2 + 1, complex)
+        lines[5:80:2] = np.exp(2j * np.pi * rng.random(38))
+        inertia = np.ones_like(lines)
+        inertia[1:] = -((2 * np.pi * np.arange(1, len(lines))) ** 2) * 1e-3
+        columns[torque] = np.tile(np.fft.irfft(lines, count), n_period) * 50
+        columns[angle] = np.tile(np.fft.irfft(lines / inertia, count), n_period) * 50
+    return columns
+
+
+@pytest.mark.parametrize("names", [("shoulder", "elbow"), ("j1", "j2")])
+def test_a_log_gives_the_experiment_with_the_joints_of_the_robot(here, names):
+    write_csv(here / "bench.csv", log_of([(f"torque_{name}[Nm]", f"angle_{name}[rad]") for name in names]))
+    (here / "arm.urdf").write_text(two_axes(SCARA))
+    answer = ask("init", "mine", "--model", "arm.urdf", "--log", "bench.csv", "--json")
+    assert answer.code == 0, answer.err
+    assert ask("status", "mine/mine.yaml").code == 0
+    loaded = load_experiment(here / "mine/mine.yaml")
+    assert [joint.name for joint in loaded.robot.joints] == ["shoulder", "elbow"]
+    campaign = loaded.experiment.campaigns["log"]
+    acquire = campaign.source.acquire
+    assert [channel.name for channel in acquire.inputs] == ["shoulder", "elbow"]
+    assert [channel.variable for channel in acquire.inputs] == [f"torque_{name}[Nm]" for name in names]
+    assert [channel.name for channel in acquire.outputs] == ["shoulder", "elbow"]
+    assert acquire.log_path(here / "mine").resolve() == here / "bench.csv"
+    assert campaign.excitation.period_s == 1
+    assert any("configurations" in step for step in answer.json["steps"])
+    assert any("is shoulder" in step for step in answer.json["steps"]) == (names[0] == "j1")
+
+
+def test_a_log_of_other_axes_leaves_their_names_to_be_given(here):
+    write_csv(here / "bench.csv", log_of([("torque[Nm]", "angle[rad]")]))
+    (here / "arm.urdf").write_text(two_axes(SCARA))
+    answer = ask("init", "mine", "--model", "arm.urdf", "--log", "bench.csv", "--json")
+    assert answer.code == 0, answer.err
+    assert ask("status", "mine/mine.yaml").code == 0
+    assert load_experiment(here / "mine/mine.yaml").experiment.robot is None
+    assert "# robot: mine_robot.yaml" in (here / "mine/mine.yaml").read_text()
+
+
+def test_a_log_that_cannot_be_mapped_leaves_nothing(here):
+    rng = np.random.default_rng(1)
+    write_csv(here / "bench.csv", {"a": rng.standard_normal(500), "b": rng.standard_normal(500)})
+    (here / "arm.urdf").write_text(two_axes(SCARA))
+    answer = ask("init", "mine", "--model", "arm.urdf", "--log", "bench.csv")
+    assert (answer.code, "S558" in answer.err) == (2, True), answer.err
+    assert not (here / "mine").exists()
+
+
+def test_a_log_alone_does_not_say_which_robot():
+    answer = ask("init", "mine", "--log", "bench.csv")
+    assert (answer.code, "S559" in answer.err) == (2, True)
