@@ -116,7 +116,7 @@ def _steps(name: str, model: ForeignModel, chain: Chain, typical: list[Drive], *
     steps = [
         f"{robot}: put gear ratios, rotor inertias and the motors' limits of the data sheets into the table of joints:"
         " an error in them goes into springs and dampers",
-        f"{robot}: state the controller's sampling period and gains, and the payload",
+        f"{robot}: state the payload, and for simulations the controller's sampling period and gains",
         f"{robot}: friction, stiffness and damping are starting values: put better ones where you have them",
     ]
     steps += [f"{robot}: check the limits of {listed(unlimited)}: {model.name} has none"] if unlimited else []
