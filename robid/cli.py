@@ -386,6 +386,40 @@ def inspect_file(
     return describe_log(files, options, as_json=as_json)
 
 
+@app.command("init")
+def start_experiment(
+    folder: Annotated[
+        Path, typer.Argument(metavar="NAME", help="The folder to make; the experiment is named as it is.")
+    ],
+    example: Annotated[
+        Literal["kr300", "rail", "drive"] | None,
+        typer.Option("--example", help="Begin with an example; `drive` is a single geared drive, done in seconds."),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option("--model", metavar="FILE", help="Begin with a rigid URDF or MJCF of your robot; it is copied."),
+    ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option("--log", metavar="FILE", help="With --model: a log of the robot, to identify it from."),
+    ] = None,
+    as_json: AsJson = False,
+    _debug: Debug = False,
+) -> int:
+    """Makes a folder with the files of a first experiment."""
+    from robid.commands.init import start
+
+    return start(folder, example, model, log, as_json=as_json)
+
+
+@app.command("doctor")
+def check_installation(as_json: AsJson = False, _debug: Debug = False) -> int:
+    """Says whether the installation works: packages, backends, a small identification with a known truth."""
+    from robid.commands.doctor import examine_installation
+
+    return examine_installation(as_json=as_json)
+
+
 @app.command("schema")
 def show_schema(
     robot: Annotated[bool, typer.Option("--robot", help="That of the robot file instead.")] = False,

@@ -150,7 +150,7 @@ def describe_log(paths: Sequence[Path], options: LogInspection, *, as_json: bool
         lambda step: shell.note("inspect", step),
     )
     name = (options.experiment or paths[0]).name.partition(".")[0]
-    text = write_experiment(found, name, _pather(options.experiment), options.format, options.dialect)
+    text = write_experiment(found, name, pather(options.experiment), options.format, options.dialect)
     if options.experiment is not None:
         _write_new(options.experiment, text)
     if options.page is not None:
@@ -163,7 +163,7 @@ def describe_log(paths: Sequence[Path], options: LogInspection, *, as_json: bool
     return 0
 
 
-def _pather(experiment: Path | None) -> Callable[[Path], str]:
+def pather(experiment: Path | None) -> Callable[[Path], str]:
     """How the experiment file names a log: from its own folder, from the current one where it is not written."""
     folder = Path.cwd() if experiment is None else experiment.absolute().parent
 

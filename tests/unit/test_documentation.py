@@ -49,7 +49,11 @@ def commands(text):
 def written(text):
     """Files that a page has its reader write, and those that its commands write."""
     code = "\n".join(block for _, block in FENCE.findall(text))
-    return {*re.findall(r"^# (\w+\.yaml)$", code, re.MULTILINE), *re.findall(r"--(?:propose|output) (\S+)", code)}
+    begun = {f"{name}/{name}.yaml" for name in re.findall(r"^robid init (\w+) ", code, re.MULTILINE)}
+    return begun | {
+        *re.findall(r"^# (\w+\.yaml)$", code, re.MULTILINE),
+        *re.findall(r"--(?:propose|output) (\S+)", code),
+    }
 
 
 @functools.cache

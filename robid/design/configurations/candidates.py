@@ -17,6 +17,8 @@ from robid.robot.model import build_model
 from robid.robot.parameters import FREE, LOGARITHMIC, OF_SPRINGS, RESPONSE_NUISANCE, element_names, viscous_scale
 from robid.robot.response import ElasticParameters, nominal_parameters, response
 
+_ROUNDING = 1e-12
+
 
 @dataclass(frozen=True)
 class ParametersOfInterest:
@@ -141,7 +143,11 @@ def candidate_information(
     result = response(linear, nominal, frequency_hz, sampling_period_s)
     plain = jacobian(linear, nominal, result, wanted.kinds)[..., wanted.columns]
     # d log G / d log p = p (dG / dp) / G: information about log-parameters (Zimmermann et al. 2023, eq. 4).
-    relative = plain * wanted.scales(nominal, sampling_period_s) / result.sampled[..., None]
+    scaled = plain * wanted.scales(nominal, sampling_period_s)
+    # Joints that do not move each other, as lift and elbow of a SCARA, have an element of nothing but rounding.
+    size = np.abs(result.sampled)
+    is_there = size > _ROUNDING * size.max(axis=(-2, -1), keepdims=True)
+    relative = np.divide(scaled, result.sampled[..., None], out=np.zeros_like(scaled), where=is_there[..., None])
     if weights is not None:
         relative = relative * np.sqrt(weights)[..., None]
     rows = relative.reshape(len(configurations), -1, relative.shape[-1]) / relative_error

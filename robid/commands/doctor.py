@@ -1,0 +1,53 @@
+"""Saying whether an installation works, and what would make it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+from rich.markup import escape
+from rich.table import Table
+
+from robid.commands.installation import Check, installation
+from robid.commands.output import print_json
+from robid.commands.shared import PROBLEM
+from robid.commands.trial import backends, identification
+from robid.errors import codes_in
+from robid.pipeline.terminal import Shell, make_console
+from robid.versions import package_versions
+
+_MARKS = {"ok": "ok", "failed": "FAILED", "absent": "-"}
+
+
+def examine_installation(*, as_json: bool) -> int:
+    """Checks packages, backends and a small identification; returns the exit code."""
+    shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet=as_json)
+    checks = list(_checks(shell))
+    failed = [check for check in checks if check.status == "failed"]
+    if as_json:
+        rows = [dataclasses.asdict(check) | {"codes": codes_in(check.text)} for check in checks]
+        print_json({"ok": not failed, "versions": package_versions(), "checks": rows})
+        return PROBLEM if failed else 0
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for title in ("check", "", "found"):
+        table.add_column(title, overflow="fold")
+    for check in checks:
+        remedy = f"; {check.remedy} adds it" if check.status == "absent" else ""
+        table.add_row(*map(escape, (check.name, _MARKS[check.status], check.text + remedy)))
+    shell.out.print(table)
+    for check in failed:
+        shell.warn(f"{check.name}: {check.text}\n  remedy: {check.remedy}")
+    shell.say("\nAll works." if not failed else f"\n{len(failed)} of {len(checks)} checks failed.")
+    return PROBLEM if failed else 0
+
+
+def _checks(shell: Shell) -> Iterator[Check]:
+    """All checks; what computes is only asked where its packages are there."""
+    found = list(installation())
+    yield from found
+    if any(check.status == "failed" for check in found):
+        return
+    shell.note("doctor", "starting a worker of each backend")
+    yield from backends()
+    shell.note("doctor", "identifying a simulated drive")
+    yield identification()
