@@ -65,7 +65,7 @@ plt.legend()
 # ## The model in a configuration that was not measured
 
 # %%
-robot = robid.load_robot("drive/geared_drive.yaml").with_fit(fit)
+robot = robid.load_robot("drive/drive_robot.yaml").with_fit(fit)
 lines = np.geomspace(1, 80, 300)
 somewhere = np.radians([[45.0]])  # one configuration is two-dimensional
 model = robot.response(somewhere, lines)

@@ -1,0 +1,122 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # Your own arm: from URDF to model
+# A URDF or MJCF knows frames, masses and limits, but neither gear ratios, rotor inertias nor springs. `robid init` writes what the model says, and
+# one table of what it cannot say. Needed: `pip install 'robid[notebook]'`.
+#
+# The first cell writes the URDF of an arm of two joints. With one of your own, leave it out.
+
+# %%
+import subprocess
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import robid
+
+URDF = """\
+<robot name="two_joints">
+  <link name="world"/>
+  <link name="upper_arm"><inertial>
+    <origin xyz="0.25 0 0.05"/><mass value="14"/>
+    <inertia ixx="0.08" iyy="0.5" izz="0.5" ixy="0" ixz="0" iyz="0"/>
+  </inertial></link>
+  <link name="forearm"><inertial>
+    <origin xyz="0.2 0 0.03"/><mass value="8"/>
+    <inertia ixx="0.04" iyy="0.2" izz="0.2" ixy="0" ixz="0" iyz="0"/>
+  </inertial></link>
+  <joint name="shoulder" type="revolute">
+    <parent link="world"/><child link="upper_arm"/><origin xyz="0 0 0.4" rpy="-1.5708 0 0"/><axis xyz="0 0 1"/>
+    <limit lower="-1.5" upper="1.5" effort="400" velocity="3"/>
+  </joint>
+  <joint name="elbow" type="revolute">
+    <parent link="upper_arm"/><child link="forearm"/><origin xyz="0.55 0 0.1"/><axis xyz="0 0 1"/>
+    <limit lower="-2.2" upper="2.2" effort="200" velocity="3"/>
+  </joint>
+</robot>
+"""
+Path("two_joints.urdf").write_text(URDF, encoding="utf-8")
+
+
+def robid_command(*words):
+    """Runs a command of robid, and shows what it says."""
+    done = subprocess.run(["robid", *words], capture_output=True, text=True, check=False)
+    print(done.stdout + done.stderr)
+    assert done.returncode == 0
+
+
+# %% [markdown]
+# ## A robot file and an experiment, filled with what the model says
+
+# %%
+robid_command("init", "arm", "--model", "two_joints.urdf")
+
+# %%
+print(Path("arm/arm_robot.yaml").read_text(encoding="utf-8"))
+
+# %% [markdown]
+# ## What nobody could know
+# The table of joints holds typical values, marked as `assumed`. Put in those of your data sheets, and take their names off the list. `robid status`
+# checks both files and computes nothing.
+
+# %%
+robid_command("status", "arm/arm.yaml")
+
+# %% [markdown]
+# ## Which configurations to measure
+# The experiment does this by itself (`designs`). From Python it is one call: which of sixty configurations tell most about springs and dampers, with a
+# certificate of how near the choice is to the best possible.
+
+# %%
+arm = robid.load_robot("arm/arm_robot.yaml")
+candidates = np.random.default_rng(1).uniform([-1.4, -2.1], [1.4, 2.1], (60, 2))
+lines = np.geomspace(2, 80, 40)
+design = robid.choose_configurations(arm, candidates, lines, 6)
+print(np.degrees(candidates[design.chosen]).round())
+print(f"{design.efficiency:.0%} of the best possible")
+
+# %% [markdown]
+# ## Simulate before you measure
+# The run simulates the arm in closed loop, its springs off the file by up to a factor of two, and has to find them.
+
+# %%
+robid_command("run", "arm/arm.yaml", "--backend", "serial")
+
+# %%
+run = robid.open("runs/arm")
+fit = run.fits["elastic"]
+print(fit.sentence)
+print(fit.parameters)
+
+# %% [markdown]
+# ## Resonances over the workspace
+# The fitted robot has a response in any configuration: here the shoulder's own, with the elbow bent more and more.
+
+# %%
+found = arm.with_fit(fit)
+dense = np.geomspace(2, 80, 400)
+for elbow in (0, 60, 120):
+    G = found.response(np.radians([[20.0, elbow]]), dense)
+    plt.loglog(dense, np.abs(G[0, :, 0, 0]), label=f"elbow at {elbow}°")
+plt.xlabel("frequency [Hz]")
+plt.ylabel("acceleration over torque [rad/s² per N m]")
+plt.legend()
+
+# %% [markdown]
+# With the real robot: play `runs/arm/estimation/excitation.h5` (`robid export` writes it for your controller), and `robid init --log` or
+# `robid inspect LOG --propose` writes the campaign that reads your logs.
+
+# %%
+assert fit.grade.value == 2
