@@ -37,7 +37,9 @@ LETTERS = {
     "D": Letter("data", 4, "measured or simulated data", "data.yaml"),
     "A": Letter("artifact", 3, "a file that robid has written, or is to write", "artifacts.yaml"),
     "B": Letter("backend", 3, "what computes: processes, schedulers, workers", "backends.yaml"),
-    "F": Letter("cause of a finding", 5, "what speaks against a result, where its grade is *do not use*", "causes.yaml"),
+    "F": Letter(
+        "cause of a finding", 5, "what speaks against a result, where its grade is *do not use*", "causes.yaml"
+    ),
 }
 
 
@@ -116,6 +118,8 @@ def _shown(one: Explanation) -> str:
     lines = [f"{one.code}  {one.kind}, exit code {one.exit_code}"]
     for name in ("means", "why", "do"):
         head = f"  {name + ':':<7}"
-        shown = textwrap.wrap(getattr(one, name), max(width, 20), initial_indent=head, subsequent_indent=" " * len(head))
+        shown = textwrap.wrap(
+            getattr(one, name), max(width, 20), initial_indent=head, subsequent_indent=" " * len(head)
+        )
         lines += shown
     return "\n".join(lines)
