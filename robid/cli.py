@@ -102,8 +102,11 @@ def _fail(arguments: list[str], message: str, code: int) -> int:
     if "--debug" in arguments:
         typer.echo(traceback.format_exc(), err=True)
     typer.echo(f"robid: {message}", err=True)
+    codes = codes_in(message)
+    if codes and sys.stderr.isatty():
+        typer.echo(f"  `robid explain {codes[0]}` says more", err=True)
     if "--json" in arguments:
-        print_json({"error": message, "codes": codes_in(message), "exit_code": code}, one_line="--stream" in arguments)
+        print_json({"error": message, "codes": codes, "exit_code": code}, one_line="--stream" in arguments)
     return code
 
 
@@ -418,6 +421,21 @@ def check_installation(as_json: AsJson = False, _debug: Debug = False) -> int:
     from robid.commands.doctor import examine_installation
 
     return examine_installation(as_json=as_json)
+
+
+@app.command("explain")
+def explain_codes(
+    codes: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[CODE...]", help="Codes of messages, as S007; without any: what letters stand for."),
+    ] = None,
+    as_json: AsJson = False,
+    _debug: Debug = False,
+) -> int:
+    """Says what the code of a message means, why it stands and what to do."""
+    from robid.commands.explain import explain
+
+    return explain(codes or [], as_json=as_json)
 
 
 @app.command("schema")

@@ -38,6 +38,10 @@ def test_status_imports_nothing_that_only_computing_needs(tmp_path, experiment):
     assert found.isdisjoint(HEAVY)
 
 
+def test_explain_reads_no_settings_of_experiments():
+    assert modules_after(command("explain", "S007")).isdisjoint({*HEAVY, "rich", "robid.settings.experiment"})
+
+
 def test_no_package_of_science_comes_with_the_settings_and_the_families():
     found = modules_after("import robid.models.known")
     assert found.isdisjoint(

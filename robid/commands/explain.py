@@ -1,0 +1,125 @@
+"""Saying what the code of a message means, why it stands and what to do; the texts lie in `robid/explanations/`."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import shutil
+import textwrap
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import typer
+from ruamel.yaml import YAML
+
+from robid.commands.output import print_json
+from robid.errors import SettingsError
+
+_FOLDER = Path(__file__).parents[1] / "explanations"
+_HEADING = re.compile(r"^([SDABF]\d{3}):$", re.MULTILINE)
+_WIDEST = 100
+_NEAR = 3
+
+
+@dataclass(frozen=True)
+class Letter:
+    """What the codes with one letter have in common."""
+
+    kind: str  # Name of the kind of message
+    exit_code: int  # What a command ends with that ends with such a message
+    about: str  # What is wrong, in a phrase
+    file: str  # Where its explanations lie
+
+
+LETTERS = {
+    "S": Letter("settings", 2, "the experiment or robot file, or the command line", "settings.yaml"),
+    "D": Letter("data", 4, "measured or simulated data", "data.yaml"),
+    "A": Letter("artifact", 3, "a file that robid has written, or is to write", "artifacts.yaml"),
+    "B": Letter("backend", 3, "what computes: processes, schedulers, workers", "backends.yaml"),
+    "F": Letter(
+        "cause of a finding", 5, "what speaks against a result, where its grade is *do not use*", "causes.yaml"
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What there is to say of a code."""
+
+    code: str
+    kind: str  # That of its letter
+    exit_code: int  # That of its letter
+    means: str  # What was found
+    why: str  # What would go wrong
+    do: str  # What to do
+
+
+def explain(codes: Sequence[str], *, as_json: bool) -> int:
+    """Prints what codes mean, or without any what their letters stand for; returns the exit code.
+
+    Raises:
+        SettingsError: If there is no such code.
+    """
+    if not codes:
+        _print_letters(as_json=as_json)
+        return 0
+    names = list(dict.fromkeys(code.strip().upper() for code in codes))
+    texts = {letter: read_texts(letter) for letter in sorted({name[:1] for name in names} & LETTERS.keys())}
+    unknown = [name for name in names if f"\n{name}:\n" not in texts.get(name[:1], "")]
+    if unknown:
+        remedy = f"take it from the message, as in `S007`; {_near(unknown[0])}"
+        raise SettingsError(f"S530 no message has the code {', '.join(unknown)}", where="explain", remedy=remedy)
+    found = [explanation(name, texts[name[0]]) for name in names]
+    if as_json:
+        print_json({"explanations": [asdict(one) for one in found]})
+    else:
+        typer.echo("\n\n".join(map(_shown, found)))
+    return 0
+
+
+def read_texts(letter: str) -> str:
+    """The file with the explanations of a letter."""
+    return "\n" + (_FOLDER / LETTERS[letter].file).read_text(encoding="utf-8")
+
+
+def codes_explained(text: str) -> list[str]:
+    """Codes that a file explains, in its order."""
+    return _HEADING.findall(text)
+
+
+def explanation(code: str, text: str) -> Explanation:
+    """What a file says of one of its codes; to read the whole file as YAML takes a second."""
+    begin = text.index(f"\n{code}:\n") + 1
+    end = _HEADING.search(text, begin + 1)
+    entry = YAML(typ="safe", pure=True).load(text[begin : end.start() if end else None])[code]
+    letter = LETTERS[code[0]]
+    return Explanation(code, letter.kind, letter.exit_code, **{key: " ".join(entry[key].split()) for key in entry})
+
+
+def _near(code: str) -> str:
+    """Codes that look like it."""
+    known = [each for letter in LETTERS for each in codes_explained(read_texts(letter))]
+    close = difflib.get_close_matches(code, known, n=_NEAR, cutoff=0.5)
+    return f"near ones: {', '.join(close)}" if close else "`robid explain` lists the letters"
+
+
+def _print_letters(*, as_json: bool) -> None:
+    if as_json:
+        parts = ("kind", "exit_code", "about")
+        print_json({"letters": {key: {part: getattr(one, part) for part in parts} for key, one in LETTERS.items()}})
+        return
+    rows = [f"{key}  {one.kind} (exit code {one.exit_code}): {one.about}" for key, one in LETTERS.items()]
+    typer.echo("\n".join(["Codes of messages begin with a letter; `robid explain CODE` explains one.", *rows]))
+
+
+def _shown(one: Explanation) -> str:
+    width = min(_WIDEST, shutil.get_terminal_size().columns)
+    lines = [f"{one.code}  {one.kind}, exit code {one.exit_code}"]
+    for name in ("means", "why", "do"):
+        head = f"  {name + ':':<7}"
+        shown = textwrap.wrap(
+            getattr(one, name), max(width, 20), initial_indent=head, subsequent_indent=" " * len(head)
+        )
+        lines += shown
+    return "\n".join(lines)
