@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import model_validator
 
 from robid.results.finding import CAUSES
 from robid.settings.base import Name, Section
@@ -109,8 +110,19 @@ class TrustStudy(Section):
     cause_robots: Count = entry("Robots of each of these.", 5)
     cause_places: Count = entry("Random configurations, the first ones, in which these are measured.", 4)
     single: SingleDefects | None = entry("Set C: robots with one defect each, and sound ones.", None)
+    only: Literal["single", "others"] | None = entry(
+        "Set C alone, or all but it: a part of the study; all when not given.", None
+    )
     seeds: TrustSeedChoice = entry("Seeds of the robots.")
     use: Literal["judge", "choose"] = entry("Which of the seeds are used.", "judge")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _leave_out(cls, data: Any) -> Any:  # noqa: ANN401
+        """A part of the study is a study that says nothing of the others."""
+        without = {"single": ("sets", "linear", "causes"), "others": ("single",)}
+        left_out = without.get(str(data.get("only")), ()) if isinstance(data, dict) else ()
+        return {key: value for key, value in data.items() if key not in left_out} if left_out else data
 
     @property
     def chosen(self) -> TrustSeeds:

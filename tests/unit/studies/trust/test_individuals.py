@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robid.settings.yaml import load_yaml
 from robid.studies.settings.study import load_with_study
 from robid.studies.settings.trust import Defects, TrustStudy, drawn_physics, individuals
 
@@ -132,3 +133,15 @@ def test_single_defects_take_turns_in_noise_and_variant_with_sizes_of_their_own(
     assert spring["stiffness_nm_rad"] != 1e5
     assert found[2].physics["truth"]["friction_relative"] == 0.1
     assert all("truth" not in one.physics for one in found[6:])
+
+
+def test_a_part_of_the_study_has_no_robots_of_the_others():
+    text = load_yaml(ROOT / "configs" / "studies" / "trust.yaml").data["study"]
+    whole, single, others = (
+        TrustStudy.model_validate({**text, **changed}) for changed in ({}, {"only": "single"}, {"only": "others"})
+    )
+    kinds = [{one.kind for one in individuals(each)} for each in (whole, single, others)]
+    assert kinds == [{"set", "cause", "linear", "single"}, {"single"}, {"set", "cause", "linear"}]
+    shared = [one for one in individuals(whole) if one.kind != "single"]
+    assert [one.physics for one in shared] == [one.physics for one in individuals(others)]
+    assert min(one.seed for one in individuals(single)) == whole.chosen.first
