@@ -32,6 +32,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 ExperimentFile = Annotated[Path, typer.Argument(metavar="EXPERIMENT.yaml", help="The experiment file.")]
@@ -161,7 +162,7 @@ def _add_stage(stage: Stage) -> None:
         run = _open(experiment, run_dir, backend, workers, scheduler)
         return run_stage(run, stage, owner, inputs or [], output, force=force, strict=strict, as_json=as_json)
 
-    app.command(stage.name, help=stage.does)(command)
+    app.command(stage.name, help=stage.does, short_help=stage.does)(command)
 
 
 for _stage in STAGES:
@@ -466,3 +467,30 @@ def _common(
     ] = False,
 ) -> None:
     pass
+
+
+_EXAMPLES = {
+    "design-configs": "design-configs configs/kr300.yaml",
+    "design-excitation": "design-excitation configs/kr300.yaml --campaign estimation",
+    "simulate-or-acquire": "simulate-or-acquire configs/kr300.yaml --campaign estimation",
+    "estimate-frf": "estimate-frf configs/kr300.yaml --campaign estimation",
+    "fit": "fit configs/kr300.yaml --try load_damping",
+    "validate": "validate configs/kr300.yaml --strict",
+    "report": "report configs/kr300.yaml",
+    "run": "run configs/kr300.yaml --workers 2",
+    "reprocess": "reprocess configs/fleet/robots.csv configs/fleet/arm.yaml",
+    "study": "study configs/studies/frf.yaml",
+    "export": "export configs/kr300.yaml --format mjcf",
+    "compare": "compare configs/kr300.yaml:estimation configs/kr300.yaml:validation",
+    "status": "status configs/kr300.yaml",
+    "upgrade": "upgrade configs/kr300.yaml",
+    "inspect": "inspect bench.mcap --propose bench.yaml",
+    "init": "init first --example drive",
+    "doctor": "doctor",
+    "explain": "explain D184 F020",
+    "schema": "schema --robot",
+}
+for _command in app.registered_commands:
+    # The list of commands would cut what they do at 45 characters.
+    _command.short_help = _command.help = _command.help or str(_command.callback.__doc__)
+    _command.epilog = f"Example: robid {_EXAMPLES[str(_command.name)]}"

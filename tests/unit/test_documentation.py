@@ -11,7 +11,7 @@ import typer
 import robid
 from robid.artifacts.kinds import DESIGN, EXCITATION, FRF, RECORD
 from robid.artifacts.results import MODEL, VALIDATION
-from robid.cli import app
+from robid.cli import app, run_command
 from robid.errors import ArtifactError, DataError, SettingsError
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.known import load_experiment
@@ -237,3 +237,16 @@ def test_sections_of_methods_that_docstrings_cite_have_a_page():
     }
     assert cited
     assert cited <= pages
+
+
+@pytest.mark.parametrize("name", ["", *typer.main.get_command(app).commands])
+def test_help_fits_80_columns_and_ends_with_a_command_that_parses(name, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run_command([*name.split(), "-h"]) == 0
+    text = capsys.readouterr().out
+    assert "..." not in text.partition("\n")[2].replace("FILE...", "").replace("RESPONSE...", "").replace("CODE...", "")
+    assert max(map(len, text.splitlines())) <= 80
+    if name:
+        words = shlex.split(text.rpartition("Example: robid ")[2])
+        assert words[0] == name
+        typer.main.get_command(app).commands[name].make_context(name, words[1:])
