@@ -132,6 +132,7 @@ def test_settings_come_back_and_their_schema_knows_them(shop, case):
     assert type(fit) is imported(case.family.settings)
     content = YAML(typ="safe").load((shop.folder / "small.yaml").read_text())
     content["fits"]["own"] = plain_settings(fit)
+    content["schema_version"] = 1  # inside, configurations count from 0, as in files of version 1
     with (shop.folder / "again.yaml").open("w") as file:
         YAML(typ="safe").dump(content, file)
     assert load_experiment(shop.folder / "again.yaml").experiment.fits["own"] == fit
