@@ -14,9 +14,10 @@ from robid.frf.frf import Frf
 from robid.frf.quality import saturated_signals
 from robid.models.family import Data, Work
 from robid.models.lpv.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
+from robid.models.lpv.fit.channels import channel_indices, local_responses
 from robid.models.lpv.fit.fitting import fit_lpv
 from robid.models.lpv.fit.model import is_outside
-from robid.models.lpv.fit.responses import LocalResponses, local_responses
+from robid.models.lpv.fit.responses import LocalResponses
 from robid.models.lpv.fit.solution import Ports
 from robid.models.lpv.fit.state_space import block_names
 from robid.models.lpv.judge import assess_lpv, validate_lpv
@@ -144,17 +145,7 @@ def _held_back(data: Data, settings: LpvFit) -> BoolArray:
 
 
 def _channels(frf: Frf, settings: LpvFit) -> tuple[IntArray, IntArray]:
-    found = []
-    for wanted, known, word in (
-        (settings.outputs, frf.output_names, "output"),
-        (settings.inputs, frf.input_names, "input"),
-    ):
-        missing = [name for name in wanted if name not in known]
-        if missing:
-            message = f"D178 the response has no {word} `{missing[0]}` (it has {', '.join(known)})"
-            raise DataError(message, where=f"fits.{word}s", remedy="name channels of the response")
-        found.append(np.array([known.index(name) for name in wanted or known]))
-    return found[0], found[1]
+    return channel_indices(frf, settings.outputs, settings.inputs, "fits")
 
 
 def _points(frf: Frf, loaded: LoadedExperiment, settings: LpvFit) -> FloatArray:

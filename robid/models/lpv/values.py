@@ -12,9 +12,10 @@ from robid.arrays import IntArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.frf.quality import saturated_signals
+from robid.models.lpv.fit.channels import channel_indices, local_responses
 from robid.models.lpv.fit.fitting import fit_lpv
 from robid.models.lpv.fit.options import BasisOptions, LpvOptions
-from robid.models.lpv.fit.responses import LocalResponses, local_responses
+from robid.models.lpv.fit.responses import LocalResponses
 from robid.models.lpv.fit.solution import Ports
 from robid.models.lpv.judge import assess_lpv, validate_lpv
 from robid.results.finding import saturation_findings
@@ -58,7 +59,7 @@ def fit_values(
     if held_back.all() or not held_back.any():
         what = "D292 `choose_on` leaves no position to fit, or names none"
         raise DataError(what, where="fit_model(lpv)", remedy=f"name some of the rows 0 to {len(rows) - 1}")
-    seen = _Seen(inputs or responses.input_names, outputs or responses.output_names, _columns(responses, scheduling))
+    seen = _Seen(inputs, outputs, _columns(responses, scheduling))
     own, choosing = (seen.local(responses.select(rows[some].tolist())) for some in (~held_back, held_back))
     solution = fit_lpv(
         own,
@@ -89,23 +90,13 @@ def _columns(frf: Frf, scheduling: Sequence[int] | None) -> IntArray:
 class _Seen:
     """What of a response the model is about."""
 
-    inputs: Sequence[str]  # Names of its inputs
-    outputs: Sequence[str]  # Names of its outputs
+    inputs: Sequence[str]  # Names of its inputs; all when empty
+    outputs: Sequence[str]  # Names of its outputs; all when empty
     columns: IntArray  # (n_scheduling,) Columns of the configurations that schedule
 
     def channels(self, frf: Frf) -> tuple[IntArray, IntArray]:
         """Returns the indices of outputs and inputs in a response."""
-        found = []
-        for wanted, known, word in (
-            (self.outputs, frf.output_names, "output"),
-            (self.inputs, frf.input_names, "input"),
-        ):
-            missing = [name for name in wanted if name not in known]
-            if missing:
-                what = f"D279 the response has no {word} `{missing[0]}` (it has {', '.join(known)})"
-                raise DataError(what, where="fit_model(lpv)", remedy="name channels of the response")
-            found.append(np.array([known.index(name) for name in wanted]))
-        return found[0], found[1]
+        return channel_indices(frf, self.outputs, self.inputs, "fit_model(lpv)")
 
     def local(self, frf: Frf) -> LocalResponses:
         """Returns its elements at the positions of the response."""

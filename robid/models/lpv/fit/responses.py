@@ -7,8 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Quantity, check_shape
-from robid.frf.frf import Frf
+from robid.arrays import BoolArray, ComplexArray, FloatArray, Quantity, check_shape
 from robid.models.lpv.fit.model import Basis, unit_circle
 from robid.models.lpv.fit.state_space import Sizes, resolvent, unpack
 from robid.results.levenberg import Minimum, Normal, minimise
@@ -172,24 +171,6 @@ class LocalResponses:
     def z(self) -> ComplexArray:
         """The lines' points on the unit circle (n_freq,)."""
         return unit_circle(self.frequency_hz, self.sampling_period_s)
-
-
-def local_responses(frf: Frf, points: FloatArray, outputs: IntArray, inputs: IntArray) -> LocalResponses:
-    """Returns some of a response's elements, by their indices, at positions (n_pos, n_scheduling).
-
-    What was not measured is left out; without any covariance the variance is unknown.
-    """
-    place = np.ix_(np.arange(len(frf.response)), np.arange(len(frf.frequency_hz)), outputs, inputs)
-    response, variance = frf.response[place], frf.element_variance()[place]
-    missing = ~np.isfinite(response) | ~np.isfinite(variance)
-    unknown = not variance.any()
-    return LocalResponses(
-        points=points,
-        frequency_hz=frf.frequency_hz,
-        response=np.where(missing, 0, response),
-        variance=None if unknown and not missing.any() else np.where(missing, np.inf, variance),
-        sampling_period_s=frf.sampling_period_s,
-    )
 
 
 def remove_integrators(responses: LocalResponses, integrators: tuple[int, ...]) -> LocalResponses:
