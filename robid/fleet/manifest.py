@@ -17,6 +17,7 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import SettingsError, require_module
+from robid.settings.other_files import SUFFIXES, refuse_binary, unreadable
 from robid.settings.placeholders import Row, Value
 
 ID, ROBOT, GROUP = NAMES = ("id", "robot", "group")
@@ -87,12 +88,17 @@ def wrong_rows(manifest: Manifest, used: Collection[str]) -> Iterator[str]:
 
 def _read_csv(path: Path) -> tuple[tuple[str, ...], list[tuple[str, list[Value]]]]:
     """Columns, and for each row its line and its texts; lines without any text and such columns do not count."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
+    if path.suffix.lower() in SUFFIXES:
+        what = "S523 is a YAML file, where a manifest is asked for: a table, as CSV or Parquet"
         raise SettingsError(
-            f"S039 cannot be read: {error.strerror or error}", where=str(path), remedy=_REMEDY
-        ) from error
+            what, where=str(path), remedy="`robid reprocess MANIFEST.csv EXPERIMENT.yaml`, in this order"
+        )
+    try:
+        content = path.read_bytes()
+        refuse_binary(path, content, "a manifest as CSV or Parquet")
+        text = content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    except OSError as error:
+        raise unreadable(path, error, (".csv", ".parquet", ".pq")) from error
     except UnicodeDecodeError as error:
         remedy = "save it as CSV in UTF-8, or as Parquet with the ending .parquet"
         raise SettingsError("S040 is not a UTF-8 text file", where=str(path), remedy=remedy) from error

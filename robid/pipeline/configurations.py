@@ -102,7 +102,7 @@ def _checked(angles: FloatArray, reach: Reach, key: str) -> FloatArray:
     found = [(index, text) for index, text in enumerate(reach.problems(angles)) if text]
     if not found:
         return angles
-    listed = "\n".join(f"  [{index}]: {text}" for index, text in found[:_SHOWN])
+    listed = "\n".join(f"  configuration {index + 1}: {text}" for index, text in found[:_SHOWN])
     more = f"\n  and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
     what = f"S094 {len(found)} of {counted(len(angles), 'configuration')} are out of reach\n{listed}{more}"
     remedy = "leave them out, or correct the robot file's `floor_m` and limits"

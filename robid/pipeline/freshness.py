@@ -16,6 +16,8 @@ from robid.artifacts.truth import is_truth
 from robid.errors import ArtifactError
 from robid.models.encode import PARAMETER_COLUMNS
 from robid.pipeline.stage import Plan, Stage
+from robid.settings.problems import format_field
+from robid.settings.yaml import FieldPath
 
 if TYPE_CHECKING:
     from robid.settings.load import LoadedExperiment
@@ -122,15 +124,15 @@ def input_hashes(plan: Plan, inputs: Mapping[str, Path]) -> dict[str, str]:
     return made | {name: outside[path] for name, path in plan.files.items() if path in outside}
 
 
-def changed(before: Any, now: Any, name: str = "") -> list[str]:  # noqa: ANN401
+def changed(before: Any, now: Any, field: FieldPath = ()) -> list[str]:  # noqa: ANN401
     """Names the settings that differ, as dotted paths."""
     if isinstance(before, dict) and isinstance(now, dict):
         keys = dict.fromkeys([*before, *now])
-        return [path for key in keys for path in changed(before.get(key), now.get(key), f"{name}.{key}".lstrip("."))]
+        return [path for key in keys for path in changed(before.get(key), now.get(key), (*field, key))]
     if isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
         pairs = enumerate(zip(before, now, strict=True))
-        return [path for index, (old, new) in pairs for path in changed(old, new, f"{name}[{index}]")]
-    return [] if canonical_hash(before) == canonical_hash(now) else [name]
+        return [path for index, (old, new) in pairs for path in changed(old, new, (*field, index))]
+    return [] if canonical_hash(before) == canonical_hash(now) else [format_field(field)]
 
 
 def _differing(made: Provenance, plan: Plan, inputs: Mapping[str, Path]) -> list[str]:

@@ -17,7 +17,8 @@ from robid.settings.checks.robot import check_robot
 from robid.settings.checks.values import absurd, missing_keys
 from robid.settings.experiment import Experiment, experiment_type
 from robid.settings.fits import Families
-from robid.settings.numbering import counted_from_zero
+from robid.settings.numbering import counted_from_zero, of_known_version
+from robid.settings.other_files import refuse_other_settings
 from robid.settings.placeholders import Row, fill, refuse_placeholders
 from robid.settings.problems import SettingsProblem, problem_at, raise_problems, validate_document
 from robid.settings.robot import RobotFile, UnknownRobot
@@ -178,9 +179,11 @@ def _require(model: _Model | None, problems: list[SettingsProblem]) -> _Model:
 def _load(
     families: Families, document: Document, studies: Studies | None, read: RobotReader
 ) -> tuple[LoadedExperiment | None, list[SettingsProblem]]:
+    refuse_other_settings(document.path, document.data, "experiment")
+    document, unversioned = of_known_version(document)
     document, miscounted = counted_from_zero(document)
     experiment, problems = _validated(families, document, Any if studies is None else studies.settings)
-    problems = [*miscounted, *problems]
+    problems = [*unversioned, *miscounted, *problems]
     robot, robot_problems = _named_robot(document, read)
     if experiment is not None and robot is not None:
         experiment = with_sides(experiment, robot)
@@ -209,9 +212,9 @@ def _validated(
 
 
 def _named_robot(document: Document, read: RobotReader) -> tuple[RobotFile | None, list[SettingsProblem]]:
-    if "robot" not in document.data:
+    name = document.data.get("robot")
+    if name is None:
         return UnknownRobot(name=str(document.data.get("name"))), []
-    name = document.data["robot"]
     if not isinstance(name, str):
         return None, []
     try:
@@ -222,6 +225,13 @@ def _named_robot(document: Document, read: RobotReader) -> tuple[RobotFile | Non
 
 
 def _checked_robot(document: Document) -> tuple[RobotFile | None, list[SettingsProblem]]:
+    refuse_other_settings(document.path, document.data, "robot")
+    document, unversioned = of_known_version(document)
+    robot, problems = _checked_model(document)
+    return robot, [*unversioned, *problems]
+
+
+def _checked_model(document: Document) -> tuple[RobotFile | None, list[SettingsProblem]]:
     robot, problems = validate_document(RobotFile, document)
     if robot is None:
         return None, [*problems, *missing_keys(document)]

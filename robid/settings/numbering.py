@@ -12,12 +12,14 @@ from copy import deepcopy
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from robid.errors import SettingsError
 from robid.settings.problems import SettingsProblem, problem_at
 
 if TYPE_CHECKING:
     from robid.settings.yaml import Document, FieldPath
 
 NEWEST = 2
+_KEY = "schema_version"
 COUNTED = (
     ("fits", "*", "configurations"),
     ("fits", "*", "choose_on"),
@@ -25,6 +27,29 @@ COUNTED = (
     ("study", "mistakes", "*", "swapped"),
 )
 """Lists of an experiment file that hold numbers of configurations; a star stands for any name."""
+
+
+def of_known_version(document: Document) -> tuple[Document, list[SettingsProblem]]:
+    """Returns a file that says a version that there is, for further checks, and what is wrong with the one it says.
+
+    Raises:
+        SettingsError: If it is of a newer version, of which nothing else can be said.
+    """
+    stated = document.data.get(_KEY)
+    if isinstance(stated, int) and not isinstance(stated, bool):
+        if 1 <= stated <= NEWEST:
+            return document, []
+        if stated > NEWEST:
+            what = f"S521 `{_KEY}: {stated}` is newer than this robid reads, which is {NEWEST}"
+            where = f"{document.path}:{document.line((_KEY,))}"
+            remedy = f"install the robid that it was written for, or write it for `{_KEY}: {NEWEST}`"
+            raise SettingsError(what, where=where, remedy=remedy)
+    # A 0 among its numbers shows that they count from 0.
+    meant = 1 if any(0 in numbers for _, numbers in numbered_lists(document.data)) else NEWEST
+    found = "S522 is missing" if stated is None else f"S522 `{stated!r}` is no version"
+    told = f"{found}: write `{_KEY}: {meant}`, in which configurations count from {counts_from(meant)}"
+    known = replace(document, data={**document.data, _KEY: meant})
+    return known, [problem_at(document, (_KEY,), told)]
 
 
 def counts_from(version: int) -> int:
@@ -49,7 +74,7 @@ def _below(data: Any, pattern: tuple[str, ...], place: FieldPath) -> Iterator[tu
 
 def counted_from_zero(document: Document) -> tuple[Document, list[SettingsProblem]]:
     """Returns an experiment file whose numbers of configurations count from 0, and those that there cannot be."""
-    if document.data.get("schema_version") != NEWEST:
+    if document.data.get(_KEY) != NEWEST:
         return document, []
     data, problems = deepcopy(document.data), []
     for place, numbers in numbered_lists(data):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -20,7 +21,9 @@ Found: TypeAlias = Iterator[tuple[FieldPath, str]]
 
 _Model = TypeVar("_Model", bound=BaseModel)
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
-_REMEDY = "correct the file; `robid schema` prints every key with its meaning"
+_REMEDY = "correct the file"
+_OF_KEYS = "`robid schema` prints every key with its meaning"
+_ABOUT_KEYS = re.compile(r"\bS38[0-6]\b")
 _LONGEST_VALUE = 60
 
 
@@ -43,8 +46,8 @@ def problem_at(document: Document, field: FieldPath, message: str) -> SettingsPr
 
 
 def format_field(field: FieldPath) -> str:
-    """Writes a path as `joints[0].motor.gear_ratio`."""
-    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in field)
+    """Writes a path as `joints[1].motor.gear_ratio`; entries of lists count from 1, as all that a user is shown."""
+    text = "".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in field)
     return text.removeprefix(".")
 
 
@@ -58,7 +61,8 @@ def raise_problems(problems: Sequence[SettingsProblem]) -> None:
         return
     files = list(dict.fromkeys(problem.file for problem in problems))
     ordered = sorted(dict.fromkeys(problems), key=lambda problem: (files.index(problem.file), problem.line))
-    raise SettingsError("\n".join(str(problem) for problem in ordered), remedy=_REMEDY)
+    told = "\n".join(str(problem) for problem in ordered)
+    raise SettingsError(told, remedy=f"{_REMEDY}; {_OF_KEYS}" if _ABOUT_KEYS.search(told) else _REMEDY)
 
 
 def suggest(wrong: str, known: Iterable[str]) -> str:

@@ -17,6 +17,7 @@ from ruamel.yaml.scalarbool import ScalarBoolean
 from ruamel.yaml.scanner import Scanner
 
 from robid.errors import SettingsError
+from robid.settings.other_files import refuse_binary, refuse_other_text, unreadable
 
 FieldPath: TypeAlias = tuple[str | int, ...]
 
@@ -57,17 +58,19 @@ def read_text(path: Path) -> str:
         SettingsError: If it cannot be read.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        content = path.read_bytes()
     except OSError as error:
-        raise SettingsError(
-            f"S333 cannot be read: {error.strerror or error}", where=str(path), remedy="check the path"
-        ) from error
+        raise unreadable(path, error) from error
+    try:
+        refuse_binary(path, content)
+        return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         raise SettingsError("S334 is not a UTF-8 text file", where=str(path), remedy="save it as UTF-8") from error
 
 
 def parse_yaml(path: Path, text: str) -> Document:
     """Reads the text of a YAML file, see `load_yaml`."""
+    refuse_other_text(path, text)
     try:
         yaml = YAML(typ="rt")
         # Nobody asks for comments here, and keeping them takes a third of the time of reading.
@@ -79,7 +82,8 @@ def parse_yaml(path: Path, text: str) -> Document:
         raise _syntax_error(path, error) from error
     if not isinstance(tree, CommentedMap):
         found = "S335 is empty" if tree is None else "S336 must hold `key: value` lines, not a list or a single value"
-        raise SettingsError(found, where=f"{path}:1", remedy="start from one of the examples in `configs/`")
+        remedy = "`robid init NAME --example drive` writes a robot and an experiment to begin with"
+        raise SettingsError(found, where=f"{path}:1", remedy=remedy)
     return Document(path, _mapping(path, tree), tree)
 
 

@@ -152,6 +152,6 @@ def test_the_collocated_motion_is_the_motors(case):
     assert places == [("drive", "enc1_mm"), ("drive.arm", "enc2_mm")]
     answer = folder.robid("run", "own.yaml")
     assert answer.code == 2  # what a volt of the amplifier stands for is not in the log
-    assert "inputs[0].unit" in answer.err
+    assert "inputs[1].unit" in answer.err
     (folder.folder / "own.yaml").write_text(text.replace("unit: V", "unit: N, scale: 1"))
     assert folder.robid("run", "own.yaml").code == 0

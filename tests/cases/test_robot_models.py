@@ -71,8 +71,8 @@ def test_gravity_of_an_mjcf_is_taken_and_told(case):
         ("e_tri.yaml", ["`l2`", "principal moments", "model"]),
         ("e_tri_balance.yaml", ["`l2`", "principal moments", "balanceinertia"]),
         ("e_zeroM.yaml", ["`l2`", "no mass"]),
-        ("e_limswap.yaml", ["joints[0].limits_deg", "`j1`", "exchanged"]),
-        ("e_revlim0.yaml", ["joints[0].limits_deg", "`j1`", "both limits are 0"]),
+        ("e_limswap.yaml", ["joints[1].limits_deg", "`j1`", "exchanged"]),
+        ("e_revlim0.yaml", ["joints[1].limits_deg", "`j1`", "both limits are 0"]),
         ("e_xacro.yaml", ["xacro", "expanded"]),
     ],
 )
@@ -120,7 +120,7 @@ def test_an_axis_that_is_all_rotor_is_asked_for_its_share(case):
     bench = case("massless_axis")
     answer = bench.robid("status", "e.yaml")
     assert answer.code == 2
-    assert "joints[0].link.inertia_kgm2" in answer.flat
+    assert "joints[1].link.inertia_kgm2" in answer.flat
     share = re.search(r"`inertia_kgm2: (\{.*?\})`", answer.flat)[1]
     change(bench.folder / "robot.yaml", "{xx: 0, yy: 0, zz: 0}", share)
     change(bench.folder / "robot.yaml", "inertia_kgm2: 2.0e-4", "inertia_kgm2: 1.0e-4")

@@ -7,7 +7,7 @@ def test_a_force_of_a_revolute_joint_is_refused_and_a_torque_is_taken(case):
     found = case("revolute_in_newton")
     answer = found.robid("status", "e_force.yaml")
     assert answer.code == 2, answer.err
-    assert "inputs[0].unit" in answer.flat
+    assert "inputs[1].unit" in answer.flat
     assert "`t1` is in N, but `j1` is revolute" in answer.flat
     wanted = re.search(r"its torque is in ([^,]+),", answer.flat)[1]
     assert found.robid("run", "e_force.yaml").code == 2

@@ -28,7 +28,7 @@ def refuse(shop, code, *texts, command=("run", "small.yaml")):
     [
         ("periods: 2", "perods: 2", ("small.yaml:12", "campaigns.estimation.perods", "did you mean `periods`?")),
         ("count: 2}", "count: many}", ("designs.best.count", "found 'many'")),
-        ("[[20, 30]]", "[[20, 130]]", ("list_deg[0][1]", "130 deg is unreachable", "from -60 to 100 deg")),
+        ("[[20, 30]]", "[[20, 130]]", ("list_deg[1][2]", "130 deg is unreachable", "from -60 to 100 deg")),
         ("high_hz: 80", "high_hz: 600", ("campaigns.estimation.excitation", "Nyquist frequency 500 Hz")),
         ("from: estimation", "from: estimatoin", ("fits.elastic.from", "did you mean `estimation`?")),
         ("validate_on: validation", "validate_on: estimation", ("fits.elastic.validate_on", "S198")),
@@ -242,7 +242,7 @@ def test_whoever_needs_a_limit_names_it(shop):
         shop.change("      max_speed_rad_s: 400\n", "", "arm.yaml")
     shop.change("count: 2}", "count: 2, cost: travel}")
     texts = (
-        "campaigns.estimation.source: S144 a simulation needs the robot file's `joints[0].motor.max_speed_rad_s`",
+        "campaigns.estimation.source: S144 a simulation needs the robot file's `motor.max_speed_rad_s` of turn, lift",
         "designs.best.cost: S",
     )
     refuse(shop, 2, *texts)
@@ -309,5 +309,5 @@ def test_a_rigid_model_and_what_is_wrong_with_it_come_at_once(shop):
     robot.write_text(
         "\n".join([*kept, "model: arm.xml", "total_mass_kg: 3"]).replace("gear_ratio: 100", "gear_ratio: 0", 1)
     )
-    texts = ("S317", "joints[0].motor.gear_ratio: S295 0 is implausible")
+    texts = ("S317", "joints[1].motor.gear_ratio: S295 0 is implausible")
     refuse(shop, 2, *texts)

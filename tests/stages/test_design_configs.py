@@ -258,7 +258,7 @@ def refused(shop, code, *texts, command=("run", "design.yaml")):
     [
         ("best: {campaign: candidates, count: 7}", ("designs.best.count", "S160 cannot choose 7 of the 6")),
         ("best: {campaign: candidates, free: [stiffness], nuisance: [stiffness]}", ("nuisance", "name each kind once")),
-        ("best: {campaign: candidates, fixed: [gear_tern.stiffness]}", ("fixed[0]", "gear_turn.stiffness")),
+        ("best: {campaign: candidates, fixed: [gear_tern.stiffness]}", ("fixed[1]", "gear_turn.stiffness")),
         ("best: {campaign: candidates, prior: earlyer}", ("designs.best.prior", "did you mean `earlier`?")),
         (
             "best: {campaign: candidates, free: [motor_inertia], prior: earlier}",
@@ -321,7 +321,7 @@ CHOOSE = ("design-configs", "design.yaml", "--design", "best")
                 "do not depend on: gear_turn.stiffness; gear_lift.stiffness",
             ),
         ),
-        ("{list_deg: [[0, -50], [0, 30]]}", "count: 1", 2, ("out of reach", "[0]: it reaches")),
+        ("{list_deg: [[0, -50], [0, 30]]}", "count: 1", 2, ("out of reach", "configuration 1: it reaches")),
         (
             "{random: {count: 6, seed: 1}}",
             "count: 2, cost: travel, budget: 1",

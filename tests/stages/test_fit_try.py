@@ -110,13 +110,13 @@ def test_trying_belongs_to_fits_that_are_there(loaded, workshop, tmp_path, monke
 def test_an_unknown_name_in_a_file_is_one_message_on_its_line(workshop, tmp_path, monkeypatch):
     shop = workshop(tmp_path, monkeypatch)
     shop.change("starts: 2}", "starts: 2, free: [stiffness, mass.lift]}")
-    shop.refuse(2, "small.yaml:", "fits.elastic.free[1]", "`mass.lift`", "did you mean `lift.mass`")
+    shop.refuse(2, "small.yaml:", "fits.elastic.free[2]", "`mass.lift`", "did you mean `lift.mass`")
 
 
 def test_a_spring_s_name_that_frees_nothing_is_refused_with_what_may_be_meant(workshop, tmp_path, monkeypatch):
     shop = workshop(tmp_path, monkeypatch)
     shop.change("starts: 2}", "starts: 2, free: [payload, gear_lift]}")
-    shop.refuse(2, "fits.elastic.free[1]", "of `gear_lift` are free anyway; leave it out", "`gear_lift.hysteresis`")
+    shop.refuse(2, "fits.elastic.free[2]", "of `gear_lift` are free anyway; leave it out", "`gear_lift.hysteresis`")
 
 
 def test_nuisances_of_which_the_data_say_nothing_are_freed_with_the_others(shop):

@@ -239,7 +239,7 @@ def test_volts_are_mapped_with_a_scale_to_fill_in(shop):
     assert answer.code == 2
     assert answer.err.count("what one `V` stands for") == text.count("unit: V") == 2
     assert "scale" in answer.err
-    assert "inputs[0].unit" in answer.err
+    assert "inputs[1].unit" in answer.err
     (shop.folder / "volts.yaml").write_text(filled_in(text))
     acquire = load_experiment(shop.folder / "volts.yaml").experiment.campaigns["log"].source.acquire
     assert [one.variable for one in acquire.inputs] == ["cmd [V]"]

@@ -69,10 +69,10 @@ def test_a_validation_outside_the_range_is_refused(made):
         (
             "inputs: [turn]",
             "inputs: [turn, torn]",
-            "fits.own.inputs[1]: S076 campaign `estimation` has no input `torn`",
+            "fits.own.inputs[2]: S076 campaign `estimation` has no input `torn`",
         ),
-        ("inputs: [turn]", "inputs: [turn, turn]", "fits.own.inputs[1]: S077 `turn` is there twice"),
-        ("choose_on: [4]", "choose_on: [4, 8]", "fits.own.choose_on[1]: S081 there is no configuration 8"),
+        ("inputs: [turn]", "inputs: [turn, turn]", "fits.own.inputs[2]: S077 `turn` is there twice"),
+        ("choose_on: [4]", "choose_on: [4, 8]", "fits.own.choose_on[2]: S081 there is no configuration 8"),
         ("choose_on: [4]", "choose_on: [1, 2, 3, 4]", "S082"),
         ("choose_on: [4]", "choose_on: estimation", "names the only campaign in `from`"),
         ("choose_on: [4]", "choose_on: validation", "S078"),

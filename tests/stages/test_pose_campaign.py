@@ -175,8 +175,8 @@ def test_a_killed_simulation_goes_on_where_it_was(poses, monkeypatch):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("channels: [X, R, A]", "channels: [X, R, Q]", ("excitation.channels[2]", "no channel `Q`")),
-        ("channels: [X, R, A]", "channels: [X, R, A, X]", ("excitation.channels[3]", "`X` is there twice")),
+        ("channels: [X, R, A]", "channels: [X, R, Q]", ("excitation.channels[3]", "no channel `Q`")),
+        ("channels: [X, R, A]", "channels: [X, R, A, X]", ("excitation.channels[4]", "`X` is there twice")),
         ("amplitude_mm: {X: 5, R: 4}", "amplitude_mm: {X: 5}", ("excitation.amplitude_mm", "lacks R")),
         (
             "amplitude_mm: {X: 5, R: 4}",
@@ -200,16 +200,16 @@ def test_wrong_settings_of_a_campaign_are_told(poses, old, new, words):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("external_axes: [rail]", "external_axes: [shoulder]", ("external_axes[0]", "S111", "rail")),
-        ("external_axes: [rail]", "external_axes: [track]", ("external_axes[0]", "no joint `track`")),
-        ("external_axes: [rail]", "external_axes: [rail, shoulder]", ("external_axes[1]", "`shoulder` is revolute")),
+        ("external_axes: [rail]", "external_axes: [shoulder]", ("external_axes[1]", "S111", "rail")),
+        ("external_axes: [rail]", "external_axes: [track]", ("external_axes[1]", "no joint `track`")),
+        ("external_axes: [rail]", "external_axes: [rail, shoulder]", ("external_axes[2]", "`shoulder` is revolute")),
         (
             "sampling_period_s: 0.012",
             "sampling_period_s: 0.011",
             ("pose_interface.sampling_period_s", "whole multiple"),
         ),
         ("pose_interface:", "# ", ("excitation.signal", "S119")),
-        ("max_torque_nm: 3,", "", ("joints[3].motor.max_torque_nm",)),
+        ("max_torque_nm: 3,", "", ("S144", "`motor.max_torque_nm` of ")),
     ],
 )
 def test_wrong_settings_of_the_interface_are_told(poses, old, new, words):

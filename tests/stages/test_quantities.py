@@ -109,7 +109,7 @@ def test_every_log_of_a_recording_counts_for_staleness(bench):
     bench.change("realizations: 1", "realizations: 2", "bench.yaml")
     bench.change("told_{realization}.mat", "told_1.mat", "bench.yaml")
     bench.refuse(
-        2, "inputs[0].file: S235 there is one log for each of 2 realizations", command=("status", "bench.yaml")
+        2, "inputs[1].file: S235 there is one log for each of 2 realizations", command=("status", "bench.yaml")
     )
 
 

@@ -121,11 +121,11 @@ def test_what_needs_motors_says_so_in_status(sensed, old, new, field):
 @pytest.mark.parametrize(
     ("old", "new", "field"),
     [
-        ("TURN", "rigid: true", "joints[0].motor"),
-        ("TURN", f"{MOTOR}\n    {SENSOR}", "joints[0].motor"),
-        ("TURN", f"{SENSOR}\n    couplings: {{lift: 0.01}}", "joints[0].couplings"),
-        ("TURN", f"rigid: true\n    {MOTOR}\n    couplings: {{lift: 0.01}}", "joints[0].couplings.lift"),
-        ("TURN", f"{SENSOR}\n    gear: {{stiffness_nm_rad: 1e4, damping_nms_rad: 1}}", "joints[0].gear"),
+        ("TURN", "rigid: true", "joints[1].motor"),
+        ("TURN", f"{MOTOR}\n    {SENSOR}", "joints[1].motor"),
+        ("TURN", f"{SENSOR}\n    couplings: {{lift: 0.01}}", "joints[1].couplings"),
+        ("TURN", f"rigid: true\n    {MOTOR}\n    couplings: {{lift: 0.01}}", "joints[1].couplings.lift"),
+        ("TURN", f"{SENSOR}\n    gear: {{stiffness_nm_rad: 1e4, damping_nms_rad: 1}}", "joints[1].gear"),
     ],
 )
 def test_a_robot_file_that_contradicts_its_sensors_is_refused(sensed, old, new, field):

@@ -69,7 +69,7 @@ def test_models_of_every_individual_are_fitted_judged_and_stepped(study):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("estimation: [estimation_1,", "estimation: [estimation_3,", "study.estimation[0]: there is no campaign"),
+        ("estimation: [estimation_1,", "estimation: [estimation_3,", "study.estimation[1]: there is no campaign"),
         ("validation: [validation_1, validation_2]", "validation: [validation_1]", "one for each"),
         ("validation: [validation_1, validation_2]", "validation: [validation_2, validation_1]", "S393"),
         ("guess: {configurations: [3, 4]}", "guess: {configurations: [3, 30]}", "there are 10 configurations"),

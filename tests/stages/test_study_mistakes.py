@@ -207,7 +207,7 @@ def test_a_fit_that_reads_records_is_read_as_one_shot(units):
             "fit: rigid\n        torque",
             "study.units.robots.drive.fit: there is no fit `rigid`",
         ),
-        ("{friction: tanh}", "{frickion: tanh}", "study.units.robots.drive.variants[0].imperfections.frickion"),
+        ("{friction: tanh}", "{frickion: tanh}", "study.units.robots.drive.variants[1].imperfections.frickion"),
         ("180/pi, same", "180/pi, log: {drive: [angle, arm]}, same", "S390"),
         ("same: {drive: ", "same: {drove: ", "there is no robot `drove`"),
         (

@@ -110,7 +110,7 @@ def test_a_robot_file_without_limits_and_a_campaign_with_blocks_are_told(swing):
     swing.change("realizations: 2", "realizations: 2\n    experiments: 1", FILE)
     answer = swing.robid("design-excitation", FILE)
     assert answer.code == 2
-    assert "joints[0].motor.max_torque_nm" in answer.flat
+    assert "`motor.max_torque_nm` of lift, bend" in answer.flat
     assert "experiments: S179" in answer.flat
 
 

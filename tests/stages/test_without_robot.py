@@ -103,11 +103,16 @@ LISTED = "        inputs:\n"
 @pytest.mark.parametrize(
     ("old", "new", "place", "what"),
     [
-        (NEAR, f"{NEAR}    configurations: {{list_deg: [[1]]}}\n", "configurations", "S149"),
+        (NEAR, f"{NEAR}    configurations: {{list_deg: [[1]]}}\n", "campaigns.chirps.configurations", "S147"),
         (NEAR, f"{NEAR}    payload_kg: 3\n", "payload_kg", "S150"),
         (NEAR, f"{NEAR}    estimate: {{compensation: nominal}}\n", "estimate.compensation", "S152"),
-        ("family: inertia", "family: rigid", "fits.own.family", "a fit of family `rigid` needs `robot`"),
-        ("fits:\n", "designs: {best: {campaign: chirps, count: 1}}\nfits:\n", "designs.best", "needs `robot`"),
+        ("family: inertia", "family: rigid", "robot: S147 is missing", "`fits.own` (family rigid)"),
+        (
+            "fits:\n",
+            "designs: {best: {campaign: chirps, count: 1}}\nfits:\n",
+            "robot: S147 is missing",
+            "`designs.best`",
+        ),
         ("low_hz: 0.5", "low_hz: 60", "campaigns.chirps.excitation", "60"),
         (LISTED, f"        references: [{{name: X, variable: sol_x}}]\n{LISTED}", "references", "needs `robot`"),
     ],
@@ -120,7 +125,7 @@ def test_what_needs_a_robot_is_said_with_its_place(logs, old, new, place, what):
 def test_a_simulation_needs_a_robot(logs):
     text = EXPERIMENT[: EXPERIMENT.index("    source:")] + "    source: {simulate: {seed: 1}}\n"
     (logs.folder / "small.yaml").write_text(text)
-    logs.refuse(2, "campaigns.chirps.source", "a simulation needs `robot`")
+    logs.refuse(2, "robot: S147 is missing", "`campaigns.chirps.source` (a simulation)")
 
 
 def test_a_robot_that_is_named_must_be_there(logs):

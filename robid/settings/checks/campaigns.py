@@ -112,6 +112,7 @@ def _payload(field: FieldPath, extra_kg: float, campaign: Campaign, robot: Robot
         yield field, "S143 a payload on springs needs some mass"
 
 
+_SHOWN_NEEDS = 3
 SPEED, TORQUE = "max_speed_rad_s", "max_torque_nm"
 
 
@@ -132,40 +133,53 @@ def check_limits(experiment: Experiment, robot: RobotFile) -> Found:
 
 def missing_limits(field: FieldPath, what: str, robot: RobotFile, keys: tuple[str, ...]) -> Found:
     """Yields which of these keys of the motors are missing, after who needs them."""
-    places = [
-        f"joints[{index}].motor.{key}"
-        for index, joint in enumerate(robot.joints)
-        for key in keys
-        if joint.motor is not None and getattr(joint.motor, key) is None
-    ]
-    if places:
-        yield field, f"S144 {what} the robot file's {', '.join(f'`{place}`' for place in places)}: missing"
+    motors = [(joint.name, joint.motor) for joint in robot.joints if joint.motor is not None]
+    lacking = {key: [name for name, motor in motors if getattr(motor, key) is None] for key in keys}
+    if any(lacking.values()):
+        told = " and ".join(f"`motor.{key}` of {', '.join(names)}" for key, names in lacking.items() if names)
+        yield field, f"S144 {what} the robot file's {told}: missing"
 
 
 def check_without_robot(experiment: Experiment, families: Families) -> Found:
-    """Yields what needs the robot file that an experiment does not name; nothing where it names one."""
+    """Yields what needs the robot file that an experiment does not name; nothing where it names one.
+
+    Where something cannot be without a robot, the file was forgotten: that is told once, and nothing that follows.
+    """
     if experiment.robot is not None:
+        return
+    needs = needs_of_robot(experiment, families)
+    if needs:
+        more = f" and {len(needs) - _SHOWN_NEEDS} more" if len(needs) > _SHOWN_NEEDS else ""
+        told = f"{', '.join(needs[:_SHOWN_NEEDS])}{more}"
+        yield ("robot",), f"S147 is missing: name the robot file here. It is needed by {told}"
         return
     for name, campaign in experiment.campaigns.items():
         for below, message in _campaign(campaign):
             yield ("campaigns", name, *below), message
-    for name in experiment.designs:
-        yield ("designs", name), "S145 a choice of configurations needs `robot`"
-    for name, fit in experiment.fits.items():
-        if families[fit.family].needs_robot:
-            yield ("fits", name, "family"), f"S146 a fit of family `{fit.family}` needs `robot`"
+
+
+def needs_of_robot(experiment: Experiment, families: Families) -> list[str]:
+    """Lists what of an experiment cannot be without a robot file, each with the reason."""
+    needs = []
+    for name, campaign in experiment.campaigns.items():
+        if campaign.source is None:
+            needs.append(f"`campaigns.{name}` (without `source`)")
+        elif campaign.source.simulate is not None:
+            needs.append(f"`campaigns.{name}.source` (a simulation)")
+        elif campaign.configurations is not None:
+            needs.append(f"`campaigns.{name}.configurations` (joint angles; logs alone go without)")
+    needs += [f"`designs.{name}` (a choice of configurations)" for name in experiment.designs]
+    wanting = ((name, fit.family) for name, fit in experiment.fits.items() if families[fit.family].needs_robot)
+    return [*needs, *(f"`fits.{name}` (family {family})" for name, family in wanting)]
 
 
 def _campaign(campaign: Campaign) -> Found:
     acquire = None if campaign.source is None else campaign.source.acquire
     if acquire is None:
-        what = "an excitation" if campaign.source is None else "a simulation"
-        yield ("source",), f"S147 {what} needs `robot`: without one, a campaign is imported from logs (`acquire`)"
-    elif acquire.references and not (acquire.one_shot or campaign.is_arbitrary):
+        return
+    if acquire.references and not (acquire.one_shot or campaign.is_arbitrary):
         message = "S148 a match with an excitation designed here needs `robot`: name what drives it under `inputs`"
         yield ("source", "acquire", "references"), message
-    if campaign.configurations is not None:
-        yield ("configurations",), "S149 are joint angles, which need `robot`: leave them out"
     if campaign.payload_kg is not None:
         yield ("payload_kg",), "S150 is carried by a `robot`: leave it out"
     if campaign.is_trajectory:

@@ -249,6 +249,6 @@ def _speeds(robot: RobotFile) -> Iterator[str]:
             unit, factor = fits[0]
             turns = speed * 30 / math.pi
             yield (
-                f"{robot.name}: joints[{index}].motor.max_speed_rad_s: {speed:g} rad/s is {turns:.3g} rpm,"
+                f"{robot.name}: joints[{index + 1}].motor.max_speed_rad_s: {speed:g} rad/s is {turns:.3g} rpm,"
                 f" more than motors of robots turn; {speed:g} {unit} would be {speed * factor:.4g} rad/s"
             )

@@ -11,7 +11,13 @@ from robid.design.excitation.options import ArbitraryOptions, PoseChirpOptions, 
 from robid.errors import SettingsError
 from robid.later import later
 from robid.settings.checks.beyond_motors import check_experiment_of_sensed, check_pose_campaign
-from robid.settings.checks.campaigns import check_designs, check_limits, check_truth, check_without_robot
+from robid.settings.checks.campaigns import (
+    check_designs,
+    check_limits,
+    check_truth,
+    check_without_robot,
+    needs_of_robot,
+)
 from robid.settings.checks.configurations import check_cycles, check_reachable, configuration_count, named_designs
 from robid.settings.checks.logs import check_channels, check_handed_on, check_logs
 from robid.settings.experiment import Campaign, Experiment
@@ -47,6 +53,8 @@ def check_experiment(
     studies: Studies | None = None,
 ) -> list[SettingsProblem]:
     """Returns everything that is wrong across an experiment; what needs the robot is left out without one."""
+    if experiment.robot is None and needs_of_robot(experiment, families):
+        robot = None  # it was forgotten, and what follows from that is not told
     folders = [name for name in experiment.campaigns if name in _FOLDERS]
     found: list[Iterable[tuple[FieldPath, str]]] = [
         ((("campaigns", name), f"S176 `{name}` is a folder of every run: name it otherwise") for name in folders),

@@ -34,7 +34,7 @@ def test_a_differential_without_its_minus_names_both_motors(tmp_path, rounded):
     assert "`a1`" in found
     assert "`a2`" in found
     assert "`a0`" not in found
-    assert "joints[1].couplings" in found
+    assert "joints[2].couplings" in found
 
 
 def test_unequal_gears_and_a_slide_do_not_hide_it(tmp_path):

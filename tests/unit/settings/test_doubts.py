@@ -42,9 +42,9 @@ def test_a_joint_s_nuisances_go_before_the_robot_s_and_those_before_the_defaults
 @pytest.mark.parametrize(
     ("joint", "robot", "message"),
     [
-        ("    doubts: {com_m: -0.1}", "", r"joints\[1\]\.doubts\.com_m: S383"),
+        ("    doubts: {com_m: -0.1}", "", r"joints\[2\]\.doubts\.com_m: S383"),
         ("", "doubts: {mass_std: 0.1}", "doubts.mass_std: S380"),
-        ("    doubts: {payload_com_m: 0.1}", "", r"joints\[1\]\.doubts\.payload_com_m: S380"),
+        ("    doubts: {payload_com_m: 0.1}", "", r"joints\[2\]\.doubts\.payload_com_m: S380"),
     ],
 )
 def test_nuisances_that_make_no_sense_are_named(tmp_path, joint, robot, message):

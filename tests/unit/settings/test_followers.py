@@ -128,13 +128,13 @@ def test_a_follower_that_carries_the_next_joint_or_is_not_linear_has_no_remedy_t
 
 def test_a_joint_that_follows_is_not_driven_by_a_motor(tmp_path):
     told = "\n".join(refused(written(tmp_path, joints=(*JOINTS, "level"))))
-    assert "joints[2].name: S323 joint `level` follows `elbow`" in told
+    assert "joints[3].name: S323 joint `level` follows `elbow`" in told
 
 
 def test_a_loop_link_that_turns_otherwise_than_the_model_is_refused(tmp_path):
     (told,) = refused(written(tmp_path))
     (found,) = refused(written(tmp_path, more=remedy(told).replace("turns: {elbow: -1.5}", "turns: {elbow: -1}")))
-    assert "loop_links[0].turns" in found
+    assert "loop_links[1].turns" in found
     assert "-1.5" in found
 
 

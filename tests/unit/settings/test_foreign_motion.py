@@ -127,7 +127,7 @@ def test_an_unreadable_model_leads_to_no_message_about_what_it_would_have_said(t
     path = written(tmp_path, (), "")
     path.write_text(text + "locked: rest\n")
     (told,) = refused(path)
-    assert "joints[0].type" in told
+    assert "joints[1].type" in told
 
 
 FLOATING = """<mujoco>

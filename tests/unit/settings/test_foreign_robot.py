@@ -147,31 +147,31 @@ def edit(*path, value):
 @pytest.mark.parametrize(
     ("change", "field", "words"),
     [
-        (edit("joints", 0, "name", value="lifft"), "joints[0].name", "no joint `lifft`; did you mean `lift`?"),
-        (edit("joints", 0, "name", value="weld"), "joints[0].name", "`weld` is fixed in the model"),
-        (edit("joints", 0, "motor", "gear_ratio", value=0), "joints[0].motor.gear_ratio", "0 is implausible"),
+        (edit("joints", 0, "name", value="lifft"), "joints[1].name", "no joint `lifft`; did you mean `lift`?"),
+        (edit("joints", 0, "name", value="weld"), "joints[1].name", "`weld` is fixed in the model"),
+        (edit("joints", 0, "motor", "gear_ratio", value=0), "joints[1].motor.gear_ratio", "0 is implausible"),
         (
             edit("joints", 0, "motor", "gear_ratio", value=5730),
-            "joints[0].motor.gear_ratio",
+            "joints[1].motor.gear_ratio",
             "100 taken for degrees per radian",
         ),
-        (edit("joints", 0, "motor", "gear_ratio", value=0.01), "joints[0].motor.gear_ratio", "its inverse, 100"),
+        (edit("joints", 0, "motor", "gear_ratio", value=0.01), "joints[1].motor.gear_ratio", "its inverse, 100"),
         (
             edit("joints", 0, "motor", "inertia_kgm2", value=0.2),
-            "joints[0].motor.inertia_kgm2",
+            "joints[1].motor.inertia_kgm2",
             "30 s to 300 rad/s",
         ),
         (
             edit("joints", 0, "motor", "inertia_kgm2", value=2e-7),
-            "joints[0].motor.inertia_kgm2",
+            "joints[1].motor.inertia_kgm2",
             "0.002 kg m^2 at the arm, 940 times less than what `lift` moves",
         ),
         (edit("total_mass_kg", value=20), "total_mass_kg", "20 kg is stated, but the links that move have 14 kg"),
         (edit("flange", value="tol"), "flange", "did you mean `tool`?"),
         (edit("locked_deg", value={"grip": 0}), "locked_deg.grip", "no joint `grip`"),
         (edit("model", value="leg.urdf"), "model", "cannot be read: No such file"),
-        (edit("joints", 0, "dh", value={}), "joints[0].dh", "S311"),
-        (edit("joints", 0, "motor", "gear_ratio", value=-0.3), "joints[0].motor.gear_ratio", "inverse, -3.333,"),
+        (edit("joints", 0, "dh", value={}), "joints[1].dh", "S311"),
+        (edit("joints", 0, "motor", "gear_ratio", value=-0.3), "joints[1].motor.gear_ratio", "inverse, -3.333,"),
     ],
 )
 def test_what_cannot_be_is_told_with_its_field(tmp_path, change, field, words):
@@ -189,8 +189,8 @@ def test_a_spring_on_a_joint_that_does_not_move(tmp_path):
 
     told = refused(tmp_path, change)
     assert len(told) == 2
-    assert "springs[0].joint: S271 joint `weld` is fixed in the model: a spring there needs a `split`" in told[0]
-    assert "springs[1].joint: S271 joint `swing` is locked by `locked_deg`" in told[1]
+    assert "springs[1].joint: S271 joint `weld` is fixed in the model: a spring there needs a `split`" in told[0]
+    assert "springs[2].joint: S271 joint `swing` is locked by `locked_deg`" in told[1]
 
 
 def test_locked_joints_move_with_the_link_that_carries_them(tmp_path):
@@ -219,7 +219,7 @@ def test_links_without_inertials_are_all_told(tmp_path):
 def test_limits_that_nobody_states_are_missing(tmp_path):
     model = MODEL.replace("revolute", "continuous").replace(' velocity="3"', "")
     fields = [line.split(": ")[1] for line in refused(tmp_path, model=model)]
-    assert {"joints[0].limits_deg", "joints[1].limits_deg"} <= set(fields)
+    assert {"joints[1].limits_deg", "joints[2].limits_deg"} <= set(fields)
 
 
 def test_everything_wrong_is_told_at_once(tmp_path):
@@ -230,7 +230,7 @@ def test_everything_wrong_is_told_at_once(tmp_path):
         data["total_mass_kg"] = 3
 
     told = "\n".join(refused(tmp_path, change))
-    for field in ("joints[0].motor.gear_ratio", "joints[1].motor.inertia_kgm2", "springs[0].joint", "total_mass_kg"):
+    for field in ("joints[1].motor.gear_ratio", "joints[2].motor.inertia_kgm2", "springs[1].joint", "total_mass_kg"):
         assert f": {field}: " in told
 
 
@@ -240,7 +240,7 @@ def test_a_file_without_model_must_say_everything_itself(tmp_path):
             data.pop(key)
 
     told = "\n".join(refused(tmp_path, change))
-    for field in ("joints[0].dh", "joints[0].link", "joints[1].limits_deg"):
+    for field in ("joints[1].dh", "joints[1].link", "joints[2].limits_deg"):
         assert f": {field}: S" in told
 
 

@@ -153,32 +153,32 @@ def test_locked_slides_stay_where_they_are(tmp_path):
 @pytest.mark.parametrize(
     ("change", "field", "told"),
     [
-        (lambda d: d["joints"][0].pop("type"), "joints[0].type", "slides: it needs `type: prismatic`"),
-        (lambda d: d["joints"][1].update(type="prismatic"), "joints[1].type", "turns"),
+        (lambda d: d["joints"][0].pop("type"), "joints[1].type", "slides: it needs `type: prismatic`"),
+        (lambda d: d["joints"][1].update(type="prismatic"), "joints[2].type", "turns"),
         (lambda d: d.update(locked_deg={"ram": 1}) or d["joints"].pop(), "locked_deg.ram", "write it under `locked_m`"),
         (lambda d: d["joints"].pop(), "joints", "neither here nor in `locked_m`"),
-        (lambda d: d["joints"][0]["motor"].update(gear_ratio=5), "joints[0].motor.gear_ratio", "`gear_ratio_rad_m`"),
-        (lambda d: d["joints"][0]["motor"].pop("gear_ratio_rad_m"), "joints[0].motor.gear_ratio_rad_m", "is missing"),
+        (lambda d: d["joints"][0]["motor"].update(gear_ratio=5), "joints[1].motor.gear_ratio", "`gear_ratio_rad_m`"),
+        (lambda d: d["joints"][0]["motor"].pop("gear_ratio_rad_m"), "joints[1].motor.gear_ratio_rad_m", "is missing"),
         (
             lambda d: d["joints"][0]["motor"].update(gear_ratio_rad_m=0.01),
-            "joints[0].motor.gear_ratio_rad_m",
+            "joints[1].motor.gear_ratio_rad_m",
             "a lead in m it would be 628.3",
         ),
-        (lambda d: d["joints"][0].update(limits_deg=[0, 1]), "joints[0].limits_deg", "S257"),
+        (lambda d: d["joints"][0].update(limits_deg=[0, 1]), "joints[1].limits_deg", "S257"),
         (
             lambda d: d["joints"][0]["gear"].update(stiffness_nm_rad=1),
-            "joints[0].gear.stiffness_nm_rad",
+            "joints[1].gear.stiffness_nm_rad",
             "write `stiffness_n_m`",
         ),
-        (lambda d: d["joints"][0]["gear"].pop("damping_ns_m"), "joints[0].gear.damping_ns_m", "is missing"),
+        (lambda d: d["joints"][0]["gear"].pop("damping_ns_m"), "joints[1].gear.damping_ns_m", "is missing"),
         (
             lambda d: d["joints"][1]["gear"].update(damping_ns_m=1),
-            "joints[1].gear.damping_ns_m",
+            "joints[2].gear.damping_ns_m",
             "write `damping_nms_rad`",
         ),
-        (lambda d: d["joints"][2].pop("rigid"), "joints[2].name", "S262"),
-        (lambda d: d["joints"][1].update(rigid=True), "joints[1].rigid", "has the transmission gear_lift"),
-        (lambda d: d.update(rotor="on_link"), "joints[2].rigid", "S263"),
+        (lambda d: d["joints"][2].pop("rigid"), "joints[3].name", "S262"),
+        (lambda d: d["joints"][1].update(rigid=True), "joints[2].rigid", "has the transmission gear_lift"),
+        (lambda d: d.update(rotor="on_link"), "joints[3].rigid", "S263"),
     ],
 )
 def test_what_is_wrong_is_told_with_its_field(tmp_path, change, field, told):
@@ -217,8 +217,8 @@ def test_logs_of_linear_axes_have_units_of_their_own(tmp_path, name, unit, told)
     [
         ({"list_deg": [[1, 0, 0]]}, "list_deg", "write `list`"),
         ({"grid_deg": [[1], [0], [0]]}, "grid_deg", "write `grid`"),
-        ({"list": [[1, 0, 0.3]]}, "list[0][2]", "0.3 m is unreachable"),
-        ({"grid": [[1, 5], [0], [0]]}, "grid[0][1]", "moves from 0 to 4 m"),
+        ({"list": [[1, 0, 0.3]]}, "list[1][3]", "0.3 m is unreachable"),
+        ({"grid": [[1, 5], [0], [0]]}, "grid[1][2]", "moves from 0 to 4 m"),
         ({"random": {"count": 2, "margin_m": 0.6}}, "random.margin_m", "-0.8 to 0.2 m"),
     ],
 )

@@ -129,7 +129,7 @@ def test_merge_keys_reach_the_models(tmp_path):
         ),
         ("count: 20", "count: 0", 7, "campaigns.candidates.excitation.count", "greater than or equal to 1 (found 0)"),
         ("count: 20", "count: null", 7, "campaigns.candidates.excitation.count", "found nothing"),
-        ("count: 20", "count: 20, rms: [1, x]", 7, "campaigns.candidates.excitation.rms[1]", "found 'x'"),
+        ("count: 20", "count: 20, rms: [1, x]", 7, "campaigns.candidates.excitation.rms[2]", "found 'x'"),
         ("count: 20", "count: 20, rms: x", 7, "campaigns.candidates.excitation.rms", "; or: "),
         ("count: 20", "count: 20, spacing: lin", 7, "campaigns.candidates.excitation.spacing", "'log' or 'linear'"),
         ("high_hz: 50", "high_hz: .inf", 7, "campaigns.candidates.excitation.high_hz", "finite"),
@@ -137,7 +137,6 @@ def test_merge_keys_reach_the_models(tmp_path):
         ("family: elastic", "family: plastic", 19, "fits.springs.family", "'elastic'"),
         ("name: test", "name: ../test", 2, "name", "S385"),
         ("  fresh:\n", "  fr/esh:\n", 12, "campaigns.fr/esh", "S385"),
-        ("schema_version: 1", "schema_version: 3", 1, "schema_version", "should be 1 or 2"),
         (
             "{from: best}",
             "{from: best, random: {count: 2}}",
@@ -206,24 +205,24 @@ def test_a_wrong_field_is_told_on_its_line(tmp_path, old, new, line, field, word
         (
             "validate_on: fresh",
             "configurations: [0, 3]",
-            "fits.springs.configurations[1]",
+            "fits.springs.configurations[2]",
             "S201 there is no configuration 3 of `measured`: there are 3",
         ),
-        ("validate_on: fresh", "configurations: [1, 1]", "fits.springs.configurations[1]", "there twice"),
+        ("validate_on: fresh", "configurations: [1, 1]", "fits.springs.configurations[2]", "there twice"),
         (
             "validate_on: fresh",
             "fixed: [g2.damping, g1.stifness]",
-            "fits.springs.fixed[1]",
+            "fits.springs.fixed[2]",
             "did you mean `g1.stiffness`?",
         ),
-        ("validate_on: fresh", "free: [delay], fixed: [g1.damping]", "fits.springs.fixed[0]", "known here: `delay`"),
+        ("validate_on: fresh", "free: [delay], fixed: [g1.damping]", "fits.springs.fixed[1]", "known here: `delay`"),
         ("from: measured", "from: [measured, frech]", "fits.springs.from", "did you mean `fresh`?"),
         ("from: measured", "from: [measured, measured]", "fits.springs.from", "S199"),
         ("from: measured", "from: [measured, fresh]", "fits.springs.validate_on", "validate on another"),
         (
             "from: measured, validate_on: fresh",
             "from: [measured, fresh], configurations: [5]",
-            "fits.springs.configurations[0]",
+            "fits.springs.configurations[1]",
             "no configuration 5 of `measured` and `fresh`: there are 5 configurations, numbered from 0 to 4",
         ),
         (
@@ -249,19 +248,19 @@ def test_a_wrong_field_is_told_on_its_line(tmp_path, old, new, line, field, word
         (
             "[[10, 20], [-80, 40]]",
             "[[10, 20], [-80]]",
-            "campaigns.fresh.configurations.list_deg[1]",
+            "campaigns.fresh.configurations.list_deg[2]",
             "1 angles for the 2 joints",
         ),
         (
             "[-80, 40]]",
             "[-80, 46]]",
-            "campaigns.fresh.configurations.list_deg[1][1]",
+            "campaigns.fresh.configurations.list_deg[2][2]",
             "46 deg is unreachable: joint `two` moves from -45 to 45 deg",
         ),
         (
             "{list_deg: [[10, 20], [-80, 40]]}",
             "{grid_deg: [[0, 91], [0]]}",
-            "campaigns.fresh.configurations.grid_deg[0][1]",
+            "campaigns.fresh.configurations.grid_deg[1][2]",
             "joint `one`",
         ),
         (
@@ -302,21 +301,21 @@ def test_what_cannot_work_together_is_told(tmp_path, old, new, field, words):
             "inputs",
             "S371",
         ),
-        (REFERENCES, REFERENCES.replace("two, v", "one, v"), "references[1].name", "`one` is there twice"),
-        (REFERENCES, REFERENCES.replace("r2}", "r2, unit: deg}"), "references[1].unit", "use rad/s or deg/s or rpm"),
+        (REFERENCES, REFERENCES.replace("two, v", "one, v"), "references[2].name", "`one` is there twice"),
+        (REFERENCES, REFERENCES.replace("r2}", "r2, unit: deg}"), "references[2].unit", "use rad/s or deg/s or rpm"),
         (REFERENCES, REFERENCES.replace("one, v", "six, v"), "references", "named in this order: one, two"),
         ("{name: two, variable: u2}", "{name: three, variable: u2}", "inputs", "named in this order: one, two"),
-        ("name: two.arm", "name: to.arm", "outputs[1].name", "did you mean `two.arm`?"),
-        ("name: two.arm", "name: two.amr", "outputs[1].name", "did you mean `two.arm`?"),
-        ("name: two.arm", "side: tool, name: two.arm", "outputs[1].side", "is the arm side of `two`"),
-        ("name: two.arm", "quantity: torque, name: two.arm", "outputs[1]", "is no unit of a torque"),
-        ("name: two.arm", "unit: counts, name: two.arm", "outputs[1]", "`counts_per_turn` or `resolution_m`"),
-        ("name: two.arm", "counts_per_turn: 0, name: two.arm", "outputs[1].counts_per_turn", "greater than 0"),
-        ("name: two.arm", "unit: kg, name: two.arm", "outputs[1].unit", "'rpm'"),
-        ("name: two.arm", "one_shot: true, name: two.arm", "outputs[1].one_shot", "S380"),
-        ("name: two.arm", "name: one", "outputs[1].name", "there twice"),
-        ("variable: u1", "variable: u1, unit: A", "inputs[0]", "S370"),
-        ("variable: u1", "variable: u1, normalised: true", "inputs[0]", "neither"),
+        ("name: two.arm", "name: to.arm", "outputs[2].name", "did you mean `two.arm`?"),
+        ("name: two.arm", "name: two.amr", "outputs[2].name", "did you mean `two.arm`?"),
+        ("name: two.arm", "side: tool, name: two.arm", "outputs[2].side", "is the arm side of `two`"),
+        ("name: two.arm", "quantity: torque, name: two.arm", "outputs[2]", "is no unit of a torque"),
+        ("name: two.arm", "unit: counts, name: two.arm", "outputs[2]", "`counts_per_turn` or `resolution_m`"),
+        ("name: two.arm", "counts_per_turn: 0, name: two.arm", "outputs[2].counts_per_turn", "greater than 0"),
+        ("name: two.arm", "unit: kg, name: two.arm", "outputs[2].unit", "'rpm'"),
+        ("name: two.arm", "one_shot: true, name: two.arm", "outputs[2].one_shot", "S380"),
+        ("name: two.arm", "name: one", "outputs[2].name", "there twice"),
+        ("variable: u1", "variable: u1, unit: A", "inputs[1]", "S370"),
+        ("variable: u1", "variable: u1, normalised: true", "inputs[1]", "neither"),
         ("inputs:", "input:", "input", "did you mean `inputs`?"),
         ("sampling_period_s: 1.0e-3", "sampling_period_s: 2.0e-2", None, "Nyquist frequency 25 Hz"),
     ],
@@ -425,10 +424,10 @@ def test_all_errors_of_both_files_come_at_once_in_order(tmp_path):
     assert [text.split(": ")[1] for text in told] == [
         "campaigns.fresh.excitation.sed",
         "designs.best.count",
-        "joints[0].motor.gear_ratio",
         "joints[1].motor.gear_ratio",
-        "springs[0].place",
+        "joints[2].motor.gear_ratio",
         "springs[1].place",
+        "springs[2].place",
     ]
     assert told[0].startswith(f"{path}:14: ")
     assert all(text.startswith(f"{tmp_path / 'robot.yaml'}:1") for text in told[2:])
@@ -439,7 +438,7 @@ def test_semantic_problems_of_both_files_come_at_once(tmp_path):
     robot = _replaced(ROBOT, "limits_deg: [-90, 90]", "limits_deg: [90, -90]")
     told = "\n".join(_refused(_write(tmp_path, experiment, robot)))
     assert "fits.springs.from" in told
-    assert "joints[0].limits_deg" in told
+    assert "joints[1].limits_deg" in told
 
 
 def test_a_missing_or_broken_robot_is_told_with_the_rest(tmp_path):

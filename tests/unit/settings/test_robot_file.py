@@ -210,56 +210,56 @@ def test_an_assumed_name_must_exist_in_its_section(tmp_path):
     data["springs"][1]["assumed"] = ["gear_ratio"]
     lines = _problems(tmp_path, data).splitlines()
     assert len(lines) == 2
-    assert "joints[0].motor.assumed[1]: S292" in lines[0]
+    assert "joints[1].motor.assumed[2]: S292" in lines[0]
     assert "did you mean `static_nm`?" in lines[0]
-    assert "springs[1].assumed[0]: S292 there is no value `gear_ratio` here" in lines[1]
+    assert "springs[2].assumed[1]: S292 there is no value `gear_ratio` here" in lines[1]
 
 
 @pytest.mark.parametrize(
     ("change", "field", "words"),
     [
-        (lambda d: d["joints"][1].update(name="one"), "joints[1].name", "`one` names more than one"),
-        (lambda d: d["springs"][0].update(name="two"), "springs[0].name", "S254"),
-        (lambda d: d["springs"].pop(1), "joints[1].name", "exactly one transmission spring, but has none"),
-        (lambda d: d["springs"][1].update(joint="one"), "joints[0].name", "but has 2 (g1, g2)"),
-        (lambda d: d["springs"][2].update(joint="twoo"), "springs[2].joint", "did you mean `two`?"),
-        (lambda d: d["springs"][2].pop("joint"), "springs[2].joint", "a split spring belongs to a joint"),
-        (lambda d: d["springs"][2].update(place="base", outboard=None), "springs[2].joint", "S269"),
+        (lambda d: d["joints"][1].update(name="one"), "joints[2].name", "`one` names more than one"),
+        (lambda d: d["springs"][0].update(name="two"), "springs[1].name", "S254"),
+        (lambda d: d["springs"].pop(1), "joints[2].name", "exactly one transmission spring, but has none"),
+        (lambda d: d["springs"][1].update(joint="one"), "joints[1].name", "but has 2 (g1, g2)"),
+        (lambda d: d["springs"][2].update(joint="twoo"), "springs[3].joint", "did you mean `two`?"),
+        (lambda d: d["springs"][2].pop("joint"), "springs[3].joint", "a split spring belongs to a joint"),
+        (lambda d: d["springs"][2].update(place="base", outboard=None), "springs[3].joint", "S269"),
         (
             lambda d: (d.pop("payload"), d["springs"][2].update(place="payload")),
-            "springs[2].place",
+            "springs[3].place",
             "needs a `payload`",
         ),
         (lambda d: d.update(base=d["payload"]), "base", "S289"),
-        (lambda d: d["joints"][0].update(couplings={"twoo": 0.01}), "joints[0].couplings.twoo", "did you mean `two`"),
-        (lambda d: d["joints"][0].update(couplings={"one": 0.01}), "joints[0].couplings.one", "S285"),
-        (lambda d: d["joints"][0].update(couplings={"two": 57}), "joints[0].couplings.two", "57 is implausible"),
-        (lambda d: d["joints"][0].update(limits_deg=[5, 5]), "joints[0].limits_deg", "not below"),
-        (lambda d: d["springs"][2]["outboard"].update(mass_kg=0), "springs[2].outboard.mass_kg", "above 0"),
-        (lambda d: d["joints"][0]["link"]["inertia_kgm2"].update(xy=2), "joints[0].link.inertia_kgm2", "definite"),
-        (lambda d: d["joints"][0]["link"]["inertia_kgm2"].update(zz=3), "joints[0].link.inertia_kgm2", "S266"),
+        (lambda d: d["joints"][0].update(couplings={"twoo": 0.01}), "joints[1].couplings.twoo", "did you mean `two`"),
+        (lambda d: d["joints"][0].update(couplings={"one": 0.01}), "joints[1].couplings.one", "S285"),
+        (lambda d: d["joints"][0].update(couplings={"two": 57}), "joints[1].couplings.two", "57 is implausible"),
+        (lambda d: d["joints"][0].update(limits_deg=[5, 5]), "joints[1].limits_deg", "not below"),
+        (lambda d: d["springs"][2]["outboard"].update(mass_kg=0), "springs[3].outboard.mass_kg", "above 0"),
+        (lambda d: d["joints"][0]["link"]["inertia_kgm2"].update(xy=2), "joints[1].link.inertia_kgm2", "definite"),
+        (lambda d: d["joints"][0]["link"]["inertia_kgm2"].update(zz=3), "joints[1].link.inertia_kgm2", "S266"),
         (lambda d: d["payload"]["inertia_kgm2"].update(zz=0), "payload.inertia_kgm2", "positive definite"),
-        (lambda d: d["joints"][0]["motor"].update(gear_ratio=0), "joints[0].motor.gear_ratio", "from 1 to 2000"),
-        (lambda d: d["springs"][0].update(axis=[0, 0, 1]), "springs[0].axis", "S275"),
-        (lambda d: d["springs"][0].update(stiffness_nm_rad=0), "springs[0].stiffness_nm_rad", "greater than 0"),
-        (lambda d: d["springs"][2].pop("axis"), "springs[2].axis", "is missing"),
-        (lambda d: d["springs"][2].update(axis=[0, 0, 0]), "springs[2].axis", "no direction"),
-        (lambda d: d["springs"][2].pop("outboard"), "springs[2].outboard", "is missing"),
-        (lambda d: d["springs"][2].pop("point_m"), "springs[2].point_m", "is missing"),
-        (lambda d: d["springs"][2]["outboard"].update(mass_kg=10), "springs[2].outboard.mass_kg", "below the 10 kg"),
+        (lambda d: d["joints"][0]["motor"].update(gear_ratio=0), "joints[1].motor.gear_ratio", "from 1 to 2000"),
+        (lambda d: d["springs"][0].update(axis=[0, 0, 1]), "springs[1].axis", "S275"),
+        (lambda d: d["springs"][0].update(stiffness_nm_rad=0), "springs[1].stiffness_nm_rad", "greater than 0"),
+        (lambda d: d["springs"][2].pop("axis"), "springs[3].axis", "is missing"),
+        (lambda d: d["springs"][2].update(axis=[0, 0, 0]), "springs[3].axis", "no direction"),
+        (lambda d: d["springs"][2].pop("outboard"), "springs[3].outboard", "is missing"),
+        (lambda d: d["springs"][2].pop("point_m"), "springs[3].point_m", "is missing"),
+        (lambda d: d["springs"][2]["outboard"].update(mass_kg=10), "springs[3].outboard.mass_kg", "below the 10 kg"),
         (
             lambda d: d["springs"][2]["outboard"]["inertia_kgm2"].update(xx=0.99),
-            "springs[2].outboard.inertia_kgm2",
+            "springs[3].outboard.inertia_kgm2",
             "S284",
         ),
         (
             lambda d: d["springs"][2].update(place="bearing", point_m=None, outboard=None),
-            "springs[2].axis",
+            "springs[3].axis",
             "along the joint axis",
         ),
-        (lambda d: d["springs"][2].update(place="bearing", axis=[1, 0, 0]), "springs[2].point_m", "S280"),
-        (lambda d: d["joints"][0]["link"].update(com_m=[0, 1]), "joints[0].link.com_m[2]", "is missing"),
-        (lambda d: d["joints"][0]["link"].update(mass_kg=float("nan")), "joints[0].link.mass_kg", "finite"),
+        (lambda d: d["springs"][2].update(place="bearing", axis=[1, 0, 0]), "springs[3].point_m", "S280"),
+        (lambda d: d["joints"][0]["link"].update(com_m=[0, 1]), "joints[1].link.com_m[3]", "is missing"),
+        (lambda d: d["joints"][0]["link"].update(mass_kg=float("nan")), "joints[1].link.mass_kg", "finite"),
         (
             lambda d: d.update(controller={"delay_sample": 1}),
             "controller.delay_sample",
@@ -287,7 +287,7 @@ def test_every_semantic_problem_is_told_at_once(tmp_path):
     data["springs"][2]["axis"] = [0, 0, 0]
     told = _problems(tmp_path, data)
     assert all(
-        f": {field}: " in told for field in ("joints[0].limits_deg", "joints[1].link.inertia_kgm2", "springs[2].axis")
+        f": {field}: " in told for field in ("joints[1].limits_deg", "joints[2].link.inertia_kgm2", "springs[3].axis")
     )
 
 
@@ -299,7 +299,7 @@ def test_a_breakaway_level_is_the_coulomb_level_where_not_given_and_never_below(
         joint["motor"] = {**joint["motor"], "friction": friction}
     assert RobotFile.model_validate(data).joints[0].motor.motor().friction.static_nm == 0.5
     told = _problems(tmp_path, data)
-    assert "joints[1].motor.friction.static_nm: S256 must not be below the Coulomb level, 0.5 N m (found 0.4)" in told
+    assert "joints[2].motor.friction.static_nm: S256 must not be below the Coulomb level, 0.5 N m (found 0.4)" in told
     assert len(told.splitlines()) == 1
 
 
@@ -311,8 +311,8 @@ def test_missing_keys_are_told_beside_other_errors_of_their_section(tmp_path):
     data["joints"][0]["motor"].pop("gear_ratio")
     told = _problems(tmp_path, data)
     for field in ("dh", "link", "limits_deg", "motor.gear_ratio", "motor.inertia_kgm2", "motor.bad"):
-        assert told.count(f": joints[0].{field}: ") == 1
-    assert "joints[1]" not in told
+        assert told.count(f": joints[1].{field}: ") == 1
+    assert "joints[2]" not in told
 
 
 def test_a_link_without_mass_has_its_inertia_alone():
@@ -375,10 +375,10 @@ def test_gravity_on_the_motors_of_the_puma():
 @pytest.mark.parametrize(
     ("path", "field"),
     [
-        (("joints", 0, "dh", "d_m"), "joints[0].dh.d_m"),
-        (("joints", 1, "limits_deg", 1), "joints[1].limits_deg[1]"),
-        (("springs", 2, "axis", 0), "springs[2].axis[0]"),
-        (("joints", 0, "motor", "gear_ratio"), "joints[0].motor.gear_ratio"),
+        (("joints", 0, "dh", "d_m"), "joints[1].dh.d_m"),
+        (("joints", 1, "limits_deg", 1), "joints[2].limits_deg[2]"),
+        (("springs", 2, "axis", 0), "springs[3].axis[1]"),
+        (("joints", 0, "motor", "gear_ratio"), "joints[1].motor.gear_ratio"),
     ],
 )
 def test_a_number_that_nothing_has_is_told_and_overflows_nowhere(tmp_path, path, field):

@@ -71,7 +71,7 @@ def test_bad_yaml_names_file_and_line(tmp_path, text, line, words):
 def test_unreadable_files_are_settings_errors(tmp_path):
     with pytest.raises(SettingsError, match="No such file"):
         load_yaml(tmp_path / "absent.yaml")
-    with pytest.raises(SettingsError, match="directory"):
+    with pytest.raises(SettingsError, match="is a folder"):
         load_yaml(tmp_path)
     (tmp_path / "binary.yaml").write_bytes(b"a: \xff\xfe")
     with pytest.raises(SettingsError, match="UTF-8"):

@@ -41,9 +41,9 @@ def test_all_problems_are_told_at_once(refused):
     )
     for text in (
         "study.campaign: there is no campaign `bensch`; did you mean `bench`?",
-        "study.estimators[0]: there is no `logarithm`; did you mean `logarithmic`?",
-        "study.estimators[2]: `arithmetic` is there twice",
-        "study.compensations[0]: there is no `zzz`; known here:",
+        "study.estimators[1]: there is no `logarithm`; did you mean `logarithmic`?",
+        "study.estimators[3]: `arithmetic` is there twice",
+        "study.compensations[1]: there is no `zzz`; known here:",
         "study.reference_estimator: there is no `best`",
     ):
         assert text in message
@@ -91,10 +91,10 @@ def test_problems_of_a_study_of_parameter_estimators_are_told_at_once(tmp_path):
     for message in (
         "study.campaign: there is no campaign `bensch`; did you mean `bench`?",
         "study.reference: `lls1u` does not use all configurations",
-        "study.wide[1]: `lls15u` is there twice",
-        "study.wide[2]: there is no `lls2`; did you mean `lls1u`?",
-        "study.individual_estimators[0]: `lls1u` does not use all configurations",
-        "study.individual_estimators[1]: there is no `lls2`",
+        "study.wide[2]: `lls15u` is there twice",
+        "study.wide[3]: there is no `lls2`; did you mean `lls1u`?",
+        "study.individual_estimators[1]: `lls1u` does not use all configurations",
+        "study.individual_estimators[2]: there is no `lls2`",
     ):
         assert message in str(found.value)
     (tmp_path / "study.yaml").write_text(text.replace("estimator: lls,", "estimator: llls,", 1))
