@@ -20,9 +20,10 @@ from robid.settings.fits import Families
 from robid.settings.numbering import counted_from_zero, of_known_version
 from robid.settings.other_files import refuse_other_settings
 from robid.settings.placeholders import Row, fill, refuse_placeholders
-from robid.settings.problems import SettingsProblem, problem_at, raise_problems, validate_document
+from robid.settings.problems import SettingsProblem, mistyped, problem_at, raise_problems, told_once, validate_document
 from robid.settings.robot import RobotFile, UnknownRobot
 from robid.settings.robot_parts import plain_settings
+from robid.settings.sound_part import LeftOut, names_of, sketch, sound_part, untouched
 from robid.settings.yaml import Document, FieldPath, load_yaml
 from robid.signals.log_channels import InputChannel, OutputChannel, ReferenceChannel
 
@@ -146,8 +147,9 @@ def load_row_of(
     if filled.problems:
         # What stands in the place of the missing value may have been complained of too.
         told = {problem.field for problem in filled.problems}
-        return None, [*filled.problems, *(problem for problem in problems if problem.field not in told)]
-    return None if loaded is None else replace(loaded, written=filled.written), problems
+        others = (problem for problem in problems if problem.field not in told)
+        return None, told_once([*filled.problems, *others])
+    return None if loaded is None else replace(loaded, written=filled.written), told_once(problems)
 
 
 def read_robot(path: Path) -> tuple[RobotFile | None, list[SettingsProblem]]:
@@ -182,13 +184,14 @@ def _load(
     refuse_other_settings(document.path, document.data, "experiment")
     document, unversioned = of_known_version(document)
     document, miscounted = counted_from_zero(document)
-    experiment, problems = _validated(families, document, Any if studies is None else studies.settings)
-    problems = [*unversioned, *miscounted, *problems]
+    experiment, left_out, problems = _validated(families, document, Any if studies is None else studies.settings)
     robot, robot_problems = _named_robot(document, read)
-    if experiment is not None and robot is not None:
-        experiment = with_sides(experiment, robot)
+    problems = [*unversioned, *miscounted, *problems]
     if experiment is not None:
-        problems += check_experiment(document, experiment, None if robot_problems else robot, families, studies)
+        names = names_of(robot, robot_problems) if robot is not None else set()
+        known = sketch(robot) if robot is not None and robot_problems else robot
+        experiment = experiment if known is None else with_sides(experiment, known)
+        problems += untouched(check_experiment(document, experiment, known, families, studies), left_out, names)
     problems = [*problems, *robot_problems]
     if problems or experiment is None or robot is None:
         return None, problems
@@ -199,16 +202,21 @@ def _validated(
     families: Families,
     document: Document,
     study: Any,  # noqa: ANN401
-) -> tuple[Experiment | None, list[SettingsProblem]]:
-    """Builds the settings with the families that the file names: building all takes longer than reading it."""
+) -> tuple[Experiment | None, list[LeftOut], list[SettingsProblem]]:
+    """Builds the settings with the families that the file names: building all takes longer than reading it.
+
+    What is wrong is left out of them, for checks of the rest, and told.
+    """
     fits = document.data.get("fits")
     written = [fit.get("family") for fit in fits.values() if isinstance(fit, dict)] if isinstance(fits, dict) else []
     is_known = all(name in list(families) for name in written)
     named = {name: family for name, family in families.items() if name in written or not is_known}
     with suppress(ValidationError):
-        return experiment_type(named, study).model_validate(document.data), []
+        return experiment_type(named, study).model_validate(document.data), [], []
     # What is wrong is said with everything that could stand there.
-    return validate_document(experiment_type(families, study), document)
+    every = experiment_type(families, study)
+    _, problems = validate_document(every, document)
+    return *sound_part(every, document), problems
 
 
 def _named_robot(document: Document, read: RobotReader) -> tuple[RobotFile | None, list[SettingsProblem]]:
@@ -233,14 +241,26 @@ def _checked_robot(document: Document) -> tuple[RobotFile | None, list[SettingsP
 
 def _checked_model(document: Document) -> tuple[RobotFile | None, list[SettingsProblem]]:
     robot, problems = validate_document(RobotFile, document)
+    left_out: list[LeftOut] = []
+    lacking: list[SettingsProblem] = []
     if robot is None:
-        return None, [*problems, *missing_keys(document)]
+        lacking = missing_keys(document)
+        robot, left_out = sound_part(RobotFile, document)
     beyond = [problem_at(document, field, message) for field, message in absurd(document.data)]
-    if beyond:
-        return None, beyond
+    if robot is None or beyond:
+        return None, [*problems, *lacking, *beyond]
+    completed, found = _completed(document, robot)
+    problems = [*problems, *untouched(found, left_out)]
+    told = {problem.path for problem in problems} | mistyped(problems)
+    return completed, [*problems, *(problem for problem in lacking if problem.path not in told)]
+
+
+def _completed(document: Document, robot: RobotFile) -> tuple[RobotFile, list[SettingsProblem]]:
+    """Completes a robot from its model, if it names one, and checks it."""
     if robot.model is None:
         return robot, check_robot(document, robot, {})
     from robid.settings.foreign import complete
 
     completed = complete(document, robot)
-    return completed.robot, [*completed.problems, *check_robot(document, completed.robot, completed.immobile)]
+    found = [*completed.problems, *check_robot(document, completed.robot, completed.immobile)]
+    return completed.robot, found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
@@ -24,6 +24,8 @@ _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _REMEDY = "correct the file"
 _OF_KEYS = "`robid schema` prints every key with its meaning"
 _ABOUT_KEYS = re.compile(r"\bS38[0-6]\b")
+_MISSING = "S381 "
+_MEANT = re.compile(r"S380 .*did you mean `(.+)`\?$")
 _LONGEST_VALUE = 60
 
 
@@ -35,6 +37,8 @@ class SettingsProblem:
     line: int
     field: str
     message: str
+    path: FieldPath = ()
+    origin: str = ""  # Where what is wrong is written, see `Document.origin`; empty where nothing is known of it
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}: {self.field}: {self.message}"
@@ -42,13 +46,28 @@ class SettingsProblem:
 
 def problem_at(document: Document, field: FieldPath, message: str) -> SettingsProblem:
     """Places a message on the line of a field, or of its nearest parent that is written."""
-    return SettingsProblem(document.path, document.line(field), format_field(field), message)
+    place = document.line(field), format_field(field)
+    return SettingsProblem(document.path, *place, message, field, document.origin(field))
 
 
 def format_field(field: FieldPath) -> str:
     """Writes a path as `joints[1].motor.gear_ratio`; entries of lists count from 1, as all that a user is shown."""
     text = "".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in field)
     return text.removeprefix(".")
+
+
+def told_once(problems: Iterable[SettingsProblem]) -> list[SettingsProblem]:
+    """Tells what is wrong in a section that YAML's anchors repeat once, at its first line, with how often."""
+    alike: dict[tuple[object, ...], list[SettingsProblem]] = {}
+    for problem in dict.fromkeys(problems):
+        place = (problem.origin, problem.path[-1:]) if problem.origin else (problem.line, problem.path, problem.field)
+        alike.setdefault((problem.file, problem.message, place), []).append(problem)
+    found = []
+    for same in alike.values():
+        first = min(same, key=lambda problem: problem.line)
+        more = f"{len(same) - 1} more place{'s' * (len(same) > 2)} that use{'s' * (len(same) == 2)} it"
+        found.append(replace(first, message=f"{first.message} (and in {more})") if len(same) > 1 else first)
+    return found
 
 
 def raise_problems(problems: Sequence[SettingsProblem]) -> None:
@@ -60,7 +79,7 @@ def raise_problems(problems: Sequence[SettingsProblem]) -> None:
     if not problems:
         return
     files = list(dict.fromkeys(problem.file for problem in problems))
-    ordered = sorted(dict.fromkeys(problems), key=lambda problem: (files.index(problem.file), problem.line))
+    ordered = sorted(told_once(problems), key=lambda problem: (files.index(problem.file), problem.line))
     told = "\n".join(str(problem) for problem in ordered)
     raise SettingsError(told, remedy=f"{_REMEDY}; {_OF_KEYS}" if _ABOUT_KEYS.search(told) else _REMEDY)
 
@@ -79,16 +98,31 @@ def validate_document(model: type[_Model], document: Document) -> tuple[_Model |
     try:
         return model.model_validate(document.data), []
     except ValidationError as error:
-        return None, _translate(model, document, error)
+        problems = _translate(model, document, error)
+    meant = mistyped(problems)
+    return None, [each for each in problems if each.path not in meant or not each.message.startswith(_MISSING)]
+
+
+def mistyped(problems: Iterable[SettingsProblem]) -> set[FieldPath]:
+    """Returns the keys that unknown ones were probably meant to be: that they are missing need not be told."""
+    return {(*each.path[:-1], found[1]) for each in problems if (found := _MEANT.match(each.message))}
+
+
+def wrong_fields(data: Any, error: ValidationError) -> list[tuple[FieldPath, str]]:  # noqa: ANN401
+    """Lists what pydantic refuses, each with `missing`, `unknown` or `wrong`."""
+    found = []
+    for detail in _details(error):
+        is_missing, is_unknown = detail["type"] == "missing", detail["type"] in _UNKNOWN
+        field, _ = _written_field(data, detail["loc"], missing=is_missing)
+        found.append((field, "missing" if is_missing else "unknown" if is_unknown else "wrong"))
+    return found
 
 
 def _translate(model: type[BaseModel], document: Document, error: ValidationError) -> list[SettingsProblem]:
     schema = _schema(model)
     messages: dict[FieldPath, list[str]] = {}
     choices: set[FieldPath] = set()
-    for detail in map(_at_tag, error.errors(include_url=False)):
-        if detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]:
-            continue  # the items are wrong, not their number
+    for detail in _details(error):
         missing = detail["type"] == "missing"
         field, is_choice = _written_field(document.data, detail["loc"], missing=missing)
         message = _message(detail, field, schema)
@@ -100,6 +134,13 @@ def _translate(model: type[BaseModel], document: Document, error: ValidationErro
     return [
         problem_at(document, field, "; or: ".join(texts)) for field, texts in messages.items() if field not in hidden
     ]
+
+
+def _details(error: ValidationError) -> Iterator[Any]:
+    for detail in map(_at_tag, error.errors(include_url=False)):
+        if detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]:
+            continue  # the items are wrong, not their number
+        yield detail
 
 
 @cache

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import datetime
+import difflib
+import re
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -20,6 +22,9 @@ from robid.errors import SettingsError
 from robid.settings.other_files import refuse_binary, refuse_other_text, unreadable
 
 FieldPath: TypeAlias = tuple[str | int, ...]
+
+_ALIAS = re.compile(r"undefined alias '([^']+)'")
+_ANCHOR = re.compile(r"(?<!\S)&([\w-]+)")
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,38 @@ class Document:
                 break
             node, line = found
         return line + 1
+
+    def origin(self, field: FieldPath) -> str:
+        """Says where a value, or the section that lacks it, is written: alike for all places that use an anchor."""
+        node: Any = self.tree
+        for position, part in enumerate(field):
+            found = _step(node, part)
+            if found is None:
+                return f"{_start(_first_merged(node))}.{'.'.join(map(str, field[position:]))}"
+            above, node = node, found[0]
+        if isinstance(node, CommentedMap | CommentedSeq):
+            return _start(_first_merged(node))
+        anchor = getattr(node, "anchor", None)
+        if anchor is not None and anchor.value:
+            return f"&{anchor.value}"
+        return f"{_start(_holder(above, field[-1]))}.{field[-1]}" if field else _start(node)
+
+
+def _start(node: CommentedMap | CommentedSeq) -> str:
+    return f"{node.lc.line}:{node.lc.col}"
+
+
+def _first_merged(node: Any) -> Any:  # noqa: ANN401
+    """The section that repeats another one's mistakes: what that lacks or has, this one does too."""
+    merged = getattr(node, "merge", None)
+    return _first_merged(merged[0]) if merged else node
+
+
+def _holder(node: Any, part: str | int) -> Any:  # noqa: ANN401
+    """The section that a key is written in: this one, or one that it merges."""
+    if not isinstance(node, CommentedMap) or part in (node.lc.data or {}):
+        return node
+    return next((_holder(parent, part) for parent in node.merge if part in parent), node)
 
 
 def load_yaml(path: Path) -> Document:
@@ -79,7 +116,7 @@ def parse_yaml(path: Path, text: str) -> Document:
         _check_aliases(path, node, ())
         tree = None if node is None else yaml.constructor.construct_document(node)
     except YAMLError as error:
-        raise _syntax_error(path, error) from error
+        raise _syntax_error(path, error, text) from error
     if not isinstance(tree, CommentedMap):
         found = "S335 is empty" if tree is None else "S336 must hold `key: value` lines, not a list or a single value"
         remedy = "`robid init NAME --example drive` writes a robot and an experiment to begin with"
@@ -111,8 +148,8 @@ def _check_aliases(path: Path, node: Node | None, parents: tuple[Node, ...]) -> 
             _check_aliases(path, item, (*parents, node))
 
 
-def _syntax_error(path: Path, error: YAMLError) -> SettingsError:
-    mark = None
+def _syntax_error(path: Path, error: YAMLError, text: str) -> SettingsError:
+    mark, remedy = None, "correct the line, or the one above it"
     problem = str(error).splitlines()[0]
     if isinstance(error, MarkedYAMLError):
         mark = error.problem_mark or error.context_mark
@@ -120,10 +157,12 @@ def _syntax_error(path: Path, error: YAMLError) -> SettingsError:
         problem = ": ".join(
             text for text in (f"{error.context}{start}" if error.context else "", error.problem) if text
         )
+    alias = _ALIAS.search(problem)
+    if alias is not None:
+        close = difflib.get_close_matches(alias[1], _ANCHOR.findall(text), n=1, cutoff=0.5)
+        remedy = f"did you mean `*{close[0]}`?" if close else f"name what it stands for by `&{alias[1]}`, further up"
     where = f"{path}:{mark.line + 1}" if mark is not None else str(path)
-    return SettingsError(
-        f"S338 is not valid YAML: {problem}", where=where, remedy="correct the line, or the one above it"
-    )
+    return SettingsError(f"S338 is not valid YAML: {problem}", where=where, remedy=remedy)
 
 
 def _mapping(path: Path, node: CommentedMap) -> dict[str, Any]:

@@ -123,7 +123,8 @@ def test_the_remedy_for_a_rigid_model_works(folder, capsys):
     assert load_experiment(Path("mine/mine.yaml")).robot.model is not None
 
 
-def test_the_remedy_for_a_robot_file_works(folder, capsys):
+@pytest.mark.usefixtures("folder")
+def test_the_remedy_for_a_robot_file_works(capsys):
     remedy = refused(load_experiment, Path("robots/geared_drive.yaml")).split("`robid ")[1].split("`")[0]
     assert run_command(shlex.split(remedy.replace("NAME", "mine"))) == 0
     capsys.readouterr()
