@@ -29,7 +29,7 @@ def refuse(shop, code, *texts, command=("run", "small.yaml")):
         ("periods: 2", "perods: 2", ("small.yaml:12", "campaigns.estimation.perods", "did you mean `periods`?")),
         ("count: 2}", "count: many}", ("designs.best.count", "found 'many'")),
         ("[[20, 30]]", "[[20, 130]]", ("list_deg[1][2]", "130 deg is unreachable", "from -60 to 100 deg")),
-        ("high_hz: 80", "high_hz: 600", ("campaigns.estimation.excitation", "Nyquist frequency 500 Hz")),
+        ("high_hz: 80", "high_hz: 600", ("campaigns.candidates.excitation", "Nyquist frequency 500 Hz")),
         ("from: estimation", "from: estimatoin", ("fits.elastic.from", "did you mean `estimation`?")),
         ("validate_on: validation", "validate_on: estimation", ("fits.elastic.validate_on", "S198")),
         ("robot: arm.yaml", "robot: leg.yaml", ("small.yaml:3", "leg.yaml")),
