@@ -27,6 +27,7 @@ _ABOUT_KEYS = re.compile(r"\bS38[0-6]\b")
 _MISSING = "S381 "
 _MEANT = re.compile(r"S380 .*did you mean `(.+)`\?$")
 _LONGEST_VALUE = 60
+_MOST_NAMES = 8
 
 
 @dataclass(frozen=True)
@@ -85,12 +86,13 @@ def raise_problems(problems: Sequence[SettingsProblem]) -> None:
 
 
 def suggest(wrong: str, known: Iterable[str]) -> str:
-    """Returns the end of a sentence that names what was probably meant, or everything that is known."""
-    names = sorted(known)
+    """Returns the end of a sentence that names what was probably meant, or what is known."""
+    names = sorted({*known})
     close = difflib.get_close_matches(wrong, names, n=1, cutoff=0.5)
     if close:
         return f"did you mean `{close[0]}`?"
-    return f"known here: {', '.join(f'`{name}`' for name in names)}" if names else "there is none"
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    return f"known here: {', '.join(f'`{name}`' for name in names[:_MOST_NAMES])}{more}" if names else "there is none"
 
 
 def validate_document(model: type[_Model], document: Document) -> tuple[_Model | None, list[SettingsProblem]]:

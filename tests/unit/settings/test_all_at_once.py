@@ -159,3 +159,12 @@ def test_an_anchor_that_is_not_there_and_a_key_twice_are_told_with_their_line(re
     with pytest.raises(SettingsError) as caught:
         load_experiment(tmp_path / "experiment.yaml")
     assert caught.value.where.endswith("experiment.yaml:16")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("sensors: [", "zzzzz: 1\nsensors: ["), ("period_s: 2", "period_s: 2, qqqqqqq: 1")]
+)
+def test_a_key_like_no_other_is_told_in_a_line_that_can_be_read(refused, old, new):
+    (told,) = refused((old, new))
+    assert "S380 unknown key; known here: `" in told
+    assert len(told) < 300
