@@ -32,6 +32,8 @@ class LeftOut:
 
     def touches(self, field: FieldPath) -> bool:
         """Whether a field may look wrong because of it alone."""
+        if self.field[0] == "springs" and (field == ("base",) or (field[:1], field[-1:]) == (("joints",), ("name",))):
+            return True  # a joint needs a transmission and a base springs: this may be the one
         zone = self.field[: _NAMED.get(str(self.field[0]), 1)]
         if self.is_unknown and zone == self.field:
             parent = self.field[:-1]

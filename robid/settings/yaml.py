@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import difflib
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any, TypeAlias
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
-from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.parser import Parser
 from ruamel.yaml.scalarbool import ScalarBoolean
 from ruamel.yaml.scanner import Scanner
@@ -117,6 +118,10 @@ def parse_yaml(path: Path, text: str) -> Document:
         tree = None if node is None else yaml.constructor.construct_document(node)
     except YAMLError as error:
         raise _syntax_error(path, error, text) from error
+    except ValueError as error:  # ruamel.yaml reads what looks like a date as one
+        line = next((f":{one.start_mark.line + 1}" for one in _dates(node) if str(error) in _wrong_date(one)), "")
+        what = f"S524 looks like a date, but there is none like it: {error}"
+        raise SettingsError(what, where=f"{path}{line}", remedy="put it in quotes if it is a text") from error
     if not isinstance(tree, CommentedMap):
         found = "S335 is empty" if tree is None else "S336 must hold `key: value` lines, not a list or a single value"
         remedy = "`robid init NAME --example drive` writes a robot and an experiment to begin with"
@@ -144,8 +149,34 @@ def _check_aliases(path: Path, node: Node | None, parents: tuple[Node, ...]) -> 
         where = f"{path}:{parents[-1].start_mark.line + 1}"
         raise SettingsError("S337 an alias refers to a section that contains it", where=where, remedy="leave it out")
     if isinstance(node, MappingNode | SequenceNode):
+        if str(node.tag).startswith("!"):
+            raise _tagged(path, node.start_mark.line)
         for item in chain.from_iterable(node.value) if isinstance(node, MappingNode) else node.value:
             _check_aliases(path, item, (*parents, node))
+
+
+def _dates(node: Node | None) -> Iterator[ScalarNode]:
+    """What YAML takes for dates, in the order of the file."""
+    if isinstance(node, ScalarNode) and str(node.tag).endswith(":timestamp"):
+        yield node
+    elif isinstance(node, MappingNode | SequenceNode):
+        for item in chain.from_iterable(node.value) if isinstance(node, MappingNode) else node.value:
+            yield from _dates(item)
+
+
+def _wrong_date(node: ScalarNode) -> str:
+    """What is wrong with a date; empty where it is one."""
+    try:
+        YAML(typ="safe", pure=True).constructor.construct_yaml_timestamp(node)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
+def _tagged(path: Path, line: int) -> SettingsError:
+    what = "S340 tags, sets and binary values of YAML are not used here"
+    remedy = "use plain numbers, texts, lists and sections"
+    return SettingsError(what, where=f"{path}:{line + 1}", remedy=remedy)
 
 
 def _syntax_error(path: Path, error: YAMLError, text: str) -> SettingsError:
@@ -192,6 +223,4 @@ def _value(path: Path, node: Any, line: int) -> Any:  # noqa: ANN401
     for kind in (int, float, str):
         if isinstance(node, kind):
             return kind(node)
-    what = "S340 tags, sets and binary values of YAML are not used here"
-    remedy = "use plain numbers, texts, lists and sections"
-    raise SettingsError(what, where=f"{path}:{line + 1}", remedy=remedy)
+    raise _tagged(path, line)

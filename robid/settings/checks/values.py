@@ -148,7 +148,8 @@ def missing_keys(document: Document) -> list[SettingsProblem]:
     joints = document.data.get("joints")
     if not isinstance(joints, list):
         return []
-    sliding = {joint.get("name") for joint in joints if isinstance(joint, dict) and joint.get("type") == "prismatic"}
+    # A list, as a name that is none may not be hashable.
+    sliding = [joint.get("name") for joint in joints if isinstance(joint, dict) and joint.get("type") == "prismatic"]
     found: list[tuple[FieldPath, str]] = []
     for index, joint in enumerate(joints):
         if isinstance(joint, dict):

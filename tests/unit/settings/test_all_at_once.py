@@ -136,6 +136,14 @@ def test_a_mistake_in_an_anchored_section_is_told_once(refused, old, new, place,
     assert f"(and in {places}" in told
 
 
+def test_a_joint_does_not_lack_a_transmission_whose_section_is_wrong(refused):
+    spring = "{{name: g{0}, joint: {1}, place: transmission, stiffness_nm_rad: 1.0e+5, damping_nms_rad: 10}}"
+    springs = f"springs: [{spring.format(1, '[one]')}, {spring.format(2, 'two')}]"
+    gear = "    gear: {stiffness_nm_rad: 1.0e+5, damping_nms_rad: 10}\n"
+    (told,) = refused((gear, ""), ("sensors:", f"{springs}\nsensors:"))
+    assert "springs[1].joint: S383" in told
+
+
 def test_the_same_mistake_in_two_sections_is_told_twice(refused):
     told = refused(
         ("seed: 2", "rms: 0"), ("count: 20}", "count: 20}\n    payload_kg: -1"), ("periods: 2", "payload_kg: -1")
