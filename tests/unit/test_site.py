@@ -36,7 +36,7 @@ def test_no_page_fetches_anything(site):
 @pytest.mark.parametrize(
     ("term", "page"),
     [
-        ("frequency response", "concepts/excitation-and-frf.html"),
+        ("frequency response", "concepts/frequency-responses.html"),
         ("payload", "concepts/rigid-fit.html"),
         ("load_robot", "reference/python.html"),
         ("S380", "reference/messages.html"),
