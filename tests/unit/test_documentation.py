@@ -14,7 +14,7 @@ from robid.artifacts.results import MODEL, VALIDATION
 from robid.cli import app, run_command
 from robid.errors import ArtifactError, DataError, SettingsError
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.known import load_experiment
+from robid.models.known import FAMILIES, load_experiment
 from robid.pipeline.graph import graph
 from robid.settings.load import load_robot
 from robid.simulate.truth import true_robot
@@ -257,6 +257,14 @@ def test_exit_codes_of_the_page_are_those_of_the_errors():
     assert codes == {0, 1, SettingsError.exit_code, ArtifactError.exit_code, DataError.exit_code, 5, 130}
     for error, word in ((SettingsError, "settings"), (ArtifactError, "artifact"), (DataError, "data")):
         assert re.search(rf"^\| {error.exit_code} \| .*{word}", EXIT_CODES, re.MULTILINE)
+
+
+def test_the_page_of_exports_has_every_format_of_each_family():
+    text = text_of(ROOT / "docs/reference/exports.md")
+    rows = dict(re.findall(r"^\| `(\w+)` \| ((?:`\w+`(?:, )?)+)", text.partition("| format |")[0], re.MULTILINE))
+    assert {name: set(re.findall(r"\w+", formats)) for name, formats in rows.items()} == {
+        name: set(family.exports) for name, family in FAMILIES.items()
+    }
 
 
 def test_the_changelog_tells_formats_and_default_numbers():
