@@ -80,8 +80,8 @@ def _has_docstring(node: ast.AST) -> bool:
 
 
 def uses(text: str) -> list[str]:
-    """Retired words that a text has, code left out."""
-    plain = re.sub(r"`[^`]*`", "", text)
+    """Retired words that a text has, code and targets of links left out."""
+    plain = re.sub(r"`[^`]*`", "", _LINK.sub(r"\1", text))
     return [match[0] for pattern in retired() for match in pattern.finditer(plain)]
 
 
