@@ -6,7 +6,7 @@ BENCH_STAMP := .venv/.bench
 DATA := $(or $(ROBID_DATA),../shared/data)
 
 .DEFAULT_GOAL := help
-.PHONY: help install run run-log study test test-slow lint check bench clean
+.PHONY: help install run run-log study test test-slow lint check docs bench clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' $(MAKEFILE_LIST) | while IFS='|' read -r name text; do printf '  %-10s %s\n' "$$name" "$$text"; done
@@ -46,6 +46,9 @@ lint: $(STAMP) ## check format, rules, types and layers
 	$(BIN)/lint-imports
 
 check: lint test ## what CI runs: lint and test
+
+docs: $(STAMP) ## build the site, into runs/site/index.html
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 bench: $(BENCH_STAMP) ## measure speed as ratios within one run, into runs/bench/bench.json
 	$(BIN)/python -m pytest -q --override-ini 'python_files=bench_*.py' --benchmark-columns=median,iqr,rounds tests/bench

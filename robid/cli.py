@@ -9,46 +9,38 @@ from typing import Annotated, Literal
 
 import typer
 
+from robid.commands.options import (
+    AsJson,
+    Backend,
+    Debug,
+    ExperimentFile,
+    RunFolder,
+    Scheduler,
+    Strict,
+    Workers,
+    known_codes,
+    names_in,
+)
 from robid.commands.output import print_json
+from robid.commands.stages import stage_command
 from robid.errors import RobidError, SettingsError, codes_in
 from robid.interrupts import hearing, was_interrupted
 from robid.pipeline.chain import STAGES
 from robid.pipeline.graph import Run
-from robid.pipeline.stage import Stage
 from robid.signals.log_options import LogFormat
 from robid.versions import __version__
 
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 _INTERRUPTED = 130
-_TRY = (
-    "Refit from the minimum found with this in `free` too, and show both side by side; writes nothing unless"
-    " --output says where. Can be repeated."
-)
-_STRICT = "Exit with 5 unless the model can be trusted, even where it predicts well."
 
 app = typer.Typer(
     help="Identifies the elastic dynamics of a robot from its own motor signals.",
+    epilog="Example: robid init first --example drive && robid run first/first.yaml",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-ExperimentFile = Annotated[Path, typer.Argument(metavar="EXPERIMENT.yaml", help="The experiment file.")]
-RunFolder = Annotated[Path | None, typer.Option("--run-dir", help="The run folder; runs/<name> by default.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")]
-Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks.")]
-Backend = Annotated[
-    Literal["serial", "processes", "dask"] | None, typer.Option("--backend", help="Overrides execution.backend.")
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(
-        "--scheduler", metavar="ADDRESS", help="Overrides execution.scheduler: a Dask scheduler, for --backend dask."
-    ),
-]
-Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Overrides execution.workers.")]
 
 
 def main() -> None:
@@ -93,7 +85,8 @@ def _told(error: Exception) -> tuple[str, int]:
         return str(error), error.exit_code
     if isinstance(error, _UsageError):
         message = getattr(error, "format_message", error.__str__)()
-        return f"S377 {message}\n  remedy: `robid --help` lists commands and options", 2
+        called = getattr(getattr(error, "ctx", None), "command_path", "robid")
+        return f"S377 {message}\n  remedy: `{called} --help` lists what there is", 2
     first = (str(error) or "no message").splitlines()[0]
     remedy = "report it with what --debug prints"
     return f"a defect of ours: {type(error).__name__}: {first}\n  remedy: {remedy}", 1
@@ -123,57 +116,15 @@ def _open(
     return open_run(path, folder, backend, workers, scheduler)
 
 
-def _add_stage(stage: Stage) -> None:
-    """Adds a stage's command; the option that names what it runs for follows from the stage."""
-    is_whole = stage.owned_by == "experiment"
-    described = f"Name of the {stage.owned_by}; may be left out when there is only one."
-    owner_option = typer.Option(f"--{stage.owned_by}", help=described, hidden=is_whole)
-
-    strict_option = typer.Option("--strict", help=_STRICT, hidden=stage.owned_by != "fit")
-    try_option = typer.Option("--try", metavar="NAME", help=_TRY, hidden=stage.name != "fit")
-
-    def command(
-        experiment: ExperimentFile,
-        owner: Annotated[str | None, owner_option] = None,
-        run_dir: RunFolder = None,
-        inputs: Annotated[
-            list[Path] | None, typer.Option("--input", help="Read this artifact instead of the run folder's.")
-        ] = None,
-        output: Annotated[Path | None, typer.Option("--output", help="Write here instead.")] = None,
-        force: Annotated[bool, typer.Option("--force", help="Replace an output that differs.")] = False,
-        strict: Annotated[bool, strict_option] = False,
-        tried: Annotated[list[str] | None, try_option] = None,
-        as_json: AsJson = False,
-        backend: Backend = None,
-        workers: Workers = None,
-        scheduler: Scheduler = None,
-        _debug: Debug = False,
-    ) -> int:
-        from robid.commands.run import check_strict, check_try, run_stage
-
-        if tried:
-            from robid.commands.fit_try import try_freeing
-
-            check_try(stage, {"--input": inputs, "--strict": strict})
-            opened = _open(experiment, run_dir, backend, workers, scheduler)
-            return try_freeing(opened, owner, tried, output, force=force, as_json=as_json)
-        if strict:
-            check_strict(stage)
-        run = _open(experiment, run_dir, backend, workers, scheduler)
-        return run_stage(run, stage, owner, inputs or [], output, force=force, strict=strict, as_json=as_json)
-
-    app.command(stage.name, help=stage.does, short_help=stage.does)(command)
-
-
 for _stage in STAGES:
-    _add_stage(_stage)
+    app.command(_stage.name, help=_stage.does)(stage_command(_stage))
 
 
 @app.command("run")
 def run_everything(
     experiment: ExperimentFile,
     run_dir: RunFolder = None,
-    strict: Annotated[bool, typer.Option("--strict", help=_STRICT)] = False,
+    strict: Strict = False,
     as_json: AsJson = False,
     backend: Backend = None,
     workers: Workers = None,
@@ -269,11 +220,22 @@ def export_model(
         ),
     ],
     fit: Annotated[
-        str | None, typer.Option("--fit", help="Name of the fit; may be left out if it is the only one.")
+        str | None,
+        typer.Option(
+            "--fit",
+            metavar="NAME",
+            help="Name of the fit; may be left out if it is the only one.",
+            autocompletion=names_in("fits"),
+        ),
     ] = None,
     campaign: Annotated[
         str | None,
-        typer.Option("--campaign", help="Name of a campaign, to write its excitation or responses instead of a fit."),
+        typer.Option(
+            "--campaign",
+            metavar="NAME",
+            help="Name of a campaign, to write its excitation or responses instead of a fit.",
+            autocompletion=names_in("campaigns"),
+        ),
     ] = None,
     what: Annotated[
         Literal["excitation", "frf"] | None,
@@ -428,7 +390,11 @@ def check_installation(as_json: AsJson = False, _debug: Debug = False) -> int:
 def explain_codes(
     codes: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[CODE...]", help="Codes of messages, as S007; without any: what letters stand for."),
+        typer.Argument(
+            metavar="[CODE...]",
+            help="Codes of messages, as S007; without any: what letters stand for.",
+            autocompletion=known_codes,
+        ),
     ] = None,
     as_json: AsJson = False,
     _debug: Debug = False,

@@ -18,7 +18,10 @@ from robid.settings.load import robot_schema
 from robid.studies.settings.study import Study
 
 ROOT = Path(__file__).parent.parent
-PAGES = {"docs/experiment-file.md": partial(experiment_schema, study=Study), "docs/bring-your-own.md": robot_schema}
+PAGES = {
+    ("docs/reference/experiment-file.md", "docs/reference/studies.md"): partial(experiment_schema, study=Study),
+    ("docs/reference/robot-file.md",): robot_schema,
+}
 _HEAD = ["| key | value | default | meaning |", "|---|---|---|---|"]
 _MARK = re.compile(r"^<!-- settings: (\w+(?:, \w+)*) -->\n(?:\|.*\n)*", re.MULTILINE)
 _LIMITS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
@@ -92,6 +95,6 @@ def _default(field: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    for name, make_schema in PAGES.items():
-        file = ROOT / name
-        file.write_text(renewed(file.read_text(encoding="utf-8"), make_schema()), encoding="utf-8")
+    for names, make_schema in PAGES.items():
+        for file in (ROOT / name for name in names):
+            file.write_text(renewed(file.read_text(encoding="utf-8"), make_schema()), encoding="utf-8")

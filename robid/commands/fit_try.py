@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,18 @@ from robid.results.grade import WORDS
 from robid.robot.parameters import FRICTION_KIND
 
 _MOVED = 1.0  # half-widths
+
+
+def check_try(others: Mapping[str, object]) -> None:
+    """Refuses `--try` beside options that it does not know.
+
+    Raises:
+        SettingsError: If one is given.
+    """
+    given = [name for name, value in others.items() if value]
+    if given:
+        message = f"S018 `{given[0]}` says nothing of a fit that is only tried"
+        raise SettingsError(message, where="--try", remedy=f"leave out {given[0]}")
 
 
 def try_freeing(run: Run, fit: str | None, names: list[str], output: Path | None, *, force: bool, as_json: bool) -> int:

@@ -178,7 +178,7 @@ def pather(experiment: Path | None) -> Callable[[Path], str]:
 def _check_targets(paths: Sequence[Path], options: LogInspection) -> None:
     """Refuses outputs in the place of something else, and a sampling period that is none, before anything is read."""
     if options.sampling_period_s is not None and not options.sampling_period_s > 0:
-        what = f"A020 --sampling-period {options.sampling_period_s:g} is no time between samples."
+        what = f"S568 --sampling-period {options.sampling_period_s:g} is no time between samples."
         raise SettingsError(what, remedy="state it in seconds, as in `--sampling-period 1e-3`")
     page = options.page
     is_own = page is not None and page.is_file() and page.read_bytes().endswith(_MARK.encode())

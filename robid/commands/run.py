@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from robid.artifacts.atomic import FOLDER_LOCK, locked
+from robid.commands.notices import tell_notices
 from robid.commands.output import print_json
 from robid.commands.shared import (
     PROBLEM,
@@ -20,7 +21,7 @@ from robid.commands.shared import (
     require_inputs,
     tell,
 )
-from robid.errors import ArtifactError, SettingsError
+from robid.errors import ArtifactError
 from robid.pipeline.chain import CHAIN
 from robid.pipeline.freshness import check_outputs
 from robid.pipeline.graph import Node, Run, execute, grade_of, run_all
@@ -28,33 +29,6 @@ from robid.pipeline.report import gather
 from robid.pipeline.stage import Stage
 from robid.pipeline.terminal import Shell
 from robid.report.numbers import duration
-
-
-def check_strict(stage: Stage) -> None:
-    """Refuses `--strict` where nothing is graded.
-
-    Raises:
-        SettingsError: If the stage gives no grade.
-    """
-    if stage.owned_by != "fit":
-        remedy = "leave it out; it belongs to `fit`, `validate` and `run`"
-        raise SettingsError(f"S016 `{stage.name}` gives no grade", where="--strict", remedy=remedy)
-
-
-def check_try(stage: Stage, others: Mapping[str, object]) -> None:
-    """Refuses `--try` where nothing is fitted, and beside options that it does not know.
-
-    Raises:
-        SettingsError: If it is so.
-    """
-    if stage.name != "fit":
-        raise SettingsError(
-            f"S017 `{stage.name}` fits nothing", where="--try", remedy="leave it out; it belongs to `fit`"
-        )
-    given = [name for name, value in others.items() if value]
-    if given:
-        message = f"S018 `{given[0]}` says nothing of a fit that is only tried"
-        raise SettingsError(message, where="--try", remedy=f"leave out {given[0]}")
 
 
 def run_stage(
@@ -102,6 +76,7 @@ def _make(run: Run, node: Node, inputs: Mapping[str, Path], target: Path, shell:
                 where=str(target),
                 remedy="`--force` replaces it; what was made from it is stale then",
             )
+        tell_notices(run, shell)
         begun = time.monotonic()
         with run.make_map() as parallel_map, shell.progress(node.output) as progress:
             figures = execute(run, node, inputs, target, parallel_map, progress)
@@ -112,6 +87,7 @@ def run_experiment(run: Run, *, strict: bool, as_json: bool) -> int:
     """Runs an experiment and prints what it found; returns the exit code."""
     shell = make_shell(run, as_json=as_json)
     with locked(run.path(FOLDER_LOCK), f"robid run {run.loaded.path}"):
+        tell_notices(run, shell)
         results = run_all(run, lambda node: shell.progress(node.output), lambda result: tell(shell, result))
     present = [path for result in results if result.outcome != "skipped" for path in result.node.plan.outputs]
     gathered = gather(CHAIN, run.loaded, run.folder, present)

@@ -17,10 +17,8 @@ from robid.pipeline.freshness import State, outputs_at, state_of_output
 from robid.pipeline.graph import Node, Result, Run, examine, graph, needed_for, run_folder
 from robid.pipeline.terminal import Shell, make_console
 from robid.report.numbers import duration
-from robid.settings.checks.configurations import other_units
 from robid.settings.experiment import Execution
 from robid.settings.load import LoadedExperiment
-from robid.settings.numbering import NEWEST
 
 if TYPE_CHECKING:
     from robid.results.grade import Grade
@@ -75,18 +73,9 @@ def choose_backend(
 
 
 def make_shell(run: Run, *, as_json: bool) -> Shell:
-    """Returns where a command talks to, with the notes on the robot's model said."""
+    """Returns where a command talks to."""
     quiet = as_json or run.loaded.experiment.execution.log_level == "warning"
-    shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet)
-    for note in run.loaded.robot.model_notes:
-        shell.note(run.loaded.robot.name, note)
-    if run.loaded.experiment.schema_version < NEWEST:
-        path = run.loaded.path
-        told = f"schema_version 1 counts configurations from 0; `robid upgrade {path}` has them count from 1"
-        shell.note(str(path), told)
-    for text in other_units(run.loaded.experiment, run.loaded.robot):
-        shell.warn(text)
-    return shell
+    return Shell(make_console(stderr=False), make_console(stderr=True), quiet)
 
 
 def graded(grade: Grade | None) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from robid.artifacts.atomic import FOLDER_LOCK, locked, read_json
+from robid.commands.notices import tell_notices
 from robid.commands.output import print_json
 from robid.commands.shared import make_shell, tell
 from robid.pipeline.graph import Run
@@ -16,6 +17,7 @@ def study_experiment(run: Run, *, force: bool, as_json: bool) -> int:
     """Runs a study and prints what it found; returns the exit code."""
     shell = make_shell(run, as_json=as_json)
     with locked(run.path(FOLDER_LOCK), f"robid study {run.loaded.path}"):
+        tell_notices(run, shell)
         made = run_study(run, shell.progress, lambda result: tell(shell, result), force=force)
     report = str(run.path("report.html"))
     if as_json:

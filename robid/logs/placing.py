@@ -143,7 +143,7 @@ def explain_mismatch(logged: FloatArray, played: PlayedExcitation, names: tuple[
         what = f"D235 It holds realization {found[0] + 1}, experiment {found[1] + 1} of the excitation, not"
         sign = f"; or correct the sign of {', '.join(reversed_)}" if not foreign and reversed_ else ""
         wanted = f"realization {played.realization + 1}, experiment {played.experiment + 1}"
-        return f"D236 {what} {wanted}.", f"Name the log files as they were played{sign}."
+        return f"{what} {wanted}.", f"Name the log files as they were played{sign}."
     if not foreign:
         what = f"D237 The references of {', '.join(reversed_)} count the other way than those of the other motors."
         return what, "Set `sign: -1` for these references, or for the others."
@@ -151,7 +151,7 @@ def explain_mismatch(logged: FloatArray, played: PlayedExcitation, names: tuple[
         what = f"D238 The references of {', '.join(foreign)} are not those of the excitation; the other motors' are."
         return what, "Check the variables of these references."
     what = f"D239 It holds no period of the excitation: the correlation is {scores[found]:.2f} at most,"
-    return f"D240 {what} over all {n_real} realizations of {n_exp} experiments.", remedy
+    return f"{what} over all {n_real} realizations of {n_exp} experiments.", remedy
 
 
 def check_size(gain: FloatArray, names: tuple[str, ...], rms: FloatArray) -> tuple[list[str], list[str]]:

@@ -11,7 +11,7 @@ from sample_reports import arm_fit, bench_report
 
 pytest.importorskip("control", reason="S068")
 
-PAGE = Path(__file__).parents[2] / "docs/excitation-and-frf.md"
+PAGE = Path(__file__).parents[2] / "docs/how-to/export-responses.md"
 
 
 @pytest.mark.parametrize("frf", [arm_fit(2, 1, 20).frf, bench_report().fit.frf], ids=["six by six", "two by one"])

@@ -11,13 +11,13 @@ import pytest
 from robid.artifacts.truth import read_truth
 from settings_tables import ROOT
 
-PAGE = ROOT / "docs/bring-your-own.md"
+PAGE = ROOT / "docs/tutorials/log_to_report.md"
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
 def blocks(title):
     """Language and text of the code of a part of the page."""
-    part = PAGE.read_text(encoding="utf-8").partition(f"\n### {title}\n")[2]
+    part = PAGE.read_text(encoding="utf-8").partition(f"\n## {title}\n")[2]
     return FENCE.findall(re.split(r"^##+ ", part, maxsplit=1, flags=re.MULTILINE)[0])
 
 

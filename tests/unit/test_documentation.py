@@ -14,7 +14,7 @@ from robid.artifacts.results import MODEL, VALIDATION
 from robid.cli import app, run_command
 from robid.errors import ArtifactError, DataError, SettingsError
 from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.known import load_experiment
+from robid.models.known import FAMILIES, load_experiment
 from robid.pipeline.graph import graph
 from robid.settings.load import load_robot
 from robid.simulate.truth import true_robot
@@ -28,10 +28,14 @@ DOCUMENTS = [
 ]
 NAMES = [str(path.relative_to(ROOT)) for path in DOCUMENTS]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+START = (ROOT / "docs/start.md").read_text(encoding="utf-8")
+CHAIN = (ROOT / "docs/concepts/chain.md").read_text(encoding="utf-8")
+EXIT_CODES = (ROOT / "docs/reference/exit-codes.md").read_text(encoding="utf-8")
 EXAMPLES = sorted((ROOT / "configs").glob("*.yaml"))
 ROBOTS = sorted((ROOT / "configs/robots").glob("*.yaml"))
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 PLACEHOLDER = "EXPERIMENT.yaml"
+GENERATED = set(re.findall(r'"(reference/\w+\.md)":', (ROOT / "docs/site/reference.py").read_text(encoding="utf-8")))
 FOLDERS = ("configs", "data", "docs", "robid", "tests")
 
 
@@ -83,11 +87,12 @@ def test_a_section_that_only_its_class_describes_has_one_line_that_is_written_an
     assert renewed(once, schema) == once
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_tables_are_those_of_the_schema(page):
-    text, schema = text_of(ROOT / page), PAGES[page]()
-    assert sorted(marked(text)) == sorted(["file", *schema["$defs"]]), "each section has its table, once"
-    assert renewed(text, schema) == text, "`.venv/bin/python tests/settings_tables.py` writes the tables anew"
+@pytest.mark.parametrize("pages", PAGES)
+def test_tables_are_those_of_the_schema(pages):
+    texts, schema = [text_of(ROOT / page) for page in pages], PAGES[pages]()
+    assert sorted(marked("".join(texts))) == sorted(["file", *schema["$defs"]]), "each section has its table, once"
+    for text in texts:
+        assert renewed(text, schema) == text, "`.venv/bin/python tests/settings_tables.py` writes the tables anew"
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -105,15 +110,30 @@ def test_commands_parse_and_name_files_that_exist(name):
                 assert word in made or (ROOT / word).is_file(), command
 
 
-def test_the_readme_has_a_command_for_every_stage():
-    shown = {command.split()[1] for command in commands(README)}
+def test_the_readme_is_short():
+    assert len(README.splitlines()) <= 130
+
+
+def test_the_pages_of_the_site_have_an_example_of_every_command():
+    pages = [path for path in DOCUMENTS if ROOT / "docs" in path.parents]
+    shown = {command.split()[1] for page in pages for command in commands(text_of(page))}
     assert set(typer.main.get_command(app).commands) <= shown
 
 
-def test_run_folder_of_the_readme_is_that_of_the_default_experiment():
+def test_the_chain_has_a_command_for_every_stage_in_its_order():
+    in_order = list(dict.fromkeys(node.stage.name for node in graph(load_experiment(ROOT / "configs/kr300.yaml"))))
+    shown = [command.split()[1] for command in commands(CHAIN.partition("## Run one stage")[2].partition("- A ")[0])]
+    assert shown == in_order
+
+
+def test_run_folder_of_the_chain_is_that_of_the_default_experiment():
     made = {path.removeprefix("runs/kr300/") for path in outputs_of(ROOT / "configs/kr300.yaml")}
-    shown = set(re.findall(r"`([\w/]+\.(?:h5|html|json))`", README.partition("## Commands")[0]))
-    assert {path for path in made if not path.startswith("validation/")} == shown - {"runs/kr300/report.html"}
+    made = {path for path in made if not path.startswith("validation/")}
+    picture, _, after = CHAIN.partition("## Stages and files")
+    table = set(re.findall(r"`([\w/]+\.(?:h5|html|json))`", after.partition("## Run the whole chain")[0]))
+    drawn = set(re.findall(r"[\w/]+\.(?:h5|html|json)\b", picture))
+    assert table == made
+    assert drawn == made - {"estimation/truth.json"}
 
 
 @pytest.mark.parametrize("name", [*NAMES, "CHANGELOG.md"])
@@ -122,7 +142,10 @@ def test_links_and_paths_lead_somewhere(name):
     text = FENCE.sub("", text_of(page))
     for target in re.findall(r"\]\(([^)]+)\)", text):
         path, _, anchor = target.partition("#")
-        found = (page.parent / path) if path else page
+        found = (page.parent / path).resolve() if path else page
+        if found.is_relative_to(ROOT / "docs") and str(found.relative_to(ROOT / "docs")) in GENERATED:
+            assert ROOT / "docs" in page.parents, "only the site has pages that the code writes"
+            continue
         assert found.exists(), target
         if anchor:
             assert anchor in anchors(text_of(found)), target
@@ -145,7 +168,9 @@ def test_make_targets_exist(name):
         assert set(words.split()) <= targets, words
 
 
-@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "page", [path for path in DOCUMENTS if ROOT / "docs" in path.parents], ids=lambda path: path.stem
+)
 def test_complete_examples_in_pages_load(page, tmp_path):
     (tmp_path / "robots").mkdir()
     for robot in ROBOTS:
@@ -157,15 +182,56 @@ def test_complete_examples_in_pages_load(page, tmp_path):
             assert load_experiment(file).experiment.campaigns
 
 
-def test_the_readme_has_no_figure_that_nothing_prints():
+FIGURE = re.compile(r"\d+(?:[.,]\d+)? ?(?:%|dB|Hz|kHz|ms|s|min|minutes|hours|kg|N m|rad|MB|kB)(?![\w/])")
+
+
+def figures(text):
+    return set(FIGURE.findall(FENCE.sub("", text)))
+
+
+def defaults():
+    """Defaults of a fit that pages name."""
     options = ElasticOptions()
     shares = (options.confidence, options.identifiable_relative_std, options.weights.model_error)
-    allowed = {f"{100 * share:g} %" for share in shares} | {"150 kg"}
-    number = re.compile(r"\d+(?:[.,]\d+)? ?(?:%|dB|Hz|kHz|ms|s|min|minutes|hours|kg|N m|rad|MB|kB)(?![\w/])")
-    found = set(number.findall(FENCE.sub("", README)))
-    assert found <= allowed, "outside the sample output the README has only defaults"
-    assert found - {"150 kg"} == allowed - {"150 kg"}, "and it names these"
+    return {f"{100 * share:g} %" for share in shares}
+
+
+def measuring_time(experiment, campaign, configurations):
+    """Minutes that a simulated campaign takes, transients included, as `design-excitation` prints them."""
+    about = experiment.campaigns[campaign]
+    periods = about.periods + about.source.simulate.transient_periods
+    motors = len(load_robot(ROOT / "configs/robots/kr300.yaml").joints)
+    minutes = configurations * about.realizations * motors * periods * about.excitation.period_s / 60
+    return f"{minutes:g} min"
+
+
+def of_the_default_experiment():
+    """Band, rate and measuring times of the default experiment."""
+    experiment = load_experiment(ROOT / "configs/kr300.yaml").experiment
+    robot = load_robot(ROOT / "configs/robots/kr300.yaml")
+    chosen = experiment.designs["optimal"].count
+    fresh = experiment.campaigns["validation"].configurations.random.count
+    return {
+        f"{experiment.campaigns['estimation'].excitation.high_hz:g} Hz",
+        f"{1e-3 / robot.controller.sampling_period_s:g} kHz",
+        measuring_time(experiment, "estimation", chosen),
+        measuring_time(experiment, "validation", fresh),
+    }
+
+
+def test_the_readme_has_no_figure_that_nothing_prints():
+    assert figures(README) == defaults() | of_the_default_experiment(), (
+        "only defaults and the default experiment's plan"
+    )
+
+
+def test_the_home_page_has_no_figure_that_nothing_prints():
+    assert figures(text_of(ROOT / "docs/index.md")) <= of_the_default_experiment()
+
+
+def test_payload_and_limit_of_the_start_page_are_those_of_the_default_experiment():
     assert load_robot(ROOT / "configs/robots/kr300.yaml").payload.mass_kg == 150
+    assert figures(START) == {"95 %", "150 kg"}
 
 
 def test_the_sample_output_is_of_the_default_experiment():
@@ -175,7 +241,7 @@ def test_the_sample_output_is_of_the_default_experiment():
     row = re.compile(
         r"^  (\w+) .*? ([kM]?)N m(?: s)?/rad .*? (?:a )?([\d.]+) +([\d.]+) +[+\u2212][\d.]+ %$", re.MULTILINE
     )
-    springs, dampers = README.partition("\nSprings\n")[2].partition("Equivalent")[0].split("Dampers\n")
+    springs, dampers = START.partition("\nSprings\n")[2].partition("Equivalent")[0].split("Dampers\n")
     for block, field in ((springs, "stiffness"), (dampers, "damping")):
         rows = row.findall(block)
         assert len(rows) == len([line for line in block.splitlines() if line.startswith("  ") and "..." not in line])
@@ -186,11 +252,19 @@ def test_the_sample_output_is_of_the_default_experiment():
                 assert f"{value:.{len(shown.partition('.')[2])}f}" == shown, name
 
 
-def test_exit_codes_of_the_readme_are_those_of_the_errors():
-    codes = {int(code) for code in re.findall(r"^\| (\d+) \|", README, re.MULTILINE)}
+def test_exit_codes_of_the_page_are_those_of_the_errors():
+    codes = {int(code) for code in re.findall(r"^\| (\d+) \|", EXIT_CODES, re.MULTILINE)}
     assert codes == {0, 1, SettingsError.exit_code, ArtifactError.exit_code, DataError.exit_code, 5, 130}
     for error, word in ((SettingsError, "settings"), (ArtifactError, "artifact"), (DataError, "data")):
-        assert re.search(rf"^\| {error.exit_code} \| .*{word}", README, re.MULTILINE)
+        assert re.search(rf"^\| {error.exit_code} \| .*{word}", EXIT_CODES, re.MULTILINE)
+
+
+def test_the_page_of_exports_has_every_format_of_each_family():
+    text = text_of(ROOT / "docs/reference/exports.md")
+    rows = dict(re.findall(r"^\| `(\w+)` \| ((?:`\w+`(?:, )?)+)", text.partition("| format |")[0], re.MULTILINE))
+    assert {name: set(re.findall(r"\w+", formats)) for name, formats in rows.items()} == {
+        name: set(family.exports) for name, family in FAMILIES.items()
+    }
 
 
 def test_the_changelog_tells_formats_and_default_numbers():

@@ -182,7 +182,7 @@ WAIT_FOR_WORKERS_S = 60.0
 _ANSWER_S = 60.0
 _SHOWN = 5
 
-GUIDE = "docs/clusters.md says how"
+GUIDE = "docs/how-to/clusters.md says how"
 _REMEDIES = {
     VERSIONS: f"give scheduler and workers the environment of this command; {GUIDE}",
     FOLDER: f"name a folder with --run-dir that this machine and all workers share, and work in one; {GUIDE}",

@@ -89,6 +89,9 @@ class TrustSeedChoice(Section):
     choose: TrustSeeds = entry("Those that everything is chosen with.")
 
 
+_PARTS = ("causes", "linear", "single")
+
+
 class TrustStudy(Section):
     """Whether intervals hold, on robots whose defects their model does not contain."""
 
@@ -110,8 +113,10 @@ class TrustStudy(Section):
     cause_robots: Count = entry("Robots of each of these.", 5)
     cause_places: Count = entry("Random configurations, the first ones, in which these are measured.", 4)
     single: SingleDefects | None = entry("Set C: robots with one defect each, and sound ones.", None)
-    only: Literal["single", "others"] | None = entry(
-        "Set C alone, or all but it: a part of the study; all when not given.", None
+    only: tuple[Name, ...] | None = entry(
+        "Parts of the study: names of sets, `causes`, `linear`, `single`; all when not given. Seeds begin anew.",
+        None,
+        min_length=1,
     )
     seeds: TrustSeedChoice = entry("Seeds of the robots.")
     use: Literal["judge", "choose"] = entry("Which of the seeds are used.", "judge")
@@ -120,9 +125,16 @@ class TrustStudy(Section):
     @classmethod
     def _leave_out(cls, data: Any) -> Any:  # noqa: ANN401
         """A part of the study is a study that says nothing of the others."""
-        without = {"single": ("sets", "linear", "causes"), "others": ("single",)}
-        left_out = without.get(str(data.get("only")), ()) if isinstance(data, dict) else ()
-        return {key: value for key, value in data.items() if key not in left_out} if left_out else data
+        only = data.get("only") if isinstance(data, dict) else None
+        sets = data.get("sets", {}) if isinstance(only, list | tuple) else None
+        if not isinstance(sets, dict):
+            return data
+        known = [*sets, *(name for name in _PARTS if name in data)]
+        for name in only:
+            if message := unknown("part", name, known):
+                raise ValueError(message)
+        left = {key: value for key, value in data.items() if key not in _PARTS or key in only}
+        return {**left, "sets": {key: value for key, value in sets.items() if key in only}}
 
     @property
     def chosen(self) -> TrustSeeds:

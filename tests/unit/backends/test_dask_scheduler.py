@@ -44,7 +44,7 @@ def refused(address: str, folder: Path) -> BackendError:
     with pytest.raises(BackendError) as caught, make_map("dask", 1, scheduler=address, folder=folder):
         pass
     assert caught.value.exit_code == 3
-    assert "docs/clusters.md" in caught.value.remedy
+    assert "docs/how-to/clusters.md" in caught.value.remedy
     assert list(folder.glob(".dask-*")) == []
     return caught.value
 

@@ -8,7 +8,7 @@ import pytest
 
 from robid.fleet.table import LAST_COLUMNS, PARAMETER_COLUMNS, ROW_COLUMNS, column_of
 
-_PAGE = Path(__file__).parents[3] / "docs/reprocessing.md"
+_PAGE = Path(__file__).parents[3] / "docs/how-to/many-robots.md"
 
 
 def test_the_documentation_lists_every_column_with_its_type():

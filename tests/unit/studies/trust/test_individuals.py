@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from robid.settings.yaml import load_yaml
 from robid.studies.settings.study import load_with_study
@@ -137,11 +138,13 @@ def test_single_defects_take_turns_in_noise_and_variant_with_sizes_of_their_own(
 
 def test_a_part_of_the_study_has_no_robots_of_the_others():
     text = load_yaml(ROOT / "configs" / "studies" / "trust.yaml").data["study"]
-    whole, single, others = (
-        TrustStudy.model_validate({**text, **changed}) for changed in ({}, {"only": "single"}, {"only": "others"})
-    )
-    kinds = [{one.kind for one in individuals(each)} for each in (whole, single, others)]
-    assert kinds == [{"set", "cause", "linear", "single"}, {"single"}, {"set", "cause", "linear"}]
-    shared = [one for one in individuals(whole) if one.kind != "single"]
-    assert [one.physics for one in shared] == [one.physics for one in individuals(others)]
-    assert min(one.seed for one in individuals(single)) == whole.chosen.first
+    whole = individuals(TrustStudy.model_validate(text))
+    parts = [("a",), ("b", "light"), ("causes",), ("linear",), ("single",)]
+    found = [individuals(TrustStudy.model_validate({**text, "only": list(part)})) for part in parts]
+    assert [(one.group, one.physics) for one in whole[:24]] == [(one.group, one.physics) for one in found[0]]
+    assert [(one.group, one.kind, one.robot) for one in whole] == [
+        (one.group, one.kind, one.robot) for part in found for one in part
+    ]
+    assert {min(one.seed for one in part) for part in found} == {text["seeds"]["judge"]["first"]}
+    with pytest.raises(ValidationError, match="lighter"):
+        TrustStudy.model_validate({**text, "only": ["lighter"]})
