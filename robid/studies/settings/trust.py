@@ -125,9 +125,10 @@ class TrustStudy(Section):
     @classmethod
     def _leave_out(cls, data: Any) -> Any:  # noqa: ANN401
         """A part of the study is a study that says nothing of the others."""
-        only = data.get("only") if isinstance(data, dict) else None
-        sets = data.get("sets", {}) if isinstance(only, list | tuple) else None
-        if not isinstance(sets, dict):
+        if not isinstance(data, dict):
+            return data
+        only, sets = data.get("only"), data.get("sets", {})
+        if not isinstance(only, list | tuple) or not isinstance(sets, dict):
             return data
         known = [*sets, *(name for name in _PARTS if name in data)]
         for name in only:
