@@ -31,7 +31,7 @@ def skeleton_figure(
         points=tuple(_triples(arm) for arm in points_m),
         weights=tuple(weights.tolist()),
         others=() if candidates_m is None else _triples(candidates_m),
-        caption="Drag to turn. A thicker arm has more weight; its tool is the large dot, the floor the grey plane.",
+        caption="Drag to turn. A thicker arm has more visits; its tool is the large dot, the floor the grey plane.",
     )
 
 
@@ -133,7 +133,12 @@ def design_section(name: str, design: ConfigurationDesign, arms_m: FloatArray) -
     visits = design.counts[design.chosen]
     figures = (
         skeleton_figure(
-            arms_m[design.chosen], visits / visits.sum(), names, np.delete(arms_m[:, -1], design.chosen, axis=0)
+            arms_m[design.chosen],
+            visits / visits.sum(),
+            tuple(
+                f"{name}, {count} visit{'s' * (count > 1)}" for name, count in zip(names, visits.tolist(), strict=True)
+            ),
+            np.delete(arms_m[:, -1], design.chosen, axis=0),
         ),
         weight_figure(design.weights, every),
         information_figure(design.told, design.parameter_names, names),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from statistics import median
 
-from robid.report.numbers import MISSING, Scale, percent, scale_for, significant
+from robid.report.numbers import MISSING, Scale, engineering, percent, scale_for, significant
 from robid.robot.parameters import FRICTION_KIND, INTEGRATOR_KIND, NUISANCE_KIND, PARAMETER_KINDS
 
 
@@ -184,7 +184,7 @@ def parameter_line(row: ParameterRow, threshold: float | None = None) -> Paramet
         estimate=scale.text(row.estimate),
         lower=scale.text(row.lower),
         upper=scale.text(row.upper),
-        half_width=percent(_relative_half_width(row)),
+        half_width=half_width_text(row),
         change=percent(row.estimate / row.nominal - 1, signed=True) if row.nominal else MISSING,
         truth=scale.text(row.truth),
         off_truth=percent(row.estimate / row.truth - 1, signed=True) if row.truth else MISSING,
@@ -205,6 +205,13 @@ def _relative_half_width(row: ParameterRow) -> float:
     """
     size = 1.0 if row.kind == FRICTION_KIND else 0.0 if row.kind == INTEGRATOR_KIND else abs(row.middle)
     return (row.upper - row.lower) / 2 / size if size else float("nan")
+
+
+def half_width_text(row: ParameterRow) -> str:
+    """Writes half the interval, relative to the value; with its unit where it is wider than that, as in `8.2 µs`."""
+    relative = _relative_half_width(row)
+    width = (row.upper - row.lower) / 2
+    return percent(relative) if relative <= 1 or not math.isfinite(width) else engineering(width, row.unit, width / 10)
 
 
 def _nuisance_line(row: ParameterRow, threshold: float | None) -> ParameterLine:
@@ -264,7 +271,7 @@ def _reason(row: ParameterRow, threshold: float | None) -> str:
     if row.identified:
         return ""
     if row.identifiable:
-        return f"not identified: the interval came out at ±{percent(_relative_half_width(row))}"
+        return f"not identified: the interval came out at ±{half_width_text(row)}"
     decided = row.relative_std if row.predicted_relative_std is None else row.predicted_relative_std
     if decided > limit > 0:
         return f"not identifiable: predicted deviation {percent(decided)}, above {percent(limit)}"

@@ -12,7 +12,7 @@
     const colours = palette(figure.arms.length);
     const heaviest = Math.max(...figure.arms.map((arm) => arm.weight));
     const all = figure.arms.map((arm, index) => ({
-      type: "scatter3d", mode: "lines+markers", name: `${arm.name}  \u03bb ${arm.weight.toFixed(3)}`,
+      type: "scatter3d", mode: "lines+markers", name: arm.name,
       x: arm.points[0], y: arm.points[1], z: arm.points[2],
       line: { color: colours[index], width: 3 + (7 * arm.weight) / heaviest },
       marker: { color: colours[index], size: arm.points[0].map((_, point) => (point === arm.points[0].length - 1 ? 6 : 3)) },

@@ -9,6 +9,7 @@ import math
 import pytest
 
 from robid.report.numbers import duration, engineering, percent, pretty_unit, scale_for, significant
+from robid.report.parameters import ParameterRow, half_width_text
 
 
 @pytest.mark.parametrize(
@@ -104,3 +105,16 @@ def test_duration(seconds, written):
 def test_powers_of_a_unit_become_superscripts():
     assert pretty_unit("rad/(s^2 N m)") == "rad/(s² N m)"
     assert pretty_unit("s^-1") == "s⁻¹"
+
+
+@pytest.mark.parametrize(
+    ("value", "lower", "upper", "written"),
+    [
+        (329e-9, -7.9e-6, 8.56e-6, "8.23 µs"),  # 25 times the value: a share of it says nothing
+        (1e-3, 0.9e-3, 1.1e-3, "10 %"),
+        (0.0, -2e-3, 2e-3, "2.00 ms"),
+    ],
+)
+def test_an_interval_wider_than_its_value_is_written_in_its_unit(value, lower, upper, written):
+    row = ParameterRow("delay", "delay", "s", 1e-3, value, lower, upper, 0.1)
+    assert half_width_text(row) == written
