@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
-from statistics import fmean, stdev
 
 _FEWEST_ROUNDS = 3  # rounds of all workers before which nothing is said of the rest
 _UNSURE = 0.3  # relative deviation of the rest above which nothing is said of it
@@ -35,9 +34,10 @@ class Pace:
         rounds = [end - begin for begin, end in pairwise(marks)]
         if remaining < 1 or len(rounds) < _FEWEST_ROUNDS:
             return None
-        mean, scatter = fmean(rounds), stdev(rounds) * (1 + 2 / (len(rounds) - 1))
+        count, mean = len(rounds), sum(rounds) / len(rounds)
+        scatter = math.sqrt(sum((each - mean) ** 2 for each in rounds) / (count - 1)) * (1 + 2 / (count - 1))
         more, last = divmod(remaining - 1, self.workers)
-        if scatter * math.sqrt(1 / len(rounds) + 1 / (more + 1)) > _UNSURE * mean:
+        if scatter * math.sqrt(1 / count + 1 / (more + 1)) > _UNSURE * mean:
             return None
         begun = [*([self.begun] * self.workers), *self.ends][-self.workers :]
         # One that takes longer than the others may end at any time.
