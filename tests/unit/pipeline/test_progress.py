@@ -82,6 +82,13 @@ def test_a_dumb_terminal_gets_lines(clocked, monkeypatch):
     assert "tasks/responses  1 of 10 tasks done" in err.file.getvalue()
 
 
+def test_colours_in_a_pipe_bring_no_line_that_moves(clocked):
+    err = Console(file=StringIO(), width=200, force_terminal=True, force_interactive=False)
+    work(Shell(err, err, quiet=False), clocked, [40.0] * 3)
+    assert len(err.file.getvalue().splitlines()) == 3
+    assert not re.search(r"\r|\x1b\[\??\d*[A-Zhl]", err.file.getvalue())
+
+
 def ends_of(lengths, workers):
     """When tasks end that begin in order, each on the first worker that is free."""
     free, ends = [0.0] * workers, []
@@ -128,6 +135,11 @@ def test_a_late_first_result_promises_nothing_and_a_late_last_one_takes_its_prom
     assert steady.left_s(1, 4.5) == pytest.approx(0.5)
     assert steady.left_s(1, 6.0) is None
     assert steady.left_s(0, 4.0) is None
+
+
+def test_two_workers_that_end_in_turn_end_in_turn_to_the_last():
+    steady = Pace(2, 0.0, [5.0, 10.0, 15.0, 20.0, 25.0, 30.0])
+    assert [steady.left_s(remaining, 31.0) for remaining in (1, 2, 3, 4)] == pytest.approx([4.0, 9.0, 14.0, 19.0])
 
 
 @given(
