@@ -93,7 +93,7 @@ def side_by_side(trial: Trial, fit: str, names: list[str]) -> TerminalTable:
         *(Column("parameter", numbers=False), Column(fit), Column("±", leaves=2)),
         *(Column(freed), Column("±", leaves=2), Column("unit", numbers=False), Column("moved", leaves=1)),
     )
-    table = TerminalTable(columns, elsewhere="in `--json`")
+    table = TerminalTable(columns)
     before = {(row.kind, row.name): row for row in _rows(trial.before, trial)}
     after = {(row.kind, row.name): row for row in _rows(trial.after, trial)}
     every = [*before, *(key for key in after if key not in before)]

@@ -193,7 +193,7 @@ def plan_table(excitation: Excitation, names: tuple[str, ...], units: tuple[str,
         worst = excitation.frequency_hz[own.argmin(axis=0)]
         columns.append((Column("at\n[Hz]", leaves=1), [significant(value, 2) for value in worst]))
     heads = (Column("plan", numbers=False), *(column for column, _ in columns))
-    table = TerminalTable(heads, elsewhere="on the page of `robid report`")
+    table = TerminalTable(heads)
     for motor, name in enumerate(names):
         table.add(name, *(cells[motor] for _, cells in columns))
     return Group(table, Footnotes([*_commands(excitation), *_notes(excitation, names)]))

@@ -184,23 +184,8 @@ def _median_half_width(springs: list[ParameterRow]) -> float | None:
 
 def parameter_table(estimates: Estimates) -> Group:
     """Lays out parameters, those not identified dim, with intervals, nominal values and the truth where known."""
-    rows = estimates.shown
-    with_truth = any(row.truth is not None for row in rows)
-    # The interval is that of the physical value where there is one; ± and what is off the truth follow from others.
-    physical = (Column("physical"),) if estimates.with_physical else ()
-    both = (Column("predicts ±", leaves=5), *physical) if estimates.with_effective else ()
-    columns = (
-        *(
-            Column("parameter", numbers=False),
-            Column("estimate"),
-            *both,
-            Column(f"{100 * estimates.level:g} % interval"),
-        ),
-        *(Column("unit", numbers=False), Column("±", leaves=2)),
-        *((Column("nominal", leaves=3),) if estimates.with_nominal else ()),
-        *((Column("truth", leaves=1), Column("off truth", leaves=4)) if with_truth else ()),
-    )
-    table = TerminalTable(columns, elsewhere="on the page, in `--json`")
+    rows, columns = estimates.shown, _terminal_columns(estimates)
+    table = TerminalTable([column for column, _ in columns], elsewhere="on the page, in `--json`")
     footnotes = [estimates.about, ratio_sentence(estimates.torque_unit), effective_sentence(estimates)]
     footnotes += ["a: assumed, not published"] if any(row.assumed for row in rows) else []
     for kind in dict.fromkeys(row.kind for row in rows):
@@ -209,8 +194,10 @@ def parameter_table(estimates: Estimates) -> Group:
         for row in rows:
             if row.kind == kind:
                 line = parameter_line(row, estimates.identifiable_relative_std)
-                cells = _cells(line, n_both=len(both), with_nominal=estimates.with_nominal, with_truth=with_truth)
-                table.add(*cells)
+                cells = (cell(line) for _, cell in columns)
+                table.add(
+                    *(Text(cell, "" if row.identified else "dim") if isinstance(cell, str) else cell for cell in cells)
+                )
                 footnotes += [f"{title}, {line.name}: {line.note}"] if line.note else []
     footnotes += [bootstrap_sentence(estimates), *(f"{sentence}." for sentence in estimates.undetermined)]
     nuisances = len(estimates.rows) - len(rows)
@@ -224,16 +211,25 @@ def with_notes(table: TerminalTable, notes: list[str]) -> Group:
     return Group(table, Footnotes(said)) if said else Group(table)
 
 
-def _cells(line: ParameterLine, *, n_both: int, with_nominal: bool, with_truth: bool) -> list[Text]:
-    style = "" if line.identified else "dim"
-    texts = [f"  {line.name}", line.estimate, *(line.predicts, line.physical)[:n_both]]
-    texts += [f"{line.lower} … {line.upper}", line.unit, line.half_width]
-    texts += [("a " if line.assumed else "") + line.nominal] if with_nominal else []
-    texts += [line.truth] if with_truth else []
-    cells = [Text(text, style) for text in texts]
-    if line.identified:
-        cells[1] = Text(line.estimate, "bold")
-    if with_truth:
-        outside = line.covered is False and line.identified
-        cells.append(Text(f"{line.off_truth} outside", "yellow") if outside else Text(line.off_truth, style))
-    return cells
+def _terminal_columns(estimates: Estimates) -> list[tuple[Column, Callable[[ParameterLine], str | Text]]]:
+    """The columns that any parameter fills, each with how it writes one."""
+    both, with_truth = estimates.with_effective, any(row.truth is not None for row in estimates.shown)
+    every: tuple[tuple[bool, Column, Callable[[ParameterLine], str | Text]], ...] = (
+        (True, Column("parameter", numbers=False), lambda line: f"  {line.name}"),
+        (True, Column("estimate"), lambda line: Text(line.estimate, "bold") if line.identified else line.estimate),
+        (both, Column("predicts ±", leaves=5), lambda line: line.predicts),
+        # The interval is that of the physical value where there is one.
+        (both and estimates.with_physical, Column("physical"), lambda line: line.physical),
+        (True, Column(f"{100 * estimates.level:g} % interval"), lambda line: f"{line.lower} … {line.upper}"),
+        (True, Column("unit", numbers=False), lambda line: line.unit),
+        (True, Column("±", leaves=2), lambda line: line.half_width),
+        (estimates.with_nominal, Column("nominal", leaves=3), lambda line: "a " * line.assumed + line.nominal),
+        (with_truth, Column("truth", leaves=1), lambda line: line.truth),
+        (with_truth, Column("off truth", leaves=4), _off_truth),
+    )
+    return [(column, cell) for is_shown, column, cell in every if is_shown]
+
+
+def _off_truth(line: ParameterLine) -> str | Text:
+    outside = line.covered is False and line.identified
+    return Text(f"{line.off_truth} outside", "yellow") if outside else line.off_truth

@@ -8,6 +8,7 @@ from rich.console import Group
 from rich.text import Text
 
 from robid.models.elastic.page.report import fit_tables
+from robid.pipeline.terminal import section_table
 from robid.report.parameter_section import parameter_table
 from robid.report.terminal_table import Column, Footnotes, TerminalTable, folded
 from terminals import left_out, numbers, screen, widest
@@ -139,3 +140,19 @@ def test_what_is_folded_keeps_every_letter_and_numbers_whole():
         lines = folded("  axis_12.gear_345 over noise/model 67.89 %", width)
         assert "".join("".join(lines).split()) == "axis_12.gear_345overnoise/model67.89%"
         assert all(any(number in line for line in lines) for number in ("12", "345"))
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_table_of_a_page_keeps_its_first_columns_and_wraps_its_sentences(width):
+    columns = ("Case", "What was found", *(f"Figure {number}" for number in range(1, 13)))
+    sentence = "least squares is off by 12.5 % where the instruments are not, as theory says"
+    rows = [(f"case_{row}", sentence, *(f"{row}.{place:05d} %" for place in range(12))) for row in range(4)]
+    shown = section_table("A table", columns, rows, "on the page")
+    text = screen(shown, width)
+    assert widest(text) <= width
+    assert numbers(text) <= numbers(screen(shown, 400))
+    gone, where, _ = left_out(text)
+    assert gone == list(columns[-len(gone) :])
+    assert len(gone) < 12
+    assert "page" in where
+    assert all(f"{row}.00000 %" in text for row in range(4))
