@@ -9,9 +9,9 @@ from itertools import pairwise
 
 _FEWEST_ROUNDS = 3  # rounds of all workers before which nothing is said of the rest
 _UNSURE = 0.3  # relative deviation of the rest above which nothing is said of it
-_BAR, _SHORTEST_BAR = 24, 6  # columns
+_BAR, _SHORTEST_BAR = 24, 4  # columns
 _SHORTEST_LABEL = 12  # columns that a label keeps
-_USUAL_LEFT = len("~2 min 40 s left") + 2
+_USUAL_LEFT = len(", ~40 s left")
 _GAP = "  "
 _TURNING = "-\\|/"
 
@@ -76,31 +76,30 @@ class Standing:
     def line(self, width: int, *, plain: bool = False) -> list[tuple[str, str]]:
         """Returns the parts of a line, each with its style, that is no longer than a terminal is wide.
 
-        The bar gives way first, then the label in its middle; numbers are shown whole or not at all.
+        The bar gives way first, then the label in its middle; numbers are shown whole or not at all. What is left is
+        that of the tasks: something may come after the last one.
         """
-        left = "" if self.left_s is None else f"~{roughly(self.left_s)} left"
         counts = f"{self.done} of {self.total} {self.unit}" if self.total > 1 else ""
-        after = [clock(self.elapsed_s), left] if counts else [clock(self.elapsed_s)]
-        for place, rest in ((self.place, [counts, *after]), ("", [counts, *after]), ("", [counts, *after[:1]])):
-            room = width - 1 - _length([place, "", *rest]) - len(_GAP)
+        left = f", ~{roughly(self.left_s)} left" if counts and self.left_s is not None else ""
+        sign = _TURNING[int(4 * self.elapsed_s) % len(_TURNING)] if self.total < 2 or self.done == self.total else ""
+        for place, told in ((self.place, counts + left), ("", counts + left), ("", counts)):
+            room = width - 1 - _length([place, sign, told, clock(self.elapsed_s)]) - len(_GAP)
             if room >= _SHORTEST_LABEL:
                 break
         label = shortened(self.label, room) if room > 1 else ""
-        # The bar is as long before anything is known of the rest.
+        # The bar is no longer before anything is known of the rest.
         reserved = max(_USUAL_LEFT - len(left), 0)
-        bar = self._bar(min(room - len(label) - len(_GAP) - reserved, _BAR), plain=plain)
-        spoken = [(place, "dim"), (label, "bold"), *bar, *((text, "") for text in rest)]
+        bar = sign or self._bar(min(room - len(label) - len(_GAP) - reserved, _BAR), plain=plain)
+        spoken = [(place, "dim"), (label, "bold"), (bar, "green"), (told, ""), (clock(self.elapsed_s), "")]
         shown = [(text, style) for text, style in spoken if text]
         return [part for text, style in shown for part in ((_GAP, ""), (text, style))][1:]
 
-    def _bar(self, length: int, *, plain: bool) -> list[tuple[str, str]]:
-        if self.total < 2:
-            return [(_TURNING[int(4 * self.elapsed_s) % len(_TURNING)], "green")]
+    def _bar(self, length: int, *, plain: bool) -> str:
         if length < _SHORTEST_BAR:
-            return []
+            return ""
         full, empty = "#." if plain else "━─"
         reached = length * self.done // self.total
-        return [(full * reached + empty * (length - reached), "green")]
+        return full * reached + empty * (length - reached)
 
 
 def _length(parts: Iterable[str]) -> int:

@@ -70,7 +70,7 @@ def test_what_is_soon_done_says_nothing(clocked):
 def test_the_line_says_what_how_many_how_long_and_what_is_left(clocked):
     shown, _ = shell(is_terminal=True)
     assert re.fullmatch(
-        r"tasks/responses  ━+─+  5 of 10 tasks  1:40  ~1 min 40 s left", work(shown, clocked, [20.0] * 5)
+        r"tasks/responses  ━+─+  5 of 10 tasks, ~1 min 40 s left  1:40", work(shown, clocked, [20.0] * 5)
     )
 
 
@@ -148,7 +148,7 @@ def test_two_workers_that_end_in_turn_end_in_turn_to_the_last():
     elapsed_s=st.floats(0.0, 2e5),
     left_s=st.none() | st.floats(0.1, 2e5),
     total=st.integers(0, 99999),
-    share=st.floats(0.0, 1.0),
+    share=st.just(1.0) | st.floats(0.0, 1.0),
     width=st.integers(40, 200),
 )
 def test_the_line_fits_and_its_numbers_are_whole(label, place, elapsed_s, left_s, total, share, width):
@@ -159,11 +159,11 @@ def test_the_line_fits_and_its_numbers_are_whole(label, place, elapsed_s, left_s
     assert clock(elapsed_s) in line.split("  ")
     assert (f"{done} of {total} configurations" in line) is (total > 1)
     if total > 1 and left_s is not None and width >= 80:
-        assert line.endswith(f"~{roughly(left_s)} left")
+        assert f"{done} of {total} configurations, ~{roughly(left_s)} left" in line
     if width >= 100:
         assert line.startswith(place)
     bar = re.findall("[━─]+", line)
-    assert len(bar) <= (total > 1)
+    assert len(bar) <= (done < total > 1)
     if bar:
         assert bar[0].count("━") / len(bar[0]) <= done / total < (bar[0].count("━") + 1) / len(bar[0]) + 1e-9
 
@@ -173,6 +173,14 @@ def test_what_is_not_counted_turns_and_shows_no_bar():
     turns |= {"".join(text for text, _ in Standing("fits/a", "", at / 4).line(80)) for at in range(4)}
     assert not any("━" in line or "─" in line or "of" in line for line in turns)
     assert len({line.split()[1] for line in turns}) > 1
+
+
+def test_what_comes_after_the_last_task_turns_too():
+    lines = {
+        "".join(text for text, _ in Standing("fits/a", "", at / 4, None, 8, 8, "starts").line(80)) for at in range(4)
+    }
+    assert len(lines) > 1
+    assert all("8 of 8 starts" in line and "━" not in line for line in lines)
 
 
 def test_a_label_keeps_both_ends():
