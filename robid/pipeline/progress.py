@@ -82,9 +82,15 @@ class Standing:
         counts = f"{self.done} of {self.total} {self.unit}" if self.total > 1 else ""
         left = f", ~{roughly(self.left_s)} left" if counts and self.left_s is not None else ""
         sign = _TURNING[int(4 * self.elapsed_s) % len(_TURNING)] if self.total < 2 or self.done == self.total else ""
-        for place, told in ((self.place, counts + left), ("", counts + left), ("", counts)):
+        whole, short = counts + left, counts.removesuffix(f" {self.unit}")
+        for place, told, needed in (
+            (self.place, whole, _SHORTEST_LABEL),
+            ("", whole, _SHORTEST_LABEL),
+            ("", counts, 0),
+            ("", short, 0),
+        ):
             room = width - 1 - _length([place, sign, told, clock(self.elapsed_s)]) - len(_GAP)
-            if room >= _SHORTEST_LABEL:
+            if room >= needed:
                 break
         label = shortened(self.label, room) if room > 1 else ""
         # The bar is no longer before anything is known of the rest.
