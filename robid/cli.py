@@ -93,9 +93,11 @@ def _told(error: Exception) -> tuple[str, int]:
 
 
 def _fail(arguments: list[str], message: str, code: int) -> int:
+    from robid.report.wrapping import terminal_width, wrap
+
     if "--debug" in arguments:
         typer.echo(traceback.format_exc(), err=True)
-    typer.echo(f"robid: {message}", err=True)
+    typer.echo(wrap(f"robid: {message}", terminal_width(sys.stderr)), err=True)
     codes = codes_in(message)
     if codes and sys.stderr.isatty():
         typer.echo(f"  `robid explain {codes[0]}` says more", err=True)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Group
-from rich.table import Table
 
 from robid.artifacts.artifact import Provenance
 from robid.artifacts.kinds import FRF, frf_from_artifact
@@ -21,7 +20,7 @@ from robid.frf.frf import Frf
 from robid.pipeline.export import write_export
 from robid.pipeline.export_campaign import frf_export_plan
 from robid.pipeline.freshness import stamped
-from robid.pipeline.terminal import make_console, section_table
+from robid.pipeline.terminal import Shell, make_console
 from robid.report.comparison import (
     COLUMNS,
     Compared,
@@ -32,10 +31,13 @@ from robid.report.comparison import (
     element_cells,
 )
 from robid.report.page import render
+from robid.report.terminal_table import Column, Footnotes, TerminalTable
 
 _FEWEST, _MOST = 2, 6
 _SHOWN = 12
 _PAGE = ".html"
+_LEAVES = {"Lines": 1, "Phase": 2, "Magnitude": 3, "Within band": 4, "Limit": 5, "Square / variance": 6}
+"""Which columns are left out first where there is no room."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,12 +65,12 @@ def compare_responses(named: Sequence[str], output: Path | None, *, force: bool,
         found = {"reference": first.label, "comparisons": [_told(other) for other in others]}
         print_json({**found, "output": None if output is None else str(output), "outcome": page})
         return 0
-    console = make_console(stderr=False)
+    shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet=False)
     for other in others:
-        console.print(_shown(first.label, other))
-    console.print(comparison_verdict(first.label, others), markup=False, highlight=False, soft_wrap=True)
+        shell.show(_shown(first.label, other))
+    shell.say(comparison_verdict(first.label, others))
     if output is not None:
-        console.print(f"{output}  {page}", markup=False, highlight=False, soft_wrap=True)
+        shell.say(f"{output}  {page}")
     return 0
 
 
@@ -150,9 +152,16 @@ def _shown(label: str, other: Compared) -> Group:
     """The elements that differ the most, and what the reader must know."""
     elements = other.comparison.elements
     ordered = sorted(elements, key=lambda one: -one.ratio / one.limit if one.agrees is not None else 0.0)
-    rows = [(*element_cells(element), agreement_word(element)) for element in ordered[:_SHOWN]]
+    first, last = 0, len(COLUMNS) - 1
+    columns = [
+        Column(head, numbers=place not in (first, last), leaves=_LEAVES.get(head, 0))
+        for place, head in enumerate(COLUMNS)
+    ]
+    table = TerminalTable(columns, elsewhere="in `--json`, on the page of `--output`")
+    for element in ordered[:_SHOWN]:
+        table.add(*element_cells(element), agreement_word(element))
     title = f"{other.label} against {label}, {comparison_place(other.comparison)}"
-    parts: list[Table | str] = [title, section_table("", COLUMNS, rows)]
+    told = list(other.comparison.notes)
     if len(ordered) > _SHOWN:
-        parts.append(f"{len(ordered) - _SHOWN} more elements, nearer than these, are on the page of --output")
-    return Group(*parts, *other.comparison.notes)
+        told.insert(0, f"{len(ordered) - _SHOWN} more elements, nearer than these, are on the page of --output")
+    return Group(Footnotes([title], style=""), table, Footnotes(told, style=""))

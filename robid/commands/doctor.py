@@ -5,15 +5,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator
 
-from rich.markup import escape
-from rich.table import Table
-
 from robid.commands.installation import Check, installation
 from robid.commands.output import print_json
 from robid.commands.shared import PROBLEM
 from robid.commands.trial import backends, identification
 from robid.errors import codes_in
 from robid.pipeline.terminal import Shell, make_console
+from robid.report.terminal_table import Column, TerminalTable
 from robid.versions import package_versions
 
 _MARKS = {"ok": "ok", "failed": "FAILED", "absent": "-"}
@@ -28,13 +26,11 @@ def examine_installation(*, as_json: bool) -> int:
         rows = [dataclasses.asdict(check) | {"codes": codes_in(check.text)} for check in checks]
         print_json({"ok": not failed, "versions": package_versions(), "checks": rows})
         return PROBLEM if failed else 0
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    for title in ("check", "", "found"):
-        table.add_column(title, overflow="fold")
+    table = TerminalTable([Column(title, numbers=False) for title in ("check", "", "found")])
     for check in checks:
         remedy = f"; {check.remedy} adds it" if check.status == "absent" else ""
-        table.add_row(*map(escape, (check.name, _MARKS[check.status], check.text + remedy)))
-    shell.out.print(table)
+        table.add(check.name, _MARKS[check.status], check.text + remedy)
+    shell.show(table)
     for check in failed:
         shell.warn(f"{check.name}: {check.text}\n  remedy: {check.remedy}")
     shell.say("\nAll works." if not failed else f"\n{len(failed)} of {len(checks)} checks failed.")

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
 from rich.text import Text
 
 from robid.artifacts.artifact import Artifact
@@ -24,8 +23,8 @@ from robid.pipeline.freshness import check_outputs, input_hashes
 from robid.pipeline.graph import Run
 from robid.pipeline.stage import Job
 from robid.report.numbers import duration, percent, scale_for, significant
-from robid.report.parameter_section import open_table
 from robid.report.parameters import ParameterRow, kind_title
+from robid.report.terminal_table import Column, TerminalTable
 from robid.results.grade import WORDS
 from robid.robot.parameters import FRICTION_KIND
 
@@ -58,7 +57,7 @@ def try_freeing(run: Run, fit: str | None, names: list[str], output: Path | None
             )
     shell, begun = make_shell(run, as_json=as_json), time.monotonic()
     label = f"{node.owner} with {', '.join(names)}"
-    with run.make_map() as parallel_map, shell.progress(label) as progress:
+    with run.make_map() as parallel_map, shell.progress(label, workers=run.at_a_time) as progress:
         trial = try_fit(tried, node.owner, inputs, Work(parallel_map, progress))
         if output is not None:
             read = {name: path for name, path in inputs.items() if name != "model"}
@@ -69,7 +68,7 @@ def try_freeing(run: Run, fit: str | None, names: list[str], output: Path | None
         written = None if output is None else str(output)
         print_json({"fit": node.owner, "tried": names, "output": written, **told(trial)})
         return 0
-    shell.out.print(side_by_side(trial, node.owner, names))
+    shell.show(side_by_side(trial, node.owner, names))
     ended = "nothing is written" if output is None else f"written to {output}"
     free = ", ".join(tried.plain["fits"][node.owner]["free"])
     shell.say(f"{ended}; `free: [{free}]` in fits.{node.owner} makes it so ({duration(time.monotonic() - begun)})")
@@ -87,19 +86,19 @@ def told(trial: Trial) -> dict[str, Any]:
     return found
 
 
-def side_by_side(trial: Trial, fit: str, names: list[str]) -> Table:
+def side_by_side(trial: Trial, fit: str, names: list[str]) -> TerminalTable:
     """Lays out value and half-width of each parameter, cost and grade, before and after; what moved stands out."""
-    table = open_table("parameter")
-    for header in (fit, f"with {', '.join(names)}"):
-        table.add_column(header, justify="right", no_wrap=True)
-        table.add_column("±", justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    table.add_column("moved", justify="right", no_wrap=True)
+    freed = f"with {', '.join(names)}"
+    columns = (
+        *(Column("parameter", numbers=False), Column(fit), Column("±", leaves=2)),
+        *(Column(freed), Column("±", leaves=2), Column("unit", numbers=False), Column("moved", leaves=1)),
+    )
+    table = TerminalTable(columns)
     before = {(row.kind, row.name): row for row in _rows(trial.before, trial)}
     after = {(row.kind, row.name): row for row in _rows(trial.after, trial)}
     every = [*before, *(key for key in after if key not in before)]
     for kind in dict.fromkeys(kind for kind, _ in every):
-        table.add_row(Text(kind_title(kind, trial.torque_unit), style="bold"))
+        table.add(Text(kind_title(kind, trial.torque_unit), style="bold"))
         for key in every:
             if key[0] == kind:
                 _add(table, key[1], before.get(key), after.get(key))
@@ -107,30 +106,30 @@ def side_by_side(trial: Trial, fit: str, names: list[str]) -> Table:
     return table
 
 
-def _add(table: Table, name: str, before: ParameterRow | None, after: ParameterRow | None) -> None:
+def _add(table: TerminalTable, name: str, before: ParameterRow | None, after: ParameterRow | None) -> None:
     rows = [row for row in (after, before) if row is not None]
     scale = scale_for(rows[0].middle or rows[0].nominal, rows[0].unit, _half(rows[0]))
     cells = []
     for row in (before, after):
         cells += ["", ""] if row is None else [scale.text(row.middle), scale.text(_half(row))]
-    moved, style = "", None if before is not None else "bold"
+    moved, style = "", "" if before is not None else "bold"
     if before is not None and after is not None:
         moved = percent(after.middle / before.middle - 1, signed=True) if before.middle else ""
         half = _half(before)
-        style = "bold" if half > 0 and abs(after.middle - before.middle) / half > _MOVED else None
-    table.add_row(f"  {name}", *cells, scale.unit, moved, style=style)
+        style = "bold" if half > 0 and abs(after.middle - before.middle) / half > _MOVED else ""
+    table.add(*(Text(cell, style) for cell in (f"  {name}", *cells, scale.unit, moved)))
 
 
-def _add_figures(table: Table, trial: Trial) -> None:
+def _add_figures(table: TerminalTable, trial: Trial) -> None:
     models = trial.before, trial.after
-    table.add_row(Text("Fit", style="bold"))
+    table.add(Text("Fit", style="bold"))
     cost = [_cost(model) for model in models]
     shown = [cell for value in cost for cell in (significant(value, 4), "")]
-    table.add_row("  cost", *shown, "", percent(cost[1] / cost[0] - 1, signed=True) if cost[0] else "")
+    table.add("  cost", *shown, "", percent(cost[1] / cost[0] - 1, signed=True) if cost[0] else "")
     misfit = [cell for model in models for cell in (significant(_misfit(model), 3), "")]
-    table.add_row("  over noise and model error", *misfit, "", "")
+    table.add("  over noise and model error", *misfit, "", "")
     grade = [cell for model in models for cell in (WORDS[grade_from_artifact(model).value].split(",")[0], "")]
-    table.add_row("  grade by itself", *grade, "", "")
+    table.add("  grade by itself", *grade, "", "")
 
 
 def _rows(model: Artifact, trial: Trial, *, full: bool = False) -> list[ParameterRow]:

@@ -10,7 +10,7 @@ from typing import Any
 from robid.artifacts.store import inspect_artifact, kind_of
 from robid.commands.output import print_json
 from robid.errors import SettingsError
-from robid.pipeline.terminal import channel_lines, dataset_table, make_console
+from robid.pipeline.terminal import Shell, channel_lines, dataset_table, make_console
 from robid.signals.log_options import LogFormat
 
 _DIALECT = {"delimiter": "tab", "decimal": ",", "header_line": "3", "encoding": "utf-16"}
@@ -78,7 +78,8 @@ def describe_artifact(paths: Sequence[Path], options: LogInspection, *, as_json:
     if as_json:
         print_json(found)
         return 0
-    out, made = make_console(stderr=False), found["provenance"]
+    made = found["provenance"]
+    shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet=False)
     lines = [
         f"{found['kind']} {found['schema_version']}, content {found['content_sha256']}",
         f"made by {made['stage']} at {made['finished_utc']} with robid {made['versions'].get('robid', 'unknown')}",
@@ -87,6 +88,6 @@ def describe_artifact(paths: Sequence[Path], options: LogInspection, *, as_json:
         *channel_lines(found["datasets"]),
     ]
     for line in lines:
-        out.print(line, markup=False, highlight=False, soft_wrap=True)
-    out.print(dataset_table(found["datasets"]))
+        shell.say(line)
+    shell.show(dataset_table(found["datasets"]))
     return 0

@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich import table as rich_table
-from rich.markup import escape
 
 from robid.artifacts.atomic import replacing
 from robid.commands.inspect import LogInspection
@@ -27,6 +25,7 @@ from robid.pipeline.terminal import Shell, make_console
 from robid.report.numbers import engineering, pretty_unit, significant
 from robid.report.page import Headline, KeyNumber, ReportContent, Verdict, render
 from robid.report.section import Beside, Cell, ColumnStyle, Curve, Figure, Notes, Row, Section, Table
+from robid.report.terminal_table import Column, TerminalTable
 from robid.signals.log_options import Dialect
 
 _DRAWN = 24
@@ -133,8 +132,10 @@ def _mapping(proposal: str) -> Section:
 
 
 _MARK = "<!-- page of robid inspect -->"
-_COLUMNS = ("variable", "taken for", "unit", "from", "to", "step", "remarks")
-_NUMBERS = ("from", "to", "step")
+_COLUMNS = (
+    *(Column("variable", numbers=False), Column("taken for", numbers=False), Column("unit", numbers=False)),
+    *(Column("from", leaves=2), Column("to", leaves=2), Column("step", leaves=1), Column("remarks", numbers=False)),
+)
 _SHOWN = 20
 
 
@@ -209,7 +210,7 @@ def _print(shell: Shell, found: Findings, text: str, options: LogInspection) -> 
     shell.say(f"{contents.file}: {FORMATS[contents.format].title}")
     for line in (describe_sampling(found), describe_period(found), *contents.notes):
         shell.say(f"  {line}")
-    shell.out.print(_table(found))
+    shell.show(_table(found))
     further = {
         "of another length or topic": [f"{one.key} ({len(one.values)} samples)" for one in found.others],
         "further times": list(found.sampling.others),
@@ -225,22 +226,19 @@ def _print(shell: Shell, found: Findings, text: str, options: LogInspection) -> 
         shell.say(f"proposal: {options.experiment}; check what it marks, then `robid run {options.experiment}`")
     else:
         shell.say("\nproposal, to paste into an experiment file (`--propose FILE.yaml` writes it):\n")
-        shell.say(text)
+        shell.say(text, as_it_is=True)
     if options.page is not None:
         shell.say(f"page: {options.page}")
 
 
-def _table(found: Findings) -> rich_table.Table:
-    table = rich_table.Table(box=None, pad_edge=False, header_style="dim")
-    for name in _COLUMNS:
-        table.add_column(name, justify="right" if name in _NUMBERS else "left", overflow="fold")
+def _table(found: Findings) -> TerminalTable:
+    table = TerminalTable(_COLUMNS, elsewhere="in `--json`, on the page of `--output`")
     for signal in found.signals:
         quality = signal.quality
         ends = significant(quality.lowest), significant(quality.highest)
         step = "" if quality.resolution is None else f"{quality.resolution:.4g}"
         unit = signal.column.unit or signal.hint.unit
-        cells = (signal.name, role_text(signal), unit, *ends, step, "; ".join(remarks(found, signal)))
-        table.add_row(*map(escape, cells))
+        table.add(signal.name, role_text(signal), unit, *ends, step, "; ".join(remarks(found, signal)))
     return table
 
 

@@ -64,9 +64,12 @@ def reprocess(
         return 0
     count, inputs = workers or execution.workers or os.cpu_count() or 1, tuple(_folders(fleet))
     mapped = partial(make_map, chosen, scheduler=scheduler or execution.scheduler, folder=run_dir, inputs=inputs)
-    does = f"robid reprocess {manifest} {experiment}"
-    with locked(run_dir / FOLDER_LOCK, does), shell.progress(fleet.experiment.name) as progress:
-        announce = partial(_announce, shell, fleet.experiment.name)
+    name, does = fleet.experiment.name, f"robid reprocess {manifest} {experiment}"
+    with (
+        locked(run_dir / FOLDER_LOCK, does),
+        shell.progress(name, workers=1 if chosen == "serial" else count) as progress,
+    ):
+        announce = partial(_announce, shell, name)
         tell = partial(_tell_row, shell, {planned.row.id: planned.row.place for planned in fleet.rows}, stream)
         batch = run_fleet(fleet, run_dir, options, lambda *, one: mapped(1 if one else count), progress, tell, announce)
     if as_json:

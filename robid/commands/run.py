@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 
 from robid.artifacts.atomic import FOLDER_LOCK, locked
@@ -24,10 +26,10 @@ from robid.commands.shared import (
 from robid.errors import ArtifactError
 from robid.pipeline.chain import CHAIN
 from robid.pipeline.freshness import check_outputs
-from robid.pipeline.graph import Node, Run, execute, grade_of, run_all
+from robid.pipeline.graph import Node, Run, asked_for, execute, grade_of, run_all
 from robid.pipeline.report import gather
 from robid.pipeline.stage import Stage
-from robid.pipeline.terminal import Shell
+from robid.pipeline.terminal import Bar, Shell
 from robid.report.numbers import duration
 
 
@@ -57,9 +59,8 @@ def run_stage(
         print_json({"stage": node.stage.name, "for": node.owner, "output": str(target), **told})
     else:
         shell.say(f"{target}  {outcome}: {text}")
-        shown = node.stage.show(target, run.loaded) if outcome == "made" else None
-        if shown is not None:
-            shell.out.print(shown)
+        if outcome == "made":
+            shell.show(node.stage.show(target, run.loaded))
     for warning in filter(None, (problem, findings(grade))):
         shell.warn(warning)
     return PROBLEM if problem or (grade is not None and grade.fails(strict=strict)) else 0
@@ -78,9 +79,19 @@ def _make(run: Run, node: Node, inputs: Mapping[str, Path], target: Path, shell:
             )
         tell_notices(run, shell)
         begun = time.monotonic()
-        with run.make_map() as parallel_map, shell.progress(node.output) as progress:
+        with run.make_map() as parallel_map, shell.progress(node.output, workers=run.at_a_time) as progress:
             figures = execute(run, node, inputs, target, parallel_map, progress)
     return f"{figures} ({duration(time.monotonic() - begun)})"
+
+
+def _places(run: Run) -> dict[str, str]:
+    """Which of how many each output of a run is."""
+    nodes = asked_for(run.loaded)
+    return {node.output: f"{number} of {len(nodes)}" for number, node in enumerate(nodes, 1)}
+
+
+def _progress(run: Run, shell: Shell, places: Mapping[str, str], node: Node) -> AbstractContextManager[Bar]:
+    return shell.progress(node.output, places[node.output], run.at_a_time)
 
 
 def run_experiment(run: Run, *, strict: bool, as_json: bool) -> int:
@@ -88,7 +99,7 @@ def run_experiment(run: Run, *, strict: bool, as_json: bool) -> int:
     shell = make_shell(run, as_json=as_json)
     with locked(run.path(FOLDER_LOCK), f"robid run {run.loaded.path}"):
         tell_notices(run, shell)
-        results = run_all(run, lambda node: shell.progress(node.output), lambda result: tell(shell, result))
+        results = run_all(run, partial(_progress, run, shell, _places(run)), lambda result: tell(shell, result))
     present = [path for result in results if result.outcome != "skipped" for path in result.node.plan.outputs]
     gathered = gather(CHAIN, run.loaded, run.folder, present)
     report = str(run.path("report.html"))
@@ -106,7 +117,7 @@ def run_experiment(run: Run, *, strict: bool, as_json: bool) -> int:
         if len(gathered.fits) > 1:
             shell.say(f"\nfit {fit.headline.name}")
         for table in fit.terminal:
-            shell.out.print(table)
+            shell.show(table)
         if fit.headline.advice:
             shell.say(f"advice: {fit.headline.advice}")
     for line in gathered.measured:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 from robid.artifacts.atomic import FOLDER_LOCK, locked, read_json
 from robid.commands.notices import tell_notices
@@ -18,7 +19,9 @@ def study_experiment(run: Run, *, force: bool, as_json: bool) -> int:
     shell = make_shell(run, as_json=as_json)
     with locked(run.path(FOLDER_LOCK), f"robid study {run.loaded.path}"):
         tell_notices(run, shell)
-        made = run_study(run, shell.progress, lambda result: tell(shell, result), force=force)
+        made = run_study(
+            run, partial(shell.progress, workers=run.at_a_time), lambda result: tell(shell, result), force=force
+        )
     report = str(run.path("report.html"))
     if as_json:
         summary = read_json(run.path("summary.json"))
@@ -30,6 +33,6 @@ def study_experiment(run: Run, *, force: bool, as_json: bool) -> int:
     for section in made.conclusion.sections:
         for table in section.tables:
             shell.say("")
-            shell.out.print(section_table(table.title or section.title, table.columns, table.texts))
+            shell.show(section_table(table.title or section.title, table.columns, table.texts, "on the page"))
     shell.say(f"\n{made.conclusion.verdict.text}\n{report}  {made.outcome}")
     return 0

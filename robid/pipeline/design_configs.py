@@ -80,7 +80,8 @@ def phrase(_loaded: LoadedExperiment, _owner: str, output: Path) -> str:
 def show(output: Path, _loaded: LoadedExperiment) -> Group:
     """Lays out a design."""
     tables = design_tables(design_from_artifact(read_artifact(output, DESIGN)))
-    return Group(*(section_table(table.title, table.columns, table.texts) for table in tables))
+    where = "on the page, in `--json`"
+    return Group(*(section_table(table.title, table.columns, table.texts, where) for table in tables))
 
 
 def told(output: Path) -> dict[str, Any]:

@@ -63,6 +63,11 @@ class Run:
     workers: int  # number of processes, or of simulation threads in serial
     scheduler: str | None = None  # address of a Dask scheduler; None for a local cluster
 
+    @property
+    def at_a_time(self) -> int:
+        """How many tasks of a stage run at a time; in serial a task has all threads."""
+        return 1 if self.backend == "serial" else self.workers
+
     def path(self, relative: str) -> Path:
         """Returns where an output lies."""
         return self.folder / relative

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
-from rich import table as rich_table
 from rich.console import Group
-from rich.text import Text
 
 from robid.arrays import FloatArray
-from robid.design.excitation.excitation import UNITS, Excitation
+from robid.design.excitation.excitation import UNITS, Excitation, ExcitationPlan
 from robid.report.numbers import MISSING, duration, joint_text, number_of, percent, pretty_unit, significant
 from robid.report.section import Cell, ColumnStyle, Notes, Part, Section, Table
+from robid.report.terminal_table import Column, Footnotes, TerminalTable
 from robid.signals.quantities import METRES, readable, readable_units
 
 
@@ -186,33 +186,42 @@ def plan_table(excitation: Excitation, names: tuple[str, ...], units: tuple[str,
     plan = excitation.plan
     if plan is None:
         return None
-    table = rich_table.Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column("plan", no_wrap=True)
-    columns: list[tuple[str, list[str]]] = []
-    if not excitation.channels:
-        columns.append((f"rms\n[{UNITS[excitation.kind]}]", [significant(value) for value in excitation.rms]))
-        columns.append(("crest", [f"{value:.2f}" for value in excitation.crest_factor.max(axis=(0, 1))]))
-    columns += [
-        ("speed\n[rad/s]", _reached(plan.speed_rms, plan.speed_peak, plan.speed_limit)),
-        ("torque\n[N m]", _reached(plan.torque_rms, plan.torque_peak, plan.torque_limit)),
-        (
-            f"excursion\n[{', '.join(dict.fromkeys(readable_units(units, len(names))))}]",
-            _reached(
-                *(readable(each, units) for each in (plan.excursion_rms, plan.excursion_peak, plan.excursion_limit))
-            ),
-        ),
-    ]
-    if plan.speed_crest is not None:
-        columns.append(("speed\ncrest", [f"{value:.2f}" for value in plan.speed_crest.max(axis=0)]))
+    columns = [*_injected(excitation), *_held_against_limits(plan, names, units)]
     if plan.snr_db is not None:
         own = np.diagonal(plan.snr_db, axis1=2, axis2=3).min(axis=0)
-        columns.append(("SNR\n[dB]", [f"{value:.0f}" for value in own.min(axis=0)]))
-        columns.append(("at\n[Hz]", [significant(value, 2) for value in excitation.frequency_hz[own.argmin(axis=0)]]))
-    for header, _ in columns:
-        table.add_column(header, justify="right", no_wrap=True)
+        columns.append((Column("SNR\n[dB]", leaves=5), [f"{value:.0f}" for value in own.min(axis=0)]))
+        worst = excitation.frequency_hz[own.argmin(axis=0)]
+        columns.append((Column("at\n[Hz]", leaves=1), [significant(value, 2) for value in worst]))
+    heads = (Column("plan", numbers=False), *(column for column, _ in columns))
+    table = TerminalTable(heads)
     for motor, name in enumerate(names):
-        table.add_row(f"  {name}", *(cells[motor] for _, cells in columns))
-    return Group(table, Text("\n".join([*_commands(excitation), *_notes(excitation, names)]), style="dim"))
+        table.add(name, *(cells[motor] for _, cells in columns))
+    return Group(table, Footnotes([*_commands(excitation), *_notes(excitation, names)]))
+
+
+_Columns: TypeAlias = list[tuple[Column, list[str]]]
+
+
+def _injected(excitation: Excitation) -> _Columns:
+    if excitation.channels:
+        return []
+    crest = [f"{value:.2f}" for value in excitation.crest_factor.max(axis=(0, 1))]
+    rms = [significant(value) for value in excitation.rms]
+    return [(Column(f"rms\n[{UNITS[excitation.kind]}]", leaves=4), rms), (Column("crest", leaves=3), crest)]
+
+
+def _held_against_limits(plan: ExcitationPlan, names: tuple[str, ...], units: tuple[str, ...] | None) -> _Columns:
+    unit = ", ".join(dict.fromkeys(readable_units(units, len(names))))
+    excursions = (readable(each, units) for each in (plan.excursion_rms, plan.excursion_peak, plan.excursion_limit))
+    columns = [
+        (Column("speed\n[rad/s]"), _reached(plan.speed_rms, plan.speed_peak, plan.speed_limit)),
+        (Column("torque\n[N m]"), _reached(plan.torque_rms, plan.torque_peak, plan.torque_limit)),
+        (Column(f"excursion\n[{unit}]"), _reached(*excursions)),
+    ]
+    if plan.speed_crest is not None:
+        crest = [f"{value:.2f}" for value in plan.speed_crest.max(axis=0)]
+        columns.append((Column("speed\ncrest", leaves=2), crest))
+    return columns
 
 
 def _commands(excitation: Excitation) -> list[str]:

@@ -7,7 +7,6 @@ from functools import partial
 from statistics import median
 from typing import TypeAlias
 
-from rich import table as rich_table
 from rich.console import Group
 from rich.text import Text
 
@@ -28,6 +27,7 @@ from robid.report.parameters import (
     rule_sentence,
 )
 from robid.report.section import Cell, ColumnStyle, Folded, Notes, Part, Row, Section, Table
+from robid.report.terminal_table import Column, Footnotes, TerminalTable
 from robid.robot.parameters import PARAMETER_KINDS
 
 RATIO_PANELS = tuple(dict.fromkeys(kind.panel for kind in PARAMETER_KINDS.values() if kind.panel))
@@ -184,27 +184,20 @@ def _median_half_width(springs: list[ParameterRow]) -> float | None:
 
 def parameter_table(estimates: Estimates) -> Group:
     """Lays out parameters, those not identified dim, with intervals, nominal values and the truth where known."""
-    rows = estimates.shown
-    with_truth = any(row.truth is not None for row in rows)
-    table = open_table("parameter")
-    physical = ("physical",) if estimates.with_physical else ()
-    both = ("predicts ±", *physical) if estimates.with_effective else ()
-    for header in ("estimate", *both, f"{100 * estimates.level:g} % interval"):
-        table.add_column(header, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    nominal = ("nominal",) if estimates.with_nominal else ()
-    for header in ("±", *nominal, *(("truth", "off truth") if with_truth else ())):
-        table.add_column(header, justify="right", no_wrap=True)
+    rows, columns = estimates.shown, _terminal_columns(estimates)
+    table = TerminalTable([column for column, _ in columns], elsewhere="on the page, in `--json`")
     footnotes = [estimates.about, ratio_sentence(estimates.torque_unit), effective_sentence(estimates)]
     footnotes += ["a: assumed, not published"] if any(row.assumed for row in rows) else []
     for kind in dict.fromkeys(row.kind for row in rows):
         title = kind_title(kind, estimates.torque_unit)
-        table.add_row(Text(title, style="bold"))
+        table.add(Text(title, style="bold"))
         for row in rows:
             if row.kind == kind:
                 line = parameter_line(row, estimates.identifiable_relative_std)
-                cells = _cells(line, n_both=len(both), with_nominal=estimates.with_nominal, with_truth=with_truth)
-                table.add_row(*cells, style=None if row.identified else "dim")
+                cells = (cell(line) for _, cell in columns)
+                table.add(
+                    *(Text(cell, "" if row.identified else "dim") if isinstance(cell, str) else cell for cell in cells)
+                )
                 footnotes += [f"{title}, {line.name}: {line.note}"] if line.note else []
     footnotes += [bootstrap_sentence(estimates), *(f"{sentence}." for sentence in estimates.undetermined)]
     nuisances = len(estimates.rows) - len(rows)
@@ -212,32 +205,31 @@ def parameter_table(estimates: Estimates) -> Group:
     return with_notes(table, footnotes)
 
 
-def with_notes(table: rich_table.Table, notes: list[str]) -> Group:
+def with_notes(table: TerminalTable, notes: list[str]) -> Group:
     """Puts what there is to say below a table."""
     said = [note for note in notes if note]
-    return Group(table, Text("\n".join(said), style="dim")) if said else Group(table)
+    return Group(table, Footnotes(said)) if said else Group(table)
 
 
-def open_table(first: str) -> rich_table.Table:
-    """Begins a table whose first column names the row."""
-    table = rich_table.Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column(first, no_wrap=True)
-    return table
+def _terminal_columns(estimates: Estimates) -> list[tuple[Column, Callable[[ParameterLine], str | Text]]]:
+    """The columns that any parameter fills, each with how it writes one."""
+    both, with_truth = estimates.with_effective, any(row.truth is not None for row in estimates.shown)
+    every: tuple[tuple[bool, Column, Callable[[ParameterLine], str | Text]], ...] = (
+        (True, Column("parameter", numbers=False), lambda line: f"  {line.name}"),
+        (True, Column("estimate"), lambda line: Text(line.estimate, "bold") if line.identified else line.estimate),
+        (both, Column("predicts ±", leaves=5), lambda line: line.predicts),
+        # The interval is that of the physical value where there is one.
+        (both and estimates.with_physical, Column("physical"), lambda line: line.physical),
+        (True, Column(f"{100 * estimates.level:g} % interval"), lambda line: f"{line.lower} … {line.upper}"),
+        (True, Column("unit", numbers=False), lambda line: line.unit),
+        (True, Column("±", leaves=2), lambda line: line.half_width),
+        (estimates.with_nominal, Column("nominal", leaves=3), lambda line: "a " * line.assumed + line.nominal),
+        (with_truth, Column("truth", leaves=1), lambda line: line.truth),
+        (with_truth, Column("off truth", leaves=4), _off_truth),
+    )
+    return [(column, cell) for is_shown, column, cell in every if is_shown]
 
 
-def _cells(line: ParameterLine, *, n_both: int, with_nominal: bool, with_truth: bool) -> list[Text]:
-    cells = [
-        Text(f"  {line.name}"),
-        Text(line.estimate, style="bold" if line.identified else ""),
-        *(Text(line.predicts), Text(line.physical))[:n_both],
-        Text(f"{line.lower} … {line.upper}"),
-        Text(line.unit),
-        Text(line.half_width),
-    ]
-    if with_nominal:
-        cells.append(Text(("a " if line.assumed else "") + line.nominal))
-    if with_truth:
-        outside = line.covered is False and line.identified
-        off_truth = Text(f"{line.off_truth} outside", style="yellow") if outside else Text(line.off_truth)
-        cells += [Text(line.truth), off_truth]
-    return cells
+def _off_truth(line: ParameterLine) -> str | Text:
+    outside = line.covered is False and line.identified
+    return Text(f"{line.off_truth} outside", "yellow") if outside else line.off_truth

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from rich.text import Text
 from ruamel.yaml import YAML
 
 import robid
@@ -28,8 +29,11 @@ from robid.models.known import FAMILIES, experiment_schema, load_experiment
 from robid.models.lpv.fit.options import BasisOptions, PathOptions
 from robid.models.rigid.fit.options import PreprocessingOptions
 from robid.models.values import FITS
+from robid.pipeline.chain import CHAIN
 from robid.pipeline.graph import graph
+from robid.pipeline.report import gather
 from robid.settings.robot_parts import plain_settings
+from terminals import ask_in_terminal, left_out, numbers, screen, widest
 from toy_family import INERTIA
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
@@ -308,3 +312,37 @@ def test_the_same_fit_of_values_in_memory(made, case):
     alone = robid.fit_model(kind, *robot, data, **options)
     assert alone.grade is None
     assert "validate_on" in alone.sentence
+
+
+def test_what_a_run_shows_fits_its_terminal_with_whole_numbers(made, case):
+    whole, piped = ask_in_terminal(400, "run", "small.yaml"), made.robid("run", "small.yaml").out
+    assert numbers(whole.out) <= numbers(piped)
+    assert not left_out(piped)[0]
+    for width in (80, 100, 120):
+        shown = ask_in_terminal(width, "run", "small.yaml")
+        assert shown.code == whole.code == case.code
+        assert max(widest(shown.out), widest(shown.err)) <= width
+        assert numbers(shown.out) <= numbers(whole.out)
+
+
+def test_a_table_of_long_names_says_what_it_leaves_out(made):
+    loaded = load_experiment(made.folder / "small.yaml")
+    present = [path for node in graph(loaded) for path in node.plan.outputs if (made.runs / path).exists()]
+    for table in (shown.renderables[0] for shown in gather(CHAIN, loaded, made.runs, present).fits[0].terminal):
+        for place, row in enumerate(table.rows):
+            if len(row) > 1:
+                table.rows[place] = (Text(f"  manipulator_left_axis_7_{row[0].plain.strip()}"), *row[1:])
+        for width in (80, 100, 120):
+            check_table(table, width)
+
+
+def check_table(table, width):
+    text, whole = screen(table, width), screen(table, 400)
+    assert widest(text) <= width
+    assert numbers(text) <= numbers(whole)
+    gone, _, needed = left_out(text)
+    assert set(gone) <= {column.head for column in table.columns}
+    assert bool(gone) is (needed > width)
+    for place, column in enumerate(table.columns):
+        cells = {row[place].plain for row in table.rows if len(row) > 1}
+        assert column.head in gone or not column.numbers or all(f" {cell}" in text for cell in cells)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from io import StringIO
 from types import SimpleNamespace
 
 import numpy as np
-from rich.console import Console
 
 from robid.models.elastic.fit.gears_alone import WITH_CHAIN
 from robid.models.elastic.page.gather import RepeatRow
@@ -17,12 +15,7 @@ from robid.models.elastic.page.resonances import interval_sentence, interval_tex
 from robid.report.numbers import MISSING
 from robid.report.section import Notes
 from sample_reports import arm_report, bench_report
-
-
-def printed(table, width):
-    stream = StringIO()
-    Console(file=stream, width=width).print(table)
-    return stream.getvalue()
+from terminals import screen
 
 
 def test_interval_ends_differ():
@@ -42,7 +35,7 @@ def test_residuals_beyond_their_covariance_are_told():
 
 
 def test_small_drives_show_the_models_own_modes():
-    shown = [printed(table, 100) for table in fit_tables(bench_report().fit)]
+    shown = [screen(table, 100) for table in fit_tables(bench_report().fit)]
     assert len(shown) == 2
     words = next(line.split() for line in shown[1].splitlines() if "antiresonance" in line)
     peak, model, zero = ["53.97", "53.88", "…", "54.06"], "53.99", ["53.95", "53.90", "…", "54.00"]
@@ -85,7 +78,7 @@ def test_what_several_campaigns_measured_stands_in_one_table():
     assert row.cells[3:] == (
         "monday (2 times), friday", "53.96", "53.91 … 54.02", "53.70 … 54.20", "53.93", "53.60 … 54.30",
     )  # fmt: skip
-    shown = printed(list(fit_tables(replace(fit, resonances=rows)))[1], 100)
+    shown = screen(list(fit_tables(replace(fit, resonances=rows)))[1], 100)
     assert "measured intervals hold what monday, friday scatter in the same configuration" in shown
     summary = fit_summary(replace(fit, resonances=rows), None)
     place = "resonances.configuration_1.motor.antiresonance_1"
@@ -107,7 +100,7 @@ def test_terminal_and_page_say_that_a_gear_is_fitted_with_what_lies_in_line_and_
     )
     fit = bench_report().fit
     told = replace(fit, gears=rows, estimates=replace(fit.estimates, about=gear_sentence(rows)))
-    shown = " ".join(printed(next(iter(fit_tables(told))), 400).split())
+    shown = " ".join(screen(next(iter(fit_tables(told))), 400).split())
     assert WITH_CHAIN in shown
     assert "gear_1 1.90 … 2.70 MN m/rad" in shown
     assert "gear_2 0.9" not in shown  # whose file takes the share for granted

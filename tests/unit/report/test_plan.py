@@ -1,14 +1,13 @@
 """The plan of an excitation in the terminal."""
 
 from dataclasses import replace
-from io import StringIO
 
 import numpy as np
-from rich.console import Console
 
 from robid.design.excitation.excitation import design_excitation
 from robid.design.excitation.prediction import predict
 from robid.report.experiment import plan_table
+from terminals import screen
 from two_drives import OPTIONS, STEP, make_loop
 
 
@@ -19,15 +18,13 @@ def planned():
 
 
 def printed(excitation, width=80):
-    stream = StringIO()
-    Console(file=stream, width=width).print(plan_table(excitation, ("shoulder", "elbow")))
-    return stream.getvalue()
+    return screen(plan_table(excitation, ("shoulder", "elbow")), width)
 
 
 def test_each_motor_shows_peaks_against_limits_and_its_weakest_line():
     excitation = planned()
-    text, plan = printed(excitation), excitation.plan
-    rows = {line.split()[0]: line for line in text.splitlines() if line.startswith("  ")}
+    text, plan = printed(excitation, 100), excitation.plan
+    rows = {line.split()[0]: line for line in text.splitlines()}
     for motor, name in enumerate(("shoulder", "elbow")):
         assert f"{plan.torque_peak[:, motor].max():.2g}/60" in rows[name]
         assert f"{plan.speed_peak[:, motor].max():.2g}/100" in rows[name]
@@ -42,7 +39,7 @@ def test_the_weakest_pair_is_named():
     snr_db = np.full_like(excitation.plan.snr_db, 50.0)
     snr_db[..., 1, 0] = 7.0
     text = printed(replace(excitation, plan=replace(excitation.plan, snr_db=snr_db)))
-    assert "shoulder to elbow, 7 dB" in text.replace("\n", " ")
+    assert "shoulder to elbow, 7 dB" in " ".join(text.split())
 
 
 def test_an_older_plan_shows_what_it_has_and_a_log_shows_nothing():

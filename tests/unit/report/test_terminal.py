@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from io import StringIO
-
-from rich.console import Console
 
 from robid.report.parameter_section import parameter_table
 from robid.report.parameters import parameter_line
-
-
-def printed(table, width):
-    stream = StringIO()
-    Console(file=stream, width=width).print(table)
-    return stream.getvalue()
+from terminals import screen, widest
 
 
 def test_every_parameter_with_its_interval(arm):
     estimates = arm.fit.estimates
-    text = printed(parameter_table(estimates), 110)
+    text = screen(parameter_table(estimates), 110)
     lines = [line.split() for line in text.splitlines()]
     for row in estimates.rows:
         if row.kind == "friction":
@@ -42,24 +34,24 @@ def test_bootstrap_and_what_is_not_determined_are_told_below(arm):
         for row, mean in zip(estimates.rows, middle, strict=True)
     ]
     told = "gear_4.damping is known only to a factor of 3"
-    text = printed(parameter_table(replace(estimates, rows=tuple(rows), undetermined=(told,))), 200)
+    text = screen(parameter_table(replace(estimates, rows=tuple(rows), undetermined=(told,))), 200)
     assert "bootstrap over realizations gives intervals 1.5 times as wide (median; 1.5 to 1.5)" in text
     assert f"{told}." in text
-    assert "bootstrap" not in printed(parameter_table(estimates), 200)
+    assert "bootstrap" not in screen(parameter_table(estimates), 200)
 
 
 def test_eighty_columns_are_enough_without_truth(bench):
-    text = printed(parameter_table(bench.fit.estimates), 80)
+    text = screen(parameter_table(bench.fit.estimates), 80)
     assert "truth" not in text
     assert "545.0 … 547.8" in text
-    assert max(map(len, text.splitlines())) <= 80
+    assert widest(text) <= 80
 
 
 def test_unknown_torque_constant_makes_ratios(bench):
     estimates = bench.fit.estimates
-    assert "K_t" not in printed(parameter_table(estimates), 100)
+    assert "K_t" not in screen(parameter_table(estimates), 100)
     ampere = replace(estimates, torque_unit="A")
-    text = printed(parameter_table(ampere), 100)
+    text = screen(parameter_table(ampere), 100)
     assert "Springs, k/K_t" in text
     assert "Motor inertias, J1/K_t" in text
     assert "K_t is unknown: A stands for N m" in text

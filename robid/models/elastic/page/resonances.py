@@ -14,8 +14,9 @@ from robid.models.elastic.page.gather import FitContent, RepeatRow, ResonanceRow
 from robid.report.charts import configuration_label
 from robid.report.numbers import MISSING, number_of, percent, significant
 from robid.report.page import KeyNumber
-from robid.report.parameter_section import open_table, with_notes, within
+from robid.report.parameter_section import with_notes, within
 from robid.report.section import Row, Section, Table
+from robid.report.terminal_table import Column, TerminalTable
 
 _REPEAT_CAPTION = (
     "What campaigns that measured the same robot configuration found, pooled. An interval is where another campaign's"
@@ -214,13 +215,15 @@ def resonance_table(fit: FitContent) -> Group:
     """Lays out measured peaks and dips beside the fitted model's, then its poles and zeros with their intervals."""
     rows = fit.resonances
     interval = f"{100 * fit.estimates.level:g} % interval"
-    table = open_table("resonances [Hz]")
-    for header in ("measured peak", interval, "model's peak", "its pole or zero", interval):
-        table.add_column(header, justify="right", no_wrap=True)
+    columns = (
+        *(Column("resonances [Hz]", numbers=False), Column("measured peak"), Column(interval, leaves=2)),
+        *(Column("model's peak", leaves=1), Column("its pole or zero"), Column(interval, leaves=2)),
+    )
+    table = TerminalTable(columns, elsewhere="on the page")
     found = [row for row in rows if row.mode_hz is not None]
     for row in found:
         place = f", configuration {number_of(row.configuration)}" if len(fit.frf.configurations) > 1 else ""
-        table.add_row(
+        table.add(
             Text(f"  {row.channel} {row.kind}{place}"),
             _measured(row),
             interval_text(row.interval_hz),
