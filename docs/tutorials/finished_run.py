@@ -32,8 +32,8 @@ run
 
 # %% [markdown]
 # ## What was found, and how far to trust it
-# A fit states its grade, and why it is no better. Each parameter has two intervals: of the parameter itself, and of the value with
-# which the model predicts.
+# A fit states its grade, and why it is no better. Each parameter has two intervals: of the parameter itself, and of the value that
+# predicts best.
 
 # %%
 fit = run.fits["elastic"]
