@@ -73,7 +73,7 @@ class ComparisonTold:
 class CompareAnswer(Answer, type="compare"):
     """Where responses differ."""
 
-    reference: Annotated[str, Meaning("Name of the first response, which the others are held against.")]
+    reference: Annotated[str, Meaning("Name of the first response, which the others are compared with.")]
     comparisons: Annotated[tuple[ComparisonTold, ...], Meaning("The others.")]
     output: Annotated[str | None, Meaning("The page; null where `--output` was not given.")]
     outcome: Annotated[str | None, Meaning("`made`, or `fresh` where the page was there.")]

@@ -37,7 +37,7 @@ class PeriodTold:
 
     samples: Annotated[float, Meaning("Its length in samples, a fraction included.")]
     std_samples: Annotated[float, Meaning("Standard deviation of it, in samples.")]
-    periods: Annotated[float, Meaning("Periods that the log holds, a fraction included.")]
+    periods: Annotated[float, Meaning("Periods in the log, a fraction included.")]
     signals: Annotated[tuple[str, ...], Meaning("Signals that repeat with it.")]
     transient: Annotated[tuple[str, ...], Meaning("Signals whose first periods differ from the others.")]
     lines: Annotated[tuple[int, ...], Meaning("Excited lines, in multiples of one over the period.")]
@@ -46,7 +46,7 @@ class PeriodTold:
 
 @dataclass(frozen=True)
 class LogAnswer(Answer, type="inspect-log"):
-    """What a log holds, and how to import it."""
+    """What is in a log, and how to import it."""
 
     file: Annotated[str, Meaning("The log.")]
     format: Annotated[str, Meaning("Its format.")]

@@ -18,8 +18,8 @@ from robid.artifacts.atomic import plain
 class Answer:
     """What a command prints with `--json`; every class of answers has a type and a version of its own.
 
-    A version is `MAJOR.MINOR`: a new key raises the minor; a key that goes, or that means or holds something else,
-    raises the major. `robid.commands.answers` lists the classes, `docs/reference/json-output.md` describes them.
+    A version is `MAJOR.MINOR`: a new key raises the minor; a key that goes, or that contains or means something
+    else, raises the major. `robid.commands.answers` lists the classes, `docs/reference/json-output.md` describes them.
     """
 
     type: ClassVar[str]

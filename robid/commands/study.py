@@ -22,7 +22,7 @@ class StudyAnswer(Answer, type="study"):
     """What a study has found."""
 
     outcome: Annotated[Literal["made", "fresh"], Meaning("Whether its page was written, or was so already.")]
-    summary: Annotated[dict[str, float], Meaning("What `summary.json` holds: numbers by dotted name.")]
+    summary: Annotated[dict[str, float], Meaning("Content of `summary.json`: numbers by dotted name.")]
     verdict: Annotated[Verdict, Meaning("What it comes to.")]
     report: Annotated[str, Meaning("The page.")]
 

@@ -33,7 +33,7 @@ class ParameterRow:
     relative_std: Annotated[float, Meaning("Relative standard deviation after the fit.")]
     truth: Annotated[float | None, Meaning("True value of a simulated robot.")] = None
     identifiable: Annotated[bool, Meaning("Whether the data determine it, fixed before the fit.")] = True
-    covered: Annotated[bool | None, Meaning("Whether the interval holds the truth.")] = None
+    covered: Annotated[bool | None, Meaning("Whether the interval contains the truth.")] = None
     assumed: Annotated[bool, Meaning("Whether the nominal value has no published source.")] = False
     note: Annotated[str, Meaning("What a reader should know, as why it is not identifiable.")] = ""
     bootstrap: Annotated[tuple[float, float] | None, Meaning("Lower and upper end of the bootstrap's interval.")] = None
@@ -48,11 +48,12 @@ class ParameterRow:
     ] = None
     known_relative_std: Annotated[float | None, Meaning("Relative deviation known beforehand.")] = None
     physical: Annotated[
-        float | None, Meaning("Middle of the interval, where it is told from the estimate: the parameter itself.")
+        float | None,
+        Meaning("Middle of the interval, where it is distinguished from the estimate: the parameter itself."),
     ] = None
     effective: Annotated[
         tuple[float, float, float] | None,
-        Meaning("Value, lower and upper end of what predicts best, where it is told apart."),
+        Meaning("Value, lower and upper end of what predicts best, where that is distinguished."),
     ] = None
 
     @property
