@@ -156,7 +156,7 @@ def reprocess(
         tell = partial(_tell_row, shell, {planned.row.id: planned.row.place for planned in fleet.rows}, stream)
         batch = run_fleet(fleet, run_dir, options, lambda *, one: mapped(1 if one else count), progress, tell, announce)
     if as_json:
-        print_json(_batch(batch), one_line=stream)
+        print_json(batch_answer(batch), one_line=stream)
     else:
         _show(shell, batch)
     strictly = batch.not_to_be_used or batch.comparison.off or batch.comparison.changing
@@ -172,7 +172,8 @@ def _tell_row(shell: Shell, places: Mapping[str, str], stream: bool, ledger: Led
         shell.warn(f"{places[ledger.id]}: row {ledger.id} failed: {ledger.error}")
 
 
-def _batch(batch: Batch) -> BatchAnswer:
+def batch_answer(batch: Batch) -> BatchAnswer:
+    """Returns what `--json` says of a batch."""
     comparison = batch.comparison
     return BatchAnswer(
         rows=len(batch.ledgers),
