@@ -100,7 +100,6 @@ def test_what_cannot_be_tried_is_refused_by_name(loaded, name, texts):
 
 def test_trying_belongs_to_fits_that_are_there(loaded, workshop, tmp_path, monkeypatch):
     shop, _ = loaded
-    shop.refuse(2, "`validate` fits nothing", command=("validate", "small.yaml", "--try", "payload"))
     shop.refuse(2, "`--strict` says nothing", command=(*TRIED, "payload", "--strict"))
     monkeypatch.chdir(tmp_path)
     empty = workshop(tmp_path, monkeypatch)
