@@ -51,7 +51,7 @@ def complete(shop):
         (("run", "small.yaml", "--backend", ""), {"serial", "processes", "dask"}),
         (("explain", "S37"), {f"S37{last}" for last in range(10)}),
     ],
-    ids=" ".join,
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
 def test_commands_options_and_names_of_the_file_are_completed(complete, words, offered):
     assert complete(*words) == offered
