@@ -18,6 +18,7 @@ from robid.commands.options import (
     Scheduler,
     Strict,
     Workers,
+    export_formats,
     known_codes,
     names_in,
 )
@@ -217,6 +218,8 @@ def export_model(
         str,
         typer.Option(
             "--format",
+            metavar="FORMAT",
+            autocompletion=export_formats,
             help="What to write: mjcf, json, csv, mat, by family statespace, robot, urdf; of a campaign's excitation"
             " csv, mat; of its responses csv, mat, json, uff.",
         ),

@@ -28,7 +28,7 @@ class Progress(Protocol):
     """Where a stage tells how far it is."""
 
     def expect(self, total: int, unit: str, done: int = 0) -> None:
-        """Says how many tasks there are, and how many of them an earlier run did."""
+        """Says how many tasks there are, and how many of them an earlier run did; with 0, what is done uncounted."""
 
     def advance(self) -> None:
         """Says that one more is done."""

@@ -46,6 +46,12 @@ def names_in(section: str) -> Callable[[typer.Context, str], list[str]]:
     return complete
 
 
+def export_formats(incomplete: str) -> list[str]:
+    """Completes the format of an export."""
+    formats = ("csv", "json", "mat", "mjcf", "robot", "statespace", "uff", "urdf")
+    return [name for name in formats if name.startswith(incomplete)]
+
+
 def known_codes(incomplete: str) -> list[str]:
     """Completes the code of a message."""
     from robid.commands.explain import LETTERS, codes_explained, read_texts

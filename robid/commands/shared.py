@@ -175,13 +175,21 @@ def require_inputs(run: Run, node: Node, named: list[Path], *, goes_on: bool = F
             continue
         if state.status != "fresh" and not (goes_on and state.named):
             why = f" ({state.why})" if state.why else ""
-            there = state.status == "stale" and run.path(maker.output).exists()
-            remedy = f"`{run.command(maker)}{' --force' * there}` makes it"
-            if not maker.stage.on_request(run.loaded, maker.owner):
-                remedy += f"; `robid run {run.loaded.path}{run.in_folder}` makes all that is needed"
+            ready = all(states[makers[one]].status == "fresh" for one in maker.plan.inputs.values())
+            remedy = _what_makes(run, maker, state, ready=ready)
             raise ArtifactError(f"A019 The input is {state.status}{why}.", where=str(run.path(path)), remedy=remedy)
         inputs[name] = run.path(path)
     return inputs
+
+
+def _what_makes(run: Run, maker: Node, state: State, *, ready: bool) -> str:
+    """Says which commands make an input: its own stage first where that has all that it reads."""
+    there = state.status == "stale" and run.path(maker.output).exists()
+    own = f"`{run.command(maker)}{' --force' * there}` makes it"
+    if maker.stage.on_request(run.loaded, maker.owner):
+        return own
+    every = f"`robid run {run.loaded.path}{run.in_folder}` makes all that is needed"
+    return f"{own}; {every}" if ready else f"{every}; {own}"
 
 
 def _slots(nodes: tuple[Node, ...], node: Node, path: Path) -> list[str]:

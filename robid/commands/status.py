@@ -64,7 +64,8 @@ def show_status(run: Run, *, as_json: bool) -> int:
         for text in looks:
             shell.warn(text)
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    print("\n".join(status_lines(rows, width)))  # noqa: T201
+    where = "" if run.folder.exists() else ", which is made in the folder in which robid is started"
+    print("\n".join([*status_lines(rows, width), f"run folder: {run.folder}{where}"]))  # noqa: T201
     return 0
 
 

@@ -70,8 +70,8 @@ class Standing:
     elapsed_s: float  # since it began [s]
     left_s: float | None = None  # until it ends, or None where nobody knows [s]
     done: int = 0  # how many tasks are done
-    total: int = 0  # how many there are; fewer than two tell nothing
-    unit: str = ""  # what they are
+    total: int = 0  # how many there are; a single one tells nothing
+    unit: str = ""  # what they are; what is done where nothing is counted
 
     def line(self, width: int, *, plain: bool = False) -> list[tuple[str, str]]:
         """Returns the parts of a line, each with its style, that is no longer than a terminal is wide.
@@ -79,7 +79,7 @@ class Standing:
         The bar gives way first, then the label in its middle; numbers are shown whole or not at all. What is left is
         that of the tasks: something may come after the last one.
         """
-        counts = f"{self.done} of {self.total} {self.unit}" if self.total > 1 else ""
+        counts = f"{self.done} of {self.total} {self.unit}" if self.total > 1 else "" if self.total else self.unit
         left = f", ~{roughly(self.left_s)} left" if counts and self.left_s is not None else ""
         sign = _TURNING[int(4 * self.elapsed_s) % len(_TURNING)] if self.total < 2 or self.done == self.total else ""
         whole, short = counts + left, counts.removesuffix(f" {self.unit}")

@@ -13,7 +13,7 @@ _TEXT = """\
 # A simulated campaign on the robot of {name}_robot.yaml: which springs would be found, from where, and how well.
 # Its springs are off the robot file by up to a factor of 2, and the fit has to find them.
 schema_version: 2
-name: {name} # results lie in runs/{name}
+name: {name} # results lie in runs/<name> of the folder in which robid is started
 robot: {name}_robot.yaml
 
 campaigns:

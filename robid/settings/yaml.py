@@ -202,9 +202,9 @@ def _mapping(path: Path, node: CommentedMap) -> dict[str, Any]:
         found = _step(node, key)
         line = found[1] if found else node.lc.line
         if not isinstance(key, str):
-            raise SettingsError(
-                f"S339 the key `{key}` must be a text", where=f"{path}:{line + 1}", remedy="put it in quotes"
-            )
+            point = "write numbers with a decimal point; if it is a name, " if isinstance(key, int | float) else ""
+            what, remedy = f"S339 the key `{key}` must be a text", f"{point}put it in quotes"
+            raise SettingsError(what, where=f"{path}:{line + 1}", remedy=remedy)
         plain[str(key)] = _value(path, item, line)
     return plain
 

@@ -1,5 +1,6 @@
 import html
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -108,6 +109,20 @@ def test_a_missing_input_names_the_command_that_makes_it(shop, command, missing,
     assert answer.code == 3
     assert missing in answer.flat
     assert maker in answer.flat
+
+
+def test_the_first_command_of_a_remedy_works_where_nothing_is_there_yet(shop):
+    told = shop.robid("export", "small.yaml", "--format", "json").flat
+    command = re.search(r"`robid ([^`]+)`", told.partition("remedy:")[2])[1].split()
+    assert shop.robid(*command).code == 0
+    assert shop.robid("export", "small.yaml", "--format", "json").code == 0
+
+
+def test_status_says_where_the_run_folder_is(shop):
+    told = shop.robid("status", "small.yaml").out.splitlines()[-1]
+    assert "runs/small" in told
+    elsewhere = shop.robid("status", "small.yaml", "--run-dir", "other").out.splitlines()[-1]
+    assert "other" in elsewhere
 
 
 def test_a_stale_input_stops_the_stage(done):

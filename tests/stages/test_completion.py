@@ -48,6 +48,7 @@ def complete(shop):
         (("simulate-or-acquire", "small.yaml", "--campaign", "v"), {"validation"}),
         (("fit", "small.yaml", "--fit", ""), {"elastic"}),
         (("export", "small.yaml", "--format", "json", "--fit", ""), {"elastic"}),
+        (("export", "small.yaml", "--format", "m"), {"mat", "mjcf"}),
         (("run", "small.yaml", "--backend", ""), {"serial", "processes", "dask"}),
         (("explain", "S37"), {f"S37{last}" for last in range(10)}),
     ],

@@ -63,6 +63,7 @@ def _fitted(data: Data, work: Work, near: Mapping[str, float] | None) -> Artifac
         solution = fit_elastic(robot, data.response, settings.options(), delay, told, perturbed, near)
     except DataError as error:
         raise blamed(error, data_findings(robot, data.response, delay)) from error
+    work.progress.expect(0, "intervals and findings")
     given = data.response, settings.options(), delay
     solution = replace(solution, detectable=detectable_defects(robot, solution, *given))
     fitted = robot, solution, *given

@@ -190,6 +190,14 @@ def test_what_comes_after_the_last_task_turns_too():
     assert all("8 of 8 starts" in line and "━" not in line for line in lines)
 
 
+@pytest.mark.parametrize("width", [80, 100])
+def test_what_is_done_uncounted_is_said(width):
+    line = "".join(text for text, _ in Standing("fits/a", "8 of 10", 65.0, None, 0, 0, "intervals").line(width))
+    assert "intervals" in line
+    assert "0 of 0" not in line
+    assert len(line) < width
+
+
 def test_a_label_keeps_both_ends():
     assert shortened("campaign_of_june/excitation.h5", 40) == "campaign_of_june/excitation.h5"
     short = shortened("campaign_of_june/excitation.h5", 20)

@@ -57,6 +57,7 @@ def test_merge_keys_give_values_and_the_line_they_are_written_on(tmp_path):
         ("a: 1\nb: !foo {c: 0}\n", 2, "tags"),
         ("a: 2026-01-02\nb:\n  - 2026-13-45\n", 3, "S524"),
         ("a: 1\n2: 2\n", 2, "S339"),
+        ("a: {b: 8,6e-05}\n", 1, "S339"),
         ("a: &x\n  b: 1\n  c: *x\n", 1, "S337"),
         ("a: &x\n  <<: *x\n", 1, "S337"),
         ("- 1\n", 1, "S336"),
@@ -69,6 +70,12 @@ def test_bad_yaml_names_file_and_line(tmp_path, text, line, words):
     assert caught.value.where == f"{tmp_path / 'file.yaml'}:{line}"
     assert words in caught.value.what
     assert caught.value.remedy
+
+
+def test_a_decimal_comma_is_named(tmp_path):
+    with pytest.raises(SettingsError) as caught:
+        _load(tmp_path, "a: {b: 8,6e-05}\n")
+    assert "decimal point" in caught.value.remedy
 
 
 def test_unreadable_files_are_settings_errors(tmp_path):
