@@ -14,9 +14,7 @@ NOT_DONE = (  # pages and folders that have not been rewritten; a page that is l
     "docs/how-to/own-robot.md",
     "docs/how-to/python.md",
     "docs/how-to/single-axis.md",
-    "docs/reference/experiment-file.md",
     "docs/reference/robot-file.md",
-    "docs/reference/studies.md",
     "docs/tutorials/",
 )
 DONE = [page for page in words.documents() if not str(page.relative_to(ROOT)).startswith(NOT_DONE)]
