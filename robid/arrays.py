@@ -1,4 +1,4 @@
-"""Array types, the declaration of what an array is, and the one place where argument shapes are checked."""
+"""Array types, the declarations of what an array or a field is, and the one place where argument shapes are checked."""
 
 from __future__ import annotations
 
@@ -37,6 +37,17 @@ class Quantity:
     axes: str  # Name of each axis, separated by spaces
     meaning: str = ""  # What it is, in one sentence
     compact: bool = False  # Whether float32 with a scale is enough to keep
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a field that commands print is, once: as in `Annotated[str, Meaning("its name")]`; their schema says it."""
+
+    text: str
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:  # noqa: ANN401
+        """Describes the field in the schema that pydantic makes."""
+        return {**handler(core), "description": self.text}
 
 
 @cache

@@ -21,7 +21,7 @@ from robid.commands.options import (
     known_codes,
     names_in,
 )
-from robid.commands.output import print_json
+from robid.commands.output import ErrorAnswer, print_json, print_plain
 from robid.commands.stages import stage_command
 from robid.errors import RobidError, SettingsError, codes_in
 from robid.interrupts import hearing, was_interrupted
@@ -102,7 +102,7 @@ def _fail(arguments: list[str], message: str, code: int) -> int:
     if codes and sys.stderr.isatty():
         typer.echo(f"  `robid explain {codes[0]}` says more", err=True)
     if "--json" in arguments:
-        print_json({"error": message, "codes": codes, "exit_code": code}, one_line="--stream" in arguments)
+        print_json(ErrorAnswer(message, codes, code), one_line="--stream" in arguments)
     return code
 
 
@@ -410,15 +410,27 @@ def explain_codes(
 @app.command("schema")
 def show_schema(
     robot: Annotated[bool, typer.Option("--robot", help="That of the robot file instead.")] = False,
+    command: Annotated[
+        str | None,
+        typer.Option("--of", metavar="COMMAND", help="That of what a command prints with --json instead."),
+    ] = None,
     _as_json: AsJson = False,
     _debug: Debug = False,
 ) -> int:
     """Prints the JSON schema of the experiment file, for editors."""
+    if command is not None:
+        from robid.commands.answers import schema_of
+
+        if robot:
+            what = "S546 `--robot` and `--of` name two schemas"
+            raise SettingsError(what, where="schema", remedy="leave out one of them")
+        print_plain(schema_of(command))
+        return 0
     from robid.models.known import experiment_schema
     from robid.settings.load import robot_schema
     from robid.studies.settings.study import Study
 
-    print_json(robot_schema() if robot else experiment_schema(study=Study))
+    print_plain(robot_schema() if robot else experiment_schema(study=Study))
     return 0
 
 

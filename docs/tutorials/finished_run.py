@@ -12,8 +12,8 @@
 
 # %% [markdown]
 # # Reading and plotting a finished run
-# A run folder holds all that was measured, estimated and fitted. Here one is made of the smallest example; with one of your own, only
-# `robid.open` is needed. Needed: `pip install 'robid[notebook]'`.
+# For anyone who wants to use the results of a run in Python. A run folder contains all that was measured, estimated and fitted. You
+# need `pip install 'robid[notebook]'`. The first cell runs the smallest example; with a run of your own, begin at `robid.open`.
 
 # %%
 import subprocess
@@ -32,8 +32,8 @@ run
 
 # %% [markdown]
 # ## What was found, and how far to trust it
-# A fit says its grade and why it is no better. Each parameter has two intervals: of the parameter itself, and of what the model
-# needs to predict.
+# A fit states its grade, and why it is no better. Each parameter has two intervals: of the parameter itself, and of the value that
+# predicts best.
 
 # %%
 fit = run.fits["elastic"]
@@ -46,8 +46,8 @@ table[["value", "lower", "upper", "effective_lower", "effective_upper", "unit", 
 
 # %% [markdown]
 # ## The measured response with its uncertainty
-# The total covariance is from the differences between realizations: it holds what friction and other nonlinearities do. The noise is from those
-# between periods.
+# The total covariance comes from the differences between realizations: it includes the distortion by friction and other
+# nonlinearities. The noise covariance comes from the differences between periods.
 
 # %%
 measured = run.responses["estimation"]
@@ -63,6 +63,7 @@ plt.legend()
 
 # %% [markdown]
 # ## The model in a configuration that was not measured
+# `with_fit` inserts the estimates into the robot file's model.
 
 # %%
 robot = robid.load_robot("drive/drive_robot.yaml").with_fit(fit)
@@ -77,7 +78,8 @@ plt.ylabel("acceleration over torque [rad/s² per N m]")
 plt.legend()
 
 # %% [markdown]
-# ## The signals themselves
+# ## The signals
+# Records keep inputs and outputs over time.
 
 # %%
 record = run.records["estimation"]  # (configuration, realization, experiment, period, sample, channel)
@@ -89,7 +91,7 @@ plt.ylabel("motor torque [N m]")
 
 # %% [markdown]
 # ## Numbers of the report
-# What the report shows in tables stands in `figures`, by dotted name.
+# `figures` has the numbers of the report's tables, by dotted name.
 
 # %%
 recovered = {name: value for name, value in run.figures.items() if "recovery" in name or "grade" in name}

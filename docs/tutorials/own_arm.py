@@ -12,10 +12,12 @@
 
 # %% [markdown]
 # # Your own arm: from URDF to model
-# A URDF or MJCF knows frames, masses and limits, but neither gear ratios, rotor inertias nor springs. `robid init` writes what the model says, and
-# one table of what it cannot say. Needed: `pip install 'robid[notebook]'`.
+# For anyone with a URDF or MJCF of a robot who wants to know, before measuring, which springs and dampers can be identified. Such a
+# model has frames, masses and limits, but no gear ratios, rotor inertias or springs: `robid init` adds a table of them. You need
+# `pip install 'robid[notebook]'`.
 #
-# The first cell writes the URDF of an arm of two joints. With one of your own, leave it out.
+# The first cell writes the URDF of an arm with two joints. With one of your own, put its path in place of
+# `two_joints.urdf`.
 
 # %%
 import subprocess
@@ -58,7 +60,7 @@ def robid_command(*words):
 
 
 # %% [markdown]
-# ## A robot file and an experiment, filled with what the model says
+# ## A robot file and an experiment from the model
 
 # %%
 robid_command("init", "arm", "--model", "two_joints.urdf")
@@ -67,17 +69,17 @@ robid_command("init", "arm", "--model", "two_joints.urdf")
 print(Path("arm/arm_robot.yaml").read_text(encoding="utf-8"))
 
 # %% [markdown]
-# ## What nobody could know
-# The table of joints holds typical values, marked as `assumed`. Put in those of your data sheets, and take their names off the list. `robid status`
-# checks both files and computes nothing.
+# ## What the model does not contain
+# The table of joints has typical values, listed under `assumed`. Replace them by those of your data sheets, and remove their names
+# from the list. `robid status` checks both files and computes nothing.
 
 # %%
 robid_command("status", "arm/arm.yaml")
 
 # %% [markdown]
 # ## Which configurations to measure
-# The experiment does this by itself (`designs`). From Python it is one call: which of sixty configurations tell most about springs and dampers, with a
-# certificate of how near the choice is to the best possible.
+# The experiment does this by itself (`designs`). From Python it is one call. It chooses, from sixty candidates, the configurations
+# that determine springs and dampers best, with a certificate of how near the choice is to the best possible.
 
 # %%
 arm = robid.load_robot("arm/arm_robot.yaml")
@@ -89,7 +91,7 @@ print(f"{design.efficiency:.0%} of the best possible")
 
 # %% [markdown]
 # ## Simulate before you measure
-# The run simulates the arm in closed loop, its springs off the file by up to a factor of two, and has to find them.
+# The run simulates the arm in closed loop. Its springs differ from the file by up to a factor of two, and the fit has to find them.
 
 # %%
 robid_command("run", "arm/arm.yaml", "--backend", "serial")
@@ -102,7 +104,7 @@ print(fit.parameters)
 
 # %% [markdown]
 # ## Resonances over the workspace
-# The fitted robot has a response in any configuration: here the shoulder's own, with the elbow bent more and more.
+# The fitted robot has a response in any configuration. Here it is the shoulder's own, at three angles of the elbow.
 
 # %%
 found = arm.with_fit(fit)
@@ -115,8 +117,10 @@ plt.ylabel("acceleration over torque [rad/s² per N m]")
 plt.legend()
 
 # %% [markdown]
-# With the real robot: play `runs/arm/estimation/excitation.h5` (`robid export` writes it for your controller), and `robid init --log` or
-# `robid inspect LOG --propose` writes the campaign that reads your logs.
+# ## With the real robot
+# 1. Play `runs/arm/estimation/excitation.h5`: `robid export` writes it for your controller.
+# 2. Let `robid init --log` or `robid inspect LOG --propose` write the campaign that imports your logs.
+# 3. Run the experiment again.
 
 # %%
 assert fit.grade.value == 2

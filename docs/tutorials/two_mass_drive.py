@@ -12,10 +12,10 @@
 
 # %% [markdown]
 # # A two-mass drive from a CSV
-# A motor turns a load through a coupling. The log has the motor's torque and angle; wanted are the coupling's stiffness and
-# damping, with intervals. Needed: `pip install 'robid[notebook]'`.
+# For anyone with a CSV of a drive: a motor turns a load through a coupling. The log has the motor's torque and angle. The fit
+# estimates the coupling's stiffness and damping, with intervals. You need `pip install 'robid[notebook]'`.
 #
-# The first cell makes the log of a drive that we know, so that the end can be checked. With a log of your own, leave it out.
+# The first cell makes the log of a drive with known values, so that you can check the result. With a log of your own, leave it out.
 
 # %%
 from pathlib import Path
@@ -53,8 +53,8 @@ np.savetxt("drive.csv", np.concatenate(rows), delimiter=",", header="realization
 
 # %% [markdown]
 # ## Read the log
-# Signals have the axes *(realization, experiment, period, sample, channel)*. Each realization plays other random phases; its
-# periods repeat. Between them they show what is noise and what is distortion.
+# Signals have the axes *(realization, experiment, period, sample, channel)*. Each realization plays other random phases, and its
+# periods repeat. Differences between periods are noise; differences between realizations include distortion.
 
 # %%
 table = np.genfromtxt("drive.csv", delimiter=",", names=True)
@@ -69,7 +69,7 @@ record = robid.make_record(
 
 # %% [markdown]
 # ## Estimate the frequency response
-# From torque to acceleration, with its covariance. Half of the realizations are kept back to validate on.
+# The response is from torque to acceleration, with its covariance. Half of the realizations are kept for validation.
 
 # %%
 def some(first, last):
@@ -97,7 +97,7 @@ plt.legend()
 
 # %% [markdown]
 # ## Describe the drive
-# The robot file says what is known, and where springs sit. Stiffness and damping are rough starting values.
+# The robot file states what is known, and where the springs are. Stiffness and damping are rough starting values.
 
 # %%
 Path("drive_robot.yaml").write_text(
@@ -125,7 +125,7 @@ drive
 
 # %% [markdown]
 # ## Fit, and read how far to trust it
-# The first interval is that of the parameter itself: it holds what the robot file may have wrong. All was measured in one
+# The first interval is that of the parameter itself: it includes what the robot file may have wrong. All data are from one
 # configuration, so the grade cannot be the best.
 
 # %%
@@ -136,7 +136,7 @@ print(fit)
 fit.parameters.to_pandas()
 
 # %% [markdown]
-# ## Look at it
+# ## Compare model and measurement
 
 # %%
 model = drive.with_fit(fit).response(responses.configurations, responses.frequency_hz)
@@ -148,7 +148,7 @@ plt.ylabel("acceleration over torque [rad/s² per N m]")
 plt.legend()
 
 # %% [markdown]
-# The drive was ours, so the truth is known.
+# The drive was simulated, so the true value is known.
 
 # %%
 coupling = fit.parameters["coupling.stiffness"]

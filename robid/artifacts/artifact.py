@@ -10,11 +10,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robid.arrays import Meaning
 from robid.versions import package_versions as package_versions
 
 Scalar: TypeAlias = bool | int | float | str
@@ -62,17 +63,23 @@ class Dataset:
 class Provenance:
     """How an artifact came about; never part of its content hash."""
 
-    stage: str
-    settings: dict[str, Any] = field(default_factory=dict)  # Resolved settings that the stage read; no absolute paths
-    settings_hash: str = ""  # Their hash, see `robid.artifacts.artifact.canonical_hash`
-    inputs: dict[str, str] = field(default_factory=dict)  # Content hash of each input artifact or file, by name
-    seed: int | None = None
-    versions: dict[str, str] = field(default_factory=dict)  # Version of each package that matters
-    git_commit: str = ""  # Commit of the source tree, or ""
-    started_utc: str = ""
-    finished_utc: str = ""
-    # Inputs that the command line named in place of the run folder's
-    named: list[str] = field(default_factory=list)
+    stage: Annotated[str, Meaning("Command that made it.")]
+    settings: Annotated[dict[str, Any], Meaning("Resolved settings that it read; no absolute paths.")] = field(
+        default_factory=dict
+    )
+    # See `robid.artifacts.artifact.canonical_hash`.
+    settings_hash: Annotated[str, Meaning("Their hash.")] = ""
+    inputs: Annotated[dict[str, str], Meaning("Content hash of each input artifact or file, by name.")] = field(
+        default_factory=dict
+    )
+    seed: Annotated[int | None, Meaning("Seed of what is random.")] = None
+    versions: Annotated[dict[str, str], Meaning("Version of each package that matters.")] = field(default_factory=dict)
+    git_commit: Annotated[str, Meaning("Commit of the source tree; empty outside of one.")] = ""
+    started_utc: Annotated[str, Meaning("When it was begun, UTC.")] = ""
+    finished_utc: Annotated[str, Meaning("When it was finished, UTC.")] = ""
+    named: Annotated[list[str], Meaning("Inputs that the command line named in place of the run folder's.")] = field(
+        default_factory=list
+    )
 
 
 @dataclass(frozen=True, eq=False)

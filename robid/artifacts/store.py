@@ -19,12 +19,13 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from robid.arrays import Meaning
 from robid.artifacts.artifact import (
     Artifact,
     Attribute,
@@ -62,6 +63,31 @@ _KEPT_BYTES = 2**20
 Result = TypeVar("Result")
 # Outlines of small files by what the system and the header say of a file: a run asks for each artifact several times.
 _outlines: dict[tuple[object, ...], Outline] = {}
+
+
+@dataclass(frozen=True)
+class DatasetDescription:
+    """A dataset of an artifact, without its values."""
+
+    shape: Annotated[tuple[int, ...], Meaning("Its length along each axis.")]
+    dtype: Annotated[str, Meaning("Type of its values, `str` for text.")]
+    stored_bytes: Annotated[int, Meaning("Room that it takes in the file [bytes].")]
+    units: Annotated[str, Meaning("Unit of its values, `1` for none.")]
+    axes: Annotated[tuple[str, ...], Meaning("Name of each axis.")]
+    description: Annotated[str, Meaning("What it is.")]
+    values: Annotated[list[Any] | None, Meaning("Its values, of short lists of text alone.")]
+
+
+@dataclass(frozen=True)
+class ArtifactDescription:
+    """An artifact, without its arrays."""
+
+    kind: Annotated[str, Meaning("Its kind, as `record`.")]
+    schema_version: Annotated[str, Meaning("Version of the format of its kind.")]
+    content_sha256: Annotated[str, Meaning("Hash of its content.")]
+    attributes: Annotated[dict[str, Any], Meaning("Single values and short lists, by name; the unit is in the name.")]
+    datasets: Annotated[dict[str, DatasetDescription], Meaning("Its arrays, by path.")]
+    provenance: Annotated[Provenance, Meaning("How it came about.")]
 
 
 @dataclass(frozen=True)
@@ -192,17 +218,12 @@ def read_group(path: Path, kind: Kind, group: str) -> Artifact:
     return Artifact(replace(kind, version=header.version), datasets, attributes, header.provenance)
 
 
-def inspect_artifact(path: Path) -> dict[str, Any]:
+def inspect_artifact(path: Path) -> ArtifactDescription:
     """Describes any artifact in plain values; of its arrays, short lists of texts. See `read_artifact` for errors."""
     header, (attributes, datasets) = _read(path, None, _description)
-    return {
-        "kind": header.kind,
-        "schema_version": header.version,
-        "content_sha256": header.content_sha256,
-        "attributes": attributes,
-        "datasets": datasets,
-        "provenance": asdict(header.provenance),
-    }
+    return ArtifactDescription(
+        header.kind, header.version, header.content_sha256, attributes, datasets, header.provenance
+    )
 
 
 def _read(path: Path, kind: Kind | None, read: Callable[[h5py.File, Header], Result]) -> tuple[Header, Result]:
@@ -304,14 +325,19 @@ def _content(
     return dict(outline.attributes), datasets
 
 
-def _description(file: h5py.File, _: Header) -> tuple[dict[str, Attribute], dict[str, dict[str, Any]]]:
+def _description(file: h5py.File, _: Header) -> tuple[dict[str, Attribute], dict[str, DatasetDescription]]:
     rows = {}
     for name, dataset in find_datasets(file).items():
         label = read_label(dataset)
         dtype = "str" if label.dtype == "str" else str(np.dtype(label.dtype))
-        row = {"shape": list(label.shape), "dtype": dtype, "stored_bytes": dataset.id.get_storage_size()}
-        row |= {"units": label.units, "axes": list(label.axes)}
-        row |= {"description": label.description} if label.description else {}
         few = dtype == "str" and dataset.size <= _FEW_TEXTS
-        rows[name] = row | ({"values": read_values(dataset, label, None).tolist()} if few else {})
+        rows[name] = DatasetDescription(
+            shape=label.shape,
+            dtype=dtype,
+            stored_bytes=dataset.id.get_storage_size(),
+            units=label.units,
+            axes=label.axes,
+            description=label.description,
+            values=read_values(dataset, label, None).tolist() if few else None,
+        )
     return get_attributes(file[_ATTRIBUTES]), rows

@@ -5,14 +5,15 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Literal
 
 from rich.console import Group
 
+from robid.arrays import Meaning
 from robid.artifacts.artifact import Provenance
 from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
-from robid.commands.output import print_json
+from robid.commands.output import Answer, print_json
 from robid.commands.shared import choose_node, open_run, require_inputs
 from robid.errors import DataError, SettingsError
 from robid.frf.comparison import ElementDifference, compare
@@ -41,6 +42,44 @@ _LEAVES = {"Lines": 1, "Phase": 2, "Magnitude": 3, "Within band": 4, "Limit": 5,
 
 
 @dataclasses.dataclass(frozen=True)
+class PairTold:
+    """The same in one configuration of both."""
+
+    first: Annotated[int, Meaning("Number, from 1, of the configuration in the first response.")]
+    second: Annotated[int, Meaning("Number, from 1, of the same configuration in the other.")]
+    elements: Annotated[
+        tuple[ElementDifference, ...], Meaning("The elements in it; limits are for one pair at a time.")
+    ]
+
+
+@dataclasses.dataclass(frozen=True)
+class ComparisonTold:
+    """A response held against the first."""
+
+    label: Annotated[str, Meaning("Name of the response.")]
+    agree: Annotated[bool | None, Meaning("Whether all elements agree; null where that is unknown.")]
+    lines: Annotated[int, Meaning("Frequencies that were compared.")]
+    interpolated: Annotated[
+        Literal["first", "second"] | None,
+        Meaning("Which of the two was interpolated to the other's lines; null where enough are common."),
+    ]
+    frequency_hz: Annotated[tuple[float, float], Meaning("Lowest and highest frequency [Hz].")]
+    elements: Annotated[tuple[ElementDifference, ...], Meaning("The elements, over all configurations.")]
+    configurations: Annotated[tuple[PairTold, ...], Meaning("The configurations that both have.")]
+    notes: Annotated[tuple[str, ...], Meaning("What a reader must know.")]
+
+
+@dataclasses.dataclass(frozen=True)
+class CompareAnswer(Answer, type="compare"):
+    """Where responses differ."""
+
+    reference: Annotated[str, Meaning("Name of the first response, which the others are compared with.")]
+    comparisons: Annotated[tuple[ComparisonTold, ...], Meaning("The others.")]
+    output: Annotated[str | None, Meaning("The page; null where `--output` was not given.")]
+    outcome: Annotated[str | None, Meaning("`made`, or `fresh` where the page was there.")]
+
+
+@dataclasses.dataclass(frozen=True)
 class _Named:
     """A response with its name and its file."""
 
@@ -62,8 +101,8 @@ def compare_responses(named: Sequence[str], output: Path | None, *, force: bool,
         read = {f"the response {response.label}": response.path for response in responses}
         page = write_export(output, text.encode(), read, force=force, kind="comparison")
     if as_json:
-        found = {"reference": first.label, "comparisons": [_told(other) for other in others]}
-        print_json({**found, "output": None if output is None else str(output), "outcome": page})
+        found = tuple(_told(other) for other in others)
+        print_json(CompareAnswer(first.label, found, None if output is None else str(output), page))
         return 0
     shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet=False)
     for other in others:
@@ -127,25 +166,21 @@ def _compared(first: _Named, other: _Named) -> Compared:
         raise DataError(error.what, where=where, remedy=error.remedy) from error
 
 
-def _told(other: Compared) -> dict[str, Any]:
+def _told(other: Compared) -> ComparisonTold:
     aligned = other.comparison.aligned
-    return {
-        "label": other.label,
-        "agree": other.comparison.agree,
-        "lines": len(aligned.frequency_hz),
-        "how": {"common": "common lines", "first": "first interpolated", "second": "second interpolated"}[aligned.how],
-        "frequency_hz": aligned.frequency_hz[[0, -1]].tolist(),
-        "elements": [_element(element) for element in other.comparison.elements],
-        "configurations": [
-            {"first": mine, "second": theirs, "elements": [_element(element) for element in elements]}
+    return ComparisonTold(
+        label=other.label,
+        agree=other.comparison.agree,
+        lines=len(aligned.frequency_hz),
+        interpolated=None if aligned.how == "common" else aligned.how,
+        frequency_hz=(float(aligned.frequency_hz[0]), float(aligned.frequency_hz[-1])),
+        elements=other.comparison.elements,
+        configurations=tuple(
+            PairTold(mine + 1, theirs + 1, elements)
             for (mine, theirs), elements in zip(aligned.pairs, other.comparison.each, strict=True)
-        ],
-        "notes": list(other.comparison.notes),
-    }
-
-
-def _element(element: ElementDifference) -> dict[str, Any]:
-    return {**dataclasses.asdict(element), "agrees": element.agrees}
+        ),
+        notes=other.comparison.notes,
+    )
 
 
 def _shown(label: str, other: Compared) -> Group:

@@ -7,13 +7,15 @@ import re
 import shutil
 import textwrap
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import typer
 from ruamel.yaml import YAML
 
-from robid.commands.output import print_json
+from robid.arrays import Meaning
+from robid.commands.output import Answer, print_json
 from robid.errors import SettingsError
 
 _FOLDER = Path(__file__).parents[1] / "explanations"
@@ -26,10 +28,10 @@ _NEAR = 3
 class Letter:
     """What the codes with one letter have in common."""
 
-    kind: str  # Name of the kind of message
-    exit_code: int  # What a command ends with that ends with such a message
-    about: str  # What is wrong, in a phrase
-    file: str  # Where its explanations lie
+    kind: Annotated[str, Meaning("Name of the kind of message.")]
+    exit_code: Annotated[int, Meaning("What a command exits with that ends with such a message.")]
+    about: Annotated[str, Meaning("What is wrong, in a phrase.")]
+    file: Annotated[str, Meaning("Where its explanations lie, in the package.")]
 
 
 LETTERS = {
@@ -47,12 +49,26 @@ LETTERS = {
 class Explanation:
     """What there is to say of a code."""
 
-    code: str
-    kind: str  # That of its letter
-    exit_code: int  # That of its letter
-    means: str  # What was found
-    why: str  # What would go wrong
-    do: str  # What to do
+    code: Annotated[str, Meaning("The code.")]
+    kind: Annotated[str, Meaning("Kind of message, that of its letter.")]
+    exit_code: Annotated[int, Meaning("What a command exits with that ends with it.")]
+    means: Annotated[str, Meaning("What was found.")]
+    why: Annotated[str, Meaning("What would go wrong.")]
+    do: Annotated[str, Meaning("What to do.")]
+
+
+@dataclass(frozen=True)
+class ExplainAnswer(Answer, type="explain"):
+    """What codes of messages mean."""
+
+    explanations: Annotated[tuple[Explanation, ...], Meaning("One for each code, in the order asked for.")]
+
+
+@dataclass(frozen=True)
+class LettersAnswer(Answer, type="explain-letters"):
+    """What the letters of codes stand for, where no code is given."""
+
+    letters: Annotated[dict[str, Letter], Meaning("Kinds of messages, by letter.")]
 
 
 def explain(codes: Sequence[str], *, as_json: bool) -> int:
@@ -72,7 +88,7 @@ def explain(codes: Sequence[str], *, as_json: bool) -> int:
         raise SettingsError(f"S530 no message has the code {', '.join(unknown)}", where="explain", remedy=remedy)
     found = [explanation(name, texts[name[0]]) for name in names]
     if as_json:
-        print_json({"explanations": [asdict(one) for one in found]})
+        print_json(ExplainAnswer(tuple(found)))
     else:
         typer.echo("\n\n".join(map(_shown, found)))
     return 0
@@ -106,8 +122,7 @@ def _near(code: str) -> str:
 
 def _print_letters(*, as_json: bool) -> None:
     if as_json:
-        parts = ("kind", "exit_code", "about")
-        print_json({"letters": {key: {part: getattr(one, part) for part in parts} for key, one in LETTERS.items()}})
+        print_json(LettersAnswer(LETTERS))
         return
     rows = [f"{key}  {one.kind} (exit code {one.exit_code}): {one.about}" for key, one in LETTERS.items()]
     typer.echo("\n".join(["Codes of messages begin with a letter; `robid explain CODE` explains one.", *rows]))

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
 
+from robid.arrays import Meaning
 from robid.artifacts.atomic import locked
-from robid.commands.output import print_json
+from robid.commands.output import Answer, print_json
 from robid.commands.shared import choose_node, lock_of, make_shell, require_inputs
 from robid.pipeline.export import ExportOptions, check_options, export, export_plan, export_target, write_export
 from robid.pipeline.export_campaign import (
@@ -24,6 +27,16 @@ from robid.pipeline.freshness import settings_files
 from robid.pipeline.graph import Run
 
 
+@dataclass(frozen=True)
+class ExportAnswer(Answer, type="export"):
+    """What was written for other programs."""
+
+    output: Annotated[str, Meaning("The file or folder that was asked for.")]
+    format: Annotated[str, Meaning("Its format.")]
+    files: Annotated[Mapping[str, Literal["made", "fresh"]], Meaning("`made`, or `fresh` where it was there, by file.")]
+    problem: Annotated[str, Meaning("What went wrong numerically in the fit; empty when all is well.")] = ""
+
+
 def export_fit(run: Run, fit: str | None, options: ExportOptions, *, force: bool, as_json: bool) -> int:
     """Exports a fit; returns the exit code."""
     node = choose_node(run, "fit", fit)
@@ -36,7 +49,7 @@ def export_fit(run: Run, fit: str | None, options: ExportOptions, *, force: bool
     shell = make_shell(run, as_json=as_json)
     problem = node.stage.problem(inputs["model"])
     if as_json:
-        print_json({"output": str(target), "format": options.format, "outcome": outcome, "problem": problem})
+        print_json(ExportAnswer(str(target), options.format, {str(target): outcome}, problem))
     else:
         shell.say(f"{target}  {outcome}")
     if problem:
@@ -81,7 +94,7 @@ def _write(
     with locked(lock_of(run, target), f"robid export {run.loaded.path}"):
         outcomes = {str(path): write_export(path, content, read, force=force) for path, content in files.items()}
     if as_json:
-        print_json({"output": str(target), "format": form, "files": outcomes})
+        print_json(ExportAnswer(str(target), form, outcomes))
         return 0
     shell = make_shell(run, as_json=False)
     for path, outcome in outcomes.items():

@@ -5,15 +5,17 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 from rich.text import Text
 
+from robid.arrays import Meaning
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.results import estimate_from_artifact, grade_from_artifact
-from robid.commands.output import print_json
-from robid.commands.shared import choose_node, make_shell, require_inputs
+from robid.commands.output import Answer, print_json
+from robid.commands.shared import choose_node, graded, make_shell, require_inputs
 from robid.errors import SettingsError
 from robid.models.family import Work
 from robid.models.parameters import parameter_rows
@@ -29,6 +31,37 @@ from robid.results.grade import WORDS
 from robid.robot.parameters import FRICTION_KIND
 
 _MOVED = 1.0  # half-widths
+
+
+@dataclass(frozen=True)
+class Value:
+    """A parameter before or after."""
+
+    value: Annotated[float, Meaning("Its value.")]
+    half_width: Annotated[float, Meaning("Half of its interval.")]
+    unit: Annotated[str, Meaning("SI unit of both.")]
+
+
+@dataclass(frozen=True)
+class Side:
+    """A fit before or after."""
+
+    cost: Annotated[float, Meaning("What it has minimised.")]
+    misfit: Annotated[float, Meaning("Cost over what noise and the assumed model error give.")]
+    grade: Annotated[int, Meaning("Its grade by itself: 1 *predicts*, 0 *do not use*.")]
+    grade_sentence: Annotated[str, Meaning("The grade, why it is no better, and the likeliest cause.")]
+    parameters: Annotated[dict[str, Value], Meaning("Parameters by name.")]
+
+
+@dataclass(frozen=True)
+class TryAnswer(Answer, type="fit-try"):
+    """What a fit becomes where more is freed."""
+
+    fit: Annotated[str, Meaning("The fit.")]
+    tried: Annotated[tuple[str, ...], Meaning("What was freed.")]
+    output: Annotated[str | None, Meaning("Where the fit with it was written; null where `--output` was not given.")]
+    before: Annotated[Side, Meaning("The fit as it is.")]
+    after: Annotated[Side, Meaning("The fit with more freed.")]
 
 
 def check_try(others: Mapping[str, object]) -> None:
@@ -65,8 +98,8 @@ def try_freeing(run: Run, fit: str | None, names: list[str], output: Path | None
             of = (tried, node.stage.name, node.owner, plan.settings, output, read, hashes)
             write_tried(trial, Job(*of, run.folder, parallel_map, 1, progress))
     if as_json:
-        written = None if output is None else str(output)
-        print_json({"fit": node.owner, "tried": names, "output": written, **told(trial)})
+        sides = (_told(model, trial) for model in (trial.before, trial.after))
+        print_json(TryAnswer(node.owner, tuple(names), None if output is None else str(output), *sides))
         return 0
     shell.show(side_by_side(trial, node.owner, names))
     ended = "nothing is written" if output is None else f"written to {output}"
@@ -75,15 +108,9 @@ def try_freeing(run: Run, fit: str | None, names: list[str], output: Path | None
     return 0
 
 
-def told(trial: Trial) -> dict[str, Any]:
-    """What `--json` says of a trial."""
-    found = {}
-    for side, model in (("before", trial.before), ("after", trial.after)):
-        grade = grade_from_artifact(model)
-        rows = {row.name: {"value": row.middle, "half_width": _half(row)} for row in _rows(model, trial, full=True)}
-        figures = {"cost": _cost(model), "misfit": _misfit(model), "grade": grade.value}
-        found[side] = {**figures, "grade_sentence": grade.sentence, "parameters": rows}
-    return found
+def _told(model: Artifact, trial: Trial) -> Side:
+    rows = {row.name: Value(row.middle, _half(row), row.unit) for row in _rows(model, trial, full=True)}
+    return Side(_cost(model), _misfit(model), parameters=rows, **graded(grade_from_artifact(model)))
 
 
 def side_by_side(trial: Trial, fit: str, names: list[str]) -> TerminalTable:

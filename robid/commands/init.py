@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from robid.commands.output import print_json
+from robid.arrays import Meaning
+from robid.commands.output import Answer, print_json
 from robid.errors import SettingsError
 from robid.later import later
 from robid.models.known import load_experiment
@@ -17,6 +20,16 @@ with later(__name__):
     from robid.commands.inspect_log import pather
     from robid.logs.inspection.findings import inspect_log
 from robid.scaffold.foreign import Log, begin
+
+
+@dataclass(frozen=True)
+class InitAnswer(Answer, type="init"):
+    """What was begun."""
+
+    folder: Annotated[str, Meaning("The folder.")]
+    files: Annotated[tuple[str, ...], Meaning("What was written into it.")]
+    steps: Annotated[tuple[str, ...], Meaning("What is to be done by hand, in order.")]
+    next: Annotated[tuple[str, ...], Meaning("The commands that follow.")]
 
 
 def start(folder: Path, example: str | None, model: Path | None, log: Path | None, *, as_json: bool) -> int:
@@ -57,7 +70,7 @@ def _tell(folder: Path, files: Sequence[str], steps: Sequence[str], *, as_json: 
     experiment = (folder / f"{folder.name}.yaml").as_posix()
     commands = [f"robid status {experiment}", f"robid run {experiment}"]
     if as_json:
-        print_json({"folder": str(folder), "files": list(files), "steps": list(steps), "next": commands})
+        print_json(InitAnswer(str(folder), tuple(files), tuple(steps), tuple(commands)))
         return
     shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet=False)
     shell.say(f"{folder}: {', '.join(files)}")

@@ -7,14 +7,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from robid.artifacts.store import inspect_artifact, kind_of
-from robid.commands.output import print_json
+from robid.artifacts.store import ArtifactDescription, inspect_artifact, kind_of
+from robid.commands.output import Answer, print_json
 from robid.errors import SettingsError
 from robid.pipeline.terminal import Shell, channel_lines, dataset_table, make_console
 from robid.signals.log_options import LogFormat
 
 _DIALECT = {"delimiter": "tab", "decimal": ",", "header_line": "3", "encoding": "utf-16"}
 """What can be said of a table on the command line, with examples."""
+
+
+@dataclass(frozen=True)
+class ArtifactAnswer(ArtifactDescription, Answer, type="inspect-artifact"):
+    """What is in an artifact."""
 
 
 @dataclass(frozen=True)
@@ -76,18 +81,18 @@ def describe_artifact(paths: Sequence[Path], options: LogInspection, *, as_json:
         raise SettingsError(what, where=str(paths[0]), remedy="`robid inspect ARTIFACT` takes nothing but `--json`")
     found = inspect_artifact(paths[0])
     if as_json:
-        print_json(found)
+        print_json(ArtifactAnswer(**vars(found)))
         return 0
-    made = found["provenance"]
+    made = found.provenance
     shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet=False)
     lines = [
-        f"{found['kind']} {found['schema_version']}, content {found['content_sha256']}",
-        f"made by {made['stage']} at {made['finished_utc']} with robid {made['versions'].get('robid', 'unknown')}",
-        *(f"from {name} {digest}" for name, digest in made["inputs"].items()),
-        *(f"{name} = {value}" for name, value in found["attributes"].items()),
-        *channel_lines(found["datasets"]),
+        f"{found.kind} {found.schema_version}, content {found.content_sha256}",
+        f"made by {made.stage} at {made.finished_utc} with robid {made.versions.get('robid', 'unknown')}",
+        *(f"from {name} {digest}" for name, digest in made.inputs.items()),
+        *(f"{name} = {value}" for name, value in found.attributes.items()),
+        *channel_lines(found.datasets),
     ]
     for line in lines:
         shell.say(line)
-    shell.show(dataset_table(found["datasets"]))
+    shell.show(dataset_table(found.datasets))
     return 0

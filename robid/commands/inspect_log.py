@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from robid.artifacts.atomic import replacing
 from robid.commands.inspect import LogInspection
+from robid.commands.log_answer import log_answer
 from robid.commands.output import print_json
 from robid.errors import ArtifactError, SettingsError
 from robid.logs.formats.variables import FORMATS
@@ -20,7 +19,6 @@ from robid.logs.inspection.findings import Findings, from_end, inspect_log
 from robid.logs.inspection.quality import spectra_of_all, spectra_of_periods, thin_out
 from robid.logs.inspection.roles import Signal
 from robid.logs.inspection.text import describe_period, describe_sampling, remarks, role_text, write_experiment
-from robid.logs.period import format_lines
 from robid.pipeline.terminal import Shell, make_console
 from robid.report.numbers import engineering, pretty_unit, significant
 from robid.report.page import Headline, KeyNumber, ReportContent, Verdict, render
@@ -158,7 +156,7 @@ def describe_log(paths: Sequence[Path], options: LogInspection, *, as_json: bool
         with replacing(options.page) as partial:
             partial.write_text(draw_log(found, text) + _MARK, encoding="utf-8")
     if as_json:
-        print_json({**as_plain(found), "proposal": text})
+        print_json(log_answer(found, text))
     else:
         _print(shell, found, text, options)
     return 0
@@ -240,51 +238,3 @@ def _table(found: Findings) -> TerminalTable:
         unit = signal.column.unit or signal.hint.unit
         table.add(signal.name, role_text(signal), unit, *ends, step, "; ".join(remarks(found, signal)))
     return table
-
-
-def as_plain(found: Findings) -> dict[str, Any]:
-    """Returns what was found as plain values."""
-    sampling, shared = found.sampling, found.shared
-    return {
-        "file": str(found.contents.file),
-        "format": found.contents.format,
-        "samples": found.n_sample,
-        "duration_s": None if sampling.step_s is None else found.duration_s,
-        "sampling": dict(vars(sampling)),
-        "signals": [_plain_signal(found, one) for one in found.signals],
-        "others": {one.key: len(one.values) for one in found.others},
-        "scalars": dict(found.contents.scalars),
-        "texts": list(found.contents.texts),
-        "unreadable": dict(found.contents.unreadable),
-        "period": None
-        if shared is None
-        else {
-            "samples": shared.samples,
-            "std_samples": shared.std_samples,
-            "periods": shared.held,
-            "signals": list(shared.names),
-            "transient": list(shared.transient),
-            "lines": found.lines.tolist(),
-            "lines_text": format_lines(found.lines),
-        },
-        "notes": list(found.contents.notes),
-    }
-
-
-def _plain_signal(found: Findings, signal: Signal) -> dict[str, Any]:
-    measured = found.periods.get(signal.name)
-    quality = vars(signal.quality).items()
-    numbers = {name: value if value is not None and math.isfinite(value) else None for name, value in quality}
-    return {
-        "name": signal.name,
-        "unit": signal.column.unit,
-        "role": signal.role or None,
-        "by": signal.by or None,
-        "commanded": signal.commanded,
-        "joint": signal.hint.joint or None,
-        "reasons": list(signal.reasons),
-        "same_as": signal.twin or None,
-        "period_samples": None if measured is None else measured.samples,
-        **numbers,
-        "remarks": remarks(found, signal),
-    }

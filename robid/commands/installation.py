@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module, metadata
 from importlib.util import find_spec
-from typing import Literal
+from typing import Annotated, Literal
 
+from robid.arrays import Meaning
 from robid.errors import RobidError
 from robid.scaffold.examples import EXAMPLES, examples_folder
 
@@ -32,10 +33,10 @@ _NEEDS = re.compile(r"([A-Za-z0-9._-]+)\s*>=\s*([0-9.]+)")
 class Check:
     """What a check found."""
 
-    name: str
-    status: Literal["ok", "failed", "absent"]  # `absent` is what may be missing
-    text: str
-    remedy: str = ""
+    name: Annotated[str, Meaning("What was looked at.")]
+    status: Annotated[Literal["ok", "failed", "absent"], Meaning("What was found; `absent` is what may be missing.")]
+    text: Annotated[str, Meaning("What was found, in words.")]
+    remedy: Annotated[str, Meaning("What to do.")] = ""
 
 
 def installation() -> Iterator[Check]:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Literal
 
+from robid.arrays import Meaning
 from robid.artifacts.atomic import FOLDER_LOCK, locked
 from robid.backends.map import make_map
-from robid.commands.output import print_json
+from robid.commands.output import Answer, print_json
 from robid.commands.shared import PROBLEM, choose_backend
 from robid.errors import SettingsError
 from robid.fleet.comparison import listed
-from robid.fleet.ledger import Ledger, causes
+from robid.fleet.ledger import Ledger, RowError, causes
 from robid.fleet.population import FEWEST_ROBOTS
 from robid.fleet.rows import Fleet, Look, load_fleet, look
 from robid.fleet.run import ROWS, Batch, Options, run_fleet
@@ -27,6 +28,88 @@ from robid.settings.base import DATA_VARIABLE, data_path
 _SHOWN_CAUSES = 10
 _SHOWN_NAMES = 5
 _SHOWN_IDS = 3
+
+
+@dataclass(frozen=True)
+class FitGrade:
+    """How far to trust the fit of a row."""
+
+    grade: Annotated[int, Meaning("2 *trust*, 1 *predicts, but single parameters may be off*, 0 *do not use*.")]
+    grade_sentence: Annotated[str, Meaning("The grade, why it is no better, and the likeliest cause.")]
+
+
+@dataclass(frozen=True)
+class RowAnswer(Answer, type="reprocess-row"):
+    """What became of a row; with `--stream`, on a line as it finishes."""
+
+    id: Annotated[str, Meaning("The row.")]
+    status: Annotated[Literal["done", "failed"], Meaning("Whether it was done.")]
+    error: Annotated[RowError | None, Meaning("Why it has failed.")]
+    grades: Annotated[dict[str, FitGrade], Meaning("Grade of each fit, by its name.")]
+    seconds: Annotated[float, Meaning("Time that it took [s].")]
+    outcome: Annotated[str, Meaning("`made`, or `fresh` when there was nothing to do.")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FailedRow(RowError):  # noqa: N818  no exception
+    """A row that has failed, now or before."""
+
+    id: Annotated[str, Meaning("The row.")]
+
+
+@dataclass(frozen=True)
+class OffRow:
+    """A row that is off the fleet."""
+
+    id: Annotated[str, Meaning("The row.")]
+    fit: Annotated[str, Meaning("The fit.")]
+    name: Annotated[str, Meaning("The parameter or misfit in which it is farthest off.")]
+    away: Annotated[float, Meaning("By how many standard deviations.")]
+
+
+@dataclass(frozen=True)
+class DriftingRobot:
+    """A robot that changes over its rows."""
+
+    robot: Annotated[str, Meaning("The robot.")]
+    fit: Annotated[str, Meaning("The fit.")]
+    name: Annotated[str, Meaning("The parameter or misfit that changes the most clearly.")]
+    change: Annotated[
+        float, Meaning("Change over all of its measurements: of the logarithm, as +0.1 for +10 %, where it has one.")
+    ]
+
+
+@dataclass(frozen=True)
+class BatchAnswer(Answer, type="reprocess"):
+    """What became of all rows; with `--stream` the last line."""
+
+    rows: Annotated[int, Meaning("Rows of the manifest.")]
+    made: Annotated[int, Meaning("How many of them ran.")]
+    fresh: Annotated[int, Meaning("How many had nothing to do.")]
+    logs_away: Annotated[
+        dict[str, tuple[str, ...]], Meaning("Logs that are not there, of the rows that therefore stay as they are.")
+    ]
+    failed: Annotated[tuple[FailedRow, ...], Meaning("Rows that have failed.")]
+    do_not_use: Annotated[tuple[str, ...], Meaning("Rows with a fit that is graded *do not use*.")]
+    outliers: Annotated[tuple[OffRow, ...], Meaning("Rows that are off the fleet.")]
+    drifts: Annotated[tuple[DriftingRobot, ...], Meaning("Robots that change.")]
+    untold: Annotated[tuple[str, ...], Meaning("Groups with too few robots to tell outliers.")]
+    removed: Annotated[tuple[str, ...], Meaning("Rows that are no longer in the manifest, left on the disk.")]
+    table: Annotated[str, Meaning("The table of results.")]
+    summary: Annotated[str, Meaning("The comparison of the rows, for programs.")]
+    report: Annotated[str, Meaning("The page.")]
+    outcome: Annotated[Literal["made", "fresh"], Meaning("Whether any of these was written.")]
+
+
+@dataclass(frozen=True)
+class DryRunAnswer(Answer, type="reprocess-dry-run"):
+    """What there is to do."""
+
+    fresh: Annotated[int, Meaning("Rows with nothing to do.")]
+    logs_away: Annotated[
+        dict[str, tuple[str, ...]], Meaning("Logs that are not there, of the rows that therefore stay as they are.")
+    ]
+    due: Annotated[dict[str, list[str]], Meaning("Rows to be made, by the reason.")]
 
 
 def reprocess(
@@ -73,7 +156,7 @@ def reprocess(
         tell = partial(_tell_row, shell, {planned.row.id: planned.row.place for planned in fleet.rows}, stream)
         batch = run_fleet(fleet, run_dir, options, lambda *, one: mapped(1 if one else count), progress, tell, announce)
     if as_json:
-        print_json(summary(batch), one_line=stream)
+        print_json(batch_answer(batch), one_line=stream)
     else:
         _show(shell, batch)
     strictly = batch.not_to_be_used or batch.comparison.off or batch.comparison.changing
@@ -82,36 +165,32 @@ def reprocess(
 
 def _tell_row(shell: Shell, places: Mapping[str, str], stream: bool, ledger: Ledger, outcome: str) -> None:
     if stream:
-        print_json({**row_summary(ledger), "outcome": outcome}, one_line=True)
+        grades = {fit: FitGrade(*graded) for fit, graded in ledger.grades.items()}
+        row = RowAnswer(ledger.id, ledger.status, ledger.error, grades, ledger.seconds, outcome)
+        print_json(row, one_line=True)
     if ledger.error is not None and outcome == "made":
         shell.warn(f"{places[ledger.id]}: row {ledger.id} failed: {ledger.error}")
 
 
-def row_summary(ledger: Ledger) -> dict[str, Any]:
-    """What `--stream` says of a row."""
-    error = None if ledger.error is None else asdict(ledger.error)
-    grades = {fit: {"grade": value, "grade_sentence": sentence} for fit, (value, sentence) in ledger.grades.items()}
-    return {"id": ledger.id, "status": ledger.status, "error": error, "grades": grades, "seconds": ledger.seconds}
-
-
-def summary(batch: Batch) -> dict[str, Any]:
-    """What `--json` says of a batch."""
-    return {
-        "rows": len(batch.ledgers),
-        "made": batch.made,
-        "fresh": len(batch.ledgers) - batch.made,
-        "logs_away": {name: list(logs) for name, logs in batch.away.items()},
-        "failed": [{"id": ledger.id, **asdict(ledger.error)} for ledger in batch.failed if ledger.error],
-        "do_not_use": [ledger.id for ledger in batch.not_to_be_used],
-        "outliers": [_off(batch, row) for row in batch.comparison.off],
-        "drifts": [_drift(batch, robot) for robot in batch.comparison.changing],
-        "untold": [batch.comparison.robots.groups[group] for group in batch.comparison.untold],
-        "removed": list(batch.removed),
-        "table": str(batch.table),
-        "summary": str(batch.summary),
-        "report": str(batch.report),
-        "outcome": batch.outcome,
-    }
+def batch_answer(batch: Batch) -> BatchAnswer:
+    """Returns what `--json` says of a batch."""
+    comparison = batch.comparison
+    return BatchAnswer(
+        rows=len(batch.ledgers),
+        made=batch.made,
+        fresh=len(batch.ledgers) - batch.made,
+        logs_away=dict(batch.away),
+        failed=tuple(FailedRow(**vars(one.error), id=one.id) for one in batch.failed if one.error),
+        do_not_use=tuple(ledger.id for ledger in batch.not_to_be_used),
+        outliers=tuple(_off(batch, row) for row in comparison.off),
+        drifts=tuple(_drift(batch, robot) for robot in comparison.changing),
+        untold=tuple(comparison.robots.groups[group] for group in comparison.untold),
+        removed=tuple(batch.removed),
+        table=str(batch.table),
+        summary=str(batch.summary),
+        report=str(batch.report),
+        outcome=batch.outcome,
+    )
 
 
 def _folders(fleet: Fleet) -> Iterator[Path]:
@@ -143,8 +222,7 @@ def _away(found: Look) -> str:
 
 def _show_look(shell: Shell, found: Look, *, as_json: bool, one_line: bool) -> None:
     if as_json:
-        away = {name: list(logs) for name, logs in found.away.items()}
-        print_json({"fresh": len(found.fresh), "logs_away": away, "due": found.reasons}, one_line=one_line)
+        print_json(DryRunAnswer(len(found.fresh), dict(found.away), found.reasons), one_line=one_line)
         return
     shell.say(
         f"{counted(len(found.due) + len(found.fresh), 'row')}: {len(found.due)} to make, {len(found.fresh)} fresh"
@@ -155,16 +233,16 @@ def _show_look(shell: Shell, found: Look, *, as_json: bool, one_line: bool) -> N
         shell.warn(_away(found))
 
 
-def _off(batch: Batch, row: int) -> dict[str, Any]:
+def _off(batch: Batch, row: int) -> OffRow:
     first = batch.comparison.off[row][0]
     fit, name = batch.comparison.names(first.trait)
-    return {"id": batch.ledgers[row].id, "fit": fit, "name": name, "away": first.away}
+    return OffRow(batch.ledgers[row].id, fit, name, first.away)
 
 
-def _drift(batch: Batch, robot: int) -> dict[str, Any]:
+def _drift(batch: Batch, robot: int) -> DriftingRobot:
     first = batch.comparison.changing[robot][0]
     fit, name = batch.comparison.names(first.trait)
-    return {"robot": batch.comparison.robots.names[robot], "fit": fit, "name": name, "change": first.change}
+    return DriftingRobot(batch.comparison.robots.names[robot], fit, name, first.change)
 
 
 def _show(shell: Shell, batch: Batch) -> None:
@@ -187,10 +265,10 @@ def _show_comparison(shell: Shell, batch: Batch) -> None:
     """One line each on outliers and drifts."""
     comparison = batch.comparison
     if comparison.off:
-        told = [f"{each['id']} ({each['name']})" for each in map(partial(_off, batch), comparison.off)]
+        told = [f"{each.id} ({each.name})" for each in map(partial(_off, batch), comparison.off)]
         shell.say(f"  off the fleet: {listed(told, _SHOWN_NAMES)}")
     if comparison.changing:
-        told = [f"{each['robot']} ({each['name']})" for each in map(partial(_drift, batch), comparison.changing)]
+        told = [f"{each.robot} ({each.name})" for each in map(partial(_drift, batch), comparison.changing)]
         shell.say(f"  drifting: {listed(told, _SHOWN_NAMES)}")
     if comparison.untold:
         of = "" if len(comparison.robots.groups) == 1 else f" in {counted(len(comparison.untold), 'group')}"

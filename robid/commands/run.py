@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Annotated, Literal
 
+from robid.arrays import Meaning
 from robid.artifacts.atomic import FOLDER_LOCK, locked
 from robid.commands.notices import tell_notices
-from robid.commands.output import print_json
+from robid.commands.output import Answer, print_json
 from robid.commands.shared import (
     PROBLEM,
+    Told,
     choose_node,
     findings,
     fresh_at,
-    graded,
     lock_of,
     make_shell,
     require_inputs,
     tell,
+    told,
 )
 from robid.errors import ArtifactError
 from robid.pipeline.chain import CHAIN
@@ -30,7 +33,39 @@ from robid.pipeline.graph import Node, Run, asked_for, execute, grade_of, run_al
 from robid.pipeline.report import gather
 from robid.pipeline.stage import Stage
 from robid.pipeline.terminal import Bar, Shell
+from robid.report.design_numbers import DesignNumbers
 from robid.report.numbers import duration
+from robid.report.page import Verdict
+from robid.report.parameters import ParameterRow
+
+
+@dataclass(frozen=True)
+class Done(Told):
+    """What became of an output."""
+
+    outcome: Annotated[
+        Literal["made", "fresh", "skipped"],
+        Meaning("`made`, `fresh` when there was nothing to do, or `skipped` when something it needs went wrong."),
+    ]
+    text: Annotated[str, Meaning("Its key figures, or why it was skipped.")]
+
+
+@dataclass(frozen=True)
+class StageAnswer(Done, Answer, type="stage"):
+    """What a single stage has made."""
+
+    design: Annotated[DesignNumbers | None, Meaning("The choice, of `design-configs` alone.")] = None
+
+
+@dataclass(frozen=True)
+class RunAnswer(Answer, type="run"):
+    """What a run has made and found."""
+
+    run_dir: Annotated[str, Meaning("The run folder.")]
+    nodes: Annotated[tuple[Done, ...], Meaning("Its outputs, in the order of the chain.")]
+    parameters: Annotated[dict[str, tuple[ParameterRow, ...]], Meaning("Parameters of each fit, by its name.")]
+    verdict: Annotated[Verdict, Meaning("What it comes to.")]
+    report: Annotated[str, Meaning("The page.")]
 
 
 def run_stage(
@@ -50,13 +85,14 @@ def run_stage(
     inputs = require_inputs(run, node, named, goes_on=not stage.takes_what_is_there)
     target = output or run.path(node.output)
     check_outputs(run.loaded, node.stage, node.plan, inputs, target)
-    outcome, text = "fresh", "nothing to do"
+    outcome: Literal["made", "fresh"] = "fresh"
+    text = "nothing to do"
     if force or fresh_at(node, inputs, target).status != "fresh":
         outcome, text = "made", _make(run, node, inputs, target, shell, force=force)
     problem, grade = node.stage.problem(target), grade_of(run, node, target)
     if as_json:
-        told = {"outcome": outcome, "text": text, "problem": problem, **graded(grade), **node.stage.told(target)}
-        print_json({"stage": node.stage.name, "for": node.owner, "output": str(target), **told})
+        about = told(node, str(target), problem, grade)
+        print_json(StageAnswer(**about, outcome=outcome, text=text, **node.stage.told(target)))
     else:
         shell.say(f"{target}  {outcome}: {text}")
         if outcome == "made":
@@ -104,14 +140,12 @@ def run_experiment(run: Run, *, strict: bool, as_json: bool) -> int:
     gathered = gather(CHAIN, run.loaded, run.folder, present)
     report = str(run.path("report.html"))
     if as_json:
-        rows = {fit.headline.name: [dataclasses.asdict(row) for row in fit.parameters] for fit in gathered.fits}
         nodes = [
-            {"output": result.node.output, "outcome": result.outcome, "text": result.text, "problem": result.problem}
-            | graded(result.grade)
-            for result in results
+            Done(**told(one.node, one.node.output, one.problem, one.grade), outcome=one.outcome, text=one.text)
+            for one in results
         ]
-        verdict = dataclasses.asdict(gathered.content.verdict)
-        print_json({"nodes": nodes, "parameters": rows, "verdict": verdict, "report": report})
+        rows = {fit.headline.name: fit.parameters for fit in gathered.fits}
+        print_json(RunAnswer(str(run.folder), tuple(nodes), rows, gathered.content.verdict, report))
         return PROBLEM if any(result.fails(strict=strict) for result in results) else 0
     for fit in gathered.fits:
         if len(gathered.fits) > 1:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+from robid.arrays import Meaning
 from robid.artifacts.atomic import FOLDER_LOCK
 from robid.artifacts.store import read_header
 from robid.errors import ArtifactError, SettingsError, require_module
@@ -78,9 +79,30 @@ def make_shell(run: Run, *, as_json: bool) -> Shell:
     return Shell(make_console(stderr=False), make_console(stderr=True), quiet)
 
 
-def graded(grade: Grade | None) -> dict[str, Any]:
-    """What `--json` says of a grade."""
-    return {} if grade is None else {"grade": grade.value, "grade_sentence": grade.sentence}
+@dataclass(frozen=True)
+class Told:
+    """What `--json` says of an output of the chain."""
+
+    stage: Annotated[str, Meaning("Command that makes it.")]
+    name: Annotated[str, Meaning("Campaign, design, fit or experiment that it is for.")]
+    output: Annotated[str, Meaning("Its main file; of `run` and `status` in their `run_dir`.")]
+    problem: Annotated[str, Meaning("What went wrong numerically; empty when all is well.")]
+    grade: Annotated[
+        int | None,
+        Meaning("2 *trust*, 1 *predicts, but single parameters may be off*, 0 *do not use*; null where none is given."),
+    ]
+    grade_sentence: Annotated[str | None, Meaning("The grade, why it is no better, and the likeliest cause.")]
+
+
+def told(node: Node, output: str, problem: str, grade: Grade | None) -> dict[str, Any]:
+    """The fields of `Told`."""
+    about = {"stage": node.stage.name, "name": node.owner, "output": output, "problem": problem}
+    return about | {"grade": None, "grade_sentence": None} if grade is None else about | graded(grade)
+
+
+def graded(grade: Grade) -> dict[str, Any]:
+    """A grade as answers have it."""
+    return {"grade": grade.value, "grade_sentence": grade.sentence}
 
 
 def findings(grade: Grade | None) -> str:

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import dataclass
 from functools import partial
+from typing import Annotated, Literal
 
+from robid.arrays import Meaning
 from robid.artifacts.atomic import FOLDER_LOCK, locked, read_json
 from robid.commands.notices import tell_notices
-from robid.commands.output import print_json
+from robid.commands.output import Answer, print_json
 from robid.commands.shared import make_shell, tell
 from robid.pipeline.graph import Run
 from robid.pipeline.terminal import section_table
+from robid.report.page import Verdict
 from robid.studies.run import run_study
+
+
+@dataclass(frozen=True)
+class StudyAnswer(Answer, type="study"):
+    """What a study has found."""
+
+    outcome: Annotated[Literal["made", "fresh"], Meaning("Whether its page was written, or was so already.")]
+    summary: Annotated[dict[str, float], Meaning("Content of `summary.json`: numbers by dotted name.")]
+    verdict: Annotated[Verdict, Meaning("What it comes to.")]
+    report: Annotated[str, Meaning("The page.")]
 
 
 def study_experiment(run: Run, *, force: bool, as_json: bool) -> int:
@@ -25,8 +38,7 @@ def study_experiment(run: Run, *, force: bool, as_json: bool) -> int:
     report = str(run.path("report.html"))
     if as_json:
         summary = read_json(run.path("summary.json"))
-        verdict = dataclasses.asdict(made.conclusion.verdict)
-        print_json({"outcome": made.outcome, "summary": summary, "verdict": verdict, "report": report})
+        print_json(StudyAnswer(made.outcome, summary, made.conclusion.verdict, report))
         return 0
     for warning in made.conclusion.warnings:
         shell.warn(warning)

@@ -13,8 +13,9 @@ import time
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
+from robid.arrays import Meaning
 from robid.artifacts.artifact import canonical_hash
 from robid.artifacts.atomic import plain, read_json, write_json
 from robid.errors import ArtifactError
@@ -73,10 +74,10 @@ def _stat(path: Path) -> tuple[int, ...]:
 class RowError:
     """Why a row has failed."""
 
-    kind: str  # `settings`, `data`, `fit`, or `defect` for one of ours
-    where: str  # file and field, without the folder of the manifest
-    message: str  # what is wrong
-    remedy: str  # what to do next
+    kind: Annotated[str, Meaning("`settings`, `data`, `fit`, or `defect` for one of robid.")]
+    where: Annotated[str, Meaning("File and field, without the folder of the manifest.")]
+    message: Annotated[str, Meaning("What is wrong.")]
+    remedy: Annotated[str, Meaning("What to do next.")]
 
     def __str__(self) -> str:
         return f"{self.where}: {self.message}" if self.where else self.message

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from scipy.stats import f
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import ComplexArray, FloatArray, Meaning
 from robid.errors import DataError
 from robid.frf.distortion import interpolate_response, interpolation_error
 from robid.frf.frf import Frf
@@ -173,22 +173,26 @@ LEVEL = 0.95
 class ElementDifference:
     """How far the second response is from the first in one element."""
 
-    output: str
-    input: str
-    lines: int  # Lines compared, over all configurations
-    decibels: float  # Median of the second's magnitude over the first's [dB]
-    degrees: float  # Median of the second's phase less the first's [degrees]
-    relative: float  # Median of the difference's magnitude over the first's
-    # Share of the lines whose difference is within the band that both uncertainties make; 0.95 is expected where they
-    # agree. NaN where one is unknown.
-    share_within: float
-    ratio: float  # Mean over the lines of the difference's square over its variance; NaN where that is unknown
-    limit: float  # What `ratio` exceeds in 5 % of the comparisons of responses that agree in all elements
-
-    @property
-    def agrees(self) -> bool | None:
-        """Whether the element agrees; None where that is unknown."""
-        return None if np.isnan(self.ratio) else self.ratio <= self.limit
+    output: Annotated[str, Meaning("Channel that answers.")]
+    input: Annotated[str, Meaning("Channel that drives.")]
+    lines: Annotated[int, Meaning("Lines compared, over all configurations.")]
+    decibels: Annotated[float, Meaning("Median of the second's magnitude over the first's [dB].")]
+    degrees: Annotated[float, Meaning("Median of the second's phase less the first's [degrees].")]
+    relative: Annotated[float, Meaning("Median of the difference's magnitude over the first's.")]
+    share_within: Annotated[
+        float,
+        Meaning(
+            "Share of the lines whose difference is within the band that both uncertainties make; 0.95 is expected"
+            " where they agree. Not a number where one is unknown."
+        ),
+    ]
+    ratio: Annotated[
+        float, Meaning("Mean over the lines of the difference's square over its variance; not a number as above.")
+    ]
+    limit: Annotated[
+        float, Meaning("What `ratio` exceeds in 5 % of the comparisons of responses that agree in all elements.")
+    ]
+    agrees: Annotated[bool | None, Meaning("Whether `ratio` is within `limit`; null where that is unknown.")]
 
 
 @dataclass(frozen=True)
@@ -280,6 +284,8 @@ def _differences(
         here = (slice(None), slice(None), row, column)
         known = np.isfinite(square[here])
         ratios, lines = square[here][known], int(np.isfinite(difference[here]).sum())
+        ratio = float(ratios.mean()) if known.any() else float("nan")
+        largest = _limit(len(ratios) / correlation, middle(freedom[here]), n_out * n_in)
         found.append(
             ElementDifference(
                 output=first.output_names[aligned.outputs[row][0]],
@@ -289,8 +295,9 @@ def _differences(
                 degrees=middle(np.rad2deg(np.angle(moved[here]))),
                 relative=middle(relative[here]),
                 share_within=float(np.mean(ratios <= limit[here][known])) if known.any() else float("nan"),
-                ratio=float(ratios.mean()) if known.any() else float("nan"),
-                limit=_limit(len(ratios) / correlation, middle(freedom[here]), n_out * n_in),
+                ratio=ratio,
+                limit=largest,
+                agrees=None if np.isnan(ratio) else bool(ratio <= largest),
             )
         )
     return tuple(found)

@@ -17,7 +17,8 @@ from robid.pipeline.design_information import gather_information
 from robid.pipeline.plans import visit_s
 from robid.pipeline.stage import Job, counted
 from robid.pipeline.terminal import section_table
-from robid.report.design import design_numbers, design_tables, stability_sentence
+from robid.report.design import design_tables, stability_sentence
+from robid.report.design_numbers import design_numbers
 from robid.report.numbers import percent
 from robid.settings.load import LoadedExperiment
 

@@ -16,11 +16,10 @@ from robid.artifacts.truth import is_truth
 from robid.errors import ArtifactError
 from robid.models.encode import PARAMETER_COLUMNS
 from robid.pipeline.stage import Plan, Stage
-from robid.settings.problems import format_field
-from robid.settings.yaml import FieldPath
 
 if TYPE_CHECKING:
     from robid.settings.load import LoadedExperiment
+    from robid.settings.yaml import FieldPath
 
 _STAMP = re.compile(r'<script type="application/json" id="provenance">(.*?)</script>', re.DOTALL)
 
@@ -132,6 +131,8 @@ def changed(before: Any, now: Any, field: FieldPath = ()) -> list[str]:  # noqa:
     if isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
         pairs = enumerate(zip(before, now, strict=True))
         return [path for index, (old, new) in pairs for path in changed(old, new, (*field, index))]
+    from robid.settings.problems import format_field
+
     return [] if canonical_hash(before) == canonical_hash(now) else [format_field(field)]
 
 

@@ -178,7 +178,7 @@ class _Run:
 
     designs: dict[str, ConfigurationDesign]
     excitations: dict[str, CampaignExcitation]
-    shapes: dict[str, list[int]]
+    shapes: dict[str, tuple[int, ...]]
     frfs: dict[str, Frf]
     models: dict[str, Artifact]
     validations: dict[str, Artifact]
@@ -196,7 +196,7 @@ def _read(loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> _
     designs = there(experiment.designs, "designs/{}.h5", DESIGN)
     excitations = there(records, "{}/excitation.h5", EXCITATION)
     frfs = there(experiment.campaigns, "{}/frf.h5", FRF)
-    shapes = {name: inspect_artifact(folder / name / "record.h5")["datasets"]["inputs"]["shape"] for name in records}
+    shapes = {name: inspect_artifact(folder / name / "record.h5").datasets["inputs"].shape for name in records}
     return _Run(
         designs={name: design_from_artifact(one) for name, one in designs},
         excitations={name: excitation_from_artifact(one) for name, one in excitations},

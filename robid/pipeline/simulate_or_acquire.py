@@ -51,12 +51,12 @@ def run(job: Job) -> str:
 def phrase(_loaded: LoadedExperiment, _owner: str, output: Path) -> str:
     """Says what a record holds, in a phrase."""
     found = inspect_artifact(output)
-    shape = found["datasets"]["inputs"]["shape"]
-    period_s = shape[4] * found["attributes"]["sampling_period_s"]
-    notes = found["datasets"]["notes"].get("values", ())
-    if found["datasets"]["excited_lines"]["shape"] == [0]:
+    shape = found.datasets["inputs"].shape
+    period_s = shape[4] * found.attributes["sampling_period_s"]
+    notes = found.datasets["notes"].values or ()
+    if found.datasets["excited_lines"].shape == (0,):
         return _shots(shape[1], period_s, notes)
-    segments = found["attributes"].get("segments", 0)
+    segments = found.attributes.get("segments", 0)
     if segments:
         text = f"{counted(shape[0] * shape[1] * shape[2], 'arbitrary signal')} of {period_s:.3g} s"
         pieces = f"{counted(segments, 'segment')} of {period_s / segments:.3g} s"

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from robid.pipeline.progress import Pace, Standing, roughly
 from robid.report.wrapping import WIDEST, wrap
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.text import Text
 
+    from robid.artifacts.store import DatasetDescription
     from robid.report.terminal_table import TerminalTable
 
 LINE_EVERY_S = 30.0
@@ -165,11 +166,11 @@ def status_lines(rows: Sequence[tuple[str, str, str]], width: int | None) -> lis
     return lines
 
 
-def channel_lines(datasets: dict[str, dict[str, Any]]) -> list[str]:
+def channel_lines(datasets: Mapping[str, DatasetDescription]) -> list[str]:
     """Says what the channels of an artifact are: `input_channels: motor torque of turn [N m], ...`."""
     lines = []
     for name in (path.removesuffix("/quantity") for path in datasets if path.endswith("_channels/quantity")):
-        parts = (datasets[f"{name}/{part}"].get("values", []) for part in ("side", "quantity", "name", "unit"))
+        parts = (datasets[f"{name}/{part}"].values or [] for part in ("side", "quantity", "name", "unit"))
         told = (
             f"{side} {kind.replace('_', ' ')} of {channel} [{unit}]"
             for side, kind, channel, unit in zip(*parts, strict=True)
@@ -178,7 +179,7 @@ def channel_lines(datasets: dict[str, dict[str, Any]]) -> list[str]:
     return lines
 
 
-def dataset_table(datasets: dict[str, dict[str, Any]]) -> TerminalTable:
+def dataset_table(datasets: Mapping[str, DatasetDescription]) -> TerminalTable:
     """Lays out what an artifact holds."""
     from robid.report.terminal_table import Column, TerminalTable
 
@@ -189,8 +190,8 @@ def dataset_table(datasets: dict[str, dict[str, Any]]) -> TerminalTable:
     )
     table = TerminalTable(columns, elsewhere="in `--json`")
     for name, row in datasets.items():
-        shape = " x ".join(map(str, row["shape"]))
-        table.add(name, shape, row["dtype"], row["units"], ", ".join(row["axes"]), row.get("description", ""))
+        shape = " x ".join(map(str, row.shape))
+        table.add(name, shape, row.dtype, row.units, ", ".join(row.axes), row.description)
     return table
 
 

@@ -1,8 +1,6 @@
-"""A choice of configurations in words, numbers, tables and pictures."""
+"""A choice of configurations in words, tables and pictures."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
@@ -85,42 +83,6 @@ def next_best(design: ConfigurationDesign) -> list[int]:
     return [int(index) for index in np.argsort(-design.gain, kind="stable")[:_NEXT]]
 
 
-def design_numbers(design: ConfigurationDesign) -> dict[str, Any]:
-    """Returns a choice as values that JSON knows, angles in degrees, positions of prismatic joints in metres."""
-    stability = design.stability
-    return {
-        "criterion": design.criterion,
-        "gap": design.gap,
-        "efficiency": design.efficiency,
-        "choice_efficiency": design.choice_efficiency,
-        "rounding_loss": design.rounding_loss if np.isfinite(design.rounding_loss) else None,
-        "chosen": [
-            {
-                "candidate": int(index),
-                **_positions(design, int(index)),
-                "visits": int(design.counts[index]),
-                "weight": float(design.weights[index]),
-                "cost_s": None if design.cost_s is None else float(design.cost_s[index]),
-            }
-            for index in design.chosen
-        ],
-        "weights": {str(index): float(design.weights[index]) for index in np.flatnonzero(design.weights)},
-        "predicted_relative_std": dict(
-            zip(design.parameter_names, design.predicted_relative_std.tolist(), strict=True)
-        ),
-        "between_relative_std": None
-        if design.between_relative_std is None
-        else dict(zip(design.parameter_names, design.between_relative_std.tolist(), strict=True)),
-        "next_best": [
-            {"candidate": index, "gain": float(design.gain[index]), "chosen": index in design.chosen}
-            for index in next_best(design)
-        ],
-        "stability": None
-        if stability is None
-        else {"by": stability.source, "kept": stability.kept.tolist(), "efficiency": stability.efficiency.tolist()},
-    }
-
-
 def design_tables(design: ConfigurationDesign) -> tuple[Table, ...]:
     """Lays out what was chosen, how good it is, what it promises, and what to measure next."""
     return (_chosen(design), _quality(design), _promised(design), _next(design))
@@ -164,7 +126,7 @@ def _chosen(design: ConfigurationDesign) -> Table:
     return Table(
         columns,
         tuple(rows),
-        title=f"Chosen configurations [{', '.join(dict.fromkeys(_units(design)))}]",
+        title=f"Chosen configurations [{', '.join(dict.fromkeys(joint_units(design)))}]",
         caption="\u03bb is the weight in the relaxed optimum over all candidates, which needs no whole numbers: a"
         " candidate may be chosen without weight where few configurations must do.",
     )
@@ -222,15 +184,11 @@ def _joints(design: ConfigurationDesign) -> tuple[str, ...]:
     return tuple(f"q{number_of(index)}" for index in range(design.configurations.shape[1]))
 
 
-def _positions(design: ConfigurationDesign, index: int) -> dict[str, Any]:
-    values = readable(design.configurations[index], design.joint_units).tolist()
-    return {"angles_deg": values} if design.joint_units is None else {"positions": values, "units": _units(design)}
-
-
-def _units(design: ConfigurationDesign) -> tuple[str, ...]:
+def joint_units(design: ConfigurationDesign) -> tuple[str, ...]:
+    """Returns the units in which the joints' positions are written."""
     return readable_units(design.joint_units, design.configurations.shape[1])
 
 
 def _written(design: ConfigurationDesign, index: int) -> tuple[str, ...]:
     values = readable(design.configurations[index], design.joint_units).tolist()
-    return tuple(joint_text(value, unit) for value, unit in zip(values, _units(design), strict=True))
+    return tuple(joint_text(value, unit) for value, unit in zip(values, joint_units(design), strict=True))

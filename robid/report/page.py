@@ -6,11 +6,12 @@ import json
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from importlib import resources
 from itertools import groupby
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from markupsafe import Markup
 from rich.console import Group
 
+from robid.arrays import Meaning
 from robid.report.charts import BodeMatrix, RatioChart, Skeletons, Waterfall, bode_data
 from robid.report.numbers import rounded
 from robid.report.parameters import ParameterRow
@@ -21,10 +22,14 @@ from robid.report.section import AnyFigure, Bars, Cell, Curve, Figure, Row, Sect
 class Verdict:
     """The answer in one line."""
 
-    text: str  # one sentence
-    # `ok` when the result can be used as it is, `warn` when the reader has to look closer, `bad` when it must not be
-    # used.
-    level: Literal["ok", "warn", "bad"]
+    text: Annotated[str, Meaning("One sentence.")]
+    level: Annotated[
+        Literal["ok", "warn", "bad"],
+        Meaning(
+            "`ok` when the result can be used as it is, `warn` when the reader has to look closer, `bad` when it must"
+            " not be used."
+        ),
+    ]
 
 
 @dataclass(frozen=True)

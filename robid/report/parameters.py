@@ -6,7 +6,9 @@ import math
 from dataclasses import dataclass
 from itertools import groupby
 from statistics import median
+from typing import Annotated
 
+from robid.arrays import Meaning
 from robid.report.numbers import MISSING, Scale, engineering, percent, scale_for, significant
 from robid.robot.parameters import FRICTION_KIND, INTEGRATOR_KIND, NUISANCE_KIND, PARAMETER_KINDS
 
@@ -15,30 +17,44 @@ from robid.robot.parameters import FRICTION_KIND, INTEGRATOR_KIND, NUISANCE_KIND
 class ParameterRow:
     """One parameter of a fit, in SI units."""
 
-    name: str  # name of the parameter
-    kind: str  # its kind, as in `stiffness`, `damping`, `delay`
-    unit: str  # its SI unit, as in `N m/rad`
-    # Value in the robot file; 0 for kind `friction`, whose values are deviations from it; NaN where nobody knows it
-    # beforehand.
-    nominal: float
-    estimate: float  # fitted value
-    lower: float  # lower end of the interval
-    upper: float  # upper end of the interval
-    relative_std: float  # relative standard deviation after the fit
-    truth: float | None = None  # true value of a simulated robot, or None
-    identifiable: bool = True  # whether the data determine the parameter, fixed before the fit
-    covered: bool | None = None  # whether the interval holds the truth, or None without a truth
-    assumed: bool = False  # whether the nominal value has no published source
-    note: str = ""  # what the reader should know, such as why it is not identifiable
-    bootstrap: tuple[float, float] | None = None  # lower and upper end of the bootstrap's interval, or None
-    realization_relative_std: float | None = None  # relative deviation from the influence of each realization, or None
-    identified: bool = True  # whether that is so and the interval after the fit bears it out
-    # Relative deviation predicted before the fit, which decides; None where it is unknown.
-    predicted_relative_std: float | None = None
-    known_relative_std: float | None = None  # relative deviation known beforehand, or None
-    physical: float | None = None  # middle of the interval where it is told from the estimate, or None
-    # Value, lower and upper end of what predicts best, where it is told apart, or None.
-    effective: tuple[float, float, float] | None = None
+    name: Annotated[str, Meaning("Name of the parameter.")]
+    kind: Annotated[str, Meaning("Its kind, as `stiffness`, `damping`, `delay`.")]
+    unit: Annotated[str, Meaning("SI unit of its values, as `N m/rad`.")]
+    nominal: Annotated[
+        float,
+        Meaning(
+            "Value in the robot file; 0 for kind `friction`, whose values are deviations from it; null where nobody"
+            " knows it beforehand."
+        ),
+    ]
+    estimate: Annotated[float, Meaning("Fitted value.")]
+    lower: Annotated[float, Meaning("Lower end of the interval.")]
+    upper: Annotated[float, Meaning("Upper end of the interval.")]
+    relative_std: Annotated[float, Meaning("Relative standard deviation after the fit.")]
+    truth: Annotated[float | None, Meaning("True value of a simulated robot.")] = None
+    identifiable: Annotated[bool, Meaning("Whether the data determine it, fixed before the fit.")] = True
+    covered: Annotated[bool | None, Meaning("Whether the interval contains the truth.")] = None
+    assumed: Annotated[bool, Meaning("Whether the nominal value has no published source.")] = False
+    note: Annotated[str, Meaning("What a reader should know, as why it is not identifiable.")] = ""
+    bootstrap: Annotated[tuple[float, float] | None, Meaning("Lower and upper end of the bootstrap's interval.")] = None
+    realization_relative_std: Annotated[
+        float | None, Meaning("Relative deviation from the influence of each realization.")
+    ] = None
+    identified: Annotated[bool, Meaning("Whether it is identifiable and the interval after the fit bears it out.")] = (
+        True
+    )
+    predicted_relative_std: Annotated[
+        float | None, Meaning("Relative deviation predicted before the fit, which decides whether it is identifiable.")
+    ] = None
+    known_relative_std: Annotated[float | None, Meaning("Relative deviation known beforehand.")] = None
+    physical: Annotated[
+        float | None,
+        Meaning("Middle of the interval, where it is distinguished from the estimate: the parameter itself."),
+    ] = None
+    effective: Annotated[
+        tuple[float, float, float] | None,
+        Meaning("Value, lower and upper end of what predicts best, where that is distinguished."),
+    ] = None
 
     @property
     def middle(self) -> float:

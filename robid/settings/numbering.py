@@ -46,7 +46,7 @@ def of_known_version(document: Document) -> tuple[Document, list[SettingsProblem
             raise SettingsError(what, where=where, remedy=remedy)
     # A 0 among its numbers shows that they count from 0.
     meant = 1 if any(0 in numbers for _, numbers in numbered_lists(document.data)) else NEWEST
-    found = "S522 is missing" if stated is None else f"S522 `{stated!r}` is no version"
+    found = "S522 is missing" if stated is None else f"S531 `{stated!r}` is no version"
     told = f"{found}: write `{_KEY}: {meant}`, in which configurations count from {counts_from(meant)}"
     known = replace(document, data={**document.data, _KEY: meant})
     return known, [problem_at(document, (_KEY,), told)]

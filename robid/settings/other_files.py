@@ -33,7 +33,7 @@ def unreadable(path: Path, error: OSError, suffixes: Collection[str] = SUFFIXES)
     folder = path if path.is_dir() else path.parent
     names = sorted(one.name for one in folder.iterdir() if one.suffix in suffixes) if _is_open(folder) else []
     if path.is_dir():
-        what = "S333 is a folder, where a file is asked for"
+        what = "S525 is a folder, where a file is asked for"
         return SettingsError(what, where=str(path), remedy=f"name a file in it{_listed(', as', names)}")
     what = f"S333 cannot be read: {error.strerror or error}"
     if not folder.is_dir():
@@ -87,11 +87,11 @@ def refuse_other_text(path: Path, text: str) -> None:
     """
     if text.lstrip("\ufeff \t\r\n").startswith("<"):
         kind = next((told for mark, told in _MODELS.items() if mark in text), "an XML file")
-        what = f"S548 is {kind}, where a settings file in YAML is asked for"
+        what = f"S526 is {kind}, where a settings file in YAML is asked for"
         remedy = f"`robid init NAME --model {path}` writes an experiment and a robot file that has it as `model:`"
         raise SettingsError(what, where=str(path), remedy=remedy)
     if path.suffix.lower() == ".csv" or _is_table(text):
-        what = "S548 is a table, where a settings file in YAML is asked for"
+        what = "S527 is a table, where a settings file in YAML is asked for"
         remedy = f"a manifest stands before its experiment file, `robid reprocess {path} EXPERIMENT.yaml`; for a log,"
         remedy += f" `robid inspect {path} --propose EXPERIMENT.yaml` writes the experiment"
         raise SettingsError(what, where=str(path), remedy=remedy)
@@ -119,11 +119,11 @@ def refuse_other_settings(path: Path, data: Mapping[str, Any], wanted: str) -> N
         remedy = f"name an experiment file that says `robot: {path.name}`; `robid init NAME --example drive` writes"
         remedy += " one to begin with"
     elif wanted == "robot" and found["experiment"]:
-        what = "S549 is an experiment file, where a robot file is asked for"
+        what = "S528 is an experiment file, where a robot file is asked for"
         remedy = "name the file that has the robot's `joints`"
     elif (wanted == "experiment" and "robot" in data) or {"name", "schema_version"} <= data.keys():
         return  # a file at its beginning
     else:
-        what = "S549 is no settings file: it has neither `campaigns`, as an experiment, nor `joints`, as a robot"
+        what = "S529 is no settings file: it has neither `campaigns`, as an experiment, nor `joints`, as a robot"
         remedy = "name another file; `robid init NAME --example drive` writes both to begin with"
     raise SettingsError(what, where=str(path), remedy=remedy)

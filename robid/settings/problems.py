@@ -25,7 +25,7 @@ _REMEDY = "correct the file"
 _OF_KEYS = "`robid schema` prints every key with its meaning"
 _ABOUT_KEYS = re.compile(r"\bS38[0-6]\b")
 _MISSING = "S381 "
-_MEANT = re.compile(r"S380 .*did you mean `(.+)`\?$")
+_MEANT = re.compile(r"\bS380 .*did you mean `(.+)`\?$")
 _LONGEST_VALUE = 60
 _MOST_NAMES = 8
 

@@ -28,7 +28,7 @@ def fitted(found, name):
     answer = found.robid("run", f"{name}.yaml", "--json")
     assert answer.code == 0, answer.err
     rows = {(row["name"], row["kind"]): row for row in answer.json["parameters"]["arm"]}
-    fit = next(node for node in answer.json["nodes"] if "grade_sentence" in node)
+    fit = next(node for node in answer.json["nodes"] if node["grade_sentence"])
     return fit["grade_sentence"], rows
 
 

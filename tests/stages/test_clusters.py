@@ -17,7 +17,7 @@ import pytest
 pytest.importorskip("distributed")
 
 STAGES = Path(__file__).parent
-PAGE = STAGES.parents[1] / "docs" / "clusters.md"
+PAGE = STAGES.parents[1] / "docs/how-to/clusters.md"
 STAND_INS = {
     "srun": 'shift\n"$@" &\n"$@" &\nwait',
     "hostname": "echo 127.0.0.1",

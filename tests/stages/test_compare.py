@@ -29,7 +29,7 @@ def test_a_campaign_and_its_file_are_the_same(done):
     assert answer.json["reference"] == "small/estimation (1)"
     assert found["label"] == "small/estimation (2)"
     assert found["agree"] is True
-    assert (found["how"], found["lines"]) == ("common lines", 14)
+    assert (found["interpolated"], found["lines"]) == (None, 14)
     assert len(found["elements"]) == 4
     assert len(found["configurations"]) == 2
     assert {element["ratio"] for element in found["elements"]} == {0.0}

@@ -80,14 +80,15 @@ def test_what_the_command_prints_and_what_json_holds(chosen):
     for text in ("Chosen configurations", "Certified gap", "half of the realizations choose", "Measure next", *SPRINGS):
         assert text in answer.out
     told = chosen.robid("design-configs", "design.yaml", "--design", "best", "--json").json["design"]
-    assert [row["candidate"] for row in told["chosen"]] == design.chosen.tolist()
+    assert [row["candidate"] - 1 for row in told["chosen"]] == design.chosen.tolist()
+    assert {unit for row in told["chosen"] for unit in row["units"]} == {"deg"}
     np.testing.assert_allclose(
-        [row["angles_deg"] for row in told["chosen"]], np.rad2deg(design.configurations[design.chosen]), rtol=IDENTITY
+        [row["positions"] for row in told["chosen"]], np.rad2deg(design.configurations[design.chosen]), rtol=IDENTITY
     )
     assert told["predicted_relative_std"] == dict(zip(SPRINGS, design.predicted_relative_std.tolist(), strict=True))
     assert told["gap"] <= 1e-8
     assert len(told["stability"]["kept"]) == 6
-    assert told["next_best"][0]["candidate"] == int(np.argmax(design.gain))
+    assert told["next_best"][0]["candidate"] == int(np.argmax(design.gain)) + 1
 
 
 def test_the_next_configuration_adds_most_to_an_earlier_fit(chosen):

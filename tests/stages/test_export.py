@@ -31,7 +31,7 @@ def solution_of(done):
 def exported(done, form, *options):
     answer = done.robid("export", "small.yaml", "--format", form, *options, "--json")
     assert answer.code == 0, answer.err
-    assert answer.json["outcome"] == "made"
+    assert list(answer.json["files"].values()) == ["made"]
     return done.folder / answer.json["output"]
 
 
@@ -173,7 +173,8 @@ def test_the_same_export_is_left_alone_and_another_needs_force(done):
     path = exported(done, "mat")
     assert path == done.runs / FOLDER / "export" / "model.mat"
     before = path.read_bytes()
-    assert done.robid("export", "small.yaml", "--format", "mat", "--json").json["outcome"] == "fresh"
+    again = done.robid("export", "small.yaml", "--format", "mat", "--json").json
+    assert again["files"] == {again["output"]: "fresh"}
     path.write_bytes(before + b"edited")
     answer = done.robid("export", "small.yaml", "--format", "mat")
     assert answer.code == 3

@@ -70,7 +70,7 @@ def test_trying_shows_both_side_by_side_and_writes_nothing(loaded):
     assert "payload.mass" not in told["before"]["parameters"]
     found = told["after"]["parameters"]["payload.mass"]
     assert 0 < found["half_width"] < HEAVIER_KG
-    assert {"value", "half_width"} == set(found)
+    assert found["unit"] == "kg"
     assert told["after"]["grade"] in (0, 1)
 
 
@@ -100,7 +100,6 @@ def test_what_cannot_be_tried_is_refused_by_name(loaded, name, texts):
 
 def test_trying_belongs_to_fits_that_are_there(loaded, workshop, tmp_path, monkeypatch):
     shop, _ = loaded
-    shop.refuse(2, "`validate` fits nothing", command=("validate", "small.yaml", "--try", "payload"))
     shop.refuse(2, "`--strict` says nothing", command=(*TRIED, "payload", "--strict"))
     monkeypatch.chdir(tmp_path)
     empty = workshop(tmp_path, monkeypatch)

@@ -83,7 +83,3 @@ def test_strict_is_part_of_no_hash(done, option):
     answer = done.robid(option, "small.yaml", "--strict")
     assert answer.code == (0 if option == "fit" else 5)  # two places predict at best
     assert done.contents() == before
-
-
-def test_strict_is_refused_where_nothing_is_graded(shop):
-    shop.refuse(2, "`estimate-frf` gives no grade", command=("estimate-frf", "small.yaml", "--strict"))

@@ -8,6 +8,7 @@ import subprocess
 import pytest
 import typer
 
+import json_tables
 import robid
 from robid.artifacts.kinds import DESIGN, EXCITATION, FRF, RECORD
 from robid.artifacts.results import MODEL, VALIDATION
@@ -44,8 +45,8 @@ def text_of(path):
 
 
 def commands(text):
-    """Every `robid ...` of a page, in blocks and within lines."""
-    blocks = [line.partition(" #")[0] for _, block in FENCE.findall(text) for line in block.splitlines()]
+    """Every `robid ...` of a page, in blocks and within lines, without what a shell does with its output."""
+    blocks = [re.split(r" #| [|>] ", line)[0] for _, block in FENCE.findall(text) for line in block.splitlines()]
     inline = re.findall(r"`([^`\n]+)`", FENCE.sub("", text))
     return [line.removeprefix(".venv/bin/") for line in [*blocks, *inline] if re.match(r"(\.venv/bin/)?robid ", line)]
 
@@ -93,6 +94,13 @@ def test_tables_are_those_of_the_schema(pages):
     assert sorted(marked("".join(texts))) == sorted(["file", *schema["$defs"]]), "each section has its table, once"
     for text in texts:
         assert renewed(text, schema) == text, "`.venv/bin/python tests/settings_tables.py` writes the tables anew"
+
+
+def test_tables_of_answers_are_those_of_their_schemas():
+    text = text_of(json_tables.PAGE)
+    assert sorted(json_tables.marked(text)) == sorted(json_tables.types()), "each type of answer has its table, once"
+    told = "raise the version of what changed; then `.venv/bin/python tests/json_tables.py` writes the tables anew"
+    assert json_tables.renewed(text) == text, told
 
 
 @pytest.mark.parametrize("name", NAMES)

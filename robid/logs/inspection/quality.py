@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Annotated
 
 import numpy as np
 from scipy.fft import rfft
 from scipy.signal.windows import hann
 
-from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.arrays import BoolArray, FloatArray, IntArray, Meaning
 from robid.logs.period import line_power
 
 _LOOKED = 1 << 18  # samples by which the resolution is told
@@ -31,17 +32,17 @@ _FORMAT = 2.0**-25  # resolution, relative to the largest value, below which it 
 class Quality:
     """What is to be said of a signal by itself."""
 
-    lowest: float
-    highest: float
-    rms: float  # RMS about its mean
-    missing: int  # Values that are NaN or infinite
-    first_missing: int  # The first of them
-    longest_missing: int  # How many of them follow each other at most
-    values: int | None  # Different values, where they are few; else None
-    switches: bool  # Whether it changes often, though between a few values
-    saturated: float  # Share of samples in flat tops at its extremes
-    resolution: float | None  # Step between values, None where there is none
-    turns: int  # Jumps by what looks like a full turn, in which an angle wraps
+    lowest: Annotated[float, Meaning("Its lowest value, in its unit.")]
+    highest: Annotated[float, Meaning("Its highest value.")]
+    rms: Annotated[float, Meaning("RMS about its mean.")]
+    missing: Annotated[int, Meaning("Values that are NaN or infinite.")]
+    first_missing: Annotated[int, Meaning("Index, from 0, of the first of them.")]
+    longest_missing: Annotated[int, Meaning("How many of them follow each other at most.")]
+    values: Annotated[int | None, Meaning("Different values, where they are few.")]
+    switches: Annotated[bool, Meaning("Whether it changes often, though between a few values.")]
+    saturated: Annotated[float, Meaning("Share of samples in flat tops at its extremes.")]
+    resolution: Annotated[float | None, Meaning("Step between values.")]
+    turns: Annotated[int, Meaning("Jumps by what looks like a full turn, in which an angle wraps.")]
 
     @property
     def is_dead(self) -> bool:

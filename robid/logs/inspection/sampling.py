@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, Meaning
 from robid.logs.clocks import on_one_clock, own_rows
 from robid.logs.inspection.contents import Column, Contents
 from robid.logs.inspection.names import DRIVING, MOVING, read_name, read_names, unit_of_name
@@ -43,22 +44,29 @@ _STRAIGHT = 1.0  # steps by which a ramp may be off a straight line: it is round
 class Sampling:
     """How a log was sampled."""
 
-    variable: str  # The variable of the time; empty where there is none
-    unit: str
-    is_stated: bool  # Whether name or unit say so, or a number of the log agrees
-    step_s: float | None  # Time step, those across gaps left out; None where nothing tells it [s]
-    jitter: float = 0.0  # Largest deviation of a step from the usual one, relative, without gaps
-    gaps: int = 0
-    missing: int = 0
-    first_gap: int = 0  # Sample before the first of them
-    longest_step: float = 1.0  # Longest step, in usual ones
-    longest: tuple[int, int] = (0, 0)  # First sample of the longest part without one, and the sample after its last
-    longest_s: tuple[float, float] = (0.0, 0.0)  # From where to where it lasts, since the first sample [s]
-    backward: int = 0  # Steps at which time stands still or goes back
-    told_by: str = ""  # What else says so, as a number of the log
-    others: tuple[str, ...] = ()  # Further times, as of the moment of writing
-    doubt: str = ""  # Why a time that there is does not tell the time step
-    likely: tuple[str, ...] = ()  # Units that its time may have, where several are as likely and nothing tells which
+    variable: Annotated[str, Meaning("The variable of the time; empty where there is none.")]
+    unit: Annotated[str, Meaning("Unit of that variable.")]
+    is_stated: Annotated[bool, Meaning("Whether name or unit say so, or a number of the log agrees.")]
+    step_s: Annotated[float | None, Meaning("Time step, those across gaps left out; null where nothing tells it [s].")]
+    jitter: Annotated[float, Meaning("Largest deviation of a step from the usual one, relative, without gaps.")] = 0.0
+    gaps: Annotated[int, Meaning("Gaps in the time.")] = 0
+    missing: Annotated[int, Meaning("Samples that they lack.")] = 0
+    first_gap: Annotated[int, Meaning("Index, from 0, of the sample before the first of them.")] = 0
+    longest_step: Annotated[float, Meaning("Longest step, in usual ones.")] = 1.0
+    longest: Annotated[
+        tuple[int, int],
+        Meaning("Index, from 0, of the first sample of the longest part without a gap, and of that after its last."),
+    ] = (0, 0)
+    longest_s: Annotated[
+        tuple[float, float], Meaning("From where to where that part lasts, since the first sample [s].")
+    ] = (0.0, 0.0)
+    backward: Annotated[int, Meaning("Steps at which time stands still or goes back.")] = 0
+    told_by: Annotated[str, Meaning("What else tells the time step, as a number of the log.")] = ""
+    others: Annotated[tuple[str, ...], Meaning("Further times, as of the moment of writing.")] = ()
+    doubt: Annotated[str, Meaning("Why a time that there is does not tell the time step.")] = ""
+    likely: Annotated[
+        tuple[str, ...], Meaning("Units that its time may have, where several are as likely and nothing tells which.")
+    ] = ()
 
 
 def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], stated_s: float | None = None) -> Sampling:

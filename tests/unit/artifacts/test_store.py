@@ -334,14 +334,14 @@ def test_inspect_describes_without_values(tmp_path: Path) -> None:
     path = tmp_path / "thing.h5"
     digest = write_artifact(path, _thing())
     found = inspect_artifact(path)
-    assert (found["kind"], found["schema_version"], found["content_sha256"]) == ("thing", "1.2", digest)
-    assert found["attributes"] == {"period_s": 0.1, "names": ["a", "b"]}
-    assert found["provenance"]["settings"] == {"count": 3}
-    row = found["datasets"]["response"]
-    assert row["shape"] == [4, 10]
-    assert row["dtype"] == "complex128"
-    assert (row["units"], row["axes"]) == ("rad/N", ["configuration", "frequency"])
-    assert found["datasets"]["deep/names"]["dtype"] == "str"
+    assert (found.kind, found.schema_version, found.content_sha256) == ("thing", "1.2", digest)
+    assert found.attributes == {"period_s": 0.1, "names": ["a", "b"]}
+    assert found.provenance.settings == {"count": 3}
+    row = found.datasets["response"]
+    assert row.shape == (4, 10)
+    assert row.dtype == "complex128"
+    assert (row.units, row.axes) == ("rad/N", ("configuration", "frequency"))
+    assert found.datasets["deep/names"].dtype == "str"
 
 
 def test_large_arrays_are_compressed_in_chunks_along_the_first_axis(tmp_path: Path) -> None:

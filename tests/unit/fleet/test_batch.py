@@ -108,7 +108,7 @@ def test_rows_whose_logs_are_away_stay_and_are_told(done):
     assert batch.away == {"r2": ("c: log",), "r5": ("c: log",)}
     assert not batch.failed
     assert all(path.read_bytes() == text for path, text in before.items() if "r7" not in str(path))
-    assert reprocess.summary(batch)["logs_away"] == {"r2": ["c: log"], "r5": ["c: log"]}
+    assert reprocess.batch_answer(batch).logs_away == {"r2": ("c: log",), "r5": ("c: log",)}
     assert done.look(keep=True).away == batch.away, "nothing can be kept of a log that is not there"
 
 
@@ -223,6 +223,8 @@ def test_a_dry_run_says_what_would_run_and_why_and_writes_nothing(done, dry, cap
     told = capsys.readouterr()
     if as_json:
         assert json.loads(told.out) == {
+            "type": "reprocess-dry-run",
+            "json_version": "1.0",
             "fresh": 5,
             "logs_away": {"r4": ["c: log"]},
             "due": {"c: log changed": ["r2", "r3", "r6", "r7"], "settings changed": ["r5"]},
